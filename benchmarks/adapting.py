@@ -1,12 +1,12 @@
-"""The row about loops: one round of the loop of `specs/store.yaml`, in which somebody has come nearer or gone away.
+"""The row about loops: one round of the loop of `specs/store.yaml`, after the distance of a person has changed.
 
-Ours is all that a round does: the new distance is written into context and the knowledge graph, inputs are read with
+Our side is a complete round: the new distance is written into context and the knowledge graph, inputs are read with
 their stamps, both fuzzy stages are inferred, metrics and weights are written by their agent, the filter and the hard
-rules choose the course, the parameter is set, both trees are ticked, and all of it is told to the record.
+rules choose the course, the parameter is set, both trees are ticked, and the event log records all of it.
 
-The peer is FuzzyLite for Python with the same rules, its engines built once and asked with one row a call, as its
-documentation shows: two inferences and nothing else. No library that we know has a whole loop; whoever builds one of
-FuzzyLite adds all the rest to this. Weights must be the same on both sides.
+The peer is FuzzyLite for Python with the same rules. Its engines are built once and called with one row per call, as
+its documentation shows: two inferences and nothing else. We know no library with a complete loop; a loop based on
+FuzzyLite would add the cost of everything else. The weights must be the same on both sides.
 """
 
 from __future__ import annotations
@@ -39,14 +39,14 @@ CALM: Mapping[str, tuple[str, float | str]] = {
     "battery_level": ("navigation", 80.0),
     "container_load": ("picker_page", "empty"),
 }
-"""Who writes each input, and what."""
+"""The agent that writes each input, and the value."""
 
 WARM_UP_S = 130.0
-"""Until the rate of the battery is known."""
+"""The time after which the rate of the battery is known."""
 
 DISTANCES_M = [0.5 + 0.02 * step for step in range(150)]
 REFRESHED_EVERY = 10
-"""How many rounds pass until all inputs are written anew: before the first is out of date, and not so often that the
+"""All inputs are written again after this many rounds: before the first one is out of date, and not so often that the
 history of the battery, 100 readings, is too short for its rate."""
 
 CALLS = 150
@@ -96,7 +96,7 @@ def _row(
         taken_s = 0.0
         for call in range(CALLS):
             if call % REFRESHED_EVERY == 0:
-                refresh()  # no part of the round
+                refresh()  # not part of the round
             distance_m, began_s = next(given), time.process_time()
             approach(distance_m)
             taken_s += time.process_time() - began_s
@@ -120,7 +120,7 @@ def _weights(codra: store.Store) -> list[float]:
 
 
 def _robot(mape: CheckedMape) -> Robot:
-    """Return a robot whose actions go on, and of which no condition holds."""
+    """Return a robot whose actions keep running, and whose conditions never hold."""
     robot = Robot()
     for model in {model.id: model for tree in mape.trees for model in tree.forest.forest.models}.values():
         goes_on = model.kind is NodeKind.ACTION

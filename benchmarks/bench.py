@@ -1,6 +1,6 @@
-"""`make bench`: measures every row beside its peer and writes `results.json`.
+"""`make bench`: measure every row and its peer, and write `results.json`.
 
-`python benchmarks/bench.py GROUP...` measures some of them: `compiling`, or a row about a running forest by its name.
+`python benchmarks/bench.py GROUP...` measures some groups: `compiling`, or a row about a running forest by its name.
 """
 
 from __future__ import annotations
@@ -27,40 +27,40 @@ GROUPS: Mapping[str, Callable[[Path], Iterator[Row]]] = {
     "knowledge": knowledge.rows,
     **running.GROUPS,
 }
-"""What measures each group of rows, given a scratch folder."""
+"""The function that measures each group of rows, given a scratch folder."""
 
 RESULTS = Path(__file__).with_name("results.json")
 
-LACKING = 2
-"""The exit code when a group was asked for that does not exist, or whose peer is not installed."""
+UNAVAILABLE = 2
+"""The exit code if a requested group does not exist, or its peer is not installed."""
 
 
 def main() -> int:
-    """Measure the groups that were asked for, all by default, and keep the rows of the others; return the exit code."""
+    """Measure the requested groups (by default all), keep the rows of the others, and return the exit code."""
     wanted = sys.argv[1:] or list(GROUPS)
     unknown = [group for group in wanted if group not in GROUPS]
     if unknown:
-        print(f"no rows {unknown[0]!r}: there are {', '.join(GROUPS)}", file=sys.stderr)
-        return LACKING
+        print(f"unknown group {unknown[0]!r}: there are {', '.join(GROUPS)}", file=sys.stderr)
+        return UNAVAILABLE
     print(f"{'row':24} {'ours':>10} {'peer':>10} {'ratio':>8} {'target':>8}")
     return max([_measure(group) for group in wanted])
 
 
 def _measure(group: str) -> int:
-    """Measure a group and store its rows; tell on one line where its peer is not installed."""
+    """Measure a group and store its rows; print one line if its peer is not installed."""
     kept = {row["name"]: row for row in json.loads(RESULTS.read_text("utf-8"))} if RESULTS.exists() else {}
     try:
         with tempfile.TemporaryDirectory(prefix="codra-bench-") as scratch:
             for row in GROUPS[group](Path(scratch)):
                 kept[row.name] = row.record()
                 met = "met" if row.ratio <= row.target else "missed"
-                told = f"{row.name:24} {row.ours:10.4g} {row.peer:10.4g} {row.ratio:8.3g} {row.target:8} {met}"
-                print(told, flush=True)
+                line = f"{row.name:24} {row.ours:10.4g} {row.peer:10.4g} {row.ratio:8.3g} {row.target:8} {met}"
+                print(line, flush=True)
                 lines = ",\n".join(map(json.dumps, kept.values()))
                 RESULTS.write_text(f"[\n{lines}\n]\n", "utf-8")
     except PeerMissingError as missing:
         print(f"{group}: {missing}", file=sys.stderr, flush=True)
-        return LACKING
+        return UNAVAILABLE
     return 0
 
 

@@ -1,6 +1,6 @@
-"""Times calls within one process: its processor time, all threads counted, so that other programs do not count.
+"""Measure calls within one process by the processor time of all its threads, so that other programs do not count.
 
-Sides have their turns, so that what slows the machine down hits all.
+The sides are measured in turns, so that a slower machine affects all of them.
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ def in_turns(sides: Sequence[Callable[[], None]], calls: Sequence[int], turns: i
     """Return the median processor time in seconds that one call of each side takes.
 
     Args:
-        sides: what is called.
-        calls: how often each side is called in one turn.
-        turns: how often each side has its turn.
+        sides: the functions to measure.
+        calls: the number of calls of each side in one turn.
+        turns: the number of turns of each side.
     """
-    found: list[list[float]] = [[] for _ in sides]
+    taken_by_side: list[list[float]] = [[] for _ in sides]
     gc.collect()
     for _ in range(turns):
-        for taken_s, side, count in zip(found, sides, calls, strict=True):
+        for taken_s, side, count in zip(taken_by_side, sides, calls, strict=True):
             taken_s.append(_turn_s(side, count))
-    return [statistics.median(taken_s) for taken_s in found]
+    return [statistics.median(taken_s) for taken_s in taken_by_side]
 
 
 def _turn_s(side: Callable[[], None], calls: int) -> float:

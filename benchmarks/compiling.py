@@ -1,4 +1,4 @@
-"""The rows about compiling: a whole process, from specs on disk to packages on disk, against reading the same YAML."""
+"""The rows about compiling: a whole process, from specs on disk to packages on disk, beside reading the same YAML."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from forests import flat, templated, write
-from processes import Spent, in_turns, spend
+from processes import Cost, in_turns, run
 from rows import Row
 
 RUNS = 5
@@ -30,7 +30,7 @@ def rows(scratch: Path) -> Iterator[Row]:
 
 
 def _cold_and_warm(name: str, project: Path) -> Iterator[Row]:
-    cold, peer = in_turns(RUNS, lambda: _cold(project), lambda: spend(_PEER, project))
+    cold, peer = in_turns(RUNS, lambda: _cold(project), lambda: run(_PEER, project))
     yield Row(name=f"{name}_cold", ours=cold.wall_s, peer=peer.wall_s, target=1.0)
     _compile(project)
     (warm,) = in_turns(RUNS, lambda: _compile(project))
@@ -43,18 +43,18 @@ def _project(folder: Path, files: Mapping[str, str]) -> Path:
     return folder
 
 
-def _cold(project: Path) -> Spent:
-    """Compile with nothing there from earlier runs."""
+def _cold(project: Path) -> Cost:
+    """Compile without any results of earlier runs."""
     shutil.rmtree(project / "generated", ignore_errors=True)
     return _compile(project, "--no-cache")
 
 
-def _compile(project: Path, *options: str) -> Spent:
-    return spend((sys.executable, "-m", "codra_dsl", "compile", ".", *options), project)
+def _compile(project: Path, *options: str) -> Cost:
+    return run((sys.executable, "-m", "codra_dsl", "compile", ".", *options), project)
 
 
 def _require_that_an_edit_is_noticed(project: Path) -> None:
-    """An output that was edited is renewed though no spec has changed: without that, being quick would be no merit."""
+    """Require that an edited output is renewed although no spec has changed; otherwise the speed would be worthless."""
     edited = next((project / "generated").rglob("graph.json"))
     before = edited.read_bytes()
     edited.write_bytes(before + b"\n")

@@ -1,6 +1,6 @@
-"""How long a decision takes that context answers, while the laboratory's observers run in real time.
+"""The duration of a decision that context answers, while the laboratory's observers run in real time.
 
-`python benchmarks/deciding.py` prints quantiles of wall-clock time, asked within the process and from another one.
+`python benchmarks/deciding.py` prints quantiles of wall-clock time, for calls within the process and from another one.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from generated import lab
 
 DECISIONS = 5_000
 PAUSE_S = 0.002
-"""A main execution asks now and then, not as fast as it can."""
+"""A main execution makes decisions from time to time, not as fast as possible."""
 
 VARIABLE = "robot_is_localized"
 
 
 def main() -> None:
-    """Measure both ways, one after the other."""
+    """Measure decisions in the process, then from another process."""
     world = LabWorld(seed=1)
     with WallClock() as clock, FrameSource(world) as frames, tempfile.TemporaryDirectory() as folder:
         handles = {"camera": ArmCamera(frames, clock), "base": Localization(world, clock)}
@@ -35,10 +35,10 @@ def main() -> None:
             codra.set(VARIABLE, True)
             for name in codra.modelled():
                 codra.declare(name)
-            _tell("in process", _timed(lambda: codra.decide(VARIABLE, _must_not_look)))
+            _print("in process", _timed(lambda: codra.decide(VARIABLE, _must_not_look)))
             address = str(Path(folder) / "codra")
             with Server(codra, address), multiprocessing.get_context("spawn").Pool(1) as other:
-                _tell("from another process", other.apply(_asked_from_outside, (address,)))
+                _print("from another process", other.apply(_asked_from_outside, (address,)))
 
 
 def _asked_from_outside(address: str) -> list[float]:
@@ -60,10 +60,10 @@ def _timed(decide: Callable[[], object]) -> list[float]:
     return taken_s
 
 
-def _tell(way: str, taken_s: list[float]) -> None:
+def _print(way: str, taken_s: list[float]) -> None:
     quantiles_s = statistics.quantiles(taken_s, n=1000)
-    told = {"median": quantiles_s[499], "p99": quantiles_s[989], "p99.9": quantiles_s[998], "most": max(taken_s)}
-    print(f"{way:22}", *(f"{name} {1000 * each_s:.3f} ms" for name, each_s in told.items()), flush=True)
+    selected = {"median": quantiles_s[499], "p99": quantiles_s[989], "p99.9": quantiles_s[998], "most": max(taken_s)}
+    print(f"{way:22}", *(f"{name} {1000 * quantile_s:.3f} ms" for name, quantile_s in selected.items()), flush=True)
 
 
 if __name__ == "__main__":

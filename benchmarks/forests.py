@@ -1,7 +1,7 @@
 """Specs of any size, flat and templated: chains of ten observers with two preconditions each.
 
-The same number gives the same bytes. Both forms have eight lines for each variable and an observer for five in six:
-`flat` says everything in its place; in `templated` each chain is a use of one template, which says what is its own.
+The same number gives the same bytes. Both forms have eight lines per variable, and observers for five in six variables.
+`flat` writes out everything. In `templated` each chain is a use of one template, with arguments for its own values.
 """
 
 from __future__ import annotations
@@ -10,10 +10,10 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 CHAIN = 10
-"""How many observers wait for one another."""
+"""The number of observers of a chain, each of which waits for the previous one."""
 
 OWN = 2
-"""How many variables of a chain the main execution writes."""
+"""The number of variables of a chain that the main execution writes."""
 
 CHAINS_IN_FILE = 80
 
@@ -22,7 +22,7 @@ _TYPES = "{markers: {type: int, range: [0, 12]}, angle: {type: float, unit: rad}
 
 
 def flat(variables: int) -> Mapping[str, str]:
-    """Return the files of a flat spec by path: the spec itself, and parts that hold its chains."""
+    """Return the files of a flat spec by path: the spec itself, and parts with its chains."""
     return _files("flat", variables, _flat_part)
 
 
@@ -40,7 +40,7 @@ def write(files: Mapping[str, str], folder: Path) -> None:
 
 
 def _files(name: str, variables: int, part: Callable[[range], Iterator[str]], *more: str) -> dict[str, str]:
-    """Return a spec and its parts; variables that make no whole chain stand in the spec itself."""
+    """Return a spec and its parts; the spec itself contains the variables that do not fill a chain."""
     chains, left = divmod(variables, CHAIN + OWN)
     parts = [range(first, min(first + CHAINS_IN_FILE, chains)) for first in range(0, chains, CHAINS_IN_FILE)]
     paths = {f"parts/{name}_{chains.start:05}.yaml": chains for chains in parts}
@@ -101,7 +101,7 @@ _OWN_OF_DOOR = {
     "interval": ("quantity", "{later}00 ms"),
     "lit": ("bool", "true"),
 }
-"""Parameters of the template, one of each for every door, with their types and arguments."""
+"""Parameters of the template, one of each kind for every door, with their types and arguments."""
 
 
 def _part_with_uses(chains: range) -> Iterator[str]:

@@ -1,8 +1,8 @@
-"""The rows about fuzzy inference: one decision of P2's shape, 15 rules to three metrics and 20 to four weights.
+"""The rows about fuzzy inference: one decision like in P2, with 15 rules for three metrics and 20 for four weights.
 
-The peer is FuzzyLite for Python, its engines built once, asked with one row a call as a robot would, and with thousands
-of rows in one call, as its documentation advises where they are known ahead. It runs in an environment of its own;
-`make` makes it. Both sides are asked with the same rows, and must answer the same.
+The peer is FuzzyLite for Python. Its engines are built once, and called with one row per call, as a robot would do, and
+with thousands of rows in one call, as its documentation recommends if they are known in advance. It runs in an
+environment of its own, which `make` creates. Both sides get the same rows, and must give the same results.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ RANGES = {
     "load": 1.0,
     "progress": 1.0,
 }
-"""The most that each input can be; the least is 0."""
+"""The maximum of each input; the minimum is 0."""
 
 ROWS = 5_000
 CALLS = 200
@@ -46,11 +46,11 @@ def rows(_: Path) -> Iterator[Row]:
 
     def cascade(context: list[float]) -> tuple[float, ...]:
         distance, _, battery, _, load, _ = context
-        found: tuple[float, ...] = actions.infer(distance, battery, load, *metrics.infer(*context).values).values
-        return found
+        weights: tuple[float, ...] = actions.infer(distance, battery, load, *metrics.infer(*context).values).values
+        return weights
 
     with FuzzyLite(FILES, list(RANGES), contexts) as peer:
-        np.testing.assert_allclose([cascade(each) for each in contexts], peer.weights, atol=1e-6)
+        np.testing.assert_allclose([cascade(context) for context in contexts], peer.weights, atol=1e-6)
         given = itertools.cycle(contexts)
         ours_s, scalar_s, vectorised_s = [], [], []
         for _ in range(TURNS):

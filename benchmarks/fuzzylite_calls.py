@@ -1,4 +1,7 @@
-"""FuzzyLite, asked from here: a process in the environment that has it."""
+"""FuzzyLite in a process of its own environment, called from here.
+
+The environment is separate because FuzzyLite is licensed under the GPL and needs an old version of numpy.
+"""
 
 from __future__ import annotations
 
@@ -17,25 +20,25 @@ PROGRAM = (ENVIRONMENT / "bin" / "python", Path(__file__).with_name("fuzzylite_p
 
 
 class FuzzyLite:
-    """Two engines, the second fed by the first, built once and asked about some rows. Use it in a `with` statement.
+    """Two engines, built once and called for some rows; the second reads the first. Use it in a `with` statement.
 
     Attributes:
-        weights: what the second engine says of each row.
+        weights: the outputs of the second engine for each row.
     """
 
     def __init__(self, engines: tuple[Path, Path], names: Sequence[str], rows: Sequence[Sequence[float]]) -> None:
-        """Begin, and ask about each row once.
+        """Start the process, and infer each row once.
 
         Args:
             engines: files in FLL.
-            names: of the inputs that are no outputs of the first engine.
+            names: the names of the inputs that are not outputs of the first engine.
             rows: the values of the inputs, in the order of names.
 
         Raises:
             PeerMissingError: if FuzzyLite's environment has not been made.
         """
         if not READY.exists():
-            raise PeerMissingError(f"FuzzyLite is not there: `make {READY.relative_to(ROOT)}` installs it")
+            raise PeerMissingError(f"FuzzyLite is not installed: `make {READY.relative_to(ROOT)}` installs it")
         self._process = subprocess.Popen(PROGRAM, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
         task = {"engines": list(map(str, engines)), "names": list(names), "rows": [list(row) for row in rows]}
         self.weights: list[list[float]] = json.loads(self._ask(json.dumps(task)))
@@ -49,11 +52,11 @@ class FuzzyLite:
         self._process.wait()
 
     def scalar_s(self, rows: int) -> float:
-        """Return the processor time in seconds of a row, one row a call."""
+        """Return the processor time in seconds per row, with one row per call."""
         return float(self._ask(f"scalar {rows}"))
 
     def vectorised_s(self, rows: int) -> float:
-        """Return the processor time in seconds of a row, all rows in one call."""
+        """Return the processor time in seconds per row, with all rows in one call."""
         return float(self._ask(f"vectorised {rows}"))
 
     def _ask(self, line: str) -> str:

@@ -1,8 +1,8 @@
-"""FuzzyLite's side of the rows that ask it, in the environment that has it: a turn for each line that it is sent.
+"""FuzzyLite's side of the rows with this peer, run in the environment of FuzzyLite.
 
-It is sent a task as JSON once: the files of both engines, the names of the inputs, and rows of their values. Then comes
-`scalar N` (N rows, one call each) or `vectorised N` (N rows in one call); it answers with the processor time in seconds
-per row, and first of all with the weights of the rows.
+The first line of the input is a task as JSON: the files of both engines, the names of the inputs, and rows of their
+values. The answer is the weights of the rows. Each following line is `scalar N` (N rows, one call each) or
+`vectorised N` (N rows in one call); the answer is the processor time in seconds per row.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def main() -> None:
     def cascade(context: np.ndarray) -> np.ndarray:
         values = dict(zip(names, context.T, strict=True))
         process(metrics, values)
-        process(actions, values | {each.name: each.value for each in metrics.output_variables})
+        process(actions, values | {output.name: output.value for output in metrics.output_variables})
         return actions.output_values
 
     print(json.dumps([cascade(row).ravel().tolist() for row in rows]), flush=True)

@@ -1,6 +1,7 @@
-"""What others feel of a perception process that misbehaves: the lateness of their jobs, at its 99th percentile.
+"""The effect of a misbehaving perception process on others: the 99th percentile of the lateness of their jobs.
 
-The peer is the same robot without it, plus 100 ms. `python benchmarks/isolation.py SPEC_FOLDER NAME` is one such robot.
+The peer is the same robot without this process, plus 100 ms. `python benchmarks/isolation.py SPEC_FOLDER NAME` runs
+one such robot.
 """
 
 from __future__ import annotations
@@ -31,27 +32,29 @@ _PERCEPTION = """\
 
 
 def rows(scratch: Path) -> Iterator[Row]:
-    """Measure each way to misbehave beside the robot without it."""
+    """Measure each kind of misbehavior, and compare it with a robot without it."""
     (scratch / "pyproject.toml").write_text("[tool.codra]\n", "utf-8")
     (scratch / "robot.yaml").write_text(_spec(), "utf-8")
     compile_ = [sys.executable, "-m", "codra_dsl", "compile", "robot.yaml"]
     subprocess.run(compile_, cwd=scratch, check=True, stdout=subprocess.DEVNULL)
-    baseline = _robot(scratch, "nobody")
+    baseline = _robot(scratch, "none")
     for name in BAD:
-        found = _robot(scratch, name)
-        about = f"{name}: {found['reason']} {found['detail']}, p99 {found['p99_s']:.4f} s of {found['jobs']} jobs"
+        figures = _robot(scratch, name)
+        about = (
+            f"{name}: {figures['reason']} {figures['detail']}, p99 {figures['p99_s']:.4f} s of {figures['jobs']} jobs"
+        )
         print(f"{about}; without it {baseline['p99_s']:.4f} s", file=sys.stderr)
         peer_s = baseline["p99_s"] + ALLOWED_S
-        yield Row(name=f"isolated_{name}", ours=found["p99_s"], peer=peer_s, target=1.0)
+        yield Row(name=f"isolated_{name}", ours=figures["p99_s"], peer=peer_s, target=1.0)
 
 
 def _robot(scratch: Path, name: str) -> dict[str, Any]:
-    """Run a robot on which one algorithm misbehaves, and return what it told."""
+    """Run a robot with one misbehaving algorithm, and return its figures."""
     done = subprocess.run(
         [sys.executable, Path(__file__).absolute(), scratch, name], cwd=scratch, check=True, stdout=subprocess.PIPE
     )
-    told: dict[str, Any] = json.loads(done.stdout)
-    return told
+    figures: dict[str, Any] = json.loads(done.stdout)
+    return figures
 
 
 def _spec() -> str:
@@ -75,9 +78,9 @@ def _spec() -> str:
 
 
 def main(scratch: Path, bad: str) -> None:
-    """Be the robot: let the others look all the time, and one misbehave."""
+    """Run the robot: the other algorithms look all the time, and one misbehaves."""
     sys.path.insert(0, str(scratch))
-    from codra_dsl.runtime import Kind, WallClock  # noqa: PLC0415 - the parent measures, and needs none of it
+    from codra_dsl.runtime import Kind, WallClock  # noqa: PLC0415 - the measuring parent does not need it
     from generated import robot  # noqa: PLC0415
 
     with WallClock() as clock, robot.start(clock=clock, resources={}) as codra:
@@ -94,8 +97,8 @@ def main(scratch: Path, bad: str) -> None:
         looked_s = (LOOKED_S.get((other, job.details["index"])) for job in mine[1:])
         due_s = [job.instant_s + PERIOD_S for job in mine]
         late_s += [at_s - due for at_s, due in zip(looked_s, due_s, strict=False) if at_s is not None]
-    told = {"reason": [each.reason for each in readings], "detail": [each.detail for each in readings]}
-    print(json.dumps({"p99_s": quantiles(late_s, n=100)[98], "jobs": len(late_s), **told}))
+    failures = {"reason": [reading.reason for reading in readings], "detail": [reading.detail for reading in readings]}
+    print(json.dumps({"p99_s": quantiles(late_s, n=100)[98], "jobs": len(late_s), **failures}))
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
-"""The rows about the knowledge graph: the operations of the real DSR's own benchmark, beside Spark-DSG's graph in C++.
+"""The rows about the knowledge graph: the operations of the original DSR's benchmark, beside Spark-DSG's graph in C++.
 
-Theirs has neither owners, types of values, histories, snapshots nor time; a row tells what these cost. Transforms stand
-beside numpy's matrices, multiplied and inverted by hand along the same chain.
+Spark-DSG has no owners, value types, histories, snapshots and time; a row shows the cost of these. The peer of
+transforms are numpy's matrices, multiplied and inverted by hand along the same chain.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ MODEL = KnowledgeModel(
 
 
 def rows(_: Path) -> Iterator[Row]:
-    """Measure each operation on a graph of some thousand nodes, and transforms along six edges."""
+    """Measure operations on a graph of some thousand nodes, and transforms along six edges."""
     yield from _graph_rows()
     yield from _transform_rows()
 
@@ -92,7 +92,7 @@ def _graph_rows() -> Iterator[Row]:
 
 
 def _transform_rows() -> Iterator[Row]:
-    """Measure a question that was asked before, and one about an instant between two poses of every edge."""
+    """Measure a repeated transform, and one at an instant between two poses of every edge."""
     clock = SimClock(100.0)
     knowledge = Knowledge(MODEL, clock=clock)
     agent = knowledge.as_agent("bench")
@@ -104,19 +104,19 @@ def _transform_rows() -> Iterator[Row]:
             agent.place(f"part_{number}", "stands", f"part_{number + 1}", pose, stamp_s=stamp_s)
     target, source = f"part_{DEPTH}", "part_0"
     matrices = [np.array(pose.matrix()) for pose in steps]
-    instants = (99.0 + each / 1e6 for each in itertools.count(1))
+    instants = (99.0 + step / 1e6 for step in itertools.count(1))
 
     def by_hand() -> object:
-        found = matrices[0]
+        product = matrices[0]
         for matrix in matrices[1:]:
-            found = found @ matrix
-        return np.linalg.inv(found)
+            product = product @ matrix
+        return np.linalg.inv(product)
 
     np.testing.assert_allclose(np.array(knowledge.transform(target, source).pose.matrix()), by_hand(), atol=1e-9)
-    asked_before = partial(knowledge.transform, target, source, 99.5)
-    yield _row("transform_cached", asked_before, by_hand, calls=READS, target=0.5)
-    asked_anew = lambda: knowledge.transform(target, source, next(instants))  # noqa: E731 - as short as its peer
-    yield _row("transform_at", asked_anew, by_hand, calls=READS, target=4.0)
+    repeated = partial(knowledge.transform, target, source, 99.5)
+    yield _row("transform_cached", repeated, by_hand, calls=READS, target=0.5)
+    new_instant = lambda: knowledge.transform(target, source, next(instants))  # noqa: E731 - as short as its peer
+    yield _row("transform_at", new_instant, by_hand, calls=READS, target=4.0)
 
 
 def _row(name: str, ours: Callable[[], object], peer: Callable[[], object], *, calls: int, target: float) -> Row:
@@ -125,5 +125,5 @@ def _row(name: str, ours: Callable[[], object], peer: Callable[[], object], *, c
 
 
 def _id(number: int) -> int:
-    found: int = spark_dsg.NodeSymbol("O", number).value
-    return found
+    identifier: int = spark_dsg.NodeSymbol("O", number).value
+    return identifier

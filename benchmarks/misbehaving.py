@@ -1,4 +1,4 @@
-"""Perception functions as bad as they get, and one that is well behaved."""
+"""Perception functions that misbehave in the worst ways, and one that behaves well."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ import signal
 from typing import Any
 
 LOOKED_S: dict[tuple[int, int], float] = {}
-"""When the jobs of the well-behaved really began, by algorithm and number."""
+"""The real start of the jobs of the well-behaved function, by algorithm and number."""
 
 BAD = ("is_deaf", "eats_a_core", "returns_100_mb", "dies", "floods")
 
 
 def looks(*, other: int, job: Any) -> dict[str, object]:
-    """Note when it is, and return at once."""
+    """Record the time, and return at once."""
     LOOKED_S[other, job.index] = job.now_s()
     return {"seen": True}
 
 
 def is_deaf(*, job: Any) -> dict[str, object]:
-    """Ignore all signals, for ever, with a child that does the same."""
+    """Ignore all signals forever, with a child process that does the same."""
     for number in set(signal.Signals) - {signal.SIGKILL, signal.SIGSTOP}:
         signal.signal(number, signal.SIG_IGN)
     os.fork()
@@ -28,7 +28,7 @@ def is_deaf(*, job: Any) -> dict[str, object]:
 
 
 def eats_a_core(*, job: Any) -> dict[str, object]:
-    """Compute for ever."""
+    """Compute forever."""
     while True:
         pass
 
@@ -44,6 +44,6 @@ def dies(*, job: Any) -> dict[str, object]:
 
 
 def floods(*, job: Any) -> dict[str, object]:
-    """Print for ever."""
+    """Print forever."""
     while True:
         os.write(1, b"nonsense " * 1000)

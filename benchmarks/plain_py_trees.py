@@ -1,4 +1,4 @@
-"""The peer at run time: an observer's tree in py_trees, as its documentation shows it, and nothing more."""
+"""The peer at run time: an observer's tree in plain py_trees, as its documentation shows."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from py_trees.trees import BehaviourTree
 
 
 class Check(Behaviour):
-    """A leaf that looks at the blackboard."""
+    """A leaf that reads the blackboard."""
 
     def __init__(self, key: str, otherwise: Status = Status.FAILURE) -> None:
         super().__init__(key)
@@ -23,6 +23,6 @@ class Check(Behaviour):
 
 
 def tree(name: str, needs: tuple[str, ...], due: str) -> BehaviourTree:
-    """Control flag, preconditions, due or running, and a look that is done at once."""
+    """Return a tree with control flag, preconditions, due or running, and a look that ends at once."""
     leaves = [Check("wanted"), *map(Check, needs), Check(due, Status.RUNNING), Check("wanted")]
     return BehaviourTree(Sequence(name, memory=False, children=leaves))

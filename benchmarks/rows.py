@@ -1,4 +1,4 @@
-"""A row of results: what we take, what the peer takes, and whether their ratio is what it must be."""
+"""A row of results: our cost, the peer's cost, and whether their ratio meets its target."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 
 class PeerMissingError(Exception):
-    """A peer is not installed; says which, and what installs it."""
+    """A peer is not installed; the message names it and the command that installs it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Row:
-    """One measurement, both sides taken in the same run and in the same unit: seconds or bytes."""
+    """One measurement; both sides are from the same run and in the same unit, seconds or bytes."""
 
     name: str
     ours: float
@@ -20,11 +20,11 @@ class Row:
 
     @property
     def ratio(self) -> float:
-        """Return how many times the peer's cost ours is."""
+        """Return our cost as a multiple of the peer's."""
         return self.ours / self.peer
 
     def record(self) -> dict[str, object]:
-        """Return the row as `results.json` has it."""
+        """Return the row in the form of `results.json`."""
         return {
             "name": self.name,
             "ours": float(f"{self.ours:.4g}"),

@@ -41,7 +41,7 @@ def find_door(*, camera, job, **_):
 
 
 def rows_of(name: str) -> Callable[[Path], Iterator[Row]]:
-    """Return what measures one row."""
+    """Return the function that measures one row."""
 
     def rows(scratch: Path) -> Iterator[Row]:
         yield _MEASURES[name](_package(scratch))
@@ -77,7 +77,7 @@ def _last_door(chain: int) -> str:
 
 
 def _get(package: ModuleType) -> Row:
-    """A reading that has a validity, beside a blackboard's value that has none."""
+    """Measure reading a variable with a validity, beside a blackboard value without one."""
     with WallClock() as clock, _started(package, clock) as codra:
         board, name = _client(), _near(0)
         codra.set(name, True)
@@ -87,7 +87,7 @@ def _get(package: ModuleType) -> Row:
 
 
 def _set(package: ModuleType) -> Row:
-    """Each time another value, which an observer that runs is woken to look at."""
+    """Measure writing a new value, which wakes a running observer."""
     with WallClock() as clock, _started(package, clock) as codra:
         board, name = _client(), _near(0)
         codra.declare(f"bay_{0:05}_door_0_open")
@@ -113,7 +113,7 @@ def _client() -> Client:
 
 
 def _get_under_load(package: ModuleType) -> Row:
-    """The slowest of a hundred reads while seven threads write, a callback and perception take a second each."""
+    """Measure the slowest of a hundred reads while seven threads write, and a callback and perception take a second."""
     with WallClock() as clock, _started(package, clock, camera=1.0) as codra:
         name, is_over = _near(0), threading.Event()
         codra.set(name, True)
@@ -150,7 +150,7 @@ def _p99_s(codra: Any, name: str) -> float:
 
 
 def _idle(package: ModuleType) -> Row:
-    """Time passes, and none of a thousand observers has anything to do."""
+    """Measure passing time while a thousand observers have nothing to do."""
     clock = SimClock()
     with _started(package, clock) as codra:
         for chain in range(CHAINS):
@@ -162,7 +162,7 @@ def _idle(package: ModuleType) -> Row:
 
 
 def _due(package: ModuleType) -> Row:
-    """Each hundredth of a second ten observers look, and their jobs end."""
+    """Measure rounds in which ten observers look and their jobs end, every hundredth of a second."""
     clock = SimClock()
     with _started(package, clock) as codra:
         for chain in range(CHAINS):
@@ -181,7 +181,7 @@ def _run_chain(codra: Any, chain: int) -> None:
 
 
 def _require_that_all_look(codra: Any, clock: SimClock) -> None:
-    """A forest that does nothing would be the quickest."""
+    """Require that all observers look: a forest that does nothing would be the fastest."""
     for chain in range(CHAINS):
         codra.set(f"bay_{chain:05}_is_lit", True)
         codra.set(_near(chain), True)
@@ -193,7 +193,7 @@ def _require_that_all_look(codra: Any, clock: SimClock) -> None:
 
 
 def _peers_round(due: int) -> Callable[[], None]:
-    """Return what ticks all trees once; of the ones that are due, the last leaf is ticked too."""
+    """Return a function that ticks all trees once; for trees that are due, this includes the last leaf."""
     Blackboard.clear()
     keys = {"wanted": True, "never": False, "always": True}
     client = Client(name="robot")
@@ -221,4 +221,4 @@ _MEASURES: Mapping[str, Callable[[ModuleType], Row]] = {
 }
 
 GROUPS: Mapping[str, Callable[[Path], Iterator[Row]]] = {name: rows_of(name) for name in _MEASURES}
-"""Each row for itself, by its name."""
+"""Every row is a group of its own, by its name."""

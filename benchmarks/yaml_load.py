@@ -1,4 +1,4 @@
-"""The peer of compiling: PyYAML's C loader reads the same files, as its documentation shows, and nothing more."""
+"""The peer of compiling: PyYAML's C loader reads the same files, as its documentation shows."""
 
 from __future__ import annotations
 

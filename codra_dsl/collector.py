@@ -24,7 +24,7 @@ def paused_collector() -> Iterator[None]:
         yield
     finally:
         if was_enabled:
-            if gc.get_freeze_count() == 0:  # else the caller decides what is frozen
+            if gc.get_freeze_count() == 0:  # else the caller manages frozen objects
                 gc.freeze()
                 gc.unfreeze()
             gc.enable()

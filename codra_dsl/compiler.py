@@ -86,14 +86,14 @@ class _Request:
 
     Attributes:
         root: the folder of the project.
-        found: the specs and parts below the requested paths.
+        files: the specs and parts below the requested paths.
         specs: the files of the specs, relative to the root.
         paths: the requested files and folders, relative to the root.
         texts: contents of files that are not read from disk.
     """
 
     root: Path
-    found: Files
+    files: Files
     specs: Sequence[str]
     paths: Sequence[str]
     texts: Mapping[str, bytes]
@@ -143,15 +143,15 @@ def plan_paths(
 ) -> Planned:
     """Load, check and plan all specs at or below some paths; `texts` has files that are not read from disk."""
     with timings.stage("find"):
-        found = find_files(paths, root)
+        files = find_files(paths, root)
     request = _Request(
         root=root,
-        found=found,
-        specs=[relative(file, root) for file in found.specs],
+        files=files,
+        specs=[relative(file, root) for file in files.specs],
         paths=[relative(path, root) for path in paths],
         texts=texts,
     )
-    return _plan_request(request, _load(found.specs, root, texts, timings), timings)
+    return _plan_request(request, _load(files.specs, root, texts, timings), timings)
 
 
 @paused_collector()
@@ -160,7 +160,7 @@ def plan_text(text: str | bytes, file: str, root: Path, timings: Timings = UNTIM
     data = text.encode(errors="surrogatepass") if isinstance(text, str) else text
     with timings.stage("load"):
         loaded = load_text(text, file, root)
-    request = _Request(root=root, found=Files(), specs=[file], paths=[file], texts={file: data})
+    request = _Request(root=root, files=Files(), specs=[file], paths=[file], texts={file: data})
     return _plan_request(request, [loaded], timings)
 
 
@@ -171,15 +171,15 @@ def _plan_request(request: _Request, loaded: Iterable[Loaded], timings: Timings)
     checked = _check(loaded, request.root, timings)
     specs = tuple(_plan(checked, timings))
 
-    diagnostics = [*settings_findings, *request.found.diagnostics]
+    diagnostics = [*settings_findings, *request.files.diagnostics]
     diagnostics += (diagnostic for spec in specs for diagnostic in spec.diagnostics)
     diagnostics += _same_names(spec.spec for spec in specs if spec.spec is not None)
     files = _files(request, specs)
     if not has_errors(diagnostics):
-        diagnostics += request.found.unincluded(files, request.root)
+        diagnostics += request.files.unincluded(files, request.root)
 
     with timings.stage("triage"):
-        commented = (*files, *_part_files(request.found), *_tree_files(specs))
+        commented = (*files, *_part_files(request.files), *_tree_files(specs))
         sources = read_sources(commented, request.paths, request.root, request.texts)
         triaged_diagnostics = triaged(diagnostics, settings, sources)
 
@@ -249,9 +249,9 @@ def _files(request: _Request, specs: Iterable[_PlannedSpec]) -> tuple[str, ...]:
     return tuple(sorted({*request.specs, *parts}))
 
 
-def _part_files(found: Files) -> Iterator[str]:
+def _part_files(files: Files) -> Iterator[str]:
     """Return the files of all parts, also of those that no spec includes."""
-    return (place.span.file for place in found.parts.values())
+    return (place.span.file for place in files.parts.values())
 
 
 def _tree_files(specs: Iterable[_PlannedSpec]) -> set[str]:

@@ -1,1 +1,1 @@
-"""Examples of users' own code."""
+"""Examples of user code."""

@@ -1,1 +1,1 @@
-"""What codra makes from specs, one package each; edits are lost. Renew: codra compile."""
+"""Packages that codra makes from specs, one per spec; edits are lost. Renew: codra compile."""

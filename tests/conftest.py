@@ -1,4 +1,8 @@
-"""What all tests share: their options, how hypothesis draws, and what the run says at its end."""
+"""The options of all tests, the settings of hypothesis, and the summary at the end of a run.
+
+Tests of the laboratory use its real components: its frames are rendered, its tags are detected in them, and its
+processes are processes of the operating system. The summary has the number of rendered frames.
+"""
 
 from __future__ import annotations
 
@@ -9,9 +13,9 @@ from typing import Any
 import pytest
 from hypothesis import settings
 
-os.environ.pop("CI", None)  # what tests show is the same everywhere; with it there is no cache
+os.environ.pop("CI", None)  # so that tests behave the same everywhere; in CI the cache is not used
 
-# The same draws in every run, and no deadline: no test of ours judges by the time that it took.
+# The same draws in every run, and no deadline: none of our tests measures its own time.
 settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.load_profile("repeatable")
 
@@ -20,7 +24,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(
         "--renew-cases",
         action="store_true",
-        help="write what the cases print now as what they are expected to print; read the diff before you commit it",
+        help="write the present output of the cases as the expected output; read the diff before you commit it",
     )
 
 
@@ -38,7 +42,7 @@ def _frames_rendered() -> int:
 
 
 class FramesOfWorkers:
-    """Adds up what the processes rendered among which the tests were divided."""
+    """Adds up the frames that the processes of a parallel run rendered."""
 
     def __init__(self) -> None:
         self.frames = 0

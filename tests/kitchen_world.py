@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 @dataclass
 class Kitchen:
-    """A simulated kitchen: what a robot could see of it."""
+    """A simulated kitchen: the part of it that a robot could see."""
 
     robot_m: float = 0.0
     place_m: dict[str, float] = field(default_factory=lambda: {"fridge": 0.5, "dishwasher": 3.0})

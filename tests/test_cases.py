@@ -1,7 +1,7 @@
-"""Whole specs: those in cases/valid give no finding, those in cases/invalid exactly the expected text of all findings.
+"""Complete specs: those in cases/valid give no finding, those in cases/invalid exactly the expected findings.
 
-A case is a file NAME.yaml, or a folder NAME with spec.yaml and its parts; NAME.txt has the expected text. Renew those
-with `pytest tests/test_cases.py --renew-cases`, and read the diff.
+A case is a file NAME.yaml, or a folder NAME with spec.yaml and its parts; NAME.txt has the expected text. Renew the
+expected texts with `pytest tests/test_cases.py --renew-cases`, and read the diff.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ CASES = Path(__file__).parent / "cases"
 
 
 def cases(folder: str) -> list[Path]:
-    found = [path for path in (CASES / folder).iterdir() if path.is_dir() or path.suffix == ".yaml"]
-    assert found
-    return sorted(found)
+    paths = [path for path in (CASES / folder).iterdir() if path.is_dir() or path.suffix == ".yaml"]
+    assert paths
+    return sorted(paths)
 
 
 def all_findings(case: Path) -> str:
-    """Return the findings of load and check about a case as people read them."""
+    """Return the findings of load and check about a case in the form for people."""
     path, root = (case / "spec.yaml", case) if case.is_dir() else (case, case.parent)
     spec, findings = load_spec(path, root)
     if spec is not None:
@@ -42,9 +42,9 @@ def test_a_valid_spec_gives_no_finding(case: Path) -> None:
 @pytest.mark.parametrize("case", cases("invalid"), ids=lambda case: case.stem)
 def test_an_invalid_spec_gives_exactly_the_expected_findings(case: Path, renew_cases: bool) -> None:
     expected = case.with_suffix(".txt")
-    found = all_findings(case)
+    findings = all_findings(case)
     if renew_cases:
-        expected.write_text(found, "utf-8")
+        expected.write_text(findings, "utf-8")
 
-    assert found == expected.read_text("utf-8")
-    assert found != ""
+    assert findings == expected.read_text("utf-8")
+    assert findings != ""

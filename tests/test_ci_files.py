@@ -1,4 +1,4 @@
-"""What others copy into their CI: hooks, workflows and problem matchers have the shape that their readers demand."""
+"""Files that users copy into their CI: hooks, workflows and problem matchers in the form that their readers require."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ skills:
 
 
 def copied(page: str) -> dict[str, str]:
-    """The files that a page of the guide has its readers write."""
-    found = blocks(ROOT / "docs/how-to" / page)
-    return {block.options["file"]: block.body for block in found if "file" in block.options}
+    """Return the files that a page of the guide tells its readers to write."""
+    page_blocks = blocks(ROOT / "docs/how-to" / page)
+    return {block.options["file"]: block.body for block in page_blocks if "file" in block.options}
 
 
 CI, EDITOR = copied("ci.md"), copied("editor.md")
@@ -61,7 +61,7 @@ def project(tmp_path: Path) -> Path:
 # pre-commit
 
 
-def test_the_hooks_have_what_pre_commit_demands() -> None:
+def test_the_hooks_have_what_pre_commit_requires() -> None:
     needed, optional = {"id", "name", "entry", "language"}, {"description", "args", "files"}
 
     assert [hook["id"] for hook in HOOKS] == ["codra-lint", "codra-compile-check"]
@@ -110,7 +110,7 @@ def test_the_guide_names_hooks_that_exist() -> None:
     assert repository.keys() == {"repo", "rev", "hooks"}
 
 
-def test_the_hooks_of_a_new_project_are_as_the_published_ones() -> None:
+def test_the_hooks_of_a_new_project_are_like_the_published_ones() -> None:
     (repository,) = yaml.safe_load(STARTER[".pre-commit-config.yaml"])["repos"]
 
     assert repository["repo"] == "local"
@@ -125,8 +125,8 @@ def test_the_hooks_of_a_new_project_are_as_the_published_ones() -> None:
 
 
 @pytest.mark.parametrize("workflow", WORKFLOWS.values(), ids=WORKFLOWS)
-def test_a_workflow_has_the_shape_that_github_demands_and_the_least_rights(workflow: dict[Any, Any]) -> None:
-    on = workflow[True]  # so YAML 1.1 reads `on`
+def test_a_workflow_has_the_form_that_github_requires_and_minimal_permissions(workflow: dict[Any, Any]) -> None:
+    on = workflow[True]  # YAML 1.1 reads `on` as a boolean
 
     assert workflow.keys() == {"name", True, "permissions", "jobs"}
     assert on.keys() == {"push", "pull_request"}
@@ -166,7 +166,7 @@ def commands() -> list[str]:
 
 
 @pytest.mark.parametrize("command", sorted({*commands()}))
-def test_each_command_of_a_workflow_passes_in_a_new_project(command: str, project: Path) -> None:
+def test_every_command_of_a_workflow_passes_in_a_new_project(command: str, project: Path) -> None:
     done = run(shlex.split(command), project)
 
     assert done.returncode == 0, done.stdout
@@ -193,18 +193,18 @@ def patterns() -> dict[str, dict[str, Any]]:
 
 
 @pytest.mark.parametrize("page", ["ci.md", "editor.md"])
-def test_a_problem_matcher_takes_each_finding_apart(page: str, tmp_path: Path) -> None:
-    """Files with blanks, colons and brackets in their names; errors and warnings; nothing else."""
+def test_a_problem_matcher_parses_every_finding(page: str, tmp_path: Path) -> None:
+    """File names with blanks, colons and brackets; errors and warnings; and no other lines."""
     pattern = patterns()[page]
     (tmp_path / "pyproject.toml").write_text("[tool.codra]\n")
     for file, variable in (("my specs/front door (1).yaml", "door_opn"), ("my specs/a:b.yaml", "door_open")):
         (tmp_path / file).parent.mkdir(exist_ok=True)
         (tmp_path / file).write_text((WARNED % variable).replace("name: door", f"name: {variable}"))
     shown = run(["codra", "lint", "my specs", "--format", "concise"], tmp_path).stdout.splitlines()
-    told = run(["codra", "lint", "my specs", "--format", "json"], tmp_path).stdout.splitlines()
+    lines = run(["codra", "lint", "my specs", "--format", "json"], tmp_path).stdout.splitlines()
 
     matches = [match for line in shown if (match := re.search(pattern["regexp"], line))]
-    findings = [json.loads(line) for line in told if line.startswith("{")]
+    findings = [json.loads(line) for line in lines if line.startswith("{")]
     groups = ("file", "line", "column", "severity", "code")
 
     assert len(matches) == len(shown) - 1, "all but the last line, which counts them"

@@ -1,4 +1,4 @@
-"""From spec files to a folder of packages: what is written, kept, refused and removed; and the same bytes always."""
+"""From spec files to a folder of packages: written, stale, refused and removed files; and reproducible bytes."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def compiled(project: Path, *paths: str) -> Compilation:
 
 
 def renew(project: Path, *paths: str) -> tuple[set[str], set[str]]:
-    """Compile and write; return what was changed and removed."""
+    """Compile and write; return the changed and the removed files."""
     compilation = compiled(project, *paths)
     written = write(compilation.files, project / "generated", compilation.covered)
     assert written.diagnostics == ()
@@ -73,7 +73,7 @@ def contents(folder: Path) -> dict[str, bytes]:
 # Writing
 
 
-def test_each_spec_gets_a_package_of_its_own(project: Path) -> None:
+def test_every_spec_gets_a_separate_package(project: Path) -> None:
     renew(project)
 
     assert set(contents(project / "generated")) == {
@@ -83,13 +83,13 @@ def test_each_spec_gets_a_package_of_its_own(project: Path) -> None:
     }
 
 
-def test_what_was_just_written_is_fresh(project: Path) -> None:
+def test_new_output_is_fresh(project: Path) -> None:
     renew(project)
 
     assert drifts(project) == {}
 
 
-def test_writing_again_touches_nothing(project: Path) -> None:
+def test_writing_again_changes_no_file(project: Path) -> None:
     renew(project)
     before = {path: path.stat().st_mtime_ns for path in (project / "generated").rglob("*")}
 
@@ -97,7 +97,7 @@ def test_writing_again_touches_nothing(project: Path) -> None:
     assert {path: path.stat().st_mtime_ns for path in (project / "generated").rglob("*")} == before
 
 
-def test_only_what_changed_is_written(project: Path) -> None:
+def test_only_changed_files_are_written(project: Path) -> None:
     renew(project)
     (project / "specs/door.yaml").write_text(DOOR.replace("40 cm", "50 cm"))
 
@@ -111,7 +111,7 @@ def test_a_comment_in_a_spec_changes_places_only(project: Path) -> None:
     assert renew(project) == ({"door/sources.json"}, set())
 
 
-def test_what_python_leaves_behind_is_neither_output_nor_orphan(project: Path) -> None:
+def test_the_cache_of_python_is_neither_output_nor_orphan(project: Path) -> None:
     renew(project)
     subprocess.run([sys.executable, "-c", "import generated.door"], cwd=project, check=True, env=python_path())
 
@@ -124,13 +124,13 @@ def python_path() -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1]), "PYTHONDONTWRITEBYTECODE": ""}
 
 
-def test_nothing_is_left_behind_beside_the_output(project: Path) -> None:
+def test_no_temporary_file_is_left_beside_the_output(project: Path) -> None:
     renew(project)
 
     assert [path.name for path in (project / "generated").iterdir() if path.name.startswith(".")] == []
 
 
-def test_output_that_does_not_compile_replaces_nothing(project: Path) -> None:
+def test_output_that_does_not_compile_replaces_no_file(project: Path) -> None:
     renew(project)
     before = contents(project / "generated")
 
@@ -140,11 +140,11 @@ def test_output_that_does_not_compile_replaces_nothing(project: Path) -> None:
     assert contents(project / "generated") == before
 
 
-def test_with_an_error_in_one_spec_nothing_is_emitted(project: Path) -> None:
+def test_with_an_error_in_one_spec_no_file_is_emitted(project: Path) -> None:
     (project / "specs/window.yaml").write_text(WINDOW.replace("preview", "previw"))
 
     assert compiled(project).files == {}
-    assert [found.code for found in compiled(project).planned.diagnostics] == ["CDR2003"]
+    assert [diagnostic.code for diagnostic in compiled(project).planned.diagnostics] == ["CDR2003"]
 
 
 # Freshness
@@ -154,7 +154,7 @@ def test_with_an_error_in_one_spec_nothing_is_emitted(project: Path) -> None:
     "path",
     ["__init__.py", "door/__init__.py", "door/door.py", "door/graph.json", "door/manifest.json", "door/sources.json"],
 )
-def test_an_edited_file_is_found_and_renewed(project: Path, path: str) -> None:
+def test_an_edited_file_is_detected_and_renewed(project: Path, path: str) -> None:
     renew(project)
     edited = project / "generated" / path
     edited.write_text(edited.read_text().replace("door", "gate", 1).replace("made from", "built from", 1) + "\n")
@@ -165,7 +165,7 @@ def test_an_edited_file_is_found_and_renewed(project: Path, path: str) -> None:
 
 
 @pytest.mark.parametrize("path", ["__init__.py", "door/door.py", "door/graph.json", "door/sources.json"])
-def test_a_missing_file_is_found_and_made_again(project: Path, path: str) -> None:
+def test_a_missing_file_is_detected_and_made_again(project: Path, path: str) -> None:
     renew(project)
     (project / "generated" / path).unlink()
 
@@ -174,7 +174,7 @@ def test_a_missing_file_is_found_and_made_again(project: Path, path: str) -> Non
 
 
 @pytest.mark.parametrize("path", ["extra.py", "door/extra.py", "door/notes/read.md"])
-def test_an_added_file_is_found_and_removed(project: Path, path: str) -> None:
+def test_an_added_file_is_detected_and_removed(project: Path, path: str) -> None:
     renew(project)
     (project / "generated" / path).parent.mkdir(exist_ok=True)
     (project / "generated" / path).write_text("x = 1\n")
@@ -191,7 +191,7 @@ def test_a_missing_manifest_shows_as_drift(project: Path) -> None:
     assert drifts(project) == {"generated/door/manifest.json": Change.MISSING}
 
 
-def test_a_drift_shows_what_is_there_and_what_should_be(project: Path) -> None:
+def test_a_drift_shows_the_present_and_the_expected_text(project: Path) -> None:
     renew(project)
     edited = project / "generated/door/door.py"
     edited.write_text(edited.read_text().replace("0.4", "0.5"))
@@ -220,7 +220,7 @@ def test_names_that_begin_with_a_dot_are_left_alone(project: Path) -> None:
 # Specs that come and go
 
 
-def test_the_package_of_a_spec_that_is_gone_is_an_orphan_when_its_folder_is_compiled(project: Path) -> None:
+def test_the_package_of_a_removed_spec_is_an_orphan_when_its_folder_is_compiled(project: Path) -> None:
     renew(project)
     (project / "specs/window.yaml").unlink()
 
@@ -238,7 +238,7 @@ def test_compiling_one_spec_leaves_the_packages_of_others_alone(project: Path) -
     assert (project / "generated/window/window.py").exists()
 
 
-def test_a_spec_that_takes_another_name_leaves_its_old_package_behind_as_an_orphan(project: Path) -> None:
+def test_the_old_package_of_a_renamed_spec_is_an_orphan(project: Path) -> None:
     renew(project)
     (project / "specs/door.yaml").write_text(DOOR.replace("name: door", "name: gate"))
 
@@ -247,14 +247,14 @@ def test_a_spec_that_takes_another_name_leaves_its_old_package_behind_as_an_orph
     assert sorted(path.name for path in (project / "generated").iterdir() if path.is_dir()) == ["gate", "window"]
 
 
-def test_two_specs_of_one_name_are_a_finding(project: Path) -> None:
+def test_two_specs_with_the_same_name_are_a_finding(project: Path) -> None:
     (project / "specs/window.yaml").write_text(WINDOW.replace("name: window", "name: Door"))
 
-    (found,) = compiled(project).planned.diagnostics
+    (finding,) = compiled(project).planned.diagnostics
 
-    assert (found.code, found.place.span.file, found.place.span.line) == ("CDR6001", "specs/window.yaml", 2)
-    assert found.message == "the name 'Door' is taken by specs/door.yaml"
-    assert [each.place.span.file for each in found.related] == ["specs/door.yaml"]
+    assert (finding.code, finding.place.span.file, finding.place.span.line) == ("CDR6001", "specs/window.yaml", 2)
+    assert finding.message == "the name 'Door' is taken by specs/door.yaml"
+    assert [related.place.span.file for related in finding.related] == ["specs/door.yaml"]
 
 
 # Folders that are not ours
@@ -262,9 +262,9 @@ def test_two_specs_of_one_name_are_a_finding(project: Path) -> None:
 
 def refused(project: Path, out: str) -> tuple[str, str]:
     written = write(compiled(project).files, project / out)
-    (found,) = written.diagnostics
+    (finding,) = written.diagnostics
     assert (written.changed, written.removed) == ((), ())
-    return found.code, found.message
+    return finding.code, finding.message
 
 
 def test_a_folder_that_holds_other_files_is_refused(project: Path) -> None:
@@ -303,7 +303,7 @@ def test_a_folder_that_is_a_link_is_refused(project: Path) -> None:
 def test_an_output_folder_that_is_a_file_is_refused(project: Path) -> None:
     (project / "generated").write_text("x\n")
 
-    assert refused(project, "generated") == ("CDR6002", "'generated' is no folder, so nothing is written there")
+    assert refused(project, "generated") == ("CDR6002", "'generated' is not a folder, so nothing is written there")
 
 
 def test_an_empty_folder_is_taken(project: Path) -> None:
@@ -320,10 +320,10 @@ def test_a_file_that_cannot_be_written_is_a_finding(project: Path) -> None:
     (project / "generated/door/door.py").mkdir()
     (project / "generated/door/door.py/inside").write_text("x\n")
 
-    (found,) = write(compiled(project).files, project / "generated").diagnostics
+    (finding,) = write(compiled(project).files, project / "generated").diagnostics
 
-    assert found.code == "CDR6004"
-    assert "generated/door/door.py" in found.message
+    assert finding.code == "CDR6004"
+    assert "generated/door/door.py" in finding.message
 
 
 def test_a_manifest_torn_by_a_merge_is_still_ours(project: Path) -> None:

@@ -1,8 +1,8 @@
-"""Every code block of README and docs runs, page by page, in a folder of its own, as a reader would follow it.
+"""Every code block of README and docs runs, page by page, in a separate folder, as a reader would follow it.
 
-The info string of a block says what it is: `yaml file=PATH`, `xml file=PATH` and `python file=PATH` are written to that
-file, `python` runs, `console` runs each line after `$ ` and shows exactly what it prints (`console exit=1` where it
-fails), `text` is for reading only. What says `in=rafcon` runs in the environment that has RAFCON.
+The info string of a block states its use: `yaml file=PATH`, `xml file=PATH` and `python file=PATH` are written to that
+file, `python` runs, `console` runs each line after `$ ` and shows exactly the printed output (`console exit=1` if it
+fails), `text` and `mermaid` are for reading only. A block with `in=rafcon` runs in the environment that has RAFCON.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ ROOT = Path(__file__).parent.parent
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md")])
 RAFCON_PYTHON = ROOT / ".venv-rafcon/bin/python"
 FENCE = re.compile(r"^```(?P<info>[^\n`]*)\n(?P<body>.*?)^```$", re.MULTILINE | re.DOTALL)
-KINDS = {"yaml", "python", "console", "text", "json", "toml", "sh", "xml"}
+KINDS = {"yaml", "python", "console", "text", "json", "toml", "sh", "xml", "mermaid"}
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ def run(command: list[str], folder: Path, python: Path = Path(sys.executable)) -
     search_path = os.pathsep.join(filter(None, (str(folder), os.environ.get("PYTHONPATH"))))
     environment = os.environ | {"PYTHONPATH": search_path, "NO_COLOR": "1", "COLUMNS": "120"}
     environment["PATH"] = f"{python.parent}{os.pathsep}{environment['PATH']}"
-    for name in ("GITHUB_ACTIONS", "PYTEST_ADDOPTS"):  # what is asked of this run is not asked of those
+    for name in ("GITHUB_ACTIONS", "PYTEST_ADDOPTS"):  # settings of this run do not apply to those commands
         environment.pop(name, None)
     return subprocess.run(
         command, cwd=folder, env=environment, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False
@@ -61,7 +61,7 @@ def run(command: list[str], folder: Path, python: Path = Path(sys.executable)) -
 
 
 def run_console(block: Block, folder: Path) -> None:
-    """Run a block's commands and compare what they print."""
+    """Run a block's commands and compare their output."""
     for part in re.split(r"^\$ ", block.body, flags=re.MULTILINE)[1:]:
         command, _, expected = part.partition("\n")
         done = run(shlex.split(command), folder, python_of(block))
@@ -71,7 +71,7 @@ def run_console(block: Block, folder: Path) -> None:
 
 
 def follow(block: Block, folder: Path) -> None:
-    """Do what a reader does with a block."""
+    """Follow a block as a reader does."""
     if "file" in block.options:
         path = folder / block.options["file"]
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -86,9 +86,9 @@ def follow(block: Block, folder: Path) -> None:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
-def test_every_block_of_a_page_does_what_the_page_says(page: Path, tmp_path: Path) -> None:
-    found = list(blocks(page))
+def test_every_block_of_a_page_does_what_the_page_states(page: Path, tmp_path: Path) -> None:
+    page_blocks = list(blocks(page))
 
-    assert all(block.kind in KINDS for block in found), "an unknown kind of block would not be run"
-    for block in found:
+    assert all(block.kind in KINDS for block in page_blocks), "an unknown kind of block would not be run"
+    for block in page_blocks:
         follow(block, tmp_path)

@@ -1,4 +1,4 @@
-"""The module that generated code imports: it has the names that the emitter can write, and no other."""
+"""The module that generated code imports: it has exactly the names that the emitter can write."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ TREES = (f'<A _while="{LONG_CONDITION}"/>', '<Script code="a := 1; a = 2"/>')
 
 
 def built_in_trees() -> Iterator[str]:
-    """A tree for every built-in node but SubTree, with all of its ports."""
+    """A tree for every built-in node except SubTree, with all of its ports."""
     for name, built_in in BUILT_IN.items():
         if built_in.word != "Subtree":
             ports = " ".join(f'{port.name}="{PORTS[port.holds]}"' for port in built_in.ports)
@@ -75,7 +75,7 @@ def imports_of(text: str) -> Iterator[ast.ImportFrom]:
 
 
 def later_imports() -> Iterator[tuple[str, str, str]]:
-    """The name, module and name there of what only type checkers import when the module is imported."""
+    """Yield the name, module and original name of names that are imported lazily, and at once only by type checkers."""
     source = ast.parse(Path(str(generated_api.__file__)).read_text("utf-8"))
     (block, _) = (node for node in source.body if isinstance(node, ast.If))
     for node in block.body:

@@ -1,4 +1,4 @@
-"""specs/kitchen.yaml is a spec as a user writes it; what it does is told in kitchen.timeline.yaml."""
+"""specs/kitchen.yaml is a spec as a user writes it; kitchen.timeline.yaml describes its behaviour."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The public API: one page, the `__all__` of its modules, and what is imported from them, agree."""
+"""The public API: one page, the `__all__` of its modules, and imports from them agree."""
 
 from __future__ import annotations
 
@@ -86,28 +86,28 @@ def test_a_private_import_is_noticed() -> None:
 @pytest.mark.parametrize("folder", ["codra_papers", "examples"])
 def test_code_outside_the_product_imports_public_names_only(folder: str) -> None:
     files = sorted((ROOT / folder).rglob("*.py"))
-    found = {path.relative_to(ROOT).as_posix(): private(path.read_text("utf-8")) for path in files}
+    private_imports = {path.relative_to(ROOT).as_posix(): private(path.read_text("utf-8")) for path in files}
 
     assert files
-    assert {path: names for path, names in found.items() if names} == {}
+    assert {path: names for path, names in private_imports.items() if names} == {}
 
 
 def test_the_docs_import_public_names_only() -> None:
     block = re.compile(r"^```python[^\n]*\n(.*?)^```", re.MULTILINE | re.DOTALL)
     pages = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
-    found = {
+    private_imports = {
         page.relative_to(ROOT).as_posix(): [
             name for text in block.findall(page.read_text("utf-8")) for name in private(text)
         ]
         for page in pages
     }
 
-    assert {page: names for page, names in found.items() if names} == {}
+    assert {page: names for page, names in private_imports.items() if names} == {}
 
 
 def test_the_import_contract_allows_public_modules_only() -> None:
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["importlinter"]
-    (contract,) = (each for each in settings["contracts"] if each["id"] == "public-api")
+    (contract,) = (declared for declared in settings["contracts"] if declared["id"] == "public-api")
     allowed = {line.removeprefix("codra_papers.** -> ") for line in contract["ignore_imports"]}
 
     assert allowed <= set(LISTED)

@@ -4,7 +4,7 @@ __all__ = ["main"]
 
 
 def main() -> None:
-    """Run the command line and exit: 0 clean, 1 findings or failed, 2 usage, 70 a bug of ours, 130 interrupted."""
+    """Run the command line and exit: 0 clean, 1 findings or failed, 2 usage, 70 internal error, 130 interrupted."""
     try:
         from codra_dsl.cli.app import command_line
 

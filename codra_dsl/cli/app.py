@@ -1,6 +1,6 @@
-"""The commands, and what holds for all of them: exit codes, interruption, broken pipes, and never a traceback.
+"""The commands, and the behaviour that they share: exit codes, interruption, broken pipes, and never a traceback.
 
-A command module imports what it needs inside its function, so that `codra --help` answers at once.
+A command module imports its libraries inside its function, so that `codra --help` is fast.
 """
 
 from __future__ import annotations
@@ -70,14 +70,14 @@ def _codra(
 
 
 def command_line() -> int:
-    """Run the command line and return its exit code; a reader that has gone is no reason for noise."""
+    """Run the command line and return its exit code; a closed pipe causes no error message."""
     _replace_closed_streams()
-    _escape_what_the_terminal_lacks()
+    _escape_unencodable_characters()
     try:
         code = _run()
         sys.stdout.flush()
     except OSError as error:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # for what Python flushes as it ends
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # Python flushes it at exit
         if not isinstance(error, BrokenPipeError):
             print(f"codra: cannot write: {error.strerror}", file=sys.stderr)
         code = ExitCode.FAILED
@@ -93,7 +93,7 @@ def _run() -> int:
         raise
     except Exception as error:
         if isinstance(error, FileNotFoundError) and not _is_somewhere():
-            say("codra: the current folder is no longer there: change to another one")
+            say("codra: the current folder does not exist any more: change to another one")
             return ExitCode.USAGE
         if isinstance(error, OSError) and error.errno == errno.ENOSPC:
             raise
@@ -111,7 +111,7 @@ def _is_somewhere() -> bool:
 
 
 def _last_place(error: Exception) -> str:
-    """Return file and line within codra where an error arose."""
+    """Return the file and line within codra where an error occurred."""
     package = Path(__file__).parents[1]
     frames = traceback.extract_tb(error.__traceback__)
     ours = [frame for frame in frames if Path(frame.filename).is_relative_to(package)]
@@ -121,14 +121,14 @@ def _last_place(error: Exception) -> str:
 
 
 def _replace_closed_streams() -> None:
-    """Let what is written to a closed stream go nowhere; Python has None in its place."""
+    """Replace closed streams, for which Python has None, by streams that discard everything."""
     if sys.stdout is None:
         sys.stdout = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115
     if sys.stderr is None:
         sys.stderr = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115
 
 
-def _escape_what_the_terminal_lacks() -> None:
+def _escape_unencodable_characters() -> None:
     for stream in (sys.stdout, sys.stderr):
         reconfigure = getattr(stream, "reconfigure", None)
         if reconfigure is not None:

@@ -1,4 +1,4 @@
-"""`codra compile`: specs to generated packages, or with `--check` whether these are fresh."""
+"""`codra compile`: specs to generated packages; with `--check`, whether the packages are up to date."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ Out = Annotated[
     typer.Option(
         "--out",
         metavar="DIR",
-        help="Where packages go.  [default: generated, in the project's root or else here]",
+        help="The folder for the packages.  [default: generated, in the project's root or else in the current folder]",
         show_default=False,
     ),
 ]
@@ -56,7 +56,7 @@ def compile_command(
     timings: ShowTimings = False,
     color: ColourOption = Colour.AUTO,
 ) -> None:
-    """Compile specs to packages of readable Python. Each has observers, the context's types, and the graph."""
+    """Compile specs to packages of readable Python. Each has observers, the types of the context, and the graph."""
     from codra_dsl.tooling.report.findings import visible_lines
     from codra_dsl.workspace.cache import cache_of
 
@@ -68,20 +68,20 @@ def compile_command(
     run, renewed = _made(paths, root, folder, check=check, cache=cache, timings=measured)
     limit = failing(fail_on, run.fail_on)
     view = View(root=root, format=asked_format(format_, output), colour=color, fail_on=limit, title="codra compile")
-    about_output = (_in_root(found, folder, root) for found in renewed.diagnostics)
-    found = (*run.diagnostics, *about_output, *_about_schema(run, root, check))
+    about_output = (_in_root(diagnostic, folder, root) for diagnostic in renewed.diagnostics)
+    findings = (*run.diagnostics, *about_output, *_about_schema(run, root, check))
     with measured.stage("show"):
-        view.show(found, run.specs, output)
+        view.show(findings, run.specs, output)
     if view.format is Format.FULL:
         write_result(for_log(visible_lines(renewed.diff)))
-    if found:
-        say(counted(found))
-        view.point_to_pages(found)
+    if findings:
+        say(counted(findings))
+        view.point_to_pages(findings)
     if renewed.done:
         say(renewed.done)
     if timings:
         say(measured.table())
-    raise typer.Exit(ExitCode.FAILED if not run.outputs or fails(found, limit) else ExitCode.CLEAN)
+    raise typer.Exit(ExitCode.FAILED if not run.outputs or fails(findings, limit) else ExitCode.CLEAN)
 
 
 def _default_out(path: Path) -> Path:
@@ -92,11 +92,11 @@ def _default_out(path: Path) -> Path:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Renewed:
-    """What became of the output folder.
+    """The result of renewing the output folder.
 
     Attributes:
-        diff: how it differs from what the specs say.
-        done: what was done to it, in a sentence.
+        diff: how it differs from the text that the specs define.
+        done: the changes that were made, in a sentence.
     """
 
     diagnostics: tuple[Diagnostic, ...] = ()
@@ -107,7 +107,7 @@ class _Renewed:
 def _made(
     paths: list[Path], root: Path, folder: Path, *, check: bool, cache: Cache | None, timings: Timings
 ) -> tuple[Run, _Renewed]:
-    """Return a run and what became of the output; an earlier run if nothing has changed since, output included."""
+    """Return a run and the state of the output; if nothing has changed, output included, an earlier run."""
     from codra_dsl.generation.output import is_as_made
 
     run = None if cache is None else cache.recall()
@@ -134,8 +134,8 @@ def _compared(compilation: Compilation, folder: Path) -> _Renewed:
     from codra_dsl.generation.output import freshness, stale
 
     compared = freshness(compilation.files, folder, compilation.covered)
-    found = (*compared.diagnostics, *map(stale, compared.drifts))
-    return _Renewed(diagnostics=found, diff="".join(drift.diff for drift in compared.drifts))
+    findings = (*compared.diagnostics, *map(stale, compared.drifts))
+    return _Renewed(diagnostics=findings, diff="".join(drift.diff for drift in compared.drifts))
 
 
 def _written(compilation: Compilation, folder: Path) -> _Renewed:
@@ -150,7 +150,7 @@ def _written(compilation: Compilation, folder: Path) -> _Renewed:
 
 
 def _about_schema(run: Run, root: Path, check: bool) -> tuple[Diagnostic, ...]:
-    """Keep the schema fresh that the project's editors read, where there is a copy of it."""
+    """Keep the project's copy of the schema, which its editors read, up to date; a project may have none."""
     from codra_dsl.language.project import has_stale_schema
 
     if not run.outputs or not has_stale_schema(root):
@@ -160,12 +160,12 @@ def _about_schema(run: Run, root: Path, check: bool) -> tuple[Diagnostic, ...]:
     return judge_schema(root) if check else renew_schema(root)
 
 
-def _in_root(found: Diagnostic, folder: Path, root: Path) -> Diagnostic:
-    """Return a finding about the output folder, which names itself first, with its file relative to the root."""
+def _in_root(diagnostic: Diagnostic, folder: Path, root: Path) -> Diagnostic:
+    """Return a finding about the output folder with its file relative to the root, not to the folder's parent."""
     from codra_dsl.language.diagnostics import Place
 
     around = folder.parent
     if around == root or not around.is_relative_to(root):
-        return found
-    span = replace(found.place.span, file=f"{around.relative_to(root).as_posix()}/{found.place.span.file}")
-    return replace(found, place=Place(span))
+        return diagnostic
+    span = replace(diagnostic.place.span, file=f"{around.relative_to(root).as_posix()}/{diagnostic.place.span.file}")
+    return replace(diagnostic, place=Place(span))

@@ -1,4 +1,4 @@
-"""What all commands share: where text goes, colours, exit codes, and the specs' root."""
+"""Functions that all commands share: output, colours, exit codes, and the root of the specs."""
 
 from __future__ import annotations
 
@@ -72,13 +72,13 @@ _PIECE = 1 << 15
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class View:
-    """How findings are shown, and where the lines come from that they are about.
+    """How findings are shown, and the source of the lines that they refer to.
 
     Attributes:
-        root: the folder that their files are relative to.
-        text: of the spec that came by standard input.
-        fail_on: what counts as a failure in a report of tests.
-        title: the command whose findings they are.
+        root: the folder to which the findings' files are relative.
+        text: the text of a spec from standard input.
+        fail_on: the severity that counts as a failure in a test report.
+        title: the command that reports the findings.
     """
 
     root: Path
@@ -93,8 +93,8 @@ class View:
 
         Args:
             diagnostics: in file order.
-            files: that were examined, whether or not there are findings about them.
-            output: the file that was asked for.
+            files: the files that were examined, with or without findings.
+            output: the requested file.
         """
         write_result(self.rendered(diagnostics, sys.stdout, files), output)
         if self.format is Format.GITHUB:
@@ -103,7 +103,7 @@ class View:
             append_to_summary(render_summary(diagnostics, f"{self.title}: {counted(diagnostics)}"))
 
     def rendered(self, diagnostics: Sequence[Diagnostic], stream: TextIO, files: Iterable[str] = ()) -> str:
-        """Return findings in the form that was asked for, for a stream."""
+        """Return findings in the requested format, for a stream."""
         match self.format:
             case Format.JSON:
                 from codra_dsl.tooling.report.findings import render_json
@@ -123,11 +123,11 @@ class View:
                 return self._as_text(diagnostics, stream)
 
     def point_to_pages(self, diagnostics: Sequence[Diagnostic]) -> None:
-        """Say once where more is told about a finding, the first of the most severe, to whoever sits at a terminal."""
+        """On a terminal, name the page about the first of the most severe findings."""
         from codra_dsl.language.diagnostics import has_errors
 
         if diagnostics and self.format is Format.FULL and sys.stderr.isatty():
-            first = next((found for found in diagnostics if has_errors([found])), diagnostics[0])
+            first = next((diagnostic for diagnostic in diagnostics if has_errors([diagnostic])), diagnostics[0])
             say(f"more about it: codra explain {first.code}")
 
     def _as_text(self, diagnostics: Sequence[Diagnostic], stream: TextIO) -> str:
@@ -145,7 +145,7 @@ class View:
             diagnostics,
             files,
             self._source,
-            is_failure=lambda found: fails([found], self.fail_on),
+            is_failure=lambda diagnostic: fails([diagnostic], self.fail_on),
             suite=self.title.replace(" ", "."),
         )
 
@@ -160,14 +160,14 @@ class View:
 
 
 def asked_format(wanted: Format | None, output: Path | None = None) -> Format:
-    """Return the form of findings that was asked for; else annotations, where they go to the log of GitHub Actions."""
+    """Return the requested format of findings; by default annotations if GitHub Actions logs them, else full text."""
     if wanted is not None:
         return wanted
     return Format.GITHUB if output is None and _in_github_actions() else Format.FULL
 
 
 def for_log(text: str) -> str:
-    """Return text in which GitHub's runner, if it reads this, finds no command of its own."""
+    """Return a text in which GitHub's runner, if it reads the output, recognises no command."""
     if not _in_github_actions():
         return text
     from codra_dsl.tooling.report.github import without_commands
@@ -180,7 +180,7 @@ def _in_github_actions() -> bool:
 
 
 def folder_in_repository(root: Path) -> str:
-    """Return where a root is in the repository that GitHub checked out; empty for the repository's own folder."""
+    """Return the path of a root in the repository that GitHub checked out; empty for the repository's own folder."""
     workspace = os.environ.get("GITHUB_WORKSPACE")
     if not workspace:
         return ""
@@ -192,7 +192,7 @@ def folder_in_repository(root: Path) -> str:
 
 
 def append_to_summary(text: str) -> None:
-    """Add Markdown to the summary of the step of GitHub Actions that runs us; a summary is no reason to fail."""
+    """Add Markdown to the summary of the current step of GitHub Actions; if that fails, the command does not."""
     path = os.environ.get("GITHUB_STEP_SUMMARY")
     if not path or not text:
         return
@@ -218,37 +218,37 @@ def fails(diagnostics: Sequence[Diagnostic], fail_on: FailOn) -> bool:
 
 
 def failing(wanted: FailOn | None, settings: Severity) -> FailOn:
-    """Return the least severity that fails a command: what was asked for, else what the project's settings say."""
+    """Return the least severity that fails a command: the requested one, otherwise that of the project's settings."""
     return FailOn(settings.value) if wanted is None else wanted
 
 
 def measuring(wanted: bool) -> Timings:
-    """Return what measures the stages of a command, if that is wanted."""
+    """Return the timings of a command, which measure only if that is wanted."""
     import time
 
     from codra_dsl.workspace.timings import UNTIMED, Timings
 
-    return Timings(time.perf_counter) if wanted else UNTIMED  # noqa: TID251  it is handed on as an argument
+    return Timings(time.perf_counter) if wanted else UNTIMED  # noqa: TID251  passed on as an argument
 
 
 def counted(diagnostics: Sequence[Diagnostic]) -> str:
-    """Return how many findings there are."""
+    """Return the numbers of errors and warnings as text."""
     from codra_dsl.language.diagnostics import has_errors
 
-    errors = sum(has_errors([found]) for found in diagnostics)
+    errors = sum(has_errors([diagnostic]) for diagnostic in diagnostics)
     numbers = ((errors, "error"), (len(diagnostics) - errors, "warning"))
-    told = [f"{number} {noun}{'' if number == 1 else 's'}" for number, noun in numbers if number]
-    return ", ".join(told) or "no findings"
+    counts = [f"{number} {noun}{'' if number == 1 else 's'}" for number, noun in numbers if number]
+    return ", ".join(counts) or "no findings"
 
 
 def say(text: str) -> None:
-    """Write about progress to standard error, after what was written as a result."""
+    """Write a message about progress to standard error, after flushing standard output."""
     sys.stdout.flush()
     print(text, file=sys.stderr)
 
 
 def write_result(result: str | bytes, output: Path | None = None) -> None:
-    """Write a result to standard output, or to the file that was asked for; bytes are written as they are."""
+    """Write a result to standard output, or to the requested file; bytes are written as they are."""
     encoding = sys.stdout.encoding if output is None else "utf-8"
     data = result.encode(encoding, errors="backslashreplace") if isinstance(result, str) else result
     try:
@@ -256,7 +256,7 @@ def write_result(result: str | bytes, output: Path | None = None) -> None:
             output.write_bytes(data)
             return
         sys.stdout.flush()
-        # In pieces: with PYTHONUNBUFFERED a single write to a reader that has gone would be cut off without an error.
+        # In pieces: with PYTHONUNBUFFERED, a single write to a closed pipe would be cut off without an error.
         for start in range(0, len(data), _PIECE):
             sys.stdout.buffer.write(data[start : start + _PIECE])
         sys.stdout.buffer.flush()
@@ -265,31 +265,31 @@ def write_result(result: str | bytes, output: Path | None = None) -> None:
     except OSError as error:
         if output is not None:
             raise typer.BadParameter(f"cannot write '{output}': {error.strerror}", param_hint="--output") from error
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # for what Python flushes as it ends
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # Python flushes it at exit
         print(f"codra: cannot write to standard output: {error.strerror}", file=sys.stderr)
         raise typer.Exit(ExitCode.FAILED) from error
 
 
 def existing(paths: Iterable[Path]) -> list[Path]:
-    """Return paths without `..`; those that do not exist or cannot be reached are a mistake of usage."""
+    """Return paths without `..`; a path that does not exist or cannot be reached is a usage error."""
     from codra_dsl.language.project import straight
 
-    found: list[Path] = []
+    checked: list[Path] = []
     for path in paths:
         try:
             path.stat()
-            found.append(straight(path))
+            checked.append(straight(path))
         except FileNotFoundError as error:
             alone = ": standard input is read alone" if path == Path(STANDARD_INPUT) else ""
             raise typer.BadParameter(f"'{path}' does not exist{alone}", param_hint="PATH") from error
         except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or "no such path is possible"
             raise typer.BadParameter(f"'{path}' cannot be reached: {reason}", param_hint="PATH") from error
-    return found
+    return checked
 
 
 def common_root(paths: Sequence[Path]) -> Path:
-    """Return the folder that all paths in output are relative to; specs of several projects are a mistake of usage."""
+    """Return the folder to which all paths in output are relative; specs of several projects are a usage error."""
     from codra_dsl.language.project import root_of
 
     roots = sorted({root_of(path) for path in paths})
@@ -309,7 +309,7 @@ def one_plan(path: Path, root: Path, colour: Colour) -> BuildPlan:
         write_result(View(root=root, format=Format.FULL, colour=colour).rendered(planned.diagnostics, sys.stdout))
         say(counted(planned.diagnostics))
     if len(planned.plans) > 1:
-        raise typer.BadParameter(f"'{path}' holds {len(planned.plans)} specs: name one", param_hint="SPEC")
+        raise typer.BadParameter(f"'{path}' has {len(planned.plans)} specs: name one", param_hint="SPEC")
     if not planned.plans:
         raise typer.Exit(ExitCode.FAILED)
     return planned.plans[0]

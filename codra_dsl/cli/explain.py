@@ -1,4 +1,4 @@
-"""`codra explain`: what a finding means, with a spec that has it and the same spec mended."""
+"""`codra explain`: the meaning of a finding, with a spec that has it and the same spec corrected."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def explain_command(
     *,
     format_: Annotated[PageFormat, typer.Option("--format", help="How pages are shown.")] = PageFormat.TEXT,
 ) -> None:
-    """Say what a finding means, with an example and its cure."""
+    """Explain a finding, with an example and its correction."""
     from codra_dsl.tooling.report.explain import all_pages, as_object, as_text, list_as_markdown, list_as_text
 
     pages = list(_pages(codes) if codes else all_pages())
@@ -49,16 +49,16 @@ def explain_command(
     write_result(text)
 
 
-def _pages(asked: list[str]) -> Iterator[Page]:
-    """Yield the pages that are asked for, each once; what there is no page about is a mistake of usage."""
+def _pages(wanted: list[str]) -> Iterator[Page]:
+    """Yield the requested pages without duplicates; an unknown name is a usage error."""
     from codra_dsl.tooling.report.explain import all_rules, code_of, page_of
     from codra_dsl.tooling.report.findings import visible
     from codra_dsl.workspace.suppression.rules import nearest_code
 
-    for each in dict.fromkeys(code_of(each) or each for each in asked):
-        page = page_of(each)
+    for code in dict.fromkeys(code_of(name) or name for name in wanted):
+        page = page_of(code)
         if page is None:
-            near = nearest_code(each)
+            near = nearest_code(code)
             help = f"did you mean {near} ({all_rules()[near].name})?" if near else "'codra explain' lists all"
-            raise typer.BadParameter(f"there is no finding '{visible(each)}': {help}", param_hint="CODE")
+            raise typer.BadParameter(f"there is no finding '{visible(code)}': {help}", param_hint="CODE")
         yield page

@@ -1,4 +1,4 @@
-"""`codra graph`: how skills, variables, algorithms and observers depend on each other."""
+"""`codra graph`: the dependencies between skills, variables, algorithms and observers."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ if TYPE_CHECKING:
 
 if TYPE_CHECKING:
     FormatName = str
-else:  # Typer shows the members of an enum as choices; type checkers know no enum with computed members
+else:  # Typer shows the members of an enum as choices; type checkers do not know enums with computed members
     FormatName = StrEnum("FormatName", {name: name for name in FORMATS})
 
 GraphFormatOption = Annotated[
     FormatName | None,
     typer.Option(
         "--format",
-        help=f"How the graph is shown.  [default: what the ending of FILE says, else {DEFAULT.name}]",
+        help=f"How the graph is shown.  [default: by the ending of FILE, else {DEFAULT.name}]",
         show_default=False,
     ),
 ]
@@ -92,13 +92,13 @@ def _format_of(output: Path | None) -> GraphFormat:
     by_ending = formats_by_ending()
     graph_format = by_ending.get(output.suffix.lower())
     if graph_format is None:
-        message = f"no form of a graph ends in '{output.suffix}': say --format, or take one of {', '.join(by_ending)}"
+        message = f"no graph format has the ending '{output.suffix}': use --format, or one of {', '.join(by_ending)}"
         raise typer.BadParameter(message, param_hint="--output")
     return graph_format
 
 
 def _selected(graph: Graph, wanted: Sequence[str], unwanted: Sequence[str]) -> Graph:
-    """Return the part of a graph that selectors mean; one that means nothing is a mistake of usage."""
+    """Return the part of a graph that selectors match; a selector without a match is a usage error."""
     from codra_dsl.tooling.selection import SelectorError, select
 
     if not wanted and not unwanted:

@@ -1,4 +1,4 @@
-"""`codra init`: a new project, beside what is there already."""
+"""`codra init`: a new project, beside existing files."""
 
 from __future__ import annotations
 
@@ -12,20 +12,21 @@ from codra_dsl.cli.console import ExitCode, say, write_result
 
 Folder = Annotated[
     Path,
-    typer.Argument(metavar="DIR", help="Where the project goes; made if missing.  [default: here]", show_default=False),
+    typer.Argument(metavar="DIR", help="The project's folder, created if missing.  [default: .]", show_default=False),
 ]
 Name = Annotated[
-    str | None, typer.Option("--name", metavar="NAME", help="Of the spec.  [default: the folder's]", show_default=False)
+    str | None,
+    typer.Option("--name", metavar="NAME", help="The spec's name.  [default: the folder's]", show_default=False),
 ]
 
 
 def init_command(folder: Folder = Path(), *, name: Name = None) -> None:
-    """Start a project which lints, compiles and runs its tests at once. Nothing that is there is touched."""
+    """Start a project that passes lint, compiles and runs its tests. Existing files are not changed."""
     from codra_dsl.tooling.scaffold import conflicts, installed_requirement, starter_texts, write_new
 
     chosen = _chosen(folder, name)
     if folder.exists() and not folder.is_dir():
-        raise typer.BadParameter(f"'{folder}' is no folder", param_hint="DIR")
+        raise typer.BadParameter(f"'{folder}' is not a folder", param_hint="DIR")
     texts = starter_texts(chosen, installed_requirement())
     taken = conflicts(texts, folder)
     if taken:
@@ -50,17 +51,17 @@ def _chosen(folder: Path, name: str | None) -> str:
 
 
 def _refuse(taken: tuple[str, ...], folder: Path, name: str) -> None:
-    say("codra: nothing was written, because these are there already:")
+    say("codra: nothing was written, because these files exist already:")
     for path in taken:
         say(f"  {path}")
-    say(f"help: move them away, or start in a folder of its own, such as: codra init {shlex.quote(str(folder / name))}")
+    say(f"help: move them away, or start in a separate folder, such as: codra init {shlex.quote(str(folder / name))}")
     raise typer.Exit(ExitCode.FAILED)
 
 
 def _next_commands(folder: Path, name: str) -> str:
-    there = [f"cd {shlex.quote(str(folder))}"] if folder.resolve() != Path.cwd() else []
+    change_folder = [f"cd {shlex.quote(str(folder))}"] if folder.resolve() != Path.cwd() else []
     commands = [
-        *there,
+        *change_folder,
         "pip install -r requirements.txt",
         "codra lint specs --fail-on warning",
         "codra compile specs",
@@ -71,8 +72,8 @@ def _next_commands(folder: Path, name: str) -> str:
 
 
 def _warn_of_repository(folder: Path) -> None:
-    """Say what is read only at the root of a git repository, where the project lies deeper."""
+    """Warn about files that git tools read only at the root of a repository, if the project lies deeper."""
     start = folder.resolve()
     if (start / ".git").exists() or not any((above / ".git").exists() for above in start.parents):
         return
-    say("The repository begins further up: it is there that .github/ and .pre-commit-config.yaml are read.")
+    say("The root of the repository is further up: .github/ and .pre-commit-config.yaml are read only there.")

@@ -1,4 +1,4 @@
-"""`codra journal`: what can be done with the journal of a run."""
+"""`codra journal`: commands for the journal of a run."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ Whats = Annotated[
     typer.Option(
         "--what",
         metavar="WHAT",
-        help="Only what happened like this, e.g. fell_back; may be repeated.",
+        help="Only events in which this happened, e.g. fell_back; may be repeated.",
         show_default=False,
     ),
 ]
@@ -62,12 +62,12 @@ journal_commands = typer.Typer(
 
 @journal_commands.callback()
 def _journal() -> None:
-    """Show the journal of a run, or mend that of one that was killed."""
+    """Show the journal of a run, or repair the journal of a run that was killed."""
 
 
 @journal_commands.command("recover")
 def recover_command(file: JournalFile, *, output: Target = None) -> None:
-    """Write a whole journal with all that a torn one holds, and say what is lost; the torn one stays as it is."""
+    """Write a complete journal with everything that a damaged one holds, and report losses; the damaged one is kept."""
     from codra_dsl.runtime.journal.reader import JournalError
     from codra_dsl.runtime.journal.recovery import recover
 
@@ -76,28 +76,28 @@ def recover_command(file: JournalFile, *, output: Target = None) -> None:
     if target.resolve() == file.resolve():
         raise typer.BadParameter(f"'{target}' is the journal itself", param_hint="--output")
     try:
-        found = recover(file, target)
+        recovery = recover(file, target)
     except JournalError as error:
         say(f"codra: {error}")
         raise typer.Exit(ExitCode.FAILED) from error
     except OSError as error:
         say(f"codra: cannot read '{file}' or write '{target}': {error.strerror or error}")
         raise typer.Exit(ExitCode.FAILED) from error
-    write_result(f"{target}: {_told(found)}\n")
+    write_result(f"{target}: {_report(recovery)}\n")
 
 
 @journal_commands.command("show")
 def show_command(file: JournalFile, *, kind: Kinds = None, about: About = None, what: Whats = None) -> None:
-    """Print the events of a journal, one a line: the instant, what it is about, what happened, and the details."""
-    from codra_dsl.cli.journals import opened_journal, say_what_lacks
+    """Print the events of a journal, one a line: instant, subject, what happened, and details."""
+    from codra_dsl.cli.journals import opened_journal, say_damage
     from codra_dsl.runtime.journal import Kind
 
     existing([file])
-    names = [str(each) for each in Kind]
-    unknown = next((each for each in kind or () if each not in names), None)
+    names = [str(event_kind) for event_kind in Kind]
+    unknown = next((name for name in kind or () if name not in names), None)
     if unknown is not None:
-        raise typer.BadParameter(f"'{unknown}' is none of {', '.join(names)}", param_hint="--kind")
-    wanted = frozenset(kind or (each for each in names if each != Kind.INPUT))
+        raise typer.BadParameter(f"'{unknown}' is not a kind; choose from {', '.join(names)}", param_hint="--kind")
+    wanted = frozenset(kind or (name for name in names if name != Kind.INPUT))
     with opened_journal(file) as reader:
         end_s, lines = reader.header().start_s, list[str]()
         for event in reader.events():
@@ -112,7 +112,7 @@ def show_command(file: JournalFile, *, kind: Kinds = None, about: About = None, 
                 write_result("".join(lines))
                 lines.clear()
         write_result("".join(lines))
-        say_what_lacks(reader, end_s)
+        say_damage(reader, end_s)
 
 
 def _line(event: Event) -> str:
@@ -123,20 +123,20 @@ def _line(event: Event) -> str:
     return f"{instant(event.instant_s)}  {event.kind} {event.name} {event.what}  {json_text(details)}\n"
 
 
-def _told(found: Recovery) -> str:
+def _report(recovery: Recovery) -> str:
     from codra_dsl.runtime.why.values import instant
 
-    damage = found.damage
-    lines = [f"{found.messages} messages from {instant(found.from_s)} to {instant(found.to_s)}"]
+    damage = recovery.damage
+    lines = [f"{recovery.messages} messages from {instant(recovery.from_s)} to {instant(recovery.to_s)}"]
     if not damage.is_torn and not damage.unread:
-        lines.append("the journal was whole: nothing was lost")
+        lines.append("the journal was complete: nothing was lost")
     if damage.regained:
-        lines.append(f"{damage.regained} of them stood in no chunk yet")
+        lines.append(f"{damage.regained} of them were not yet in a chunk")
     lines.extend(f"cannot be read: {part}" for part in damage.unread)
     if damage.unread and damage.lost:
         lines.append(f"lost: {damage.lost} messages between others")
-    if found.is_live:
-        lines.append("its program still writes it: this is what it held so far")
+    if recovery.is_live:
+        lines.append("its program is still writing it: this is its content so far")
     elif damage.is_torn:
         lines.append("lost at the end: at most the message that was being written")
     return "\n  ".join(lines)

@@ -1,4 +1,4 @@
-"""What commands share that read the journal of a run."""
+"""Functions that the commands for journals share."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @contextmanager
 def opened_journal(path: Path) -> Iterator[JournalReader]:
-    """Open a journal; fail if it is none, or cannot be read."""
+    """Open a journal; fail if it is not a journal or cannot be read."""
     from codra_dsl.runtime.journal.reader import JournalError, JournalReader
 
     try:
@@ -33,8 +33,8 @@ def opened_journal(path: Path) -> Iterator[JournalReader]:
         raise typer.Exit(ExitCode.FAILED) from error
 
 
-def say_what_lacks(reader: JournalReader, end_s: float) -> None:
-    """Say what a journal lacks that has been read up to an instant."""
+def say_damage(reader: JournalReader, end_s: float) -> None:
+    """Report the damage of a journal that has been read up to an instant."""
     from codra_dsl.runtime.why.values import instant
 
     if reader.damage.is_torn:

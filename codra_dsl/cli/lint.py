@@ -1,4 +1,4 @@
-"""`codra lint`: all findings about some specs, and the fixes that a tool may make by itself."""
+"""`codra lint`: all findings about some specs, and their safe fixes."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 Fix = Annotated[
     bool,
-    typer.Option("--fix", help="Apply safe fixes, then show what is left; with - write the text to standard output."),
+    typer.Option("--fix", help="Apply safe fixes, then show the rest; with -, write the text to standard output."),
 ]
 Diff = Annotated[bool, typer.Option("--diff", help="Show what --fix would change, and write nothing.")]
 
@@ -48,7 +48,7 @@ def lint_command(
     timings: ShowTimings = False,
     color: ColourOption = Colour.AUTO,
 ) -> None:
-    """Check specs. Nothing that they name is imported or run, and nothing is written but fixes, FILE and the cache."""
+    """Check specs. No code that they name is imported or run; only fixes, FILE and the cache are written."""
     from codra_dsl.cli.fixes import work_on_files, work_on_standard_input
     from codra_dsl.workspace.cache import cache_of
 
@@ -74,7 +74,7 @@ def lint_command(
 
 
 def _run(work: Work, cache: Cache | None) -> Run:
-    """Return what is found in the specs: as an earlier run found it, if nothing has changed since."""
+    """Return the findings about the specs: those of an earlier run, if nothing has changed since."""
     run = None if cache is None else cache.recall()
     if run is None:
         run = work.plan({}).as_run()
@@ -84,31 +84,31 @@ def _run(work: Work, cache: Cache | None) -> Run:
 
 
 def _show_diff(work: Work, output: Path | None) -> ExitCode:
-    """Show what would be fixed; that something would be is a failure, so that CI can ask."""
+    """Show what would be fixed; if there is anything, the exit code is that of a failure, for use in CI."""
     from codra_dsl.cli.fixes import fix
 
-    outcome = fix(work, write=False)
-    diff = outcome.diff()
+    result = fix(work, write=False)
+    diff = result.diff()
     shown = diff if output is not None else for_log(diff)
-    write_result(shown.encode(), output)  # whatever the terminal's encoding is: a patch is bytes
-    say(f"would fix {outcome.number}; {counted(outcome.diagnostics)} left{work.fixable(outcome.diagnostics)[1]}")
+    write_result(shown.encode(), output)  # a patch is bytes, independent of the terminal's encoding
+    say(f"would fix {result.number}; {counted(result.diagnostics)} left{work.fixable(result.diagnostics)[1]}")
     return ExitCode.FAILED if diff else ExitCode.CLEAN
 
 
 def _fix(work: Work, view: View, fail_on: FailOnOption, output: Path | None) -> ExitCode:
-    """Fix what can be fixed and show what is left: on standard error where standard output gets the fixed text."""
+    """Fix what can be fixed and show the rest: on standard error if standard output gets the fixed text."""
     from codra_dsl.cli.fixes import fix
 
-    outcome = fix(work, write=True)
-    found, limit = outcome.diagnostics, failing(fail_on, outcome.planned.settings.fail_on)
+    result = fix(work, write=True)
+    findings, limit = result.diagnostics, failing(fail_on, result.planned.settings.fail_on)
     view = replace(view, fail_on=limit)
     if work.data is None:
-        view.show(found, outcome.planned.specs, output)
+        view.show(findings, result.planned.specs, output)
     else:
-        data = outcome.after.get(STANDARD_INPUT, work.data)
+        data = result.after.get(STANDARD_INPUT, work.data)
         write_result(data, output)
-        left = replace(view, text=data.decode("utf-8", errors="replace")).rendered(found, sys.stderr)
+        left = replace(view, text=data.decode("utf-8", errors="replace")).rendered(findings, sys.stderr)
         sys.stderr.write(left)
-    say(f"fixed {outcome.number}; {counted(found)} left{work.fixable(found)[1]}")
-    view.point_to_pages(found)
-    return ExitCode.FAILED if fails(found, limit) else ExitCode.CLEAN
+    say(f"fixed {result.number}; {counted(findings)} left{work.fixable(findings)[1]}")
+    view.point_to_pages(findings)
+    return ExitCode.FAILED if fails(findings, limit) else ExitCode.CLEAN

@@ -16,13 +16,13 @@ __all__ = [
 
 Specs = Annotated[
     list[Path],
-    typer.Argument(metavar="PATH", help="Spec files, or folders whose specs are all taken.", show_default=False),
+    typer.Argument(metavar="PATH", help="Spec files, or folders with specs.", show_default=False),
 ]
 SpecsOrText = Annotated[
     list[Path],
     typer.Argument(
         metavar="PATH",
-        help="Spec files, or folders whose specs are all taken; - reads one spec from standard input.",
+        help="Spec files, or folders with specs; - reads one spec from standard input.",
         show_default=False,
         allow_dash=True,
     ),
@@ -31,7 +31,7 @@ FindingsFormat = Annotated[
     Format | None,
     typer.Option(
         "--format",
-        help="How findings are shown.  [default: full; github where GITHUB_ACTIONS is true and there is no --output]",
+        help="How findings are shown.  [default: full; github if GITHUB_ACTIONS is true and there is no --output]",
         show_default=False,
     ),
 ]
@@ -44,7 +44,7 @@ FailOnOption = Annotated[
     ),
 ]
 NoCache = Annotated[
-    bool, typer.Option("--no-cache", help="Neither use nor keep what earlier runs came to (.codra_cache).")
+    bool, typer.Option("--no-cache", help="Neither use nor store the results of earlier runs (.codra_cache).")
 ]
 ShowTimings = Annotated[
     bool, typer.Option("--timings", help="Show on standard error how long each stage took, without the cache.")
@@ -53,15 +53,15 @@ ColourOption = Annotated[Colour, typer.Option("--color", help="When to colour; N
 
 
 def _writable(output: Path | None) -> Path | None:
-    """Refuse what cannot be written before any work is done, and a spec: in the wrong place its path would end it."""
+    """Refuse paths that cannot be written, before any work is done, and specs, which would be overwritten."""
     if output is None:
         return None
     if output.suffix in (".yaml", ".yml") and output.exists():
-        raise typer.BadParameter(f"'{output}' is there and may be a spec: choose a name with another ending")
+        raise typer.BadParameter(f"'{output}' exists and may be a spec: choose a name with another ending")
     if output.is_dir():
         raise typer.BadParameter(f"'{output}' is a folder: name a file")
     if not output.parent.is_dir():
-        raise typer.BadParameter(f"there is no folder '{output.parent}'")
+        raise typer.BadParameter(f"the folder '{output.parent}' does not exist")
     if not os.access(output if output.exists() else output.parent, os.W_OK):
         raise typer.BadParameter(f"'{output}' cannot be written: check its permissions")
     return output

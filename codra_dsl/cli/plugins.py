@@ -1,6 +1,6 @@
 """Commands and worlds of other distributions, found by their entry points.
 
-A command is a function that typer takes, or a `typer.Typer`, in the entry-point group `codra.commands`. Plug-ins are
+A command is a function that typer accepts, or a `typer.Typer`, in the entry-point group `codra.commands`. Plug-ins are
 listed without being imported.
 """
 
@@ -27,15 +27,15 @@ PAPERS = "codra-papers"
 
 
 def plugins(group: str) -> Mapping[str, EntryPoint]:
-    """Return the entry points of a group by name, sorted; of several with one name, the first on the path."""
-    found: dict[str, EntryPoint] = {}
+    """Return the entry points of a group by name, sorted; of entry points with one name, the first on the path."""
+    by_name: dict[str, EntryPoint] = {}
     for entry_point in entry_points(group=group):
-        found.setdefault(entry_point.name, entry_point)
-    return dict(sorted(found.items()))
+        by_name.setdefault(entry_point.name, entry_point)
+    return dict(sorted(by_name.items()))
 
 
 def load_plugin(entry_point: EntryPoint) -> Any:
-    """Import a plug-in and return what its entry point names; if that fails, say so in one line and exit."""
+    """Import a plug-in and return the object that its entry point names; on failure, print one line and exit."""
     kind = "command" if entry_point.group == COMMANDS else "world"
     try:
         return entry_point.load()
@@ -58,7 +58,7 @@ class PluginGroup(TyperGroup):
         return [*own, *(name for name in plugins(COMMANDS) if name not in own)]
 
     def get_command(self, ctx: Context, cmd_name: str) -> Command | None:
-        """Return a command by its name; one of another distribution is imported when it is run."""
+        """Return a command by its name; a command of another distribution is imported when it is run."""
         own = super().get_command(ctx, cmd_name)
         if own is not None:
             return own

@@ -1,4 +1,4 @@
-"""`codra replay`: the variables and decisions of a run, derived anew from the evidence in its journal."""
+"""`codra replay`: derive the variables and decisions of a run again from the evidence in its journal."""
 
 from __future__ import annotations
 
@@ -35,21 +35,19 @@ Package = Annotated[
 ]
 SpecOption = Annotated[
     Path | None,
-    typer.Option("--spec", metavar="SPEC", help="Compile this spec and take that instead.", show_default=False),
+    typer.Option("--spec", metavar="SPEC", help="Compile this spec and use its package.", show_default=False),
 ]
 Dsr = Annotated[
     Path | None,
-    typer.Option(
-        "--dsr", metavar="FILE", help="The graph of DSR with which the run began, as JSON.", show_default=False
-    ),
+    typer.Option("--dsr", metavar="FILE", help="The DSR graph with which the run began, as JSON.", show_default=False),
 ]
 UnitM = Annotated[
     float,
-    typer.Option("--dsr-unit-m", metavar="METRES", help="How many metres the unit of its translations is.", min=0.0),
+    typer.Option("--dsr-unit-m", metavar="METRES", help="The unit of its translations, in metres.", min=0.0),
 ]
 Copy = Annotated[
     Path | None,
-    typer.Option("--journal", metavar="FILE", help="Write what is derived as a journal.", show_default=False),
+    typer.Option("--journal", metavar="FILE", help="Write the derived events as a journal.", show_default=False),
 ]
 
 _MOST_CHANGES = 5
@@ -64,8 +62,8 @@ def replay_command(
     dsr_unit_m: UnitM = 0.001,
     journal: Copy = None,
 ) -> None:
-    """Derive variables and decisions anew from evidence. They are compared with those of the journal."""
-    from codra_dsl.cli.journals import opened_journal, say_what_lacks
+    """Derive variables and decisions again from evidence. They are compared with those of the journal."""
+    from codra_dsl.cli.journals import opened_journal, say_damage
 
     existing([path for path in (file, package, spec, dsr) if path is not None])
     if package is not None and spec is not None:
@@ -74,11 +72,11 @@ def replay_command(
         raise typer.BadParameter(f"'{journal}' is the journal itself", param_hint="--journal")
     with opened_journal(file) as reader:
         header, events = reader.header(), tuple(reader.events())
-        say_what_lacks(reader, events[-1].instant_s if events else header.start_s)
+        say_damage(reader, events[-1].instant_s if events else header.start_s)
     begin = _as_declared if dsr is None else partial(_begun_with, dsr, dsr_unit_m)
-    found = _replayed(header, events, package, spec, begin, journal)
-    write_result(_told(found, header))
-    raise typer.Exit(ExitCode.CLEAN if found.difference is None else ExitCode.FAILED)
+    result = _replayed(header, events, package, spec, begin, journal)
+    write_result(_report(result, header))
+    raise typer.Exit(ExitCode.CLEAN if result.difference is None else ExitCode.FAILED)
 
 
 def _opened(path: Path | None) -> Journal | None:
@@ -95,18 +93,18 @@ def _as_declared(knowledge: KnowledgeModel | None) -> KnowledgeModel | None:
 
 
 def _begun_with(dsr: Path, unit_m: float, knowledge: KnowledgeModel | None) -> KnowledgeModel:
-    """Return what a spec says of knowledge, with what is there from the start by a file of DSR."""
+    """Return the knowledge that a spec declares, with the initial graph from a DSR file."""
     from codra_dsl.runtime.knowledge.exchange import ExchangeError, import_dsr, read_dsr
 
     if knowledge is None:
-        raise typer.BadParameter("the spec says nothing of knowledge", param_hint="--dsr")
+        raise typer.BadParameter("the spec declares no knowledge", param_hint="--dsr")
     try:
         return import_dsr(knowledge, read_dsr(dsr), unit_m=unit_m).model
     except (ExchangeError, OSError) as error:
         raise typer.BadParameter(str(error), param_hint="--dsr") from error
 
 
-def _replayed(  # noqa: PLR0917 - what the command was given
+def _replayed(  # noqa: PLR0917 - the arguments of the command
     header: RunHeader,
     events: tuple[Event, ...],
     package: Path | None,
@@ -122,11 +120,11 @@ def _replayed(  # noqa: PLR0917 - what the command was given
         folder = _compiled(spec, Path(made)) if spec is not None else package or _default(header)
         try:
             module = load_package(folder)
-            module.MODEL  # noqa: B018 - a package has one
+            module.MODEL  # noqa: B018 - every package has one
         except Exception as error:
-            say(f"codra: '{folder}' is no package of codra that can be loaded: {type(error).__name__}: {error}")
+            say(f"codra: '{folder}' is not a package of codra that can be loaded: {type(error).__name__}: {error}")
             raise typer.Exit(ExitCode.FAILED) from error
-        _tell_versions(header, folder)
+        _say_versions(header, folder)
         try:
             knowledge = begin(getattr(module, "KNOWLEDGE", None))
             return _run(header, events, module, knowledge, _opened(journal))
@@ -139,8 +137,12 @@ def _manager_class(module: ModuleType) -> Build:
     """Return the class of a package's context manager."""
     from codra_dsl.runtime import ContextManager
 
-    classes = [each for each in vars(module).values() if isinstance(each, type) and issubclass(each, ContextManager)]
-    return next((each for each in classes if each is not ContextManager), ContextManager)
+    classes = [
+        manager
+        for manager in vars(module).values()
+        if isinstance(manager, type) and issubclass(manager, ContextManager)
+    ]
+    return next((manager for manager in classes if manager is not ContextManager), ContextManager)
 
 
 def _run(
@@ -152,10 +154,10 @@ def _run(
 ) -> Replayed:
     from codra_dsl.runtime.replay import replay
 
-    found = replay(header, events, module.MODEL, _manager_class(module), copy, knowledge)
+    result = replay(header, events, module.MODEL, _manager_class(module), copy, knowledge)
     if copy is not None and copy.failure is not None:
-        say(f"codra: '{copy.path}' is not whole: {copy.failure}")
-    return found
+        say(f"codra: '{copy.path}' is incomplete: {copy.failure}")
+    return result
 
 
 def _default(header: RunHeader) -> Path:
@@ -167,21 +169,21 @@ def _default(header: RunHeader) -> Path:
     from codra_dsl.language.project import root_of
 
     if not (header.spec.isascii() and header.spec.isidentifier()):
-        message = f"the journal names its spec {header.spec[:60]!r}, which is not a name: state --package or --spec"
+        message = f"the journal names its spec {header.spec[:60]!r}, which is not a name: use --package or --spec"
         raise typer.BadParameter(message, param_hint="FILE")
     root = root_of(Path.cwd()).resolve()
     folder = root / "generated" / header.spec
     if not folder.resolve().is_relative_to(root):
-        message = f"the package '{folder}' is a link out of the project: state --package to run it"
+        message = f"the package '{folder}' is a link out of the project: use --package to run it"
         raise typer.BadParameter(message, param_hint="FILE")
     if not (folder / "manifest.json").is_file():
-        message = f"there is no package '{folder}' of '{header.spec}': say where with --package or --spec"
+        message = f"there is no package '{folder}' of '{header.spec}': give it with --package or --spec"
         raise typer.BadParameter(message, param_hint="FILE")
     return folder
 
 
 def _compiled(spec: Path, made: Path) -> Path:
-    """Compile a spec into a folder of this run; return the package."""
+    """Compile a spec into a temporary folder and return the package."""
     from codra_dsl.compiler import plan_paths
     from codra_dsl.generation.emit import emit
 
@@ -196,46 +198,46 @@ def _compiled(spec: Path, made: Path) -> Path:
     return made / planned.plans[0].name
 
 
-def _tell_versions(header: RunHeader, folder: Path) -> None:
+def _say_versions(header: RunHeader, folder: Path) -> None:
     from codra_dsl import __version__
     from codra_dsl.runtime.context.package_files import manifest_of
 
     manifest = manifest_of(folder)
     if manifest.get("name") != header.spec:
-        say(f"codra: the journal is of '{header.spec}', the package of '{manifest.get('name')}'")
+        say(f"codra: the journal is about '{header.spec}', but the package is '{manifest.get('name')}'")
     elif manifest.get("model") != header.model:
-        say(f"codra: the package says something else than what ran (model {header.model[:19]}...): it may differ")
+        say(f"codra: the package differs from the one that ran (model {header.model[:19]}...): results may differ")
     if header.codra != __version__:
-        say(f"codra: codra {header.codra} ran it, and this is {__version__}")
+        say(f"codra: the run used codra {header.codra}, but this is {__version__}")
 
 
-def _told(found: Replayed, header: RunHeader) -> str:
-    counts = Counter(found.derived)
+def _report(result: Replayed, header: RunHeader) -> str:
+    counts = Counter(result.derived)
     derived = ", ".join(f"{number} of kind {kind}" for kind, number in sorted(counts.items()))
-    absent = "".join(f"not compared, because the journal holds none: {kind}\n" for kind in found.absent)
-    if found.difference is None:
-        return f"equal: {found.compared} events\nderived: {derived}\n{absent}"
-    return _difference(found.difference, header) + absent
+    absent = "".join(f"not compared, because the journal has no such events: {kind}\n" for kind in result.absent)
+    if result.difference is None:
+        return f"equal: {result.compared} events\nderived: {derived}\n{absent}"
+    return _difference(result.difference, header) + absent
 
 
-def _difference(found: Difference, header: RunHeader) -> str:
+def _difference(difference: Difference, header: RunHeader) -> str:
     from codra_dsl.runtime.why.values import instant
 
-    event = found.recorded or found.replayed
+    event = difference.recorded or difference.replayed
     if event is None:
         return ""
     place = _place(event, header.summary)
     lines = [
-        f"differs at event {found.position}, {instant(event.instant_s)}: {event.kind} {event.name}"
+        f"differs at event {difference.position}, {instant(event.instant_s)}: {event.kind} {event.name}"
         f"{_for_variables(event, header.summary)}{f'  [{place}]' if place else ''}",
-        f"  journal: {_line(found.recorded)}",
-        f"  replay:  {_line(found.replayed)}",
+        f"  journal: {_line(difference.recorded)}",
+        f"  replay:  {_line(difference.replayed)}",
     ]
-    if found.because:
-        lines.append(f"  it goes on no further: {found.because}")
-    lines.extend(f"  the spec says otherwise: {change}" for change in found.changes[:_MOST_CHANGES])
-    if len(found.changes) > _MOST_CHANGES:
-        lines.append(f"  and {len(found.changes) - _MOST_CHANGES} more changes, farther away")
+    if difference.because:
+        lines.append(f"  the comparison ends here: {difference.because}")
+    lines.extend(f"  the spec differs: {change}" for change in difference.changes[:_MOST_CHANGES])
+    if len(difference.changes) > _MOST_CHANGES:
+        lines.append(f"  and {len(difference.changes) - _MOST_CHANGES} more changes, farther away")
     return "".join(f"{line}\n" for line in lines)
 
 
@@ -246,7 +248,7 @@ def _line(event: Event | None) -> str:
 
 
 def _for_variables(event: Event, summary: SpecSummary) -> str:
-    """Return which variables a job is there for."""
+    """Return the variables for which a job runs."""
     from codra_dsl.runtime.journal import Kind
 
     algorithm = summary.algorithms.get(event.name) if event.kind is Kind.JOB else None
@@ -254,7 +256,7 @@ def _for_variables(event: Event, summary: SpecSummary) -> str:
 
 
 def _place(event: Event, summary: SpecSummary) -> Place | None:
-    """Return the place in the spec that an event follows from: that of the rule which gave a value, if one did."""
+    """Return the place in the spec of an event's cause: of the rule that gave a value, if there is one."""
     from codra_dsl.runtime.journal.schemas import place_of
 
     algorithm = summary.algorithms.get(event.details.get("source", ""))

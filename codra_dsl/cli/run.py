@@ -1,4 +1,4 @@
-"""`codra run`: a spec's observers in a world, which another distribution provides."""
+"""`codra run`: run the observers of a spec in a world that another distribution provides."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ WorldOption = Annotated[
     typer.Option(
         "--world",
         metavar="NAME",
-        help="Where to run it; `codra run --world NAME --help` shows the options of that world.  "
+        help="The world to run it in; `codra run --world NAME --help` shows the options of that world.  "
         "[default: lab, or the only world that is installed]",
         show_default=False,
         autocompletion=lambda: list(plugins(WORLDS)),
@@ -34,26 +34,26 @@ WorldOption = Annotated[
 Seed = Annotated[int, typer.Option("--seed", help="The seed of all random choices.")]
 Duration = Annotated[
     str | None,
-    typer.Option("--for", metavar="DURATION", help="How long, e.g. '10 min'.  [default: the world's own]"),
+    typer.Option("--for", metavar="DURATION", help="The duration, e.g. '10 min'.  [default: the world's own]"),
 ]
-PaceOption = Annotated[Pace, typer.Option("--pace", help="Whether simulated or real time passes.")]
+PaceOption = Annotated[Pace, typer.Option("--pace", help="How time passes: simulated and fast, or real.")]
 Out = Annotated[
     Path | None,
-    typer.Option("--out", metavar="DIR", help="Where pictures and records go.  [default: the world's own]"),
+    typer.Option("--out", metavar="DIR", help="The folder for pictures and records.  [default: the world's own]"),
 ]
 JournalOption = Annotated[
     Path | None,
     typer.Option("--journal", metavar="FILE", help="Write the run's journal, an MCAP file.", show_default=False),
 ]
 
-_USUAL_WORLD = "lab"
+_DEFAULT_WORLD = "lab"
 
 
 class RunCommand(TyperCommand):
-    """The command with the options of the world that its arguments name."""
+    """The command `run`, with the options of the world that its arguments name."""
 
     def make_context(self, info_name: str | None, args: list[str], parent: Context | None = None, **extra: Any) -> Any:
-        """Parse the arguments as those of the world; without one, as the options that all worlds share."""
+        """Parse the arguments with the options of the world; without a world, with those that all worlds share."""
         name = _world_in(args)
         entry_point = plugins(WORLDS).get(name or "")
         if name is None or entry_point is None:
@@ -66,7 +66,7 @@ class RunCommand(TyperCommand):
                 raise
             option, near = getattr(error, "option_name", ""), getattr(error, "possibilities", None)
             help_ = f": did you mean {' or '.join(sorted(near))}?" if near else ""
-            message = f"the {name} has no such option{help_}"
+            message = f"the world '{name}' has no such option{help_}"
             raise typer.BadParameter(message, ctx=getattr(error, "ctx", None), param_hint=option) from error
 
 
@@ -82,27 +82,27 @@ def run_command(
     color: ColourOption = Colour.AUTO,
 ) -> None:
     """Run a spec in a simulated world and print the outcome, compared with the ground truth."""
-    del spec, seed, for_, pace, out, journal, color  # no installed world takes them
+    del spec, seed, for_, pace, out, journal, color  # without a world, the arguments are not used
     _refuse(world)
 
 
 def _refuse(world: str | None) -> NoReturn:
-    """End the command, which has no world to run in."""
+    """Exit with an error, because the requested world is not installed or no world was chosen."""
     known = list(plugins(WORLDS))
     if not known:
-        say(f"codra: 'run' needs a world, and none is installed: pip install '{PAPERS}[lab,store]' adds two")
+        say(f"codra: 'run' needs a world, but no world is installed: pip install '{PAPERS}[lab,store]' adds two")
         raise typer.Exit(ExitCode.FAILED)
     if world is None:
-        raise typer.BadParameter(f"there are several worlds: choose one of {', '.join(known)}", param_hint="--world")
+        raise typer.BadParameter(f"several worlds exist: choose one of {', '.join(known)}", param_hint="--world")
     from codra_dsl.language.diagnostics import suggest
 
     near = suggest(world, known)
-    help_ = f"did you mean '{near}'?" if near else f"installed are {', '.join(known)}"
-    raise typer.BadParameter(f"there is no world '{world}': {help_}", param_hint="--world")
+    help_ = f"did you mean '{near}'?" if near else f"the installed worlds are {', '.join(known)}"
+    raise typer.BadParameter(f"the world '{world}' is not installed: {help_}", param_hint="--world")
 
 
 def _world_in(args: Sequence[str]) -> str | None:
-    """Return the world that arguments name, else the usual one; None if there is no usual one."""
+    """Return the world that the arguments name, else the default world; None if there is no default."""
     options = list(args[: args.index("--")] if "--" in args else args)
     for index, option in reversed(list(enumerate(options))):
         if option == "--world" and index + 1 < len(options):
@@ -110,15 +110,15 @@ def _world_in(args: Sequence[str]) -> str | None:
         if option.startswith("--world="):
             return option.removeprefix("--world=")
     known = plugins(WORLDS)
-    return _USUAL_WORLD if _USUAL_WORLD in known else next(iter(known)) if len(known) == 1 else None
+    return _DEFAULT_WORLD if _DEFAULT_WORLD in known else next(iter(known)) if len(known) == 1 else None
 
 
 def _with_options_of(world: World, name: str) -> Callable[..., None]:
-    """Return the function of the command for a world: with the options that all worlds share, and its own."""
+    """Return the command function for a world, with the options that all worlds share and those of the world."""
     _, *own = inspect.signature(world, eval_str=True).parameters.values()
     shared = inspect.signature(run_command, eval_str=True).parameters
     if taken := [parameter.name for parameter in own if parameter.name in shared]:
-        say(f"codra: the world '{name}' declares options that all worlds have: {', '.join(taken)}")
+        say(f"codra: the world '{name}' declares options that all worlds already have: {', '.join(taken)}")
         raise typer.Exit(ExitCode.FAILED)
 
     def command(**given: Any) -> None:
@@ -126,7 +126,7 @@ def _with_options_of(world: World, name: str) -> Callable[..., None]:
         del given["world"]
         world(_request(**given), **options)
 
-    parameters = [*shared.values(), *(each.replace(kind=inspect.Parameter.KEYWORD_ONLY) for each in own)]
+    parameters = [*shared.values(), *(parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY) for parameter in own)]
     command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]  # typer reads it
     command.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
     worlds = f"Installed worlds: {', '.join(plugins(WORLDS))}."
@@ -144,7 +144,7 @@ def _request(
     journal: Path | None,
     color: Colour,
 ) -> RunRequest:
-    """Return what the command line asks for, with the spec compiled as far as its plan."""
+    """Return the run request of the command line, with the build plan of the spec."""
     duration_s = None if for_ is None else _duration_s(for_)
     (spec,) = existing([spec])
     root = common_root([spec])
@@ -158,5 +158,5 @@ def _duration_s(text: str) -> float:
 
     duration_s = parse_duration(text)
     if not isinstance(duration_s, float) or not 0 < duration_s < float("inf"):
-        raise typer.BadParameter(f"'{text}' is no duration such as '90 s' or '10 min'", param_hint="--for")
+        raise typer.BadParameter(f"'{text}' is not a duration such as '90 s' or '10 min'", param_hint="--for")
     return duration_s

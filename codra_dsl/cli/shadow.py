@@ -1,4 +1,4 @@
-"""`codra shadow`: how often context agreed with the perception that it is to replace, from the journal of a run."""
+"""`codra shadow`: how often context agreed with the perception that it is to replace, from a run's journal."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ def shadow_command(
     *,
     format_: Annotated[ShadowFormat, typer.Option("--format", help="How it is shown.")] = ShadowFormat.TEXT,
 ) -> None:
-    """Say how often context agreed with what the robot saw itself, in decisions with `shadow=True`."""
-    from codra_dsl.cli.journals import opened_journal, say_what_lacks
+    """Report how often context agreed with the robot's own perception, in decisions with `shadow=True`."""
+    from codra_dsl.cli.journals import opened_journal, say_damage
     from codra_dsl.runtime.context.shadow import shadow_report
 
     existing([file])
     with opened_journal(file) as reader:
         events = tuple(reader.events())
-        say_what_lacks(reader, events[-1].instant_s if events else reader.header().start_s)
+        say_damage(reader, events[-1].instant_s if events else reader.header().start_s)
     try:
         report = shadow_report(events)
     except (ValueError, LookupError, TypeError, AttributeError) as error:

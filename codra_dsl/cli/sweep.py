@@ -1,4 +1,4 @@
-"""`codra sweep`: what the rules of a spec make of an input over its range, and which rule is behind each switch."""
+"""`codra sweep`: the outputs of a spec's rules over the range of an input, and the rule behind each switch."""
 
 from __future__ import annotations
 
@@ -29,38 +29,36 @@ class SweepFormat(StrEnum):
     SVG = "svg"
 
 
-SpecFile = Annotated[Path, typer.Argument(metavar="SPEC", help="The spec whose rules are asked.", show_default=False)]
+SpecFile = Annotated[Path, typer.Argument(metavar="SPEC", help="The spec with the rules.", show_default=False)]
 Vary = Annotated[
     list[str] | None,
     typer.Option(
         "--vary",
         metavar="NAME[=VALUES]",
-        help="The input that is varied: 'x=0.3..6', 'x=0.3 m..600 cm', 'x=1,2,5', or 'x' for all that it can be; "
-        "two of them give surfaces, as svg.  [default: the inputs are listed]",
+        help="The input that is varied: 'x=0.3..6', 'x=0.3 m..600 cm', 'x=1,2,5', or 'x' for its complete range; "
+        "two of them give surfaces, as svg.  [default: list the inputs]",
         show_default=False,
     ),
 ]
 With = Annotated[
     list[str] | None,
     typer.Option(
-        "--with", metavar="NAME=VALUE", help="What another input is; without it, unknown.", show_default=False
+        "--with", metavar="NAME=VALUE", help="The value of another input; without it, unknown.", show_default=False
     ),
 ]
-Steps = Annotated[int, typer.Option("--steps", min=1, max=1000, help="Between both ends of a range.")]
+Steps = Annotated[int, typer.Option("--steps", min=1, max=1000, help="The number of steps in a range.")]
 Course = Annotated[
     str | None,
     typer.Option(
         "--course",
         metavar="NAME",
-        help="The course whose actions are weighed, of several.",
+        help="The course whose actions are weighed, if there are several.",
         show_default=False,
     ),
 ]
 FormatOption = Annotated[
     SweepFormat | None,
-    typer.Option(
-        "--format", help="How it is shown.  [default: what the ending of FILE says, else text]", show_default=False
-    ),
+    typer.Option("--format", help="How it is shown.  [default: by the ending of FILE, else text]", show_default=False),
 ]
 _MOST_VARIED = 2
 
@@ -76,12 +74,12 @@ def sweep_command(
     output: Output = None,
     color: ColourOption = Colour.AUTO,
 ) -> None:
-    """Vary what fuzzy rules read: where the course switches, by which rule, and whether each metric is monotone."""
-    how = format_ or _asked_by(output)
+    """Vary the inputs of fuzzy rules: where the course switches, by which rule, and whether each metric is monotone."""
+    chosen_format = format_ or _format_of(output)
     (spec,) = existing([spec])
     if len(vary or ()) > _MOST_VARIED:
         raise typer.BadParameter(f"at most {_MOST_VARIED} inputs are varied at once", param_hint="--vary")
-    if len(vary or ()) == _MOST_VARIED and how is not SweepFormat.SVG:
+    if len(vary or ()) == _MOST_VARIED and chosen_format is not SweepFormat.SVG:
         raise typer.BadParameter("two inputs are drawn: add --format svg, or vary one", param_hint="--vary")
     root = common_root([spec])
     plan = one_plan(spec, root, color)
@@ -90,54 +88,60 @@ def sweep_command(
     sys.path.append(str(root))
     with tempfile.TemporaryDirectory(prefix="codra-") as made:
         try:
-            asked = subject(plan, Path(made), course)
+            swept = subject(plan, Path(made), course)
         except SweepError as error:
             raise typer.BadParameter(str(error), param_hint="SPEC" if course is None else "--course") from error
-        write_result(_shown(asked, vary or (), with_ or (), steps, how), output)
+        write_result(_shown(swept, vary or (), with_ or (), steps, chosen_format), output)
 
 
-def _asked_by(output: Path | None) -> SweepFormat:
-    """Return the form that the name of a file asks for."""
+def _format_of(output: Path | None) -> SweepFormat:
+    """Return the format that the ending of a file name chooses; an unknown ending is a usage error."""
     endings = {"": SweepFormat.TEXT, ".txt": SweepFormat.TEXT, ".json": SweepFormat.JSON, ".svg": SweepFormat.SVG}
     ending = "" if output is None else output.suffix.lower()
     if ending not in endings:
-        message = f"no form of a sweep ends in '{ending}': say --format, or take one of .txt, .json, .svg"
+        message = f"no sweep format has the ending '{ending}': use --format, or one of .txt, .json, .svg"
         raise typer.BadParameter(message, param_hint="--output")
     return endings[ending]
 
 
-def _shown(subject: Subject, vary: Sequence[str], said: Sequence[str], steps: int, how: SweepFormat) -> str | bytes:
+def _shown(
+    subject: Subject, vary: Sequence[str], given: Sequence[str], steps: int, sweep_format: SweepFormat
+) -> str | bytes:
     from codra_dsl.integrations.inspection.sweeps import SweepError, held, varied
 
     try:
-        known = held(subject, said)
+        known = held(subject, given)
     except SweepError as error:
         raise typer.BadParameter(str(error), param_hint="--with") from error
     try:
-        inputs = [varied(subject, each, steps) for each in vary]
+        inputs = [varied(subject, text, steps) for text in vary]
     except SweepError as error:
         raise typer.BadParameter(str(error), param_hint="--vary") from error
     for variable, _ in inputs:
-        if known[variable.name] is not None or [each.name for each, _ in inputs].count(variable.name) > 1:
-            message = f"'{variable.name}' is varied: say nothing else of it"
+        if known[variable.name] is not None or [other.name for other, _ in inputs].count(variable.name) > 1:
+            message = f"'{variable.name}' is varied: do not give it a second time"
             raise typer.BadParameter(message, param_hint="--vary")
-    return _drawn(subject, known, inputs, steps) if how is SweepFormat.SVG else _told(subject, known, inputs, how)
+    return (
+        _drawn(subject, known, inputs, steps)
+        if sweep_format is SweepFormat.SVG
+        else _text(subject, known, inputs, sweep_format)
+    )
 
 
-def _told(
+def _text(
     subject: Subject,
     known: dict[str, Value | None],
     inputs: Sequence[tuple[Variable, Sequence[Value]]],
-    how: SweepFormat,
+    sweep_format: SweepFormat,
 ) -> str:
     from codra_dsl.integrations.inspection.sweeps import inputs_json, inputs_text, sweep_json
     from codra_dsl.runtime.loops.sweep import sweep
 
     if not inputs:
-        return inputs_json(subject) if how is SweepFormat.JSON else inputs_text(subject)
+        return inputs_json(subject) if sweep_format is SweepFormat.JSON else inputs_text(subject)
     ((variable, values),) = inputs
-    found = sweep(subject.model, subject.course, known, variable.name, values, unit=variable.type.unit or "")
-    return sweep_json(found) if how is SweepFormat.JSON else f"{found}\n"
+    result = sweep(subject.model, subject.course, known, variable.name, values, unit=variable.type.unit or "")
+    return sweep_json(result) if sweep_format is SweepFormat.JSON else f"{result}\n"
 
 
 def _drawn(
@@ -160,13 +164,13 @@ def _drawn(
         return surfaces_svg(surface(subject.model, subject.course, known, across, up), *axes)
     if inputs:
         ((variable, values),) = inputs
-        found = sweep(subject.model, subject.course, known, variable.name, values, unit=variable.type.unit or "")
-        return sweep_svg(found, axes[0])
-    worded = [name for name in subject.inputs if (terms := subject.terms(name)) is not None and not terms.members]
-    if not worded:
-        say(f"codra: no input of '{subject.name}' has terms of its own: there is nothing to draw without --vary")
+        result = sweep(subject.model, subject.course, known, variable.name, values, unit=variable.type.unit or "")
+        return sweep_svg(result, axes[0])
+    with_terms = [name for name in subject.inputs if (terms := subject.terms(name)) is not None and not terms.members]
+    if not with_terms:
+        say(f"codra: no input of '{subject.name}' has terms of its own: use --vary to draw something")
         raise typer.Exit(ExitCode.FAILED)
-    return memberships_svg([_axis(subject, *varied(subject, name, steps)) for name in worded])
+    return memberships_svg([_axis(subject, *varied(subject, name, steps)) for name in with_terms])
 
 
 def _axis(subject: Subject, variable: Variable, values: Sequence[Value]) -> Axis:

@@ -1,4 +1,4 @@
-"""`codra why`: why a variable was what it was, from the journal of a run."""
+"""`codra why`: why a variable had its value, from the journal of a run."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Variable = Annotated[
     str,
     typer.Argument(
         metavar="VARIABLE",
-        help="The context-variable; of knowledge, a node, 'node.attribute', 'origin -edge-> target', or a task.",
+        help="The context-variable; for knowledge, a node, 'node.attribute', 'origin -edge-> target', or a task.",
         show_default=False,
     ),
 ]
@@ -38,7 +38,7 @@ JournalOption = Annotated[
     typer.Option(
         "--journal",
         metavar="FILE",
-        help="The journal of a run: over, going on, or killed.",
+        help="The journal of a run: finished, still running, or killed.",
         show_default=False,
     ),
 ]
@@ -47,7 +47,7 @@ At = Annotated[
     typer.Option(
         "--at",
         metavar="T",
-        help="The instant: '31.5' or '31.5 s' on the run's clock, '+2 min' from its start, or, of a clock that shows "
+        help="The instant: '31.5' or '31.5 s' on the run's clock, '+2 min' from its start, or, if the clock shows "
         "the time of day, '2030-01-31 03:12:05' in UTC.  "
         "[default: the end, before observers stop]",
         show_default=False,
@@ -62,23 +62,23 @@ def why_command(
     at: At = None,
     format_: Annotated[WhyFormat, typer.Option("--format", help="How it is shown.")] = WhyFormat.TEXT,
 ) -> None:
-    """Say why a variable was what it was. From its value to the evidence, or from unknown to what was missing."""
-    from codra_dsl.cli.journals import opened_journal, say_what_lacks
+    """Explain why a variable had its value: from the value to its evidence, or from unknown to what was missing."""
+    from codra_dsl.cli.journals import opened_journal, say_damage
     from codra_dsl.runtime.journal.checkpoints import Checkpoints
     from codra_dsl.runtime.why.values import instant
 
     existing([journal])
     with opened_journal(journal) as reader:
         header = reader.header()
-        asked_s = None if at is None else _instant_s(at, header)
-        past = Checkpoints(reader, math.inf if asked_s is None else asked_s)
+        at_s = None if at is None else _instant_s(at, header)
+        past = Checkpoints(reader, math.inf if at_s is None else at_s)
         end_s = header.start_s if past.end_s is None else past.end_s
-        say_what_lacks(reader, end_s)
-        if asked_s is not None and not header.start_s <= asked_s <= end_s:
-            message = f"the journal holds {instant(header.start_s)} to {instant(end_s)}, not {instant(asked_s)}"
+        say_damage(reader, end_s)
+        if at_s is not None and not header.start_s <= at_s <= end_s:
+            message = f"the journal holds {instant(header.start_s)} to {instant(end_s)}, not {instant(at_s)}"
             raise typer.BadParameter(message, param_hint="--at")
-        found = _explained(header, past, variable, end_s if asked_s is None else asked_s, journal)
-    write_result(f"{found}\n" if format_ is WhyFormat.TEXT else _json(found))
+        explanation = _explained(header, past, variable, end_s if at_s is None else at_s, journal)
+    write_result(f"{explanation}\n" if format_ is WhyFormat.TEXT else _json(explanation))
 
 
 def _explained(header: RunHeader, past: Checkpoints, variable: str, at_s: float, journal: Path) -> Why:
@@ -96,33 +96,33 @@ def _explained(header: RunHeader, past: Checkpoints, variable: str, at_s: float,
 
 
 def _check_variable(name: str, header: RunHeader) -> None:
-    """Refuse a name of the context where there is no knowledge that it could be of."""
+    """Refuse an undeclared variable, if there is no knowledge to which the name could belong."""
     if not header.summary.nodes and name not in header.summary.variables:
         near = difflib.get_close_matches(name, header.summary.variables, n=1)
         hint = f": did you mean '{near[0]}'?" if near else ""
         raise typer.BadParameter(f"the spec has no context-variable '{name}'{hint}", param_hint="VARIABLE")
 
 
-def _json(found: Why) -> str:
+def _json(explanation: Why) -> str:
     import dataclasses
 
     from codra_dsl.runtime.journal.encoding import json_text
 
-    return f"{json_text(dataclasses.asdict(found))}\n"
+    return f"{json_text(dataclasses.asdict(explanation))}\n"
 
 
 def _instant_s(text: str, header: RunHeader) -> float:
-    """Return the instant that is asked about."""
+    """Return the instant that the option gives."""
     if text.startswith("+"):
-        found_s = _seconds(text[1:].strip())
-        asked_s = None if found_s is None else header.start_s + found_s
+        seconds_s = _seconds(text[1:].strip())
+        at_s = None if seconds_s is None else header.start_s + seconds_s
     else:
-        found_s = _seconds(text)
-        asked_s = _time_of_day_s(text) if found_s is None else found_s
-    if asked_s is None or not abs(asked_s) < math.inf:
+        seconds_s = _seconds(text)
+        at_s = _time_of_day_s(text) if seconds_s is None else seconds_s
+    if at_s is None or not abs(at_s) < math.inf:
         ways = "'31.5', '+2 min', or '2030-01-31 03:12:05' in UTC"
-        raise typer.BadParameter(f"'{text}' is no instant such as {ways}", param_hint="--at")
-    return asked_s
+        raise typer.BadParameter(f"'{text}' is not an instant such as {ways}", param_hint="--at")
+    return at_s
 
 
 def _seconds(text: str) -> float | None:
@@ -131,16 +131,16 @@ def _seconds(text: str) -> float | None:
     try:
         return float(text)
     except ValueError:
-        found = parse_duration(text)
-        return found if isinstance(found, float) else None
+        duration_s = parse_duration(text)
+        return duration_s if isinstance(duration_s, float) else None
 
 
 def _time_of_day_s(text: str) -> float | None:
-    """Return the seconds from 1970 to a day and time, which is in UTC if it does not say otherwise."""
+    """Return the seconds from 1970 to a date and time, which is in UTC unless it has a time zone."""
     from datetime import UTC, datetime
 
     try:
-        found = datetime.fromisoformat(text.removesuffix("UTC").strip())
+        time = datetime.fromisoformat(text.removesuffix("UTC").strip())
     except ValueError:
         return None
-    return (found if found.tzinfo is not None else found.replace(tzinfo=UTC)).timestamp()
+    return (time if time.tzinfo is not None else time.replace(tzinfo=UTC)).timestamp()

@@ -1,7 +1,7 @@
-"""Worlds: what `codra run SPEC --world NAME` runs a spec in.
+"""Worlds, in which `codra run SPEC --world NAME` runs a spec.
 
-A world is a function. Its first argument is a `RunRequest`, which has what the command was given; its other parameters
-are options of its own, declared as for a typer command. The command has the options of `RunRequest` and those::
+A world is a function. Its first argument is a `RunRequest` with the arguments of the command. Its other parameters are
+additional options of the command, declared as for a typer command::
 
     def arena(request: RunRequest, *, wind: Annotated[float, typer.Option("--wind", help="In m/s.")] = 0.0) -> None:
         \"\"\"An arena with wind.\"\"\"
@@ -16,7 +16,10 @@ A distribution registers it in the entry-point group `codra.worlds`::
 
 The world prints its results with `write_result` of `codra_dsl.cli.console` and ends a failed run with
 `typer.Exit(ExitCode.FAILED)`. Its docstring is shown by `codra run --world NAME --help`. Import simulators inside the
-function, so that help is shown quickly, and also where they are not installed.
+function, so that the help is shown quickly, and also when they are not installed.
+
+A world passes one clock to everything that it runs. In simulated time, all events are in one heap and have one order,
+so runs with the same seed write the same journal.
 """
 
 from __future__ import annotations
@@ -58,7 +61,7 @@ class Progress:
             print(f"\r{now_s:8.0f} s", end="", file=sys.stderr, flush=True)
 
     def clear(self) -> None:
-        """Let the results overwrite the instant that is shown."""
+        """Move the cursor to the start of the line, so that the results overwrite the instant."""
         if self._is_shown:
             print("\r", end="", file=sys.stderr)
 
@@ -68,14 +71,15 @@ class RunRequest:
     """A run that the command line asks for.
 
     Attributes:
-        plan: the build plan of the spec, which has no errors. `compile_and_load` of `codra_dsl.integrations.inspection` takes it.
+        plan: the build plan of the spec, which has no errors; an argument of
+            `codra_dsl.integrations.inspection.compile_and_load`.
         root: the folder of the project, which is on `sys.path`.
         seed: the seed of all random choices.
         duration_s: how long the run lasts; None if the world decides.
         pace: how time passes.
         out: the folder for pictures and records; None if the world decides.
         journal: the file for the run's journal; None for no journal.
-        progress: to be called with the present instant now and then.
+        progress: call it from time to time with the present instant.
     """
 
     plan: BuildPlan

@@ -1,1 +1,1 @@
-"""From a `CheckedSpec` to the files of a package."""
+"""Generate the files of a package from a `CheckedSpec`."""

@@ -20,10 +20,13 @@
     21        PROCESS_CONTEXT_VARIABLE(c'_i, F, M)
     23      F <- F + {O_i}
 
-`plan` decides only which trees there are, what goes into which, and what everything is called in Python. Where the
-paper speaks of one variable and one algorithm per tree, its text allows more (section 3.2, Figure 4C), and so do we:
+`plan` decides only which trees exist, what goes into each, and what everything is called in Python. The paper
+describes one variable and one algorithm per tree, but its text allows more (section 3.2, Figure 4C), and so do we:
 variables of one algorithm share a tree; algorithms that share a variable are alternatives in one tree, tried by rank;
-and trees whose conditions are the same are joined where `observers` names their variables together.
+and trees with the same conditions are joined where `observers` names their variables together.
+
+The generated model has every declared variable. Only variables that decisions reach, C_M, have trees and nodes in the
+dependency graph.
 """
 
 from __future__ import annotations
@@ -58,10 +61,10 @@ def plan(checked: CheckedSpec) -> BuildPlan:
 
 
 def _build_observer_system(checked: CheckedSpec) -> tuple[tuple[str, ...], tuple[Tree, ...]]:
-    """Return C_M and F, with the recursion of line 21 as a stack, so that no chain is too long.
+    """Return C_M and F. A stack replaces the recursion of line 21, so that no chain exceeds the recursion limit.
 
-    Each frame of the stack is a tree whose additional variables are being processed; the first has no tree, only the
-    decisions of line 3.
+    Each frame of the stack is a tree whose additional variables are being processed. The first frame has no tree, only
+    the decisions of line 3.
     """
     outlines = _outlines(checked)
     in_force: dict[str, None] = {}  # line 2
@@ -75,7 +78,9 @@ def _build_observer_system(checked: CheckedSpec) -> tuple[tuple[str, ...], tuple
             in_force[variable] = None  # line 14
             if variable in outlines:  # line 15
                 created = _create_tree(checked, outlines[variable])  # lines 16 to 18, 20
-                in_force.update(dict.fromkeys(created.identifies))  # line 14, for what is identified beside it
+                in_force.update(
+                    dict.fromkeys(created.identifies)
+                )  # line 14, for the variables identified with this one
                 pending.append((created, iter(created.needs)))  # line 21
                 break
         else:
@@ -86,7 +91,7 @@ def _build_observer_system(checked: CheckedSpec) -> tuple[tuple[str, ...], tuple
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Outline:
-    """Which algorithms go into one tree: groups of alternatives, and what `observers` says about it."""
+    """The algorithms that go into one tree, as groups of alternatives, and the tree's setting in `observers`."""
 
     groups: tuple[tuple[str, ...], ...]
     setting: ObserverSetting | None
@@ -115,7 +120,7 @@ def _alternatives(checked: CheckedSpec) -> list[tuple[str, ...]]:
     grouped: dict[str, tuple[str, ...]] = {}
     for name in checked.algorithms:
         if name not in grouped:
-            group = sorted(graph.closure(shares, [name]), key=lambda each: (_rank(checked, each), each))
+            group = sorted(graph.closure(shares, [name]), key=lambda algorithm: (_rank(checked, algorithm), algorithm))
             grouped |= dict.fromkeys(group, tuple(group))
     return list(dict.fromkeys(grouped.values()))
 
@@ -125,13 +130,13 @@ def _rank(checked: CheckedSpec, name: str) -> int:
 
 
 def _identified(checked: CheckedSpec, names: Iterable[str]) -> tuple[str, ...]:
-    """Return what some algorithms identify, in their order."""
+    """Return the variables that some algorithms identify, in the algorithms' order."""
     pairs = chain.from_iterable(checked.algorithms[name].identifies for name in names)
     return tuple(dict.fromkeys(variable for variable, _ in pairs))
 
 
 def _create_tree(checked: CheckedSpec, outline: _Outline) -> Tree:
-    """Return a tree with its perception behaviours (lines 16, 17) and what its preconditions read (lines 18, 20)."""
+    """Return a tree with its perception behaviours (lines 16, 17) and its preconditions' variables (lines 18, 20)."""
     first, setting = outline.groups[0][0], outline.setting
     algorithms = [checked.algorithms[name] for group in outline.groups for name in group]
     name = setting.name if setting is not None else first

@@ -1,8 +1,9 @@
-"""The output folder: what in it is ours, whether it is fresh, and how it is renewed.
+"""The output folder: which files are ours, whether they are up to date, and how they are renewed.
 
-The folder holds an `__init__.py` and one package per spec. A package is ours when its manifest says so. In what is ours
-everything that was not made by this run is an orphan, but for `__pycache__` and names that begin with a dot. A package
-of ours is an orphan as a whole when the file that it was made from was compiled in this run and makes it no longer.
+The folder holds an `__init__.py` and one package per spec. A package is ours if a manifest of codra's is in it. In our
+packages, every file that this run did not generate is an orphan, except `__pycache__` and names that begin with a dot,
+which are left alone. A whole package of ours is an orphan if this run compiled the file that it was made from and no
+longer generates the package.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ def about_output(rule: str, path: str, message: str, *, help: str) -> Diagnostic
 
 
 class Change(StrEnum):
-    """How a file in the output folder differs from what the specs say."""
+    """How a file in the output folder differs from the file that the specs define."""
 
     MODIFIED = "modified"
     MISSING = "missing"
@@ -49,11 +50,11 @@ class Change(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drift:
-    """A file that is not as it should be.
+    """A file that differs from the text that the specs define.
 
     Attributes:
         path: beginning with the output folder's name, with `/`.
-        diff: from what is there to what should be, in unified form.
+        diff: from the current text to the text that the specs define, in unified form.
     """
 
     path: str
@@ -63,7 +64,7 @@ class Drift:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Freshness:
-    """How an output folder compares with what it should hold; with a finding, it was not compared."""
+    """How an output folder compares with its expected contents. With a finding, it was not compared."""
 
     drifts: tuple[Drift, ...] = ()
     diagnostics: tuple[Diagnostic, ...] = ()
@@ -71,7 +72,7 @@ class Freshness:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Written:
-    """What was done to an output folder, by paths relative to it; with a finding, nothing more was done after it."""
+    """The changes made to an output folder, by paths relative to it. After a finding, nothing more was done."""
 
     changed: tuple[str, ...] = ()
     removed: tuple[str, ...] = ()
@@ -80,34 +81,34 @@ class Written:
 
 def stale(drifted: Drift) -> Diagnostic:
     """Return a drift as a finding, for tools."""
-    message = f"'{drifted.path}' is not what the specs say: {drifted.change.value}"
+    message = f"'{drifted.path}' does not match the specs: {drifted.change.value}"
     return about_output("stale-output", drifted.path, message, help="renew it with 'codra compile'")
 
 
 @paused_collector()
 def freshness(files: Mapping[str, str], out: Path, covered: Iterable[str] = ()) -> Freshness:
-    """Return how an output folder differs from what it should hold; nothing is written.
+    """Return how an output folder differs from its expected contents; nothing is written.
 
     Args:
-        files: what it should hold, by path relative to it.
+        files: the expected files, by path relative to the folder.
         out: the output folder, as an absolute path.
-        covered: the specs' files and folders that this run answers for, relative to the project root.
+        covered: the specs' files and folders that this run covers, relative to the project root.
     """
     if not _is_ours_or_new(out):
         return Freshness(diagnostics=(_refusal(out, out),))
     compared = (_compared(path, text, out) for path, text in files.items())
     orphans = (_drift(path, Change.ORPHAN, out, "") for path in _orphans(files, out, covered))
-    drifts = [*(each for each in compared if each is not None), *orphans]
-    return Freshness(drifts=tuple(sorted(drifts, key=lambda each: each.path)))
+    drifts = [*(drift for drift in compared if drift is not None), *orphans]
+    return Freshness(drifts=tuple(sorted(drifts, key=lambda drift: drift.path)))
 
 
 def is_as_made(outputs: Mapping[str, str], out: Path, covered: Iterable[str] = ()) -> bool:
-    """Return whether an output folder holds what some run made, no more and no less.
+    """Return whether an output folder holds exactly the files that an earlier run generated.
 
     Args:
         outputs: the digest of each file, as `digests` gives it, by path relative to the folder.
         out: the output folder, as an absolute path.
-        covered: the specs' files and folders that the run answers for, relative to the project root.
+        covered: the specs' files and folders that the run covers, relative to the project root.
     """
     if any(_foreign(outputs, out)) or _orphans(outputs, out, covered):
         return False
@@ -127,18 +128,18 @@ def _digest(data: bytes | None) -> str:
 def write(files: Mapping[str, str], out: Path, covered: Iterable[str] = ()) -> Written:
     """Bring an output folder up to date: write what changed, remove orphans, touch nothing else.
 
-    New text is compiled before it replaces the old, and each file is replaced at once. A folder that is not ours is
+    New text is compiled before it replaces the old, and each file is replaced atomically. A folder that is not ours is
     left alone, with a finding.
 
     Args:
-        files: what it should hold, by path relative to it.
+        files: the expected files, by path relative to the folder.
         out: the output folder, as an absolute path.
-        covered: the specs' files and folders that this run answers for, relative to the project root.
+        covered: the specs' files and folders that this run covers, relative to the project root.
 
     Raises:
-        BrokenOutputError: if a text does not compile; then nothing was written.
+        BrokenOutputError: if a text does not compile. Then nothing is written.
     """
-    from codra_dsl.generation.emit.self_check import prove  # noqa: PLC0415  whoever has nothing to write does not need the emitter
+    from codra_dsl.generation.emit.self_check import prove  # noqa: PLC0415  only a run that writes needs the emitter
 
     refused = tuple(_foreign(files, out))
     if refused:
@@ -154,7 +155,7 @@ def write(files: Mapping[str, str], out: Path, covered: Iterable[str] = ()) -> W
     return Written(changed=tuple(changed), removed=tuple(orphans))
 
 
-# ---------------------------------------------------------------------------------------------------- what is ours
+# ---------------------------------------------------------------------------------------------------- ownership
 
 
 def _foreign(files: Mapping[str, str], out: Path) -> Iterator[Diagnostic]:
@@ -170,9 +171,9 @@ def _foreign(files: Mapping[str, str], out: Path) -> Iterator[Diagnostic]:
 
 def _refusal(folder: Path, out: Path) -> Diagnostic:
     shown = folder.relative_to(out.parent).as_posix() if folder != out else out.name
-    what = "is no folder" if folder.exists() and not folder.is_dir() else "holds files that codra did not make"
+    what = "is not a folder" if folder.exists() and not folder.is_dir() else "holds files that codra did not make"
     what = "is a link" if folder.is_symlink() else what
-    help = "choose another folder with --out, or move what it holds away"
+    help = "choose another folder with --out, or move its contents away"
     return about_output("foreign-folder", shown, f"'{shown}' {what}, so nothing is written there", help=help)
 
 
@@ -191,18 +192,18 @@ def _is_ours_or_new(out: Path) -> bool:
 
 
 def _is_our_package(folder: Path) -> bool:
-    """Return whether a folder has a manifest of ours, be it edited or torn by a merge."""
+    """Return whether a folder has a manifest of ours, even if the manifest was edited or has merge conflicts."""
     return not folder.is_symlink() and f'"{MANIFEST_FORMAT}"' in _text(folder / MANIFEST)
 
 
 def _entries(folder: Path) -> list[Path]:
-    """Return what a folder holds that may be output, sorted; [] if there is no such folder."""
+    """Return the entries of a folder that may be output, sorted; [] if the folder does not exist."""
     if not folder.is_dir():
         return []
     return sorted(entry for entry in folder.iterdir() if entry.name != _CACHE and not entry.name.startswith("."))
 
 
-# ---------------------------------------------------------------------------------------------------- what is not fresh
+# ---------------------------------------------------------------------------------------------------- comparison
 
 
 def _compared(path: str, text: str, out: Path) -> Drift | None:
@@ -224,16 +225,16 @@ def _ended(line: str) -> str:
 
 
 def _orphans(files: Mapping[str, str], out: Path, covered: Iterable[str]) -> list[str]:
-    """Return the files in what is ours that nothing makes, sorted."""
+    """Return the files in our folder and packages that this run does not generate, sorted."""
     packages = {path.split("/")[0] for path in files if "/" in path}
     prefixes = tuple(covered)
-    found: list[str] = []
+    present: list[str] = []
     for entry in _entries(out):
         if not entry.is_dir() or entry.is_symlink():
-            found += [entry.name]
+            present += [entry.name]
         elif entry.name in packages or (_is_our_package(entry) and _is_covered(entry, prefixes)):
-            found += _files_below(entry, out)
-    return sorted(path for path in found if path not in files)
+            present += _files_below(entry, out)
+    return sorted(path for path in present if path not in files)
 
 
 def _files_below(folder: Path, out: Path) -> Iterator[str]:
@@ -245,7 +246,7 @@ def _files_below(folder: Path, out: Path) -> Iterator[str]:
 
 
 def _is_covered(package: Path, covered: tuple[str, ...]) -> bool:
-    """Return whether the spec of a package is among the files and folders that this run answers for."""
+    """Return whether the spec of a package is among the files and folders that this run covers."""
     try:
         spec = str(json.loads(_text(package / MANIFEST))["spec"])
     except (ValueError, TypeError, LookupError):
@@ -270,7 +271,7 @@ def _text(path: Path) -> str:
 def _replace(files: Mapping[str, str], out: Path) -> None:
     """Write all files beside the output folder's packages, then move each to its place.
 
-    Manifests go first: a folder is recognised as ours even if its writing is broken off.
+    Manifests go first, so that a folder is recognised as ours even if writing is interrupted.
     """
     if not files:
         return
@@ -279,13 +280,13 @@ def _replace(files: Mapping[str, str], out: Path) -> None:
         staged = {path: Path(staging) / str(number) for number, path in enumerate(files)}
         for path, temporary in staged.items():
             temporary.write_bytes(files[path].encode())
-        for path in sorted(files, key=lambda each: (not each.endswith(MANIFEST), each)):
+        for path in sorted(files, key=lambda path: (not path.endswith(MANIFEST), path)):
             (out / path).parent.mkdir(exist_ok=True)
             staged[path].replace(out / path)
 
 
 def _remove(paths: Iterable[str], out: Path) -> None:
-    """Remove orphans, and folders that hold nothing else any more."""
+    """Remove orphans, and folders that become empty."""
     for path in paths:
         (out / path).unlink()
         folder = (out / path).parent

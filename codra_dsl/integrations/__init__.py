@@ -1,1 +1,1 @@
-"""Main executions that are not plain Python, how they ask, and graphs of other libraries: a module or room for each."""
+"""Integrations: main executions that are not plain Python, graphs of other libraries, tests, and inspection."""

@@ -1,7 +1,8 @@
-"""Graphs of others as networkx's MultiDiGraph, and as GraphML for the tools that draw and measure graphs.
+"""DSR graphs as MultiDiGraph of networkx, and as GraphML for tools that draw and analyse graphs.
 
-A node of networkx is the name of ours, an edge's key its label, and each attribute stands under its own name as plain
-Python. What has no place there stands under `dsr`: numbers of nodes, codes of types, and what else a file said.
+A node in networkx is the name of a DSR node, the key of an edge is its label, and attributes are plain Python values
+under their own names. The attribute `dsr` holds the rest: numbers of nodes, codes of types, and additional contents
+of files.
 """
 
 from __future__ import annotations
@@ -26,20 +27,20 @@ __all__ = ["from_networkx", "graphml_text", "parse_graphml", "read_graphml", "to
 TYPE = "type"
 DSR = "dsr"
 LABEL = "label"
-_OURS = (TYPE, DSR)
-_UNTYPED = "node"
+_RESERVED = (TYPE, DSR)
+_DEFAULT_TYPE = "node"
 _QUOTED = "json"
-"""Where GraphML tells which attributes are written as JSON, since XML or networkx would lose what they are."""
+"""The GraphML attribute that lists attributes written as JSON, because XML or networkx would lose their types."""
 
 _SAFE = re.compile(r"[\t\n\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]+")
-"""What XML can write, and gives back as it was."""
+"""The texts that XML can write and return unchanged."""
 
 _BROKEN = (ParseError, networkx.NetworkXError, LookupError, TypeError, ValueError, AttributeError, Warning)
-"""What networkx raises for files that are none."""
+"""The exceptions of networkx for files that are not GraphML."""
 
 
 class _Beside(NamedTuple):
-    """What stands under `dsr`."""
+    """The contents of the attribute `dsr`."""
 
     codes: Mapping[str, int]
     extras: Mapping[str, Mapping[str, object]]
@@ -48,7 +49,7 @@ class _Beside(NamedTuple):
 
 
 def to_networkx(graph: DsrGraph) -> networkx.MultiDiGraph[str]:
-    """Return a graph as networkx has it. `from_networkx` gives back the same."""
+    """Return a graph as a graph of networkx. `from_networkx` converts it back without losses."""
     made: networkx.MultiDiGraph[str] = networkx.MultiDiGraph()
     made.graph[DSR] = {"extra": dict(graph.extra), "model_extra": dict(graph.model_extra)}
     names = {node.number: node.name for node in graph.nodes}
@@ -63,32 +64,32 @@ def to_networkx(graph: DsrGraph) -> networkx.MultiDiGraph[str]:
 
 
 def from_networkx(given: networkx.Graph[Any]) -> DsrGraph:
-    """Return what a directed graph of networkx tells, ours or anyone's.
+    """Return the DSR graph of any directed graph of networkx.
 
-    Nodes without a number get one, those without a type are of type `node`, and an edge's label is its key, or in a
-    graph without keys its attribute `label`. Values get the code of their type, or keep the one that they came with.
+    Nodes without a number get one. Nodes without a type have the type `node`. The label of an edge is its key, or its
+    attribute `label` in a graph without keys. Values keep the code of their type if they have one, and get one if not.
 
     Raises:
-        ExchangeError: if it is not directed, or holds a value for which DSR has no type.
+        ExchangeError: if the graph is not directed, or contains a value without a DSR type.
     """
     if not given.is_directed():
-        raise ExchangeError("the graph has no directions: make it one with to_directed()")
+        raise ExchangeError("the graph is not directed: convert it with to_directed()")
     besides = {name: _beside_of(data, f"node {name!r}") for name, data in given.nodes(data=True)}
     numbers = _numbers(besides)
     nodes = [
         DsrNode(
             number=numbers[name],
             name=str(name),
-            type=str(data.get(TYPE) or _UNTYPED),
+            type=str(data.get(TYPE) or _DEFAULT_TYPE),
             attributes=dict(_coded(data, besides[name], f"node {name!r}")),
             extra=besides[name].extra,
         )
         for name, data in given.nodes(data=True)
     ]
     if len({node.name for node in nodes}) < len(nodes):
-        raise ExchangeError("two nodes have one name as text: names tell nodes apart")
+        raise ExchangeError("two nodes have the same name as text: node names must be unique")
     if not all(node.name for node in nodes):
-        raise ExchangeError("a node has no name: give it a text that is not empty")
+        raise ExchangeError("a node has no name: give it a non-empty text")
     extras = _mapping(given.graph.get(DSR, {}), "the graph")
     return DsrGraph(
         nodes=tuple(nodes),
@@ -99,37 +100,37 @@ def from_networkx(given: networkx.Graph[Any]) -> DsrGraph:
 
 
 def write_graphml(path: Path | str, graph: DsrGraph) -> None:
-    """Write a graph as a GraphML file, as a whole or not at all.
+    """Write a graph as a GraphML file, completely or not at all.
 
     Raises:
-        ExchangeError: if it holds a name that XML cannot write.
+        ExchangeError: if it contains a name that XML cannot write.
     """
     replace_file(Path(path), graphml_text(graph))
 
 
 def read_graphml(path: Path | str) -> DsrGraph:
-    """Return the graph of a GraphML file, ours or anyone's.
+    """Return the graph of any GraphML file.
 
     Raises:
-        ExchangeError: if the file cannot be read, or is none.
+        ExchangeError: if the file cannot be read, or is not GraphML.
     """
     return parse_graphml(read_text(Path(path)), str(path))
 
 
 def graphml_text(graph: DsrGraph) -> str:
-    """Return a graph as GraphML. Numbers, texts and truth values are plain, all else is written as JSON in a text.
+    """Return a graph as GraphML. Numbers, texts and booleans are plain; other values are written as JSON in a text.
 
     Raises:
-        ExchangeError: if it holds a name that XML cannot write.
+        ExchangeError: if it contains a name that XML cannot write.
     """
     made, quoted = to_networkx(graph), cast("networkx.MultiDiGraph[str]", networkx.MultiDiGraph())
     quoted.graph.update(_xml_of(made.graph, "the graph"))
     for name, data in made.nodes(data=True):
         quoted.add_node(_word(name), **_xml_of(data, f"node {name!r}"))
     for at, (origin, target, label, data) in enumerate(made.edges(keys=True, data=True)):
-        found = {_beside_label(key): value for key, value in data.items()}
-        quoted.add_edge(origin, target, key=f"e{at}")  # GraphML wants each identifier once in a file
-        quoted.edges[origin, target, f"e{at}"].update(_xml_of(found, f"edge {origin} -{label}-> {target}"))
+        attributes = {_beside_label(key): value for key, value in data.items()}
+        quoted.add_edge(origin, target, key=f"e{at}")  # identifiers are unique in a GraphML file
+        quoted.edges[origin, target, f"e{at}"].update(_xml_of(attributes, f"edge {origin} -{label}-> {target}"))
         quoted.edges[origin, target, f"e{at}"][LABEL] = _word(label)
     written = io.BytesIO()
     networkx.write_graphml_xml(quoted, written, edge_id_from_attribute=None)
@@ -140,34 +141,32 @@ def parse_graphml(text: str, source: str = "<text>") -> DsrGraph:
     """Return the graph of GraphML.
 
     Args:
-        text: of the file.
-        source: what messages call it.
+        text: the text of the file.
+        source: the name of the file in messages.
 
     Raises:
-        ExchangeError: if it is none.
+        ExchangeError: if the text is not GraphML.
     """
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
-        raise ExchangeError(
-            f"{source}: it declares a document type: take the declaration away, nothing in it is needed"
-        )
+        raise ExchangeError(f"{source}: it declares a document type: remove the declaration, it is not needed")
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("error")  # what networkx only guesses at would be lost
+            warnings.simplefilter("error")  # networkx warns when it only guesses: then data would be lost
             read = networkx.read_graphml(io.BytesIO(text.encode("utf-8", "replace")), force_multigraph=True)
         for data in (
             read.graph,
             *(data for _, data in read.nodes(data=True)),
-            *(each[2] for each in read.edges.data()),
+            *(edge[2] for edge in read.edges.data()),
         ):
             _unquote(data)
         return from_networkx(_labelled(read))
     except ParseError as error:
         line, column = error.position
-        raise ExchangeError(f"{source}:{line}:{column + 1}: this is no XML: {error.msg.split(':')[0]}") from None
+        raise ExchangeError(f"{source}:{line}:{column + 1}: this is not XML: {error.msg.split(':')[0]}") from None
     except ExchangeError as error:
         raise ExchangeError(f"{source}: {error}") from None
     except _BROKEN as error:
-        raise ExchangeError(f"{source}: this is no GraphML: {error}") from None
+        raise ExchangeError(f"{source}: this is not GraphML: {error}") from None
 
 
 # networkx
@@ -178,8 +177,8 @@ def _flat(attributes: Mapping[str, DsrValue]) -> dict[str, object]:
 
 
 def _renamed(name: str) -> str:
-    """Return a name that is none of ours: `type` becomes `type_`, and `type_` becomes `type__`."""
-    return f"{name}_" if name.rstrip("_") in _OURS else name
+    """Return a name that is not reserved: `type` becomes `type_`, and `type_` becomes `type__`."""
+    return f"{name}_" if name.rstrip("_") in _RESERVED else name
 
 
 def _beside(attributes: Mapping[str, DsrValue], extra: Mapping[str, object]) -> dict[str, object]:
@@ -189,14 +188,14 @@ def _beside(attributes: Mapping[str, DsrValue], extra: Mapping[str, object]) -> 
 
 
 def _beside_of(data: Mapping[str, object], subject: str) -> _Beside:
-    told = _mapping(data.get(DSR, {}), subject)
-    codes, extras, extra = (_mapping(told.get(key, {}), subject) for key in ("codes", "extras", "extra"))
-    number = told.get("number")
+    dsr_data = _mapping(data.get(DSR, {}), subject)
+    codes, extras, extra = (_mapping(dsr_data.get(key, {}), subject) for key in ("codes", "extras", "extra"))
+    number = dsr_data.get("number")
     is_number = isinstance(number, int) and not isinstance(number, bool) and 0 <= number <= MOST_NUMBER
     if not (number is None or is_number) or not all(type(code) is int for code in codes.values()):
-        raise ExchangeError(f"{subject}: {DSR!r} holds no number and codes of ours: take it away")
-    for name, each in extras.items():
-        _mapping(each, f"{subject}.{name}")
+        raise ExchangeError(f"{subject}: {DSR!r} holds no valid number and codes: remove it")
+    for name, value_extra in extras.items():
+        _mapping(value_extra, f"{subject}.{name}")
     return _Beside(
         cast("Mapping[str, int]", codes),
         cast("Mapping[str, Mapping[str, object]]", extras),
@@ -206,19 +205,19 @@ def _beside_of(data: Mapping[str, object], subject: str) -> _Beside:
 
 
 def _numbers(besides: Mapping[Any, _Beside]) -> dict[Any, int]:
-    given = [each.number for each in besides.values() if each.number is not None]
+    given = [beside.number for beside in besides.values() if beside.number is not None]
     if len(set(given)) < len(given):
-        raise ExchangeError("two nodes have one number: take it away from one, under 'dsr'")
+        raise ExchangeError("two nodes have the same number: remove one of them under 'dsr'")
     taken = set(given)
     free = (number for number in range(1, MOST_NUMBER) if number not in taken)
-    return {name: next(free) if each.number is None else each.number for name, each in besides.items()}
+    return {name: next(free) if beside.number is None else beside.number for name, beside in besides.items()}
 
 
 def _coded(data: Mapping[str, object], beside: _Beside, subject: str, *ours: str) -> Iterator[tuple[str, DsrValue]]:
     for key, value in data.items():
-        if key in _OURS or key in ours:
+        if key in _RESERVED or key in ours:
             continue
-        name = key[:-1] if isinstance(key, str) and key.rstrip("_") in _OURS else str(key)
+        name = key[:-1] if isinstance(key, str) and key.rstrip("_") in _RESERVED else str(key)
         try:
             yield name, _value(value, beside.codes.get(name), beside.extras.get(name))
         except (ValueError, OverflowError) as error:
@@ -244,7 +243,7 @@ def _edges(given: networkx.Graph[Any], numbers: Mapping[Any, int]) -> Iterator[D
             extra=beside.extra,
         )
         if edge.key in seen:
-            raise ExchangeError(f"{subject}: there are two: give them keys that are their labels")
+            raise ExchangeError(f"{subject}: there are two: give them their labels as keys")
         seen.add(edge.key)
         yield edge
 
@@ -260,7 +259,7 @@ def _keyed(given: networkx.Graph[Any]) -> Iterator[tuple[Any, Any, object, dict[
 def _mapping(given: object, subject: str) -> Mapping[str, object]:
     if isinstance(given, dict) and all(isinstance(key, str) for key in given):
         return given
-    raise ExchangeError(f"{subject}: {DSR!r} holds what is none of ours: take it away")
+    raise ExchangeError(f"{subject}: {DSR!r} holds unexpected contents: remove it")
 
 
 # GraphML
@@ -271,7 +270,7 @@ def _beside_label(name: str) -> str:
 
 
 def _labelled(read: networkx.Graph[Any]) -> networkx.Graph[Any]:
-    """Return a graph that was read from GraphML with its labels as keys, where edges have one."""
+    """Return a graph that was read from GraphML, with the labels of edges as keys."""
     if not read.is_directed():
         return read
     made: networkx.MultiDiGraph[Any] = networkx.MultiDiGraph()
@@ -280,7 +279,7 @@ def _labelled(read: networkx.Graph[Any]) -> networkx.Graph[Any]:
     for origin, target, key, data in _keyed(read):
         label = str(data.pop(LABEL, None) or key)
         if made.has_edge(origin, target, label):
-            raise ExchangeError(f"edge {origin} -{label}-> {target}: there are two: between two nodes labels differ")
+            raise ExchangeError(f"edge {origin} -{label}-> {target}: there are two: labels must differ")
         is_ours = DSR in data
         made.add_edge(origin, target, key=label)
         made.edges[origin, target, label].update(
@@ -290,34 +289,36 @@ def _labelled(read: networkx.Graph[Any]) -> networkx.Graph[Any]:
 
 
 def _xml_of(data: Mapping[str, object], subject: str) -> dict[str, object]:
-    """Return what XML can hold: plain values as they are, and others as JSON, with the names of those."""
-    found: dict[str, object] = {}
+    """Return attributes for XML: plain values unchanged, other values as JSON, and the list of the latter."""
+    written: dict[str, object] = {}
     quoted: dict[str, str] = {}
     for key, value in data.items():
         if _is_plain(value):
-            found[_word(key)] = value
+            written[_word(key)] = value
         else:
-            kind, spelt = _spelt(value)
-            check_json(spelt, subject)
-            found[_word(key)], quoted[key] = json.dumps(spelt), kind
+            kind, json_form = _json_form(value)
+            check_json(json_form, subject)
+            written[_word(key)], quoted[key] = json.dumps(json_form), kind
     if _QUOTED in data:
-        raise ExchangeError(f"{subject}.{_QUOTED}: GraphML needs this name for itself: DSR's JSON can hold it")
-    return {**found, _QUOTED: json.dumps(quoted)} if quoted else found
+        raise ExchangeError(f"{subject}.{_QUOTED}: this name is reserved in GraphML: write DSR's JSON instead")
+    return {**written, _QUOTED: json.dumps(quoted)} if quoted else written
 
 
-def _spelt(value: object) -> tuple[str, object]:
+def _json_form(value: object) -> tuple[str, object]:
     kinds: Mapping[type, str] = {bytes: "bytes", tuple: "tuple", float: "float"}
     kind = kinds.get(type(value), "")
     if kind == "tuple":
-        return kind, [repr(each) if isinstance(each, float) else each for each in cast("tuple[object, ...]", value)]
+        return kind, [
+            repr(number) if isinstance(number, float) else number for number in cast("tuple[object, ...]", value)
+        ]
     return kind, list(value) if isinstance(value, bytes) else repr(value) if kind == "float" else value
 
 
-_UNSPELT: Mapping[str, Callable[[Any], object]] = {
+_FROM_JSON_FORM: Mapping[str, Callable[[Any], object]] = {
     "": lambda value: value,
     "bytes": bytes,
     "float": float,
-    "tuple": lambda value: tuple(float(each) if isinstance(each, str) else each for each in value),
+    "tuple": lambda value: tuple(float(number) if isinstance(number, str) else number for number in value),
 }
 
 
@@ -329,7 +330,7 @@ def _is_plain(value: object) -> bool:
 
 def _word(name: str) -> str:
     if _SAFE.fullmatch(name) is None:
-        raise ExchangeError(f"the name {name!r:.60} cannot be written in XML: DSR's JSON can hold it")
+        raise ExchangeError(f"the name {name!r:.60} cannot be written in XML: write DSR's JSON instead")
     return name
 
 
@@ -337,4 +338,4 @@ def _unquote(data: dict[str, Any]) -> None:
     quoted = data.pop(_QUOTED, None)
     kinds = json.loads(quoted) if isinstance(quoted, str) else {}
     for key, kind in kinds.items():
-        data[key] = _UNSPELT[kind](json.loads(data[key]))
+        data[key] = _FROM_JSON_FORM[kind](json.loads(data[key]))

@@ -1,8 +1,8 @@
-"""Nodes for a py_trees tree that acts: conditions and decisions on context, and skills around subtrees.
+"""Nodes for a py_trees tree of the main execution: conditions and decisions on context, and skills around subtrees.
 
-None of them waits inside a tick. What they need of the running program comes with
-`tree.setup(codra=codra, clock=clock)`; names that the spec lacks are reported there. A branch that is interrupted by
-one of higher priority takes back what it declared.
+No node waits inside a tick: decisions start with `codra.ask` and are polled. `tree.setup(codra=codra, clock=clock)`
+passes the context manager and the clock, and reports names that the spec lacks. If a branch of higher priority
+interrupts another one, the declarations of the interrupted branch are withdrawn.
 
 P1, section 3.3: the main execution declares what its skills need, and asks context before it perceives.
 """
@@ -28,17 +28,17 @@ Manager = ContextManager[Any, Any]
 
 @dataclass(frozen=True, slots=True)
 class _Running:
-    """What `setup` hands to a node."""
+    """The arguments of `setup`."""
 
     codra: Manager
     clock: Clock
 
 
 class ContextIs(Behaviour):
-    """A condition on what is known of a variable: SUCCESS if it holds, FAILURE if not.
+    """A condition on a variable: SUCCESS if it holds, FAILURE if not.
 
-    It reads and records nothing, so that it may stand in a reactive composite, which asks it at each tick. While the
-    variable is unknown it is RUNNING, for `wait_up_to_s` at most, and then what `unknown` says.
+    It only reads and records no event, so it can be a child of a reactive composite, which checks it at each tick.
+    While the variable is unknown it is RUNNING, for at most `wait_up_to_s`; then it has the status `unknown`.
     """
 
     def __init__(
@@ -54,9 +54,9 @@ class ContextIs(Behaviour):
         """Make a condition.
 
         Args:
-            name: of the node.
-            variable: that it is about.
-            holds: whether a value will do; by default, whether it is true.
+            name: the name of the node.
+            variable: the context-variable.
+            holds: returns whether a value satisfies the condition; by default, whether it is true.
             unknown: the status when the variable is unknown and the wait is over.
             wait_up_to_s: how long it waits for observers.
             max_age_s: older evidence counts as unknown.
@@ -77,11 +77,11 @@ class ContextIs(Behaviour):
             TypeError: if one of them is missing.
             UnknownNameError: if the spec has no such variable.
         """
-        self._running = _taken(self, kwargs)
+        self._running = _setup_of(self, kwargs)
         self._running.codra.get(self._variable)
 
     def initialise(self) -> None:
-        """Begin to wait."""
+        """Start the wait."""
         self._asked_s = _of(self, self._running).clock.now_s()
 
     def update(self) -> Status:
@@ -99,9 +99,9 @@ class ContextIs(Behaviour):
 class Decide(Decorator):
     """A decision that is answered from context, or by a subtree that looks.
 
-    The subtree, the robot's own perception, runs only when context does not answer: it goes before the decision as it
-    did before there were observers. SUCCESS if the answer holds, FAILURE if not; `unknown` if nothing was found.
-    Each decision is in the record, with how it was answered.
+    The subtree is the robot's own perception. It runs only if context does not answer. The status is SUCCESS if the
+    answer holds, FAILURE if not, and `unknown` if the subtree did not see the value. The event log contains one event
+    for each decision, however many ticks it takes, with how it was answered.
     """
 
     def __init__(
@@ -120,15 +120,15 @@ class Decide(Decorator):
         """Make a decision.
 
         Args:
-            name: of the node.
-            child: looks, and ends in SUCCESS if it could.
-            variable: that the decision is about.
-            found: returns what the child saw, a value of the variable or None; asked when the child succeeded.
-            holds: whether a value will do; by default, whether it is true.
-            unknown: the status when neither context nor the child knows.
+            name: the name of the node.
+            child: the subtree that looks; it ends in SUCCESS if it could look.
+            variable: the context-variable of the decision.
+            found: returns the value that the child saw, or None; called after the child succeeded.
+            holds: returns whether a value satisfies the decision; by default, whether it is true.
+            unknown: the status if neither context nor the child knows the value.
             wait_up_to_s: how long it waits for observers before the child looks.
-            max_age_s: older evidence does not do.
-            shadow: the child looks in any case, and the record says whether context agrees.
+            max_age_s: older evidence counts as unknown.
+            shadow: the child always looks, and the event log records whether context agrees.
         """
         super().__init__(name, child)
         self._variable = variable
@@ -138,7 +138,7 @@ class Decide(Decorator):
         self._wait_up_to_s = wait_up_to_s
         self._max_age_s = max_age_s
         self._shadow = shadow
-        self._question: PendingDecision | None = None
+        self._pending: PendingDecision | None = None
         self._running: _Running | None = None
 
     def setup(self, **kwargs: Any) -> None:
@@ -148,13 +148,13 @@ class Decide(Decorator):
             TypeError: if one of them is missing.
             UnknownNameError: if the spec has no such variable.
         """
-        self._running = _taken(self, kwargs)
+        self._running = _setup_of(self, kwargs)
         self._running.codra.get(self._variable)
 
     def initialise(self) -> None:
-        """Ask, unless this decision was asked already."""
-        if self._question is None:
-            self._question = _of(self, self._running).codra.ask(
+        """Start the decision, unless it is already pending."""
+        if self._pending is None:
+            self._pending = _of(self, self._running).codra.ask(
                 self._variable,
                 max_age_s=self._max_age_s,
                 since_s=_acted_s(self, self._variable),
@@ -163,47 +163,47 @@ class Decide(Decorator):
             )
 
     def tick(self) -> Iterator[Behaviour]:
-        """Tick the subtree only if it has to look."""
+        """Tick the subtree only if it must look."""
         if self.status is not Status.RUNNING:
             self.initialise()
-        assert self._question is not None
-        if self._question.poll() is DecisionState.LOOKING:
+        assert self._pending is not None
+        if self._pending.poll() is DecisionState.LOOKING:
             yield from super().tick()
         else:
             yield from Behaviour.tick(self)
 
     def update(self) -> Status:
-        """Answer, wait, or go on looking."""
-        assert self._question is not None
-        match self._question.step:
+        """Answer, wait, or continue to look."""
+        assert self._pending is not None
+        match self._pending.step:
             case DecisionState.WAITING:
                 self.feedback_message = "waiting for observers"
                 return Status.RUNNING
             case DecisionState.ANSWERED:
-                return self._answer(self._question.value, "from context")
+                return self._answer(self._pending.value, "from context")
         if self.decorated.status is Status.RUNNING:
             self.feedback_message = "looking"
             return Status.RUNNING
-        found = self._found() if self.decorated.status is Status.SUCCESS else None
-        self._question.found(found)
-        return self._answer(found, "found by looking")
+        result = self._found() if self.decorated.status is Status.SUCCESS else None
+        self._pending.found(result)
+        return self._answer(result, "from looking")
 
-    def terminate(self, new_status: Status) -> None:  # noqa: ARG002 - however it ends
-        """Forget the question; one that was not answered is given up."""
-        if self._question is not None:
-            self._question.abandon("interrupted")
-            self._question = None
+    def terminate(self, new_status: Status) -> None:  # noqa: ARG002 - the same for every status
+        """Discard the pending decision; one without an answer is abandoned."""
+        if self._pending is not None:
+            self._pending.abandon("interrupted")
+            self._pending = None
 
     def _answer(self, value: object, how: str) -> Status:
         if value is None:
-            self.feedback_message = "unknown: looking found nothing"
+            self.feedback_message = "unknown: looking gave no value"
             return self._unknown
         self.feedback_message = f"{value!r}, {how}"
         return _status(self._holds(value))
 
 
 class DuringSkill(Decorator):
-    """A subtree that is a skill: what the skill previews and monitors is declared while it is current."""
+    """A subtree that is a skill: the variables that the skill previews and monitors are declared while it runs."""
 
     def __init__(self, name: str, child: Behaviour, skill: str) -> None:
         """Make the subtree a skill of the spec."""
@@ -222,7 +222,7 @@ class DuringSkill(Decorator):
             TypeError: if one of them is missing.
             UnknownNameError: if the spec has no such skill.
         """
-        self._running = _taken(self, kwargs)
+        self._running = _setup_of(self, kwargs)
         self._changes = frozenset(_skill_of(self._running.codra, self._skill).changes)
 
     def initialise(self) -> None:
@@ -232,11 +232,11 @@ class DuringSkill(Decorator):
         self._begun = self._stack.enter_context(_of(self, self._running).codra.skill(self._skill))
 
     def update(self) -> Status:
-        """Be what the subtree is."""
+        """Return the status of the subtree."""
         return self.decorated.status
 
-    def terminate(self, new_status: Status) -> None:  # noqa: ARG002 - however it ends
-        """End the skill, after what runs in it."""
+    def terminate(self, new_status: Status) -> None:  # noqa: ARG002 - the same for every status
+        """End the skill, after the subtree."""
         if self.decorated.status is Status.RUNNING:
             self.decorated.stop(Status.INVALID)
         self._begun = None
@@ -244,28 +244,28 @@ class DuringSkill(Decorator):
 
     @property
     def begun(self) -> Skill:
-        """Return the skill under way.
+        """Return the running skill.
 
         Raises:
-            RuntimeError: if none is.
+            RuntimeError: if it is not running.
         """
         if self._begun is None:
-            raise RuntimeError(f"skill {self._skill!r} is not under way")
+            raise RuntimeError(f"skill {self._skill!r} is not running")
         return self._begun
 
     def note_action(self, instant_s: float) -> None:
-        """Take down when an action of the skill ended."""
+        """Record when an action of the skill ended."""
         self._acted_s = instant_s
 
     def acted_s(self, variable: str) -> float:
-        """Return when the skill last ended an action that changes a variable; minus infinity if it did not."""
+        """Return when the last action of the skill that changes a variable ended; minus infinity without one."""
         return self._acted_s if variable in self._changes else -math.inf
 
 
 class Acting(Decorator):
-    """The part of a skill that acts: what the skill changes is unknown from its start.
+    """The acting part of a skill: the variables that the skill changes are unknown from its start.
 
-    Conditions and decisions further on in the skill count only evidence that began to be taken after its end.
+    Later conditions and decisions in the skill use only evidence whose observation began after its end.
     """
 
     def __init__(self, name: str, child: Behaviour) -> None:
@@ -281,23 +281,23 @@ class Acting(Decorator):
         Raises:
             TypeError: if one of them is missing, or no `DuringSkill` is above.
         """
-        self._running = _taken(self, kwargs)
+        self._running = _setup_of(self, kwargs)
         self._during = next(_skills_above(self), None)
         if self._during is None:
             raise TypeError(f"{self.name!r} acts outside of a skill: put a DuringSkill around it")
 
     def initialise(self) -> None:
-        """Begin to act."""
+        """Begin the action."""
         assert self._during is not None
         self._stack.close()
         self._stack.enter_context(self._during.begun.acting())
         self._stack.callback(self._end)
 
     def update(self) -> Status:
-        """Be what the subtree is."""
+        """Return the status of the subtree."""
         return self.decorated.status
 
-    def terminate(self, new_status: Status) -> None:  # noqa: ARG002 - however it ends
+    def terminate(self, new_status: Status) -> None:  # noqa: ARG002 - the same for every status
         """End the action."""
         if self.decorated.status is Status.RUNNING:
             self.decorated.stop(Status.INVALID)
@@ -309,13 +309,14 @@ class Acting(Decorator):
 
 
 class Expecting(Decorator):
-    """A subtree after which skills come: what they preview is declared from its start.
+    """A subtree that is followed by skills: the variables that they preview are declared from its start.
 
-    It is taken back if the subtree fails or is interrupted, and when a later `Expecting` of the tree expects others.
+    The declaration is withdrawn if the subtree fails or is interrupted, and when a later `Expecting` node of the tree
+    expects other skills.
     """
 
     def __init__(self, name: str, child: Behaviour, *skills: str) -> None:
-        """Let skills of the spec come after the subtree."""
+        """Expect skills of the spec after the subtree."""
         super().__init__(name, child)
         self._skills = skills
         self._was_last = False
@@ -328,7 +329,7 @@ class Expecting(Decorator):
             TypeError: if one of them is missing.
             UnknownNameError: if the spec has no such skill.
         """
-        self._running = _taken(self, kwargs)
+        self._running = _setup_of(self, kwargs)
         for skill in self._skills:
             _skill_of(self._running.codra, skill)
 
@@ -340,17 +341,17 @@ class Expecting(Decorator):
         _of(self, self._running).codra.expect(*self._skills)
 
     def update(self) -> Status:
-        """Be what the subtree is."""
+        """Return the status of the subtree."""
         return self.decorated.status
 
     def terminate(self, new_status: Status) -> None:
-        """Expect nothing any more, unless the subtree came to its goal or a later one expects something."""
+        """Withdraw the expectation, unless the subtree succeeded or a later node expects skills."""
         if new_status is not Status.SUCCESS and self._was_last:
             self._was_last = False
             _of(self, self._running).codra.expect()
 
 
-def _taken(node: Behaviour, kwargs: dict[str, Any]) -> _Running:
+def _setup_of(node: Behaviour, kwargs: dict[str, Any]) -> _Running:
     missing = [name for name in ("codra", "clock") if name not in kwargs]
     if missing:
         raise TypeError(f"{node.name!r} needs {' and '.join(missing)}: call tree.setup(codra=codra, clock=clock)")
@@ -375,7 +376,7 @@ def _root(node: Behaviour) -> Behaviour:
 
 
 def _skills_above(node: Behaviour) -> Iterator[DuringSkill]:
-    """Yield the skills that a node is part of, from the inside."""
+    """Yield the skills that contain a node, the innermost first."""
     above = node.parent
     while above is not None:
         if isinstance(above, DuringSkill):
@@ -384,13 +385,13 @@ def _skills_above(node: Behaviour) -> Iterator[DuringSkill]:
 
 
 def _acted_s(node: Behaviour, variable: str) -> float:
-    """Return since when evidence for a variable counts, for a node within skills."""
+    """Return the instant from which evidence for a variable counts, for a node within skills."""
     return max((skill.acted_s(variable) for skill in _skills_above(node)), default=-math.inf)
 
 
 def _is_true(value: object) -> bool:
     if not isinstance(value, bool):
-        raise TypeError(f"{value!r} is neither true nor false: say what will do, as in holds=lambda value: ...")
+        raise TypeError(f"{value!r} is neither true nor false: pass a condition, as in holds=lambda value: ...")
     return value
 
 

@@ -1,4 +1,9 @@
-"""Findings: what is wrong, where, and how to fix it. Every layer of the compiler reports with these values."""
+"""Findings: a message, its place, and how to fix the mistake.
+
+Every layer of the compiler reports findings. A mistake of a user is a finding, which is a value with a place; a mistake
+of a programmer is an exception. Each phase reports everything that it finds, and silences findings of later phases
+about the same element.
+"""
 
 from __future__ import annotations
 
@@ -117,7 +122,7 @@ class Fix:
     """A fix that a tool can apply.
 
     Attributes:
-        message: what the fix does, in the imperative: `Replace 'moniter' by 'monitor'`.
+        message: describes the fix in the imperative: `Replace 'moniter' by 'monitor'`.
         edits: they do not overlap, and are applied all together or not at all.
     """
 
@@ -157,7 +162,7 @@ class Diagnostic:
 
     Attributes:
         path: the element within the spec, e.g. `skills.open_door.monitor`; contains no line number.
-        help: how to fix it, in one sentence; empty only if the message already says so.
+        help: how to fix it, in one sentence; empty only if the message already contains it.
         fix: how to fix it, as edits, if a tool can apply them.
         level: the severity that the project's settings give it instead of the rule's.
         per_use: if the text of a template gives the same finding in several uses, the finding of each use.

@@ -1,8 +1,8 @@
 """Dependency graphs over names: closure, strongly connected components, and shortest cycles as paths.
 
 A graph is a mapping from each name to the names that it needs, in order. Every result depends only on the names and on
-that order, never on hashes. The functions do not depend on what the names refer to, and they do not recurse: a chain
-may be as long as memory allows.
+that order, never on hashes. The functions do not depend on the meaning of the names, and they do not recurse: a
+chain may be as long as memory allows.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def strong_components(needs: Needs) -> tuple[tuple[str, ...], ...]:
 
 
 def shortest_cycle(needs: Needs) -> tuple[str, ...]:
-    """Return a shortest cycle as a path whose last name needs its first, or () if there is no cycle.
+    """Return a shortest cycle as a path whose last name needs its first, or () without a cycle.
 
     Among cycles of the same length, the one reached first from the least name is returned. The path begins with its
     least name. On graphs with very many cycles the search is bounded by MAX_VISITS.
@@ -72,7 +72,7 @@ def shortest_cycle(needs: Needs) -> tuple[str, ...]:
 
 
 def cycle_through(needs: Needs, name: str) -> tuple[str, ...]:
-    """Return a shortest cycle through a name as a path that begins with it, or () if there is no cycle."""
+    """Return a shortest cycle through a name as a path that begins with it, or () without a cycle."""
     if name not in closure(needs, needs.get(name, ())):
         return ()
     return _cycle_through(name, _directed(needs), shorter_than=0)[0]

@@ -41,7 +41,7 @@ _TIMELINE_ENDINGS = (".timeline.yaml", ".timeline.yml")
 
 
 def project_of(path: Path) -> Path | None:
-    """Return the root of the project that a file or folder belongs to, or None if there is no project."""
+    """Return the root of the project that a file or folder belongs to, or None outside of projects."""
     start = path.absolute()
     return next((folder for folder in (start, *start.parents) if _is_project(folder)), None)
 
@@ -89,12 +89,12 @@ def has_stale_schema(root: Path) -> bool:
         return False
     try:
         return copy.read_bytes() != SCHEMA_FILE.read_bytes()
-    except OSError:  # there is no copy
+    except OSError:  # the copy is missing
         return False
 
 
 def settings_in(folder: Path) -> bytes | None:
-    """Return the content of a folder's `pyproject.toml`, or None if there is no such file or it cannot be read."""
+    """Return the content of a folder's `pyproject.toml`, or None if the file is missing or unreadable."""
     file = folder / SETTINGS
     try:
         return file.read_bytes() if file.is_file() else None  # reading a pipe would block forever

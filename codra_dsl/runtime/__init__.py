@@ -1,4 +1,4 @@
-"""What robots and generated code import: time, context and observers. It needs no compiler, YAML or command line."""
+"""The runtime that robots import: time, context and observers. It needs no compiler, YAML or command line."""
 
 from __future__ import annotations
 

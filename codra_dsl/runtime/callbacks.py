@@ -1,4 +1,4 @@
-"""Callbacks that are told what changes, without ever holding up who changes it."""
+"""Callbacks about changes, which never delay the code that makes the changes."""
 
 from __future__ import annotations
 
@@ -14,38 +14,38 @@ from codra_dsl.runtime.values.cell import Reading
 _LOGGER = logging.getLogger(__name__)
 
 MOST_WAITING = 1_000
-"""What may wait for a callback that is slower than what it is told; then the oldest goes."""
+"""The largest number of changes that wait for a slow callback; beyond that the oldest is dropped."""
 
 NewsT = TypeVar("NewsT")
 
 
-def _nothing() -> None:
+def _no_op() -> None:
     pass
 
 
 class Subscription:
-    """What ends a subscription; it ends at the end of its `with` statement, too.
+    """The handle of a subscription, which can also be used in a `with` statement.
 
     Attributes:
-        dropped: how much was not told, because the callback was too slow.
+        dropped: how many changes were dropped because the callback was too slow.
     """
 
     def __init__(self, end: Callable[[], None]) -> None:
         self.dropped = 0
         self._end = end
-        self._then: Callable[[], None] = _nothing
+        self._then: Callable[[], None] = _no_op
         self._is_over = False
         self._lock = threading.Lock()
 
     def unsubscribe(self) -> None:
-        """Call back no more; a call that is under way comes to its end."""
+        """End the subscription; a call that is under way is completed."""
         self._end()
         with self._lock:
-            then, self._then, self._is_over = self._then, _nothing, True
+            then, self._then, self._is_over = self._then, _no_op, True
         then()
 
     def and_then(self, then: Callable[[], None]) -> None:
-        """Do something once when the subscription ends, in the place of what was before; now if it has ended."""
+        """Call `then` once when the subscription ends, instead of an earlier `then`; at once if it has ended."""
         with self._lock:
             if not self._is_over:
                 self._then = then
@@ -60,22 +60,22 @@ class Subscription:
 
 
 class CallbackQueue(Generic[NewsT]):
-    """What waits for one callback, in order.
+    """The changes that wait for one callback, in order.
 
-    The callback runs with no lock held: in simulated time as an event of its own at the same instant, in real time in a
-    thread that lives while there is something to tell. So one that is slow or raises hurts neither the one who writes
-    nor other subscriptions.
+    The callback runs on a clock that holds no lock: in simulated time as a separate event at the same instant, in real
+    time in a thread that lives while changes wait. So a callback that is slow or raises affects neither the writer nor
+    other subscriptions.
     """
 
     def __init__(
         self, clock: Clock, callback: Callable[[NewsT], object], end: Callable[[CallbackQueue[NewsT]], None]
     ) -> None:
-        """Wait for news.
+        """Create an empty queue.
 
         Args:
-            clock: which runs the callback; not one that holds a lock while events happen.
-            callback: is told.
-            end: called when nobody wants to be told any more.
+            clock: runs the callback; it must not hold a lock while events run.
+            callback: called with each change.
+            end: called when the subscription ends.
         """
         self.subscription = Subscription(self._close)
         self._clock = clock
@@ -87,7 +87,7 @@ class CallbackQueue(Generic[NewsT]):
         self._is_closed = False
 
     def put(self, news: NewsT) -> None:
-        """Let the callback be told as soon as it is free."""
+        """Call the callback with a change as soon as it is free."""
         with self._lock:
             if self._is_closed:
                 return
@@ -102,7 +102,7 @@ class CallbackQueue(Generic[NewsT]):
     def _start(self) -> None:
         try:
             self._clock.start(self._run, _ignore)
-        except RuntimeError:  # no thread could be started: the next news tries again
+        except RuntimeError:  # no thread could be started: the next change tries again
             _LOGGER.exception("a callback could not be called")
             with self._lock:
                 self._is_running = False
@@ -114,11 +114,11 @@ class CallbackQueue(Generic[NewsT]):
             except BaseException as error:
                 if isinstance(error, KeyboardInterrupt) and threading.current_thread() is threading.main_thread():
                     self._is_running = False
-                    raise  # in simulated time it is the user who wants an end
+                    raise  # in simulated time the user interrupts the program
                 _LOGGER.exception("a callback raised: %r", self._callback)
 
     def _next(self) -> tuple[NewsT] | None:
-        """Return what is to be told next; None if there is nothing, and then nothing runs any more."""
+        """Return the next change; None if no change waits, and then the thread ends."""
         with self._lock:
             if self._waiting:
                 return (self._waiting.popleft(),)
@@ -133,90 +133,90 @@ class CallbackQueue(Generic[NewsT]):
 
 
 class Subscriptions:
-    """Who wants to be told of variables, and of what skills expect. Whoever tells holds the context manager's lock."""
+    """The subscriptions to variables and to expectations of skills. Callers hold the context manager's lock."""
 
     def __init__(self, clock: Clock, lock: threading.RLock) -> None:
-        """Have no subscriber yet.
+        """Start without subscriptions.
 
         Args:
-            clock: one that holds no lock while events happen.
-            lock: the context manager's.
+            clock: a clock that holds no lock while events run.
+            lock: the lock of the context manager.
         """
         self._clock = clock
         self._lock = lock
-        self._lines: dict[str, list[CallbackQueue[Reading[Any]]]] = {}
+        self._queues: dict[str, list[CallbackQueue[Reading[Any]]]] = {}
         self._last: dict[tuple[int, str], tuple[object, object]] = {}
         self._followers: dict[str, list[CallbackQueue[None]]] = {}
         self._of_skill: dict[int, list[CallbackQueue[Any]]] = {}
 
     def subscribe(self, readings: Iterable[Reading[Any]], callback: Callable[[Reading[Any]], object]) -> Subscription:
-        """Tell of some variables, given as what they are now: that first, then each change of it."""
+        """Call back with the present readings of some variables, then with each change."""
         present = tuple(readings)
-        line = CallbackQueue(self._clock, callback, self._forget)
+        queue = CallbackQueue(self._clock, callback, self._forget)
         for reading in present:
-            self._lines[reading.name] = [*self._lines.get(reading.name, ()), line]
-            self._tell(line, reading)
-        return line.subscription
+            self._queues[reading.name] = [*self._queues.get(reading.name, ()), queue]
+            self._put_change(queue, reading)
+        return queue.subscription
 
     def follow(self, name: str, callback: Callable[[], object]) -> Subscription:
-        """Call back whenever there is another reading of a variable, though it may only be newer evidence."""
-        line: CallbackQueue[None] = CallbackQueue(
-            self._clock, lambda _: callback(), lambda line: self._forget_follower(name, line)
+        """Call back for each other reading of a variable, including newer evidence for the same value."""
+        queue: CallbackQueue[None] = CallbackQueue(
+            self._clock, lambda _: callback(), lambda queue: self._forget_follower(name, queue)
         )
-        self._followers[name] = [*self._followers.get(name, ()), line]
-        return line.subscription
+        self._followers[name] = [*self._followers.get(name, ()), queue]
+        return queue.subscription
 
     def subscribe_to_skill(self, number: int, callback: Callable[[Any], object]) -> Subscription:
-        """Tell what comes of the expectations of a skill."""
-        line: CallbackQueue[Any] = CallbackQueue(
-            self._clock, callback, lambda line: self._forget_of_skill(number, line)
+        """Call back with the outcomes of the expectations of a skill."""
+        queue: CallbackQueue[Any] = CallbackQueue(
+            self._clock, callback, lambda queue: self._forget_of_skill(number, queue)
         )
-        self._of_skill[number] = [*self._of_skill.get(number, ()), line]
-        return line.subscription
+        self._of_skill[number] = [*self._of_skill.get(number, ()), queue]
+        return queue.subscription
 
     def changed(self, name: str, read: Callable[[str], Reading[Any]]) -> None:
-        """Tell of a variable that may be another than it was."""
-        for line in self._lines.get(name, ()):
-            self._tell(line, read(name))
+        """Notify the subscribers of a variable that may have changed."""
+        for queue in self._queues.get(name, ()):
+            self._put_change(queue, read(name))
         for follower in self._followers.get(name, ()):
             follower.put(None)
 
     def wake(self) -> None:
-        """Call back all who follow a variable: the context manager has closed, and no more will come."""
+        """Call back all followers of variables, because the context manager has closed."""
         for followers in self._followers.values():
             for follower in followers:
                 follower.put(None)
 
     def judged(self, number: int, verdict: object) -> None:
-        """Tell what came of an expectation of a skill."""
-        for line in self._of_skill.get(number, ()):
-            line.put(verdict)
+        """Notify the subscribers of a skill of an outcome."""
+        for queue in self._of_skill.get(number, ()):
+            queue.put(verdict)
 
     def finished(self, number: int) -> None:
-        """Forget a skill that has ended; what waits for its callbacks is still told."""
+        """Remove a skill that has ended; waiting outcomes are still delivered."""
         self._of_skill.pop(number, None)
 
-    def _tell(self, line: CallbackQueue[Reading[Any]], reading: Reading[Any]) -> None:
-        key, state = (id(line), reading.name), (reading.content, reading.reason)
+    def _put_change(self, queue: CallbackQueue[Reading[Any]], reading: Reading[Any]) -> None:
+        key, state = (id(queue), reading.name), (reading.content, reading.reason)
         if self._last.get(key) != state:
             self._last[key] = state
-            line.put(reading)
+            queue.put(reading)
 
-    def _forget(self, line: CallbackQueue[Reading[Any]]) -> None:
+    def _forget(self, queue: CallbackQueue[Reading[Any]]) -> None:
         with self._lock:
-            for name, lines in list(self._lines.items()):
-                if line in lines:
-                    self._lines[name] = [other for other in lines if other is not line]
-                    self._last.pop((id(line), name), None)
+            for name, queues in list(self._queues.items()):
+                if queue in queues:
+                    self._queues[name] = [other for other in queues if other is not queue]
+                    self._last.pop((id(queue), name), None)
 
-    def _forget_follower(self, name: str, line: CallbackQueue[None]) -> None:
+    def _forget_follower(self, name: str, queue: CallbackQueue[None]) -> None:
         with self._lock:
-            self._followers[name] = [other for other in self._followers[name] if other is not line]
+            self._followers[name] = [other for other in self._followers[name] if other is not queue]
 
-    def _forget_of_skill(self, number: int, line: CallbackQueue[Any]) -> None:
+    def _forget_of_skill(self, number: int, queue: CallbackQueue[Any]) -> None:
         with self._lock:
             if number in self._of_skill:
-                self._of_skill[number] = [other for other in self._of_skill[number] if other is not line]
+                self._of_skill[number] = [other for other in self._of_skill[number] if other is not queue]
 
 
 def _ignore(_: object) -> None:

@@ -1,13 +1,13 @@
 """Time as an argument. No other module reads a clock or waits.
 
-Simulated time is one heap of events, run by whoever sleeps: the main execution's `sleep` and `wait_until` run every
-event up to their end, in the order of (instant, order of scheduling), all in one thread. A piece of work (a perception
-function) runs at once, on what its handles give at its start; what it sleeps adds to its duration, and its outcome is
-delivered at start plus duration, or at once when nobody waits for it any more, as in real time. So blocking code is
+Simulated time is one heap of events, which run while a program sleeps: the main execution's `sleep` and `wait_until`
+run every event up to their end, in the order of (instant, order of scheduling), all in one thread. A piece of work (a
+perception function) runs at once, with the values of its handles at its start. Its sleeps add to its duration, and its
+outcome is delivered at start plus duration, or at once if the work is cancelled, as in real time. So blocking code is
 written once and runs in both kinds of time, and the same program gives the same events.
 
-In real time a dispatcher thread runs the events and each piece of work has a daemon thread of its own, so that one
-that hangs keeps neither the dispatcher nor the end of the process waiting.
+In real time a dispatcher thread runs the events, and each piece of work has a separate daemon thread, so that one that
+hangs delays neither the dispatcher nor the end of the process.
 """
 
 from __future__ import annotations
@@ -38,17 +38,20 @@ Outcome = TypeVar("Outcome")
 _LOGGER = logging.getLogger(__name__)
 
 _LONGEST_WAIT_S = 3600.0
-"""The dispatcher looks at its events at least this often."""
+"""The dispatcher checks its events at least this often."""
 
 _LAST = 2**62
-"""Larger than the number of any event, so that it comes after those of its instant."""
+"""Larger than the number of any event, so that an event with it runs after all others of its instant."""
 
 PUNCTUAL_S = 0.01
-"""An event that begins no later than this after its time happens, for all that it changes, at its time."""
+"""An event that begins no later than this after its time counts as happening at its time.
+
+So a run in real time follows from its inputs like one in simulated time, and a replay is exact.
+"""
 
 
 class Cancelled(Exception):  # noqa: N818 - it is an outcome, not an error
-    """Raised inside a piece of work whose outcome nobody waits for any more."""
+    """Raised inside a piece of work whose outcome is no longer needed."""
 
 
 class Timer:
@@ -61,16 +64,16 @@ class Timer:
         self._callback: Callable[[], None] | None = callback
 
     def take(self) -> Callable[[], None]:
-        """Return what is to happen; the event itself does not happen any more."""
+        """Return the callback; the event itself no longer happens."""
         callback, self._callback = self._callback, None
-        return callback or _nothing
+        return callback or _no_op
 
     def cancel(self) -> None:
-        """Make the event not happen; harmless when it has happened."""
+        """Cancel the event; no effect if it has happened."""
         self._callback = None
 
     def fire(self) -> None:
-        """Let the event happen, unless it was cancelled."""
+        """Run the callback, unless the event was cancelled."""
         self.take()()
 
 
@@ -82,11 +85,11 @@ class Work(ABC):
 
     @property
     def cancelled(self) -> bool:
-        """Return whether nobody waits for the outcome any more."""
+        """Return whether the outcome is no longer needed."""
         return self._is_cancelled
 
     def cancel(self) -> None:
-        """Tell the work that nobody waits for its outcome; its next `sleep` raises `Cancelled`."""
+        """Cancel the work, whose outcome is no longer needed; its next `sleep` raises `Cancelled`."""
         self._is_cancelled = True
 
     @abstractmethod
@@ -98,12 +101,12 @@ class Work(ABC):
         """Spend time.
 
         Raises:
-            Cancelled: if nobody waits for the outcome any more.
+            Cancelled: if the outcome is no longer needed.
         """
 
 
 class Clock(ABC):
-    """A source of time, with events and work that take place in it. Instants are seconds as float."""
+    """A source of time that runs events and work. Instants are seconds as float."""
 
     @abstractmethod
     def now_s(self) -> float:
@@ -111,7 +114,7 @@ class Clock(ABC):
 
     @abstractmethod
     def sleep(self, duration_s: float) -> None:
-        """Let time pass; events that fall into it happen meanwhile."""
+        """Let time pass; events in this time happen meanwhile."""
 
     @abstractmethod
     def call_at(self, instant_s: float, callback: Callable[[], None]) -> Timer:
@@ -126,13 +129,13 @@ class Clock(ABC):
 
     @abstractmethod
     def notify(self) -> None:
-        """Say that what a `wait_until` looks at may have changed."""
+        """Wake every `wait_until`, because its condition may have changed."""
 
     @abstractmethod
     def start(self, run: Callable[[Work], Outcome], deliver: Callable[[Outcome], None]) -> Work:
-        """Start a piece of work beside the events; `deliver` is an event that gets what `run` returned.
+        """Start a piece of work in parallel to the events; `deliver` is an event that receives the result of `run`.
 
-        `run` must not raise. The outcome of cancelled work is delivered too: then the work has come to its end.
+        `run` must not raise. The outcome of cancelled work is delivered too, to report that the work has ended.
 
         Raises:
             RuntimeError: if the machine can start no more work.
@@ -140,7 +143,7 @@ class Clock(ABC):
 
 
 class _SimulatedWork(Work):
-    """Work that has run already and, for the events, still takes its time."""
+    """Work whose function has already run, while the time that it takes still passes."""
 
     def __init__(self, clock: Clock) -> None:
         super().__init__()
@@ -166,7 +169,7 @@ class _SimulatedWork(Work):
 class SimClock(Clock):
     """Simulated time: it passes only inside `sleep` and `wait_until`, as fast as the events can be run.
 
-    It belongs to the thread that made it.
+    It belongs to the thread that created it.
     """
 
     def __init__(self, start_s: float = 0.0) -> None:
@@ -190,14 +193,14 @@ class SimClock(Clock):
         return timer
 
     def call_last_at(self, instant_s: float, callback: Callable[[], None]) -> None:
-        """Schedule an event after all others of its instant, also those that are yet to come."""
+        """Schedule an event after all others of its instant, including those that are scheduled later."""
         self._check_thread()
         self._scheduled += 1
         timer = Timer(max(instant_s, self._now_s), callback)
         heapq.heappush(self._events, (timer.instant_s, _LAST + self._scheduled, timer))
 
     def sleep(self, duration_s: float) -> None:
-        """Run all events of the next `duration_s` seconds, both ends included, then stand at their end."""
+        """Run all events of the next `duration_s` seconds, both ends included; then it is the end of this time."""
         self.wait_until(_never, _checked(duration_s))
 
     def wait_until(self, ready: Callable[[], bool], timeout_s: float) -> bool:
@@ -209,17 +212,17 @@ class SimClock(Clock):
         while not ready():
             if not self._events or self._events[0][0] > end_s:
                 if end_s == math.inf:
-                    raise RuntimeError("this would wait for ever: no event is left that could end it")
+                    raise RuntimeError("this would wait forever: no event is left that could end it")
                 self._now_s = end_s
                 return ready()
             self._run_next()
         return True
 
     def notify(self) -> None:
-        """Do nothing: `wait_until` looks after every event."""
+        """Do nothing: `wait_until` checks its condition after every event."""
 
     def start(self, run: Callable[[Work], Outcome], deliver: Callable[[Outcome], None]) -> Work:
-        """Run the work at once and deliver its outcome at start plus what it slept."""
+        """Run the work at once, and deliver its outcome at its start plus the sum of its sleeps."""
         work = _SimulatedWork(self)
         was_inside, self._inside_event = self._inside_event, True
         try:
@@ -239,7 +242,7 @@ class SimClock(Clock):
 
     def _check_thread(self) -> None:
         if threading.get_ident() != self._thread:
-            raise RuntimeError("a SimClock belongs to the thread that made it: use WallClock with threads")
+            raise RuntimeError("a SimClock belongs to the thread that created it: use WallClock with threads")
 
 
 class _RealWork(Work):
@@ -289,7 +292,7 @@ class WallClock(Clock):
         self.close()
 
     def close(self) -> None:
-        """Run no more events; whoever waits is told that nothing came."""
+        """Run no more events; waiting calls return."""
         with self._changed:
             self._closed = True
             self._changed.notify_all()
@@ -325,16 +328,17 @@ class WallClock(Clock):
                 self._waiting -= 1
 
     def notify(self) -> None:
-        """Wake those who wait.
+        """Wake all waiting threads.
 
-        Who waits counts itself before it looks, and who notifies looks for waiters after it wrote: one sees the other.
+        A waiter counts itself before it checks its condition, and a notifier checks the count after its change: so no
+        change is missed.
         """
         if self._waiting:
             with self._changed:
                 self._changed.notify_all()
 
     def start(self, run: Callable[[Work], Outcome], deliver: Callable[[Outcome], None]) -> Work:
-        """Run the work in a daemon thread of its own."""
+        """Run the work in a separate daemon thread."""
         work = _RealWork(self)
 
         def body() -> None:
@@ -348,7 +352,7 @@ class WallClock(Clock):
         while (timer := self._next()) is not None:
             try:
                 timer.fire()
-            except BaseException:  # whatever an event raises must not take the others with it
+            except BaseException:  # an event that raises must not stop the others
                 _LOGGER.exception("an event failed")
 
     def _check_thread(self) -> None:
@@ -368,20 +372,20 @@ class WallClock(Clock):
 class LockedClock(Clock):
     """A clock whose events run while a lock is held; work itself runs without it.
 
-    Whoever changes something does it in a step: `with clock:`, or an event. Within a step time stands still, so that
-    what happens in it follows from its instant and from the steps before it, and from nothing else: that makes a run
-    in real time as repeatable as one in simulated time, from its journal.
+    Every change is made in a step: in a command, within `with clock:`, or in an event. Within a step the time does not
+    change, so its effect depends only on its instant and on the steps before it. That makes a run in real time as
+    repeatable, from its journal, as a run in simulated time.
 
     Attributes:
         steps: how many events have happened.
         works: how many pieces of work have been started.
-        is_late: called when an event happens at an instant of its own, because its time was over long before.
+        is_late: called when an event happens later than its time by more than `PUNCTUAL_S`.
     """
 
     def __init__(self, clock: Clock, lock: threading.RLock) -> None:
         self.steps = 0
         self.works = 0
-        self.is_late: Callable[[], None] = _nothing
+        self.is_late: Callable[[], None] = _no_op
         self._clock = clock
         self._outer_now_s = clock.now_s
         self._lock = lock
@@ -396,7 +400,7 @@ class LockedClock(Clock):
         self._lock.acquire()
         if not self._depth:
             now_s = self._outer_now_s()
-            if now_s > self._instant_s:  # noqa: PLR1730 - every step comes by here, and `max` takes longer
+            if now_s > self._instant_s:  # noqa: PLR1730 - every step runs this, and `max` takes longer
                 self._instant_s = now_s
             self._stepping = get_ident()
         self._depth += 1
@@ -408,7 +412,7 @@ class LockedClock(Clock):
         self._lock.release()
 
     def now_s(self) -> float:
-        """Return the present instant; within a step that of its beginning."""
+        """Return the present instant; within a step, the instant of its start."""
         if self._stepping is not None and self._stepping == get_ident():
             return self._instant_s
         return self._outer_now_s()
@@ -418,7 +422,7 @@ class LockedClock(Clock):
         self._clock.sleep(duration_s)
 
     def call_at(self, instant_s: float, callback: Callable[[], None]) -> Timer:
-        """Schedule an event that runs under the lock; whoever schedules it holds the lock."""
+        """Schedule an event that runs under the lock; the caller holds the lock."""
         timer = Timer(max(instant_s, self.now_s()), callback)
         if instant_s < math.inf:
             heapq.heappush(self._timers, (timer.instant_s, self._scheduled, timer))
@@ -431,7 +435,7 @@ class LockedClock(Clock):
         return self._clock.wait_until(ready, timeout_s)
 
     def notify(self) -> None:
-        """Say that what a `wait_until` looks at may have changed."""
+        """Wake every `wait_until`, because its condition may have changed."""
         self._clock.notify()
 
     def start(self, run: Callable[[Work], Outcome], deliver: Callable[[Outcome], None]) -> Work:
@@ -441,7 +445,7 @@ class LockedClock(Clock):
 
         def run_at_its_place(work: Work) -> Outcome:
             if self._stepping != get_ident():
-                return run(work)  # in a thread of its own
+                return run(work)  # in a separate thread
             outer, self._work = self._work, number
             try:
                 return run(work)
@@ -455,15 +459,15 @@ class LockedClock(Clock):
         return self._clock.start(run_at_its_place, deliver_in_step)
 
     def place(self) -> Mapping[str, int]:
-        """Return the place of what happens now among all that happens: by it a replay finds where it belongs.
+        """Return the place of the present moment in the run, with which a replay repeats a command at the same place.
 
-        It is told how many events have happened and, in simulated time, the number of the piece of work whose function
-        runs within the present step.
+        It consists of the number of events so far and, in simulated time, the number of the piece of work whose
+        function runs within the present step.
         """
         return {"step": self.steps} if self._work is None else {"step": self.steps, "work": self._work}
 
     def _run_next(self) -> None:
-        """Run the event that is first by now; it is on time unless much time has passed."""
+        """Run the first due event; it counts as on time unless it is later than `PUNCTUAL_S`."""
         with self._lock:
             instant_s, _, timer = heapq.heappop(self._timers)
             now_s = self._clock.now_s()
@@ -485,7 +489,7 @@ def _never() -> bool:
     return False
 
 
-def _nothing() -> None:
+def _no_op() -> None:
     pass
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 
 class UnknownNameError(LookupError):
-    """A name that the spec does not declare."""
+    """The spec does not declare a name."""
 
 
 class NotASourceError(PermissionError):
@@ -15,15 +15,15 @@ class NotASourceError(PermissionError):
 
 
 class AgentTakenError(PermissionError):
-    """An agent was to be taken of which a handle is open."""
+    """An agent with an open handle was requested."""
 
 
 def unknown(kind: str, name: object, names: Iterable[str]) -> UnknownNameError:
-    """Return the error that tells that the spec has nothing of a kind with this name."""
+    """Return the error for a name of some kind that the spec does not declare."""
     return UnknownNameError(f"the spec has no {kind} {name!r}{nearest(str(name), names)}")
 
 
 def nearest(name: str, names: Iterable[str]) -> str:
-    """Return the question whether a similar name was meant; empty if there is none."""
+    """Return a suggestion of a similar name; empty if there is no similar name."""
     similar = difflib.get_close_matches(name, list(names), n=1)
     return f": did you mean {similar[0]!r}?" if similar else ""

@@ -1,4 +1,4 @@
-"""The only module of ours that generated code imports: every name that the compiler writes, and no other.
+"""The only module of CoDRA DSL that generated code imports: exactly the names that the compiler writes.
 
 Programs written by hand import `codra_dsl.runtime` and its packages. Names of loops, fuzzy engines and behavior trees
 are imported when they are first used, so a package without loops loads neither these modules nor numpy.

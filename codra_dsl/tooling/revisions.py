@@ -72,7 +72,7 @@ class Repository:
         """Return the repository that contains a path; the path itself need not exist.
 
         Raises:
-            RevisionError: if there is none.
+            RevisionError: if the path is not in a repository.
         """
         folder = next(parent for parent in (path, *path.parents) if parent.is_dir())
         is_bare = _run(("rev-parse", "--is-bare-repository"), folder).stdout == b"true\n"
@@ -88,7 +88,7 @@ class Repository:
         """Return the object name of a revision's commit.
 
         Raises:
-            RevisionError: if there is no such revision.
+            RevisionError: if the revision does not exist.
         """
         if name.startswith("-"):
             raise RevisionError(f"'{name}' is not a revision: names of revisions do not begin with '-'")

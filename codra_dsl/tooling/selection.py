@@ -1,13 +1,13 @@
-"""Which part of a graph is meant: selectors as in dbt.
+"""Select a part of a graph, with selectors as in dbt.
 
-    selector  = part { " " part }                   together: what any part means
-    part      = term { "," term }                   what all terms mean at once
+    selector  = part { " " part }                   the union of the parts
+    part      = term { "," term }                   the intersection of the terms
     term      = [ "@" | [N] "+" ] names [ "+" [N] ]
     names     = pattern | METHOD ":" pattern
 
-`+x` is x with all that it needs, `x+` with all that needs it, `2+x` goes two steps back only, and `@x` is x with all
-that needs it and all that these need. A pattern is a name, or has `*`, `?` and `[...]` in it; with a `/` in it, it is
-about the whole id.
+`+x` is x with everything that it needs, `x+` is x with everything that needs it, `2+x` goes back only two steps, and
+`@x` is x with everything that needs it and everything that these need. A pattern is a name, and may contain `*`, `?`
+and `[...]`; a pattern with a `/` matches the complete id.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ from fnmatch import fnmatchcase
 from codra_dsl.language.diagnostics import suggest
 
 Edge = tuple[str, str]
-"""A need and who needs it, by their ids."""
+"""The ids of a needed node and of a node that needs it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Choice:
-    """A node that can be chosen.
+    """A node that can be selected.
 
     Attributes:
-        id: its whole name, with `/`.
-        label: what people read in its place.
-        file: where it is declared.
-        use: the use of a template that made it, or nothing.
+        id: its complete name, with `/`.
+        label: its name for people.
+        file: the file that declares it.
+        use: the use of a template that created it, or an empty string.
     """
 
     id: str
@@ -44,11 +44,11 @@ class Choice:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Choices:
-    """A graph from which something can be chosen.
+    """A graph with the nodes that can be selected.
 
     Attributes:
-        kinds: all that there can be, be there a node of it or not.
-        absent: names that are declared but are no nodes.
+        kinds: all possible kinds, with or without nodes.
+        absent: declared names that are not nodes.
     """
 
     nodes: Sequence[Choice]
@@ -58,10 +58,10 @@ class Choices:
 
 
 class SelectorError(ValueError):
-    """A selector that cannot be read, or names nothing that there is.
+    """A selector that cannot be parsed or matches no node.
 
     Attributes:
-        column: where in its text, from 1.
+        column: the position of the error in its text, from 1.
     """
 
     def __init__(self, message: str, text: str, start: int, length: int = 1) -> None:
@@ -71,27 +71,27 @@ class SelectorError(ValueError):
         self._length = max(1, length)
 
     def __str__(self) -> str:
-        """Return the message with the selector below it, marked where it is wrong."""
+        """Return the message with the selector below it and a mark below the error."""
         shown = "".join(letter if letter.isprintable() else " " for letter in self._text)
         marks = " " * (self.column - 1) + "^" * self._length
         return f"{self.args[0]} (column {self.column})\n  {shown}\n  {marks}"
 
 
 def select(choices: Choices, wanted: Sequence[str], unwanted: Sequence[str] = ()) -> frozenset[str]:
-    """Return the ids of the nodes that any of some selectors means, without those that others mean.
+    """Return the ids of the nodes that any of some selectors matches, without those that others match.
 
     Args:
         choices: the graph.
-        wanted: selectors; all nodes if there is none.
+        wanted: selectors; without any, all nodes are selected.
         unwanted: selectors.
 
     Raises:
-        SelectorError: if one cannot be read, or names nothing that there is.
+        SelectorError: if a selector cannot be parsed or matches no node.
     """
     search = _Search(choices)
     everything = frozenset(node.id for node in choices.nodes)
-    chosen = frozenset().union(*map(search.meant_by, wanted)) if wanted else everything
-    return chosen.difference(*map(search.meant_by, unwanted))
+    chosen = frozenset().union(*map(search.matches, wanted)) if wanted else everything
+    return chosen.difference(*map(search.matches, unwanted))
 
 
 _EVERY = 10**9
@@ -105,11 +105,11 @@ _GLOB = re.compile(r"[*?\[]")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Term:
-    """What stands between commas; numbers are steps to go.
+    """A part of a selector between commas; numbers are steps.
 
     Attributes:
-        start: where its pattern begins in the selector.
-        around: whether what is needed by all that needs it is meant as well.
+        start: the position of its pattern in the selector.
+        around: whether the needs of all nodes that need it are included.
     """
 
     text: str
@@ -137,12 +137,12 @@ def _terms(text: str) -> Iterator[list[_Term]]:
 
 def _term(text: str, start: int) -> _Term:
     match = _TERM.match(text, start)
-    assert match is not None  # every piece of it may be empty
+    assert match is not None  # every part of the pattern may be empty
     at, end = match.start("pattern"), match.end()
     if not match["pattern"]:
         raise SelectorError("a name is missing; a selector has no blanks around '+' and ','", text, min(at, len(text)))
     if end < len(text) and text[end] != "," and not text[end].isspace():
-        raise SelectorError(f"{text[end]!r} has no place here", text, end)
+        raise SelectorError(f"{text[end]!r} is not allowed here", text, end)
     if match["around"] and (match["needs"] is not None or match["needed"]):
         where = match.start("needed") if match["needed"] else match.end("around")
         raise SelectorError("'@' already goes both ways: leave out the '+'", text, where)
@@ -158,14 +158,14 @@ def _term(text: str, start: int) -> _Term:
 
 
 def _steps(digits: str | None) -> int:
-    """Return how many steps to go: none without a `+`, all where no number stands beside it."""
+    """Return the number of steps: none without a `+`, all steps with a `+` but no number."""
     if digits is None:
         return 0
     return int(digits) if digits and len(digits) < len(str(_EVERY)) else _EVERY
 
 
 class _Search:
-    """Finds what selectors mean in one graph."""
+    """Finds the nodes of one graph that selectors match."""
 
     def __init__(self, choices: Choices) -> None:
         self._choices = choices
@@ -180,8 +180,8 @@ class _Search:
             "use": self._by_use,
         }
 
-    def meant_by(self, text: str) -> frozenset[str]:
-        """Return the ids that a selector means."""
+    def matches(self, text: str) -> frozenset[str]:
+        """Return the ids of the nodes that a selector matches."""
         parts = [[self._extended(term) for term in terms] for terms in _terms(text)]
         return frozenset().union(*(frozenset.intersection(*part) for part in parts))
 
@@ -192,9 +192,9 @@ class _Search:
         return _within(self._needs, named, term.needs) | _within(self._needed_by, named, term.needed_by)
 
     def _by_name(self, term: _Term) -> frozenset[str]:
-        is_whole = "/" in term.pattern
-        keys = ((node.id if is_whole else node.name, node.id) for node in self._choices.nodes)
-        return self._matching(term, keys, self._way_out_of_name)
+        is_id = "/" in term.pattern
+        keys = ((node.id if is_id else node.name, node.id) for node in self._choices.nodes)
+        return self._matching(term, keys, self._help_for_name)
 
     def _by_kind(self, term: _Term) -> frozenset[str]:
         kinds = self._choices.kinds
@@ -203,37 +203,37 @@ class _Search:
         return frozenset(node.id for node in self._choices.nodes if fnmatchcase(node.kind, term.pattern))
 
     def _by_file(self, term: _Term) -> frozenset[str]:
-        return self._matching(term, ((node.file, node.id) for node in self._choices.nodes), self._way_out_of_value)
+        return self._matching(term, ((node.file, node.id) for node in self._choices.nodes), self._help_for_value)
 
     def _by_use(self, term: _Term) -> frozenset[str]:
         keys = ((node.use, node.id) for node in self._choices.nodes if node.use)
-        return self._matching(term, keys, self._way_out_of_value)
+        return self._matching(term, keys, self._help_for_value)
 
     def _matching(
         self, term: _Term, keys: Iterable[tuple[str, str]], help: Callable[[_Term, Sequence[str]], str]
     ) -> frozenset[str]:
-        """Return the ids whose key a pattern matches; a pattern that matches nothing is a mistake."""
+        """Return the ids of the nodes whose key a pattern matches; a pattern without a match is an error."""
         pairs = list(keys)
         is_glob = _GLOB.search(term.pattern) is not None
-        found = frozenset(
+        matches = frozenset(
             name for key, name in pairs if (fnmatchcase(key, term.pattern) if is_glob else key == term.pattern)
         )
-        if not found and is_glob:
-            raise term.error(f"nothing matches {term.pattern!r}")
-        if not found:
+        if not matches and is_glob:
+            raise term.error(f"no node matches {term.pattern!r}")
+        if not matches:
             known = list(dict.fromkeys(key for key, _ in pairs))
-            raise term.error(f"nothing is called {term.pattern!r}{help(term, known)}")
-        return found
+            raise term.error(f"no node matches {term.pattern!r}{help(term, known)}")
+        return matches
 
-    def _way_out_of_name(self, term: _Term, known: Sequence[str]) -> str:
+    def _help_for_name(self, term: _Term, known: Sequence[str]) -> str:
         labelled = [node.name for node in self._choices.nodes if node.label.casefold() == term.pattern.casefold()]
         if labelled:
             return f": that is the label of '{labelled[0]}'"
         if term.pattern in self._choices.absent:
             return " in the graph: it is declared, but no decision needs it"
-        return self._way_out_of_value(term, known)
+        return self._help_for_value(term, known)
 
-    def _way_out_of_value(self, term: _Term, known: Sequence[str]) -> str:
+    def _help_for_value(self, term: _Term, known: Sequence[str]) -> str:
         near = suggest(term.pattern, known)
         return f" (did you mean '{near}'?)" if near else ""
 
@@ -246,11 +246,11 @@ class _Search:
 
 def _one_of(given: str, allowed: Sequence[str]) -> str:
     near = suggest(given, allowed)
-    return f"did you mean '{near}'?" if near else f"take one of {', '.join(allowed)}"
+    return f"did you mean '{near}'?" if near else f"choose from {', '.join(allowed)}"
 
 
 def _within(neighbours: Mapping[str, Sequence[str]], start: frozenset[str], steps: int) -> frozenset[str]:
-    """Return what can be reached in so many steps, the start included."""
+    """Return the nodes that can be reached in a number of steps, the start included."""
     reached, edge = set(start), start
     while edge and steps:
         edge = frozenset(other for name in edge for other in neighbours.get(name, ())) - reached

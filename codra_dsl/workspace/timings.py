@@ -1,4 +1,4 @@
-"""How long each stage of a command takes, by a clock that is handed in."""
+"""The time that each stage of a command takes, by a clock that is passed as an argument."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ class Timings:
     """The time that is spent in each stage; without a clock nothing is measured."""
 
     def __init__(self, clock_s: Callable[[], float] | None = None) -> None:
-        """Begin to measure; `clock_s` shows seconds."""
+        """Start to measure; `clock_s` returns seconds."""
         self._clock_s = clock_s
         self._began_s = 0.0 if clock_s is None else clock_s()
         self._stages_s: dict[str, float] = {}
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
-        """Measure a stage; what is measured several times under one name is added up."""
+        """Measure a stage; times of stages with the same name are added up."""
         if self._clock_s is None:
             yield
             return
@@ -28,13 +28,13 @@ class Timings:
             self._stages_s[name] = self._stages_s.get(name, 0.0) + self._clock_s() - began_s
 
     def table(self) -> str:
-        """Return the stages in the order in which they began to be measured, the rest, and the whole until now."""
+        """Return the stages in the order of their first measurement, the rest, and the total until now."""
         if self._clock_s is None:
             return ""
-        whole_s = self._clock_s() - self._began_s
-        rest_s = whole_s - sum(self._stages_s.values())
-        rows = [*self._stages_s.items(), ("rest", rest_s), ("total", whole_s)]
-        share = 100 / whole_s if whole_s > 0 else 0.0
+        total_s = self._clock_s() - self._began_s
+        rest_s = total_s - sum(self._stages_s.values())
+        rows = [*self._stages_s.items(), ("rest", rest_s), ("total", total_s)]
+        share = 100 / total_s if total_s > 0 else 0.0
         return "\n".join(f"{name:8} {spent_s:8.3f} s {spent_s * share:5.1f} %" for name, spent_s in rows)
 
 

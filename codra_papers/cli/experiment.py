@@ -1,4 +1,4 @@
-"""`codra experiment`: many runs in a simulated world, and a report of what they come to."""
+"""`codra experiment`: many runs in a simulated world, and a report of their results."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Name = Annotated[
     str | None,
     typer.Argument(
         metavar="NAME",
-        help="Which; 'module:CONSTANT' for one of your own. Without it, all are listed.",
+        help="The experiment; 'module:CONSTANT' for one of your own. Without it, all are listed.",
         show_default=False,
     ),
 ]
@@ -35,7 +35,7 @@ SpecOption = Annotated[
     typer.Option(
         "--spec",
         metavar="FILE",
-        help="The spec under test.  [default: specs/lab.yaml, or what the world of the experiment is called]",
+        help="The spec under test.  [default: specs/lab.yaml, or the spec named after the experiment's world]",
         show_default=False,
     ),
 ]
@@ -44,43 +44,45 @@ Seeds = Annotated[
     typer.Option(
         "--seeds",
         min=0,
-        help="How many further seeds intervals are drawn from.  [default: the experiment's own]",
+        help="The number of further seeds for confidence intervals.  [default: the experiment's own]",
         show_default=False,
     ),
 ]
 Processes = Annotated[
     int | None,
-    typer.Option("--processes", min=1, help="How many trials run at once.  [default: one a core]", show_default=False),
+    typer.Option(
+        "--processes", min=1, help="How many trials run at once.  [default: one per core]", show_default=False
+    ),
 ]
 Out = Annotated[
     Path | None,
-    typer.Option("--out", metavar="DIR", help="Where it all goes.  [default: runs/NAME]", show_default=False),
+    typer.Option("--out", metavar="DIR", help="The folder of the results.  [default: runs/NAME]", show_default=False),
 ]
 OneTrial = Annotated[
     str | None,
-    typer.Option("--trial", metavar="TRIAL", help="Run this trial alone, and judge nothing.", show_default=False),
+    typer.Option("--trial", metavar="TRIAL", help="Run only this trial, and write no report.", show_default=False),
 ]
 
 
 @dataclass(slots=True)
 class _Reached:
-    """How far the trials are, for whoever asks when they end early."""
+    """The progress of the trials, for the message when they end early."""
 
     progress: Progress | None = None
-    before_s: float = field(default_factory=time.perf_counter)  # noqa: TID251  it is only shown
+    before_s: float = field(default_factory=time.perf_counter)  # noqa: TID251  only for display
 
-    def told(self) -> str:
-        """Return what is kept, and what goes on with it."""
+    def kept_text(self) -> str:
+        """Return how many trials are kept, and how to continue."""
         kept = "" if self.progress is None else f"{self.progress.done} of {self.progress.total} trials are kept: "
-        return f"{kept}the same command goes on from there"
+        return f"{kept}run the same command again to continue"
 
-    def found(self) -> int:
-        """Return how many trials there were before."""
-        return 0 if self.progress is None else self.progress.found
+    def reused(self) -> int:
+        """Return how many trials had records before."""
+        return 0 if self.progress is None else self.progress.reused
 
     def elapsed_s(self) -> float:
-        """Return for how long this has been going on."""
-        return time.perf_counter() - self.before_s  # noqa: TID251  it is only shown
+        """Return the time since the start."""
+        return time.perf_counter() - self.before_s  # noqa: TID251  only for display
 
 
 def experiment_command(
@@ -93,29 +95,29 @@ def experiment_command(
     trial: OneTrial = None,
     color: ColourOption = Colour.AUTO,
 ) -> None:
-    """Run an experiment and report what was found. A run that was stopped goes on where it was."""
+    """Run an experiment and report its results. A run that was stopped continues where it stopped."""
     known = _known()
     if name is None:
         write_result(_listed(known))
         return
     if ":" not in name and name not in known:
         _refuse_name(name, known)
-    found = known.get(name)
-    (spec,) = existing([spec or Path("specs") / f"{found.world if found else 'lab'}.yaml"])
+    experiment = known.get(name)
+    (spec,) = existing([spec or Path("specs") / f"{experiment.world if experiment else 'lab'}.yaml"])
     root = common_root([spec])
-    sys.path.append(str(root))  # the robot's own perception functions may stand beside its specs
-    found = found or _own(name)
-    _check_spec(found, spec, root, color)
-    folder = made_folder(out if out is not None else Path("runs") / found.name)
-    settings = _settings(found, spec, seeds, folder)
+    sys.path.append(str(root))  # the robot's own perception functions may be beside its specs
+    experiment = experiment or _own(name)
+    _check_spec(experiment, spec, root, color)
+    folder = made_folder(out if out is not None else Path("runs") / experiment.name)
+    settings = _settings(experiment, spec, seeds, folder)
     if trial is None:
-        _report(found, settings, root, processes)
+        _report(experiment, settings, root, processes)
     else:
-        _run_alone(_named(trial, found, settings, processes), settings)
+        _run_alone(_named(trial, experiment, settings, processes), settings)
 
 
 def _check_spec(experiment: Experiment, spec: Path, root: Path, color: Colour) -> None:
-    """Show what is found about a spec, and end the command if it cannot be what the experiment is about."""
+    """Print the findings about a spec, and end the command if the experiment cannot use it."""
     from codra_papers.experiments.campaign.experiment import World
 
     plan = one_plan(spec, root, color)
@@ -124,11 +126,11 @@ def _check_spec(experiment: Experiment, spec: Path, root: Path, color: Colour) -
 
 
 def _known() -> Mapping[str, Experiment]:
-    """Return the experiments by name, once all is there that any of them, or a report, needs."""
+    """Return the experiments by name, after importing everything that experiments and reports need."""
     from codra_papers.experiments.campaign.interrupts import interrupts_held_back
 
     try:
-        with interrupts_held_back():  # some libraries take one for an error of their own while they are loaded
+        with interrupts_held_back():  # while some libraries are loaded, they turn it into an error of their own
             from codra_papers.experiments.campaign import provenance, results  # noqa: F401
             from codra_papers.experiments.campaign.registry import experiments
 
@@ -140,7 +142,7 @@ def _known() -> Mapping[str, Experiment]:
 
 def _listed(known: Mapping[str, Experiment]) -> str:
     width = max(map(len, known), default=0)
-    return "".join(f"{name.ljust(width)}  {each.question}\n" for name, each in known.items())
+    return "".join(f"{name.ljust(width)}  {experiment.question}\n" for name, experiment in known.items())
 
 
 def _refuse_name(name: str, known: Mapping[str, Experiment]) -> NoReturn:
@@ -152,7 +154,7 @@ def _refuse_name(name: str, known: Mapping[str, Experiment]) -> NoReturn:
 
 
 def _own(place: str) -> Experiment:
-    """Return an experiment of the project's own."""
+    """Return an experiment in a module of the project."""
     from codra_papers.experiments.campaign.registry import NoExperimentError, experiment_in
 
     try:
@@ -168,13 +170,13 @@ def _settings(experiment: Experiment, spec: Path, seeds: int | None, folder: Pat
 
 
 def _named(name: str, experiment: Experiment, settings: Settings, processes: int | None) -> AnyTrial:
-    """Return a trial by its name; if it is none of the first ones, they are run, since they say which others follow."""
+    """Return a trial by its name; if it is not among the first trials, run these: the others depend on them."""
     from codra_dsl.language.diagnostics import suggest
 
     by_name = {trial.name: trial for trial in _trials(experiment, settings)}
     if name not in by_name and experiment.then is not None:
-        came = _outcomes([*by_name.values()], settings.folder, processes, _Reached())
-        by_name |= {trial.name: trial for trial in _more_trials(experiment, settings, came)}
+        outcomes = _outcomes([*by_name.values()], settings.folder, processes, _Reached())
+        by_name |= {trial.name: trial for trial in _more_trials(experiment, settings, outcomes)}
     if name not in by_name:
         near = suggest(name, by_name)
         help = f"did you mean '{near}'?" if near else f"there are {len(by_name)}, such as '{next(iter(by_name))}'"
@@ -191,7 +193,7 @@ def _run_alone(trial: AnyTrial, settings: Settings) -> None:
 
 
 def _report(experiment: Experiment, settings: Settings, root: Path, processes: int | None) -> None:
-    """Run what has not been run, judge it all, and write what was found."""
+    """Run the trials that have no record, judge all outcomes, and write the report."""
     from codra_papers.experiments.campaign.campaign import cores
     from codra_papers.experiments.campaign.provenance import Provenance, revision_of, versions
     from codra_papers.experiments.campaign.records import code_digest
@@ -202,10 +204,10 @@ def _report(experiment: Experiment, settings: Settings, root: Path, processes: i
     reached = _Reached()
     used = processes or cores()
     outcomes = _outcomes(trials, settings.folder, used, reached)
-    found = reached.found()
+    reused = reached.reused()
     if more := _more_trials(experiment, settings, outcomes):
         trials, outcomes = [*trials, *more], {**outcomes, **_outcomes(more, settings.folder, used, reached)}
-        found += reached.found()
+        reused += reached.reused()
     provenance = Provenance(
         command=shlex.join(("codra", *sys.argv[1:])),
         spec=settings.spec.absolute().relative_to(root).as_posix(),
@@ -216,9 +218,9 @@ def _report(experiment: Experiment, settings: Settings, root: Path, processes: i
         cores=cores(),
         processes=used,
         elapsed_s=reached.elapsed_s(),
-        found=found,
+        reused=reused,
     )
-    with _told(settings.folder, reached):
+    with _errors_reported(settings.folder, reached):
         document = experiment.judge(settings, outcomes)
         paths = write_results(settings.folder, experiment, document, outcomes, provenance)
     write_result("".join(f"{sentence}\n" for sentence in document.summary))
@@ -226,15 +228,15 @@ def _report(experiment: Experiment, settings: Settings, root: Path, processes: i
 
 
 def _trials(experiment: Experiment, settings: Settings) -> Sequence[AnyTrial]:
-    """Return what an experiment runs; some write specs of their own for it."""
-    with _told(settings.folder, _Reached()):
+    """Return the trials of an experiment; some experiments write specs of their own for them."""
+    with _errors_reported(settings.folder, _Reached()):
         return experiment.trials(settings)
 
 
-def _more_trials(experiment: Experiment, settings: Settings, came: Mapping[str, AnyOutcome]) -> Sequence[AnyTrial]:
-    """Return what an experiment runs by what came of its first trials."""
-    with _told(settings.folder, _Reached()):
-        return [] if experiment.then is None else experiment.then(settings, came)
+def _more_trials(experiment: Experiment, settings: Settings, outcomes: Mapping[str, AnyOutcome]) -> Sequence[AnyTrial]:
+    """Return the trials that depend on the outcomes of the first ones."""
+    with _errors_reported(settings.folder, _Reached()):
+        return [] if experiment.then is None else experiment.then(settings, outcomes)
 
 
 def _outcomes(
@@ -242,13 +244,13 @@ def _outcomes(
 ) -> Mapping[str, AnyOutcome]:
     from codra_papers.experiments.campaign.campaign import run_campaign
 
-    with _told(folder, reached), _shown(reached) as show:
+    with _errors_reported(folder, reached), _shown(reached) as show:
         return run_campaign(trials, folder, processes=processes, progress=show)
 
 
 @contextmanager
-def _told(folder: Path, reached: _Reached) -> Iterator[None]:
-    """End the command with a line where trials, or writing what came of them, end early."""
+def _errors_reported(folder: Path, reached: _Reached) -> Iterator[None]:
+    """End the command with a message if trials, or writing their results, end early."""
     from codra_dsl.integrations.inspection import SpecError
     from codra_papers.experiments.campaign.campaign import CampaignBusyError
     from codra_papers.experiments.campaign.workers import TrialError
@@ -258,21 +260,21 @@ def _told(folder: Path, reached: _Reached) -> Iterator[None]:
         yield
         return
     except KeyboardInterrupt:
-        code, told = ExitCode.INTERRUPTED, f"interrupted; {reached.told()}"
+        code, message = ExitCode.INTERRUPTED, f"interrupted; {reached.kept_text()}"
     except TrialError as error:
-        told = f"{error}{_ways_out(error)}"
+        message = f"{error}{_help(error)}"
     except (CampaignBusyError, SpecError) as error:
-        told = str(error)
+        message = str(error)
     except BrokenPipeError:
         raise
     except OSError as error:
-        told = f"cannot write to '{folder}': {error.strerror or error}; {reached.told()}"
-    say(f"codra: {told}")
+        message = f"cannot write to '{folder}': {error.strerror or error}; {reached.kept_text()}"
+    say(f"codra: {message}")
     raise typer.Exit(code)
 
 
-def _ways_out(error: TrialError) -> str:
-    details = f"; the whole of it stands in '{error.details}'" if error.details else ""
+def _help(error: TrialError) -> str:
+    details = f"; the traceback is in '{error.details}'" if error.details else ""
     command = ["codra", *sys.argv[1:]]
     alone = command if "--trial" in command else [*command, "--trial", error.trial.name]
     return f"{details}; to run it alone: {shlex.join(alone)}"
@@ -280,7 +282,7 @@ def _ways_out(error: TrialError) -> str:
 
 @contextmanager
 def _shown(reached: _Reached) -> Iterator[Callable[[Progress], None]]:
-    """Yield what is told of progress: it shows that on a terminal, and nothing elsewhere."""
+    """Yield a function that takes progress: it shows it on a terminal, and is silent elsewhere."""
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
     from rich.progress import Progress as Bar
@@ -299,7 +301,7 @@ def _shown(reached: _Reached) -> Iterator[Callable[[Progress], None]]:
 
 
 def _note(progress: Progress, elapsed_s: float) -> str:
-    """Return what is to be said of progress: how many trials there were before, and how long it may take yet."""
-    before = f", {progress.found} there before" if progress.found else ""
-    fresh, left = progress.done - progress.found, progress.total - progress.done
-    return f"{before}, about {elapsed_s / fresh * left / 60.0:.0f} min left" if fresh and left else before
+    """Return the text beside the progress bar: how many trials had records before, and the time that is left."""
+    before = f", {progress.reused} there before" if progress.reused else ""
+    fresh, remaining = progress.done - progress.reused, progress.total - progress.done
+    return f"{before}, about {elapsed_s / fresh * remaining / 60.0:.0f} min left" if fresh and remaining else before

@@ -26,7 +26,7 @@ Naive = Annotated[
 ]
 
 CONTEXT_DRIVEN = "context-driven"
-"""The arm that answers the main execution."""
+"""The arm that answers the decisions of the main execution."""
 
 
 def lab(request: RunRequest, *, naive: Naive = False) -> None:
@@ -38,7 +38,7 @@ def lab(request: RunRequest, *, naive: Naive = False) -> None:
     from codra_papers.experiments.campaign.interrupts import interrupts_held_back
 
     try:
-        with interrupts_held_back():  # some extension modules lose one that comes while they are loaded
+        with interrupts_held_back():  # some extension modules lose an interrupt while they are loaded
             from codra_papers.experiments import pacing
             from codra_papers.experiments.lab import run
             from codra_papers.experiments.lab.arms import NAIVE
@@ -66,7 +66,7 @@ def lab(request: RunRequest, *, naive: Naive = False) -> None:
 
 
 def require_lab_spec(spec: Spec) -> None:
-    """End the command if a spec does not declare what the lab's main execution needs."""
+    """End the command if a spec lacks declarations that the lab's main execution needs."""
     from codra_papers.experiments.lab.requirements import missing_declarations
 
     if missing := missing_declarations(spec):

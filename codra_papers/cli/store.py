@@ -1,4 +1,4 @@
-"""The world `store` of `codra run`: a knowledge graph in the simulated shop, and optionally the page for pickers."""
+"""The world `store` of `codra run`: a knowledge graph in the simulated shop, and optionally a page for pickers."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ if TYPE_CHECKING:
     from codra_papers.experiments.store.run import Compiled, StoreRun, StoreRunSettings
 
 LONG_S = 600.0
-"""How long a run lasts without `--for` and without a page."""
+"""The duration of a run without `--for` and without a page."""
 
 
 class SituationName(StrEnum):
-    """The situations, as the command line names them."""
+    """The names of the situations on the command line."""
 
     ORDINARY = "ordinary"
     SECOND_ORDER = "second-order"
@@ -40,7 +40,7 @@ SituationOption = Annotated[
 PageOption = Annotated[bool, typer.Option("--page", help="Serve the picker's page, on this machine only.")]
 Port = Annotated[
     int | None,
-    typer.Option("--port", min=1, max=65535, help="Of the page.  [default: one that is free]"),
+    typer.Option("--port", min=1, max=65535, help="The port of the page.  [default: a free one]"),
 ]
 
 
@@ -54,9 +54,9 @@ def store(
     from codra_papers.experiments.campaign.interrupts import interrupts_held_back
 
     if port is not None and not page:
-        raise typer.BadParameter("it is the port of --page", param_hint="--port")
+        raise typer.BadParameter("it is the port of --page; add --page", param_hint="--port")
     try:
-        with interrupts_held_back():  # some extension modules lose one that comes while they are loaded
+        with interrupts_held_back():  # some extension modules lose an interrupt while they are loaded
             settings = _settings(request, situation, (port or 0) if page else None)
     except ModuleNotFoundError as error:
         say(f"codra: 'run --page' needs {error.name}: pip install 'codra-papers[store]'")
@@ -76,7 +76,7 @@ def store(
 
 
 def _drawn(run: StoreRun, spec: Spec, folder: Path) -> Path:
-    """Draw the metrics of a run and the weights of its actions over time; return where."""
+    """Draw the metrics of a run and the weights of its actions over time; return the path of the picture."""
     from codra_papers.experiments.store.curves import draw_adaptation
 
     path = folder / "metrics-and-weights.svg"
@@ -92,7 +92,7 @@ def _settings(request: RunRequest, name: SituationName | None, port: int | None)
     from codra_papers.store.simulator.situations import Situation, StoreSettings
 
     if port is not None:
-        import codra_papers.store.page.server  # noqa: F401 - fails before the run if it cannot be served
+        import codra_papers.store.page.server  # noqa: F401 - fails before the run if the page cannot be served
     default_s = LONG_S if port is None else math.inf
     usual = Situation.ORDINARY if port is None else Situation.QUIET
     situation = usual if name is None else Situation(name.value.replace("-", " "))

@@ -1,4 +1,4 @@
-"""A main execution's time, which ends at an agreed instant, whatever the main execution does then."""
+"""The limited time of a main execution: it ends at a given instant, in the middle of any sleep or wait."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ from collections.abc import Callable
 from codra_dsl.runtime.clock import Clock, Outcome, Timer, Work
 
 
-class TimeIsUp(Exception):  # noqa: N818 - it ends a run as agreed
-    """The run has lasted as long as it was to last."""
+class TimeIsUp(Exception):  # noqa: N818 - it is the planned end of a run
+    """The planned duration of the run is over."""
 
 
 class LimitedClock(Clock):
-    """A clock that ends whoever sleeps or waits on it at an instant; events and work go on as on the clock itself."""
+    """A clock that ends every sleep and wait at a given instant; events and work continue as on the original clock."""
 
     def __init__(self, clock: Clock, end_s: float, passed: Callable[[float], None]) -> None:
         """Limit a clock.
 
         Args:
-            clock: what shows the time.
-            end_s: when `TimeIsUp` is raised in whoever sleeps or waits; infinity for never.
-            passed: is told the present instant after each sleep.
+            clock: shows the time.
+            end_s: when `TimeIsUp` is raised in every sleep or wait; infinity for never.
+            passed: called with the present instant after each sleep.
         """
         self._clock = clock
         self._end_s = end_s
@@ -32,7 +32,7 @@ class LimitedClock(Clock):
         return self._clock.now_s()
 
     def sleep(self, duration_s: float) -> None:
-        """Let time pass, to the end at most.
+        """Let time pass, until the end at most.
 
         Raises:
             TimeIsUp: if the end was reached.
@@ -48,7 +48,7 @@ class LimitedClock(Clock):
         return self._clock.call_at(instant_s, callback)
 
     def wait_until(self, ready: Callable[[], bool], timeout_s: float) -> bool:
-        """Let time pass until `ready()` holds, to the end at most.
+        """Let time pass until `ready()` holds, until the end at most.
 
         Raises:
             TimeIsUp: if the end was reached first.
@@ -61,7 +61,7 @@ class LimitedClock(Clock):
         return False
 
     def notify(self) -> None:
-        """Say that what a `wait_until` looks at may have changed."""
+        """Wake all `wait_until` calls, so that they check their conditions again."""
         self._clock.notify()
 
     def start(self, run: Callable[[Work], Outcome], deliver: Callable[[Outcome], None]) -> Work:

@@ -1,4 +1,4 @@
-"""How simulated time passes beside real time."""
+"""The pace of simulated time: as fast as possible, or as fast as real time."""
 
 from __future__ import annotations
 
@@ -8,29 +8,29 @@ from enum import StrEnum
 from codra_dsl.runtime.clock import Clock
 
 BEAT_S = 0.1
-"""So often simulated time is held against real time."""
+"""The interval at which simulated time is compared with real time."""
 
 LATE_S = 1.0
-"""A simulation that is later than this does not catch up: it goes on from where it is."""
+"""A simulation that is later than this does not catch up; it continues from the present instant."""
 
 
 class Pace(StrEnum):
-    """How time passes."""
+    """The pace of simulated time."""
 
     FAST = "fast"
     REAL = "real"
 
 
 class Beat:
-    """An event again and again, with which simulated time waits for real time."""
+    """A repeated event that lets simulated time wait for real time."""
 
     def __init__(self, clock: Clock, real: Clock | None, act: Callable[[], None]) -> None:
-        """Begin with an event soon.
+        """Schedule the first event.
 
         Args:
             clock: of simulated time.
-            real: what it waits for; None if it waits for nothing.
-            act: done in each event.
+            real: the clock of real time to wait for; None to run as fast as possible.
+            act: called in each event.
         """
         self._clock = clock
         self._real = real

@@ -1,4 +1,4 @@
-"""What the main execution of the laboratory asks of context, whoever answers."""
+"""The interface to context that the main execution of the laboratory uses, independent of its implementation."""
 
 from __future__ import annotations
 
@@ -8,34 +8,34 @@ from typing import Any, Protocol
 
 
 class ActingSkill(Protocol):
-    """A skill under way."""
+    """A running skill."""
 
     def acting(self) -> AbstractContextManager[None]:
-        """Act: what the skill changes may change from here on."""
+        """Act: from here on, the variables that the skill changes may change."""
         ...
 
 
 class Context(Protocol):
-    """What the main execution tells and asks: a context manager, or whoever lets the robot look for itself."""
+    """The calls of the main execution: to a context manager, or to a replacement that lets the robot look itself."""
 
     def skill(self, name: str) -> AbstractContextManager[ActingSkill]:
-        """Begin a skill, and end it at the end of the `with` statement."""
+        """Begin a skill. It ends with the `with` statement."""
         ...
 
     def expect(self, *skills: str) -> None:
-        """Say which skills come next."""
+        """Announce the next skills."""
         ...
 
     def set(self, name: str, value: Any) -> None:
-        """Tell what the main execution knows itself."""
+        """Set the value of a variable that the main execution knows itself."""
         ...
 
     def decide(
         self, name: str, otherwise: Callable[[], Any], *, since_s: float = ..., wait_up_to_s: float = ...
     ) -> Any:
-        """Answer a decision, from context or by `otherwise`."""
+        """Return the value for a decision, from context or from `otherwise`."""
         ...
 
     def slot(self, *resources: str) -> AbstractContextManager[None]:
-        """Hold a slot of each resource, before observers, to the end of the `with` statement."""
+        """Hold a slot of each resource until the `with` statement ends. Observers wait behind this request."""
         ...

@@ -1,6 +1,6 @@
-"""Where the arm holds the camera for what: to look at a machine, to grip a part, to wait beside it.
+"""Poses of the arm camera for each purpose: to look at a machine, to grip a part, to wait beside it.
 
-The gaze belongs to the action. It does not depend on who watches, and nothing here is chosen to suit an observer.
+A gaze belongs to an action. It does not depend on the observers, and no value here is chosen to suit one.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from codra_papers.lab.perception.poses import Array, Pose, looking_at
 from codra_papers.lab.simulator.scene import FINGER_TIP_M, PCR_CYCLER_HANDLE_M, PCR_CYCLER_KNOB_M
 
 Gaze = tuple[float, ...]
-"""The camera's place and a point on its axis: six numbers in metres, in one frame."""
+"""The camera's position and a point on its axis: six numbers in metres, in one frame."""
 
 _OVERVIEW: Mapping[str, Gaze] = MappingProxyType(
     {
@@ -25,7 +25,7 @@ _OVERVIEW: Mapping[str, Gaze] = MappingProxyType(
         "shaker": (1.00, 0.0, 0.74, 0.08, 0.0, 0.33),
     }
 )
-"""The whole machine with its lid closed or open, in the machine's base frame."""
+"""Gazes that show the complete machine with its lid closed or open, in the machine's base frame."""
 
 _FROM_THE_SIDE: Mapping[str, Gaze] = MappingProxyType(
     {
@@ -46,13 +46,13 @@ _READY: Mapping[str, Gaze] = MappingProxyType(
         "shaker": (0.88, 0.04, 0.72, 0.12, 0.01, 0.37),
     }
 )
-"""Where the arm returns to after it touched a machine. That near, an open lid of the large one is out of view."""
+"""Where the arm returns to after it touched a machine. From that close, an open lid of the large one is out of view."""
 
 DECK_GAZE: Gaze = (0.05, 0.175, 0.57, 0.34, 0.175, 0.164)
 """Down on the robot's own deck, to put a tray there or take it: in the robot's base frame."""
 
-_STANDING_OFF_M = 0.16
-"""How far the hand stays from a part before it grips and after it let go."""
+_STAND_OFF_M = 0.16
+"""Distance of the hand from a part before it grips and after it has let go."""
 
 _GRIP_M: Mapping[tuple[str, Part], tuple[float, float, float]] = MappingProxyType(
     {
@@ -78,7 +78,7 @@ _HAND_RAD: Mapping[tuple[str, Part], tuple[tuple[float, float], tuple[float, flo
         ("shaker", Part.LATCH): ((0.45, 0.0), (0.45, 0.0)),
     }
 )
-"""How far the hand points down, and from the right to the left, at the two ends of a part's motion."""
+"""Pitch (down) and yaw (from right to left) of the hand at the two ends of a part's motion."""
 
 _TRAY_M: Mapping[str, tuple[float, float, float]] = MappingProxyType(
     {"centrifuge": (0.06, 0.0, 0.31), "pcr_cycler": (0.03, 0.0, 0.23), "shaker": (0.04, 0.0, 0.26)}
@@ -87,14 +87,14 @@ _TRAY_M: Mapping[str, tuple[float, float, float]] = MappingProxyType(
 
 
 def observation_gaze(shape: str, part: Part) -> Gaze:
-    """Return from where a part of a machine of a shape shows well, in the machine's base frame."""
+    """Return a gaze that shows a part of a machine of a shape well, in the machine's base frame."""
     if part is Part.ROTOR:
         return _INTO_THE_BOWL
     return _FROM_THE_SIDE[shape] if part is Part.LATCH else _OVERVIEW[shape]
 
 
 def ready_gaze(shape: str) -> Gaze:
-    """Return where the arm waits after it touched a machine of a shape, in the machine's base frame."""
+    """Return the gaze with which the arm waits after it touched a machine of a shape, in the machine's base frame."""
     return _READY[shape]
 
 
@@ -115,22 +115,22 @@ def tray_gaze(shape: str) -> Gaze:
 
 
 def stand_off(gaze: Gaze) -> Gaze:
-    """Return a gaze drawn back along its own axis, so that the hand is clear of what it holds."""
+    """Return a gaze moved back along its own axis, so that the hand is clear of the part that it held."""
     eye_m, target_m = np.array(gaze[:3]), np.array(gaze[3:])
-    back_m = (eye_m - target_m) / np.linalg.norm(eye_m - target_m) * _STANDING_OFF_M
+    back_m = (eye_m - target_m) / np.linalg.norm(eye_m - target_m) * _STAND_OFF_M
     return _gaze(eye_m + back_m, target_m + back_m)
 
 
 def in_frame(gaze: Gaze, frame_from_machine: Pose) -> Gaze:
-    """Return a gaze given in a machine's base frame in another frame."""
+    """Transform a gaze from a machine's base frame to another frame."""
     return _gaze(*frame_from_machine.apply(np.array(gaze).reshape(2, 3)))
 
 
 def _gaze_at_finger_tip(grip_m: Array, pitch_rad: float, yaw_rad: float) -> Gaze:
     """Return the gaze of a hand that comes from the machine's front with its tip at a point.
 
-    It points down by a pitch, and from the machine's right to its left by a yaw. The camera stands behind and above
-    the fingers.
+    It points down by a pitch, and from the machine's right to its left by a yaw. The camera is behind and above the
+    fingers.
     """
     ahead = cos(pitch_rad)
     forward = np.array([-ahead * cos(yaw_rad), -ahead * sin(yaw_rad), -sin(pitch_rad)])

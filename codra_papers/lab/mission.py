@@ -26,25 +26,25 @@ SKILLS = (
     "take_samples_from_centrifuge",
     "bring_samples_to_centrifuge",
 )
-"""What it does: a spec must declare all of it."""
+"""The skills of the mission: a spec must declare all of them."""
 
 DECIDES_ON = (
     "robot_is_localized",
     *(
-        f"{machine}_{what}"
+        f"{machine}_{property_name}"
         for machine in (CENTRIFUGE, PCR_CYCLER)
-        for what in ("in_manipulation_distance", "open", "locked")
+        for property_name in ("in_manipulation_distance", "open", "locked")
     ),
     "centrifuge_rotor_in_pos_1",
     "centrifuge_rotor_in_pos_2",
 )
-"""The context-variables that it asks for, each of them true or false."""
+"""The context-variables that the mission decides on. All of them are true or false."""
 
 TRIES = 2
 """How often an action is tried before the mission gives up."""
 
 WAIT_S = 8.0
-"""How long the robot waits for observers after an action: looking itself would take longer."""
+"""How long the robot waits for observers after an action. Looking for itself would take longer."""
 
 _IN_POSITION = {RotorPosition.FIRST: "centrifuge_rotor_in_pos_1", RotorPosition.SECOND: "centrifuge_rotor_in_pos_2"}
 
@@ -54,7 +54,7 @@ class MissionError(RuntimeError):
 
 
 class Expect(StrEnum):
-    """Whether the main execution says beforehand which skill comes next."""
+    """Whether the main execution announces the next skill in advance."""
 
     ONE_AHEAD = "one action ahead"
     NOTHING = "nothing"
@@ -80,12 +80,12 @@ class Mission:
         """Take command of a robot.
 
         Args:
-            robot: its body.
-            eyes: what it looks with where context does not answer.
-            codra: the context, which may know nothing: then every decision looks, as in P1 without observers.
-            clock: what it waits on.
-            expect: whether it says beforehand what comes next.
-            wait_s: how long it waits for observers after an action; 0 where there are none.
+            robot: the robot's body.
+            eyes: looks for a value when context does not have it.
+            codra: the context. It may know no value; then every decision looks, as in P1 without observers.
+            clock: the clock that the mission waits on.
+            expect: whether the mission announces the next skill in advance.
+            wait_s: how long to wait for observers after an action; 0 without observers.
         """
         self.loops = 0
         self._robot = robot
@@ -99,7 +99,7 @@ class Mission:
         """Process one batch of samples, from the centrifuge through the PCR-cycler and back.
 
         Raises:
-            MissionError: if something could not be decided, or an action failed again and again.
+            MissionError: a decision got no answer, or an action failed in every try.
         """
         try:
             self._process_a_batch()
@@ -108,10 +108,10 @@ class Mission:
         self.loops += 1
 
     def open_and_close(self, machine: str, times: int) -> None:
-        """Drive to a machine, then unlock and open it and close and lock it again and again (P1, section 4.2).
+        """Drive to a machine, then unlock and open it and close and lock it several times (P1, section 4.2).
 
         Raises:
-            MissionError: if something could not be decided, or an action failed again and again.
+            MissionError: a decision got no answer, or an action failed in every try.
         """
         try:
             self._drive_to(machine)
@@ -124,10 +124,10 @@ class Mission:
             raise MissionError(str(error)) from error
 
     def wait_beside(self, machine: str, until_s: float) -> None:
-        """Drive to a machine and open it, wait beside it to an instant, and close it.
+        """Drive to a machine and open it, wait beside it until an instant, and close it.
 
         Raises:
-            MissionError: if something could not be decided, or an action failed again and again.
+            MissionError: a decision got no answer, or an action failed in every try.
         """
         try:
             self._drive_to(machine)
@@ -145,31 +145,31 @@ class Mission:
         self._visit(CENTRIFUGE, self._bring_to_centrifuge)
 
     def _visit(self, machine: str, work_inside: Callable[[], None]) -> None:
-        """Drive to a machine, open it, do something inside, and leave it closed and locked."""
+        """Drive to a machine, open it, work inside, and leave it closed and locked."""
         self._drive_to(machine)
         self.open_machine(machine)
         work_inside()
         self.close_machine(machine)
 
     def open_machine(self, machine: str) -> None:
-        """Unlock and open a machine that stands in reach: four perception tasks, as in P1, section 4.2.
+        """Unlock and open a machine within reach: four perception tasks, as in P1, section 4.2.
 
-        Before each action the robot finds out whether it is needed (situation preview), after it whether it came to
-        its goal (situation monitoring).
+        Before each action the robot checks whether the action is needed (situation preview), and after it whether the
+        action reached its goal (situation monitoring).
 
         Raises:
-            MissionError: if something could not be decided, or an action failed again and again.
-            OutOfReachError: if the machine stands too far.
+            MissionError: a decision got no answer, or an action failed in every try.
+            OutOfReachError: the machine is too far away.
         """
         self._unlock(machine)
         self._open(machine)
 
     def close_machine(self, machine: str) -> None:
-        """Close and lock a machine that stands in reach: four perception tasks again, and the same errors."""
+        """Close and lock a machine within reach: also four perception tasks, with the same errors."""
         self._close(machine)
         self._lock(machine)
 
-    # Skills: what each decides on stands in the spec under its name.
+    # Skills: the spec lists the variables that a skill decides on under the name of the skill.
 
     def _drive_to(self, machine: str) -> None:
         with self._codra.skill(f"drive_to_{machine}"):
@@ -239,7 +239,7 @@ class Mission:
     # Acting and deciding
 
     def _act(self, skill: ActingSkill, action: Callable[[], None], variable: str, *, goal: bool) -> None:
-        """Act, then check by evidence from after the action whether it came to its goal."""
+        """Act, then check with evidence from after the action whether it reached its goal."""
         for _ in range(TRIES):
             with skill.acting():
                 action()
@@ -270,7 +270,7 @@ class Mission:
             self._codra.expect(*skills)
 
     def _localize(self) -> None:
-        """Tell what the robot knows of its place, and let it find out again where it is lost."""
+        """Record whether the robot is localised, and relocalise it if it is lost."""
         self._codra.set("robot_is_localized", self._robot.is_localized())
         if not self._codra.decide("robot_is_localized", otherwise=self._robot.is_localized):
             self._robot.relocalize()

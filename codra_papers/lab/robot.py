@@ -1,7 +1,7 @@
 """The robot's body: it drives, looks and manipulates. Every action takes time and moves the camera.
 
-An action does what its hand does to the world, and no more: to pull a locked lid opens nothing, and now and then a
-part slips. The robot is not told; it has to look.
+An action changes only what the hand really moves: pulling at a locked lid opens nothing, and sometimes a lever or a lid
+slips. The robot gets no report of success or failure, so it has to look.
 """
 
 from __future__ import annotations
@@ -39,10 +39,10 @@ from codra_papers.lab.simulator.world import (
 
 
 class Clock(Protocol):
-    """The time that the robot's actions take place in."""
+    """The clock of the robot's actions."""
 
     def now_s(self) -> float:
-        """Return the present instant in seconds."""
+        """Return the current time in seconds."""
         ...
 
     def sleep(self, duration_s: float) -> None:
@@ -51,7 +51,7 @@ class Clock(Protocol):
 
 
 class Station(StrEnum):
-    """Where the robot can drive to."""
+    """The stations that the robot can drive to."""
 
     CENTRIFUGE = "centrifuge"
     PCR_CYCLER = "pcr_cycler"
@@ -66,24 +66,24 @@ class RotorPosition(Enum):
 
 
 class OutOfReachError(Exception):
-    """The robot stands too far from a machine to touch it or to look at it from near."""
+    """The robot is too far from a machine to touch it or to look at it closely."""
 
 
 class LostError(Exception):
-    """The robot does not know where it stands, and so does not drive."""
+    """The robot has lost its localisation and therefore does not drive."""
 
 
 SLIP_CHANCE = 0.03
-"""How often a lever or a lid slips from the hand..."""
+"""Probability that a lever or a lid slips from the hand."""
 
 SLIP_SHARE = 0.3
-"""...after this share of its way, where it stays."""
+"""Share of its way after which a part that slips stops."""
 
 LOSS_CHANCE = 0.05
-"""How often the robot's localisation is lost on a drive."""
+"""Probability that the robot loses its localisation on a drive."""
 
 STATION_DISTANCE_M = 0.85
-"""How far before a machine's middle the robot stands to tend it."""
+"""Distance of the robot from a machine's middle while it tends the machine."""
 
 _AISLE_M = (2.05, 2.3)
 _THERE_M = 0.05
@@ -97,14 +97,14 @@ _LOOKING = frozenset({Phase.PLAN_LOOK, Phase.MOVE_CAMERA, Phase.SETTLE})
 
 
 class Localization:
-    """The handle that perception functions get as `base`: what the mobile base knows of its place. It moves nothing."""
+    """The handle that perception functions get as `base`: the localisation of the mobile base. It moves nothing."""
 
     def __init__(self, world: LabWorld, clock: Clock) -> None:
         self._world = world
         self._clock = clock
 
     def believed_map_from_base(self) -> Pose:
-        """Return where the robot believes its base stands now."""
+        """Return where the robot currently believes its base to be."""
         return self._world.believed_map_from_robot(self._clock.now_s())
 
 
@@ -112,18 +112,19 @@ class Robot:
     """A mobile manipulator. Its methods are called by one thread, one after the other, and return when they are done.
 
     Attributes:
-        laboratory: in which it works.
-        is_carrying: whether a sample tray lies on its deck.
+        laboratory: the laboratory in which the robot works.
+        is_carrying: whether a sample tray lies on the robot's deck.
     """
 
     def __init__(self, world: LabWorld, clock: Clock, random: Random) -> None:
         """Take over the robot of a world.
 
         Args:
-            world: where it stands.
-            clock: what its actions wait on.
-            random: what its durations, slips and losses are drawn from; of its own, so that whoever watches changes
-                nothing. What looking takes is drawn apart: how often it looks changes nothing of its other actions.
+            world: the world of the robot.
+            clock: the clock that the robot's actions wait on.
+            random: the source of durations, slips and losses. Nothing else draws from it, so observers do not change
+                the actions. Durations of looking have their own source: the number of looks does not change the other
+                actions.
         """
         self._world = world
         self._clock = clock
@@ -132,14 +133,14 @@ class Robot:
         self.laboratory = world.laboratory
         self.is_carrying = False
 
-    # What it knows of itself
+    # Localisation
 
     def is_localized(self) -> bool:
-        """Return whether it knows where it stands."""
+        """Return whether the robot is localised."""
         return self._world.state(self._clock.now_s()).is_localized
 
     def believed_map_from_base(self) -> Pose:
-        """Return where it believes its base stands now."""
+        """Return where the robot currently believes its base to be."""
         return self._world.believed_map_from_robot(self._clock.now_s())
 
     # Driving
@@ -147,15 +148,16 @@ class Robot:
     def drive_to(self, station: str) -> None:
         """Stow the arm, drive to a station, turning on the spot at both ends, and raise the arm to tend a machine.
 
-        A station is home, or a machine by its name. It takes about a minute. On the way the localisation may be lost;
-        the robot then arrives by its wheels.
+        A station is home, or a machine by its name. The drive takes about a minute. The localisation may be lost on the
+        way; the robot then arrives by its wheels. After a drive to a machine the arm is raised in front of it, as part
+        of driving.
 
         Raises:
-            LostError: it does not know where it stands to begin with.
-            ValueError: there is no such machine.
+            LostError: the localisation was lost before the drive.
+            ValueError: the laboratory has no such machine.
         """
         if not self.is_localized():
-            raise LostError("the robot does not know where it stands; let it relocalize before it drives")
+            raise LostError("the robot has lost its localisation; call relocalize() before drive_to()")
         self._wait(Phase.PLAN_DRIVE)
         self._move_camera(TRAVEL_GAZE, Phase.STOW_ARM)
         goal = self._goal(station)
@@ -171,14 +173,14 @@ class Robot:
             self._move_camera(self._in_robot(station, ready_gaze(self._machine(station).shape)), Phase.RAISE_ARM)
 
     def relocalize(self) -> None:
-        """Look around until the robot knows again where it stands."""
+        """Look around until the robot is localised again."""
         duration_s = self._draw(Phase.LOOK_AROUND)
         self._clock.sleep(0.9 * duration_s)
         self._schedule(self._move(Quantity.LOCALIZED, (1.0,), 0.0))
         self._clock.sleep(0.1 * duration_s)
 
     def _goal(self, station: str) -> tuple[float, float, float]:
-        """Return where the base truly ends up: at the station, as far off as the robot believes it is not."""
+        """Return the true end of the drive: the station, displaced by the robot's localisation error."""
         wanted = Pose.planar(*HOME) if station == Station.HOME else _before(self._machine(station))
         state = self._world.state(self._clock.now_s())
         believed = self._world.believed_map_from_robot(state.t_s)
@@ -186,7 +188,7 @@ class Robot:
         return (*goal.translation_m[:2].tolist(), atan2(goal.rotation[1, 0], goal.rotation[0, 0]))
 
     def _way_to(self, goal: tuple[float, float, float]) -> list[tuple[float, float]]:
-        """Return the points to drive through, past the table of the PCR-cycler, which stands in the room's middle."""
+        """Return the points to drive through, past the table of the PCR-cycler in the middle of the room."""
         _, y_m, _ = self._world.state(self._clock.now_s()).base
         table_y_m = self._machine(Station.PCR_CYCLER).map_from_base.translation_m[1]
         passes_table = (y_m < table_y_m) != (goal[1] < table_y_m)
@@ -213,18 +215,18 @@ class Robot:
     # Looking
 
     def look_at(self, machine: str, part: Part) -> None:
-        """Move the camera to where a part shows well and wait until it stands still: about 12 s.
+        """Move the camera to a pose that shows a part well and wait until the camera is still: about 12 s.
 
-        The robot goes by where it believes to stand, and takes a pose anew each time, a centimetre or so from the last.
+        The robot uses its believed position. Each look takes a new pose, about a centimetre from the last one.
 
         Raises:
-            OutOfReachError: the machine is too far to be looked at from near.
-            ValueError: there is no such machine.
+            OutOfReachError: the machine is too far away for a close look.
+            ValueError: the laboratory has no such machine.
         """
         self._check_reach(machine)
         believed = self._world.believed_map_from_robot(self._clock.now_s())
-        told = self._machine(machine)
-        gaze = in_frame(observation_gaze(told.shape, part), believed.inverse() @ told.map_from_base)
+        target = self._machine(machine)
+        gaze = in_frame(observation_gaze(target.shape, part), believed.inverse() @ target.map_from_base)
         eye_m = tuple(number_m + self._looking.gauss(0.0, _GAZE_DEVIATION_M) for number_m in gaze[:3])
         self._wait(Phase.PLAN_LOOK)
         self._move_camera(eye_m + gaze[3:], Phase.MOVE_CAMERA)
@@ -236,8 +238,8 @@ class Robot:
         """Turn a machine's latch lever to unlocked: about two minutes. The arm then waits beside the machine.
 
         Raises:
-            OutOfReachError: the machine is out of the arm's reach. So for all that manipulates.
-            ValueError: there is no such machine. Likewise.
+            OutOfReachError: the machine is out of the arm's reach. All manipulating methods raise it.
+            ValueError: the laboratory has no such machine. All manipulating methods raise it.
         """
         self._move_part(machine, Part.LATCH, self._end_rad(machine, Part.LATCH), (Phase.PLAN_UNLOCK, Phase.TURN_LEVER))
 
@@ -254,7 +256,7 @@ class Robot:
         self._move_part(machine, Part.LID, 0.0, (Phase.PLAN_CLOSE, Phase.LOWER_LID))
 
     def turn_rotor(self, position: RotorPosition) -> None:
-        """Turn the centrifuge's rotor to a position: about a minute. Through a closed lid nothing is turned."""
+        """Turn the centrifuge's rotor to a position: about a minute. With the lid closed it does not turn."""
         machine = Station.CENTRIFUGE.value
         self._check_reach(machine)
         grip = self._grip_at(machine, Part.ROTOR, 0.0)
@@ -272,7 +274,7 @@ class Robot:
     def take_samples(self, machine: str) -> None:
         """Take the sample tray out of a machine and lay it on the deck: about a minute.
 
-        Through a closed lid nothing is taken, and `is_carrying` stays False.
+        If the lid is closed, the robot takes no tray and `is_carrying` stays False.
         """
         self._check_reach(machine)
         tray = self._in_robot(machine, tray_gaze(self._machine(machine).shape))
@@ -290,13 +292,13 @@ class Robot:
     def bring_samples(self, machine: str) -> None:
         """Take the sample tray from the deck and put it into a machine: about a minute.
 
-        Through a closed lid it is not put in: it goes back to the deck, and `is_carrying` stays True.
+        If the lid is closed, the tray goes back to the deck and `is_carrying` stays True.
 
         Raises:
-            RuntimeError: there is no tray on the deck.
+            RuntimeError: the deck has no tray.
         """
         if not self.is_carrying:
-            raise RuntimeError("the robot has no sample tray to bring; let it take one first")
+            raise RuntimeError("the robot carries no sample tray; call take_samples() before bring_samples()")
         self._check_reach(machine)
         self._wait(Phase.PLAN_TRAY)
         self._reach(stand_off(DECK_GAZE))
@@ -312,12 +314,12 @@ class Robot:
         self._retreat(machine)
 
     def _move_part(self, machine: str, part: Part, to_rad: float, phases: tuple[Phase, Phase]) -> None:
-        """Grip a part, move it with the hand, let go and retreat: planning takes the first phase, moving the second."""
+        """Grip a part, move it with the hand, let go and retreat. `phases` are those of planning and of moving."""
         self._check_reach(machine)
         key = JointKey(machine, part)
         self._wait(phases[0])
         self._reach(stand_off(self._grip_at(machine, part, self._angle_rad(key))))
-        from_rad = self._angle_rad(key)  # somebody may have moved it meanwhile
+        from_rad = self._angle_rad(key)  # a person may have moved the part in the meantime
         grip = self._grip_at(machine, part, from_rad)
         self._grip(grip)
         self._wait(Phase.REPLAN)
@@ -333,14 +335,14 @@ class Robot:
         self._retreat(machine)
 
     def _is_free(self, machine: str, part: Part) -> bool:
-        """Return whether a part follows the hand: a closed lid only when the latch is past half its way."""
+        """Return whether a part follows the hand: a closed lid follows only if the latch is past half of its way."""
         angles_rad = self._world.state(self._clock.now_s()).joints_rad
         lid_is_shut = angles_rad[JointKey(machine, Part.LID)] < 0.05
         latch_holds = angles_rad[JointKey(machine, Part.LATCH)] < self._end_rad(machine, Part.LATCH) / 2
         return not (part is Part.LID and lid_is_shut and latch_holds)
 
     def _lid_is_open(self, machine: str) -> bool:
-        """Return whether a hand gets through."""
+        """Return whether the lid is open far enough for the hand."""
         angle_rad = self._world.state(self._clock.now_s()).joints_rad[JointKey(machine, Part.LID)]
         return angle_rad > self._end_rad(machine, Part.LID) / 2
 
@@ -354,10 +356,10 @@ class Robot:
 
         return path
 
-    # What actions consist of
+    # Parts of actions
 
     def _reach(self, gaze: Gaze) -> None:
-        """Move the open hand before a part."""
+        """Move the open hand in front of a part."""
         duration_s = self._draw(Phase.REACH)
         self._schedule(
             self._move(Quantity.GAZE, gaze, duration_s),
@@ -418,7 +420,7 @@ class Robot:
         return self._world.moves_to(self._clock.now_s(), channel, values, duration_s, delay_s=delay_s)
 
     def _in_robot(self, machine: str, gaze: Gaze) -> Gaze:
-        """Return a gaze given at a machine in the robot's frame. The hand feels its way: no error of belief here."""
+        """Transform a machine's gaze to the robot's frame. The hand works by touch, without the localisation error."""
         return in_frame(gaze, self._robot_from_machine(machine))
 
     def _grip_at(self, machine: str, part: Part, angle_rad: float) -> Gaze:
@@ -432,7 +434,7 @@ class Robot:
         return self._world.state(self._clock.now_s()).joints_rad[key]
 
     def _end_rad(self, machine: str, part: Part) -> float:
-        """Return the joint's other end: where a lid is open, a latch unlocked."""
+        """Return the upper end of a joint's range, where a lid is open or a latch unlocked."""
         return self._machine(machine).joint(part).range_rad[1]
 
     def _robot_from_machine(self, machine: str) -> Pose:
@@ -443,24 +445,24 @@ class Robot:
         distance_m = self._machine(machine).distance_m(self._world.state(self._clock.now_s()).map_from_robot())
         if distance_m > _REACH_M:
             raise OutOfReachError(
-                f"the robot stands {distance_m:.2f} m from the {machine}, and its arm reaches {_REACH_M:g} m;"
-                " let it drive there first"
+                f"the robot is {distance_m:.2f} m from the {machine}, and its arm reaches {_REACH_M:g} m;"
+                " drive there first"
             )
 
 
 def _before(machine: Machine) -> Pose:
-    """Return where the robot stands to tend a machine: before its front, facing it."""
+    """Return the base pose for tending a machine: in front of the machine, facing it."""
     x_axis = machine.map_from_base.rotation[:, 0]
     x_m, y_m, _ = machine.map_from_base.translation_m + STATION_DISTANCE_M * x_axis
     return Pose.planar(x_m, y_m, atan2(-x_axis[1], -x_axis[0]))
 
 
 def _angles(from_rad: float, to_rad: float, *, slips: bool) -> Path:
-    """Return a part's way; one that slips stays after a share of it."""
-    whole = straight((from_rad,), (to_rad,))
-    return (lambda progress: whole(min(progress, SLIP_SHARE))) if slips else whole
+    """Return the path of a part. A part that slips stops after `SLIP_SHARE` of it."""
+    full_path = straight((from_rad,), (to_rad,))
+    return (lambda progress: full_path(min(progress, SLIP_SHARE))) if slips else full_path
 
 
 def _nearest(before_rad: float, heading_rad: float) -> float:
-    """Return a heading, give or take full turns, such that the way from another is the shortest."""
+    """Return a heading plus full turns, such that the turn from another heading is the shortest."""
     return before_rad + remainder(heading_rad - before_rad, 2 * pi)

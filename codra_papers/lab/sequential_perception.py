@@ -1,7 +1,7 @@
 """Sequential perception: how the main execution looks when context cannot answer (P1, section 4.2).
 
-It moves the camera to a good pose, takes an image, localises and evaluates, with the same perception functions as the
-observers and in the shared vision slot, before which it comes first.
+It moves the camera to a good pose, takes an image, localises and evaluates. It uses the same perception functions as
+the observers and the shared vision slot, for which it has priority.
 """
 
 from __future__ import annotations
@@ -20,21 +20,21 @@ from codra_papers.lab.perception.processing import processing_s
 from codra_papers.lab.robot import Clock, Robot
 
 VISION = "vision"
-"""The resource of which looking takes a slot."""
+"""The resource that a look needs a slot of."""
 
 LOOKS = 3
-"""How often it looks, each time from a pose taken anew, before it gives up."""
+"""Number of looks before it gives up. Each look is from a new pose."""
 
 OPEN_RAD = 0.6
 ROTOR_TOLERANCE_RAD = 0.2
 MANIPULATION_DISTANCE_M = 0.95
 
-Found = Mapping[str, Any]
+Measurement = Mapping[str, Any]
 
 
 @dataclass(frozen=True, slots=True)
 class _SequentialJob:
-    """`job` for perception functions that the main execution calls itself: their time is its own."""
+    """`job` for perception functions that the main execution calls itself: their time passes in the main execution."""
 
     clock: Clock
     random: Random
@@ -51,12 +51,12 @@ class _SequentialJob:
         self.clock.sleep(duration_s)
 
     def evidence(self, start_s: float, stamp_s: float) -> None:
-        """Do nothing: nobody judges the main execution's own evidence."""
+        """Do nothing: the main execution's own evidence is not checked."""
 
 
 @dataclass(frozen=True, slots=True)
 class _OwnCamera:
-    """The camera, with processing times drawn for the main execution alone: no other job changes them."""
+    """The camera with processing times drawn only for the main execution, so that no other job changes them."""
 
     camera: Camera
     random: Random
@@ -66,22 +66,22 @@ class _OwnCamera:
         return self.camera.capture()
 
     def processing_s(self, mean_s: float) -> float:
-        """Return a time drawn anew."""
+        """Return a newly drawn time."""
         return processing_s(self.random, mean_s)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Way:
-    """How to find out one thing: where to look, what to call, what its result means."""
+class _LookPlan:
+    """How to answer one decision: where to look, which function to call, how to read its result."""
 
     machine: str
     part: Part
-    call: Callable[..., Found]
-    answer: Callable[[Found], bool | None]
+    call: Callable[..., Measurement]
+    answer: Callable[[Measurement], bool | None]
 
 
 class SequentialPerception:
-    """Looks for what a decision needs, on purpose and one thing at a time."""
+    """Looks for the value that a decision needs, one value at a time."""
 
     def __init__(self, robot: Robot, camera: Camera, codra: Context, clock: Clock, *, seed: int) -> None:
         self._robot = robot
@@ -91,51 +91,56 @@ class SequentialPerception:
         self._job = _SequentialJob(clock, random)
 
     def look_for(self, variable: str) -> bool | None:
-        """Find out the value of a context-variable; None if it cannot be seen in several looks."""
+        """Return the value of a context-variable as seen now; None if several looks do not show it."""
         if variable == "robot_is_localized":
             return self._robot.is_localized()
         machine = self._machine_of(variable)
         if variable.endswith("_in_manipulation_distance"):
-            found = perception.measure_distance(machine=machine, base=self._robot, job=self._job)
-            return bool(found["distance"] < MANIPULATION_DISTANCE_M)
-        way = _ways(machine)[variable.removeprefix(f"{machine}_")]
-        answers = (self._look(way) for _ in range(LOOKS))
+            measurement = perception.measure_distance(machine=machine, base=self._robot, job=self._job)
+            return bool(measurement["distance"] < MANIPULATION_DISTANCE_M)
+        plan = _look_plans(machine)[variable.removeprefix(f"{machine}_")]
+        answers = (self._look(plan) for _ in range(LOOKS))
         return next((answer for answer in answers if answer is not None), None)
 
     def _machine_of(self, variable: str) -> str:
-        """Return the machine that a variable is about: the longest name with which it begins."""
+        """Return the machine of a variable: the longest machine name that the variable begins with."""
         names = (machine.name for machine in self._robot.laboratory.machines)
         return max((name for name in names if variable.startswith(f"{name}_")), key=len)
 
-    def _look(self, way: _Way) -> bool | None:
-        self._robot.look_at(way.machine, way.part)
+    def _look(self, plan: _LookPlan) -> bool | None:
+        self._robot.look_at(plan.machine, plan.part)
         with self._codra.slot(VISION):
-            found = way.call(machine=way.machine, camera=self._camera, job=self._job)
-        return way.answer(found)
+            measurement = plan.call(machine=plan.machine, camera=self._camera, job=self._job)
+        return plan.answer(measurement)
 
 
-def _ways(machine: str) -> Mapping[str, _Way]:
-    def lid(part: Part, answer: Callable[[Found], bool | None]) -> _Way:
-        return _Way(machine=machine, part=part, call=perception.localize_lid, answer=answer)
+def _look_plans(machine: str) -> Mapping[str, _LookPlan]:
+    def lid(part: Part, answer: Callable[[Measurement], bool | None]) -> _LookPlan:
+        return _LookPlan(machine=machine, part=part, call=perception.localize_lid, answer=answer)
 
-    def rotor(position_rad: float) -> _Way:
+    def rotor(position_rad: float) -> _LookPlan:
         call = perception.localize_rotor
-        return _Way(machine=machine, part=Part.ROTOR, call=call, answer=lambda found: _stands_at(found, position_rad))
+        return _LookPlan(
+            machine=machine,
+            part=Part.ROTOR,
+            call=call,
+            answer=lambda measurement: _is_at_position(measurement, position_rad),
+        )
 
     return {
         "open": lid(Part.LID, _is_open),
-        "locked": lid(Part.LATCH, lambda found: found["latched"]),
+        "locked": lid(Part.LATCH, lambda measurement: measurement["latched"]),
         "rotor_in_pos_1": rotor(0.0),
         "rotor_in_pos_2": rotor(pi),
     }
 
 
-def _is_open(found: Found) -> bool | None:
-    """Two tags at least: one on each of base and lid."""
-    angle_rad = found["lid_angle"]
-    return None if angle_rad is None or found["markers"] < 2 else bool(angle_rad > OPEN_RAD)
+def _is_open(measurement: Measurement) -> bool | None:
+    """Return whether a lid is open; None unless at least two tags are seen, one each on base and lid."""
+    angle_rad = measurement["lid_angle"]
+    return None if angle_rad is None or measurement["markers"] < 2 else bool(angle_rad > OPEN_RAD)
 
 
-def _stands_at(found: Found, position_rad: float) -> bool | None:
-    angle_rad = found["rotor_angle"]
+def _is_at_position(measurement: Measurement, position_rad: float) -> bool | None:
+    angle_rad = measurement["rotor_angle"]
     return None if angle_rad is None else bool(abs(angle_rad - position_rad) < ROTOR_TOLERANCE_RAD)

@@ -1,4 +1,4 @@
-"""What the robot's own code has of its body: readings of sensors and commands. Nothing here knows what is true."""
+"""The interface of the robot's own code to its body: sensor readings and commands, without the truth."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ CAMERA_AT = Pose2D(0.45, 0.0)
 CAMERA_VIEW_RAD = radians(87.0)
 CAMERA_VIEW_UP_RAD = radians(58.0)
 CAMERA_NEAREST_M, CAMERA_FARTHEST_M = 0.3, 6.0
-"""The camera in the robot's front, as its maker describes it (Intel D435i, depth)."""
+"""The camera in the robot's front, by its data sheet (Intel D435i, depth)."""
 
 STEADY_BELOW_RAD_S = 0.3
-"""While the robot turns faster, the camera's pictures are blurred and show nothing."""
+"""While the robot turns faster, the camera's pictures are blurred and useless."""
 
 
 class Side(StrEnum):
-    """Where a laser looks."""
+    """The lasers, by their direction."""
 
     FRONT_LEFT = "front_left"
     FRONT_RIGHT = "front_right"
@@ -34,21 +34,21 @@ FRONT = (Side.FRONT_LEFT, Side.FRONT_RIGHT)
 
 
 class Way(StrEnum):
-    """How the robot drives."""
+    """The direction in which the robot drives."""
 
     FORWARD = "forward"
     BACKWARD = "backward"
 
 
 class Lift(StrEnum):
-    """What the fork does."""
+    """The direction in which the fork moves."""
 
     UP = "up"
     DOWN = "down"
 
 
 class Outcome(StrEnum):
-    """What became of a command."""
+    """The result of a command."""
 
     DONE = "done"
     STOPPED = "stopped"
@@ -57,7 +57,7 @@ class Outcome(StrEnum):
 
 
 class Seen(StrEnum):
-    """What the camera can tell apart."""
+    """The kinds of objects that the camera distinguishes."""
 
     PERSON = "person"
     CONTAINER = "container"
@@ -68,9 +68,9 @@ LASERS_AT = {
     Side.FRONT_RIGHT: Pose2D(0.45, -0.35, radians(-70.0)),
     Side.BACK: Pose2D(-0.75, 0.0, pi),
 }
-"""The lasers in the robot's frame; those at the corners of the front look to its sides too.
+"""The lasers in the robot's frame. Those at the front corners also look to the sides.
 
-The one at the tip of the fork sees the wheels of containers, not their frames."""
+The laser at the tip of the fork sees the wheels of containers, not their frames."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,9 +78,9 @@ class Scan:
     """One turn of a laser.
 
     Attributes:
-        mount: where it is in the robot's frame.
-        bearings_rad: of its rays, from the mount's heading; shape (rays,).
-        ranges_m: how far each goes; `farthest_m` for one that meets nothing; shape (rays,).
+        mount: the pose of the laser in the robot's frame.
+        bearings_rad: directions of the rays, relative to the mount's heading; shape (rays,).
+        ranges_m: lengths of the rays; `farthest_m` for a ray that hits no object; shape (rays,).
     """
 
     instant_s: float
@@ -90,22 +90,22 @@ class Scan:
     farthest_m: float
 
     def points_m(self) -> Floats:
-        """Return what it has met, in the robot's frame, from right to left as it sees it; shape (points, 2)."""
+        """Return the points that the rays hit, in the robot's frame, from right to left; shape (points, 2)."""
         is_met = self.ranges_m < self.farthest_m
         bearings, ranges = self.bearings_rad[is_met] + self.mount.heading_rad, self.ranges_m[is_met]
-        found: Floats = np.stack(
+        points: Floats = np.stack(
             (self.mount.x_m + ranges * np.cos(bearings), self.mount.y_m + ranges * np.sin(bearings)), axis=1
         )
-        return found
+        return points
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sighting:
-    """What a detector finds in one picture of the camera.
+    """One object that a detector recognises in a picture of the camera.
 
     Attributes:
-        at: in the robot's frame; of a person, who has no front, the heading is 0.
-        share: how much of it is in sight, from 0 to 1.
+        at: its pose in the robot's frame. For a person, who has no front, the heading is 0.
+        share: the share of it that is in sight, from 0 to 1.
     """
 
     kind: Seen
@@ -118,7 +118,7 @@ class Picture:
     """One picture of the camera, as its detector sees it.
 
     Attributes:
-        is_steady: whether the robot held still enough for it to show anything.
+        is_steady: whether the robot moved slowly enough for a sharp picture.
     """
 
     instant_s: float
@@ -128,18 +128,18 @@ class Picture:
 
 Done = Callable[[Outcome], None]
 Stop = Callable[[], None]
-"""Brakes and drops a command, which ends as stopped; one that has ended, or given way to another, is left alone."""
+"""Brakes and ends a command as stopped. It does nothing if the command has ended or was replaced by another one."""
 
 
 class Body(Protocol):
     """The robot's hardware with the manufacturer's own layer (P2: MIRA and CogniDrive)."""
 
     def believed(self) -> Pose2D:
-        """Return where its localisation says that it stands: a few centimetres off."""
+        """Return the pose from the localisation, a few centimetres off."""
         ...
 
     def localisation_spread_m(self) -> float:
-        """Return how far off the localisation takes itself to be."""
+        """Return the uncertainty that the localisation reports."""
         ...
 
     def scan(self, side: Side) -> Scan:
@@ -155,11 +155,11 @@ class Body(Protocol):
         ...
 
     def is_charging(self) -> bool:
-        """Return whether it stands at the dock and charges."""
+        """Return whether the robot is at the dock and charges."""
         ...
 
     def has_load(self) -> bool:
-        """Return whether the fork weighs something."""
+        """Return whether the fork carries a load, by its weight."""
         ...
 
     def is_bumped(self) -> bool:
@@ -167,7 +167,7 @@ class Body(Protocol):
         ...
 
     def speed_m_s(self) -> float:
-        """Return how fast it drives; negative backwards."""
+        """Return the speed of the robot; negative backwards."""
         ...
 
     def set_max_speed(self, speed_m_s: float) -> None:

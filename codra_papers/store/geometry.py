@@ -1,4 +1,4 @@
-"""The plane of the shop's floor: where things stand, and how far a ray goes. Lengths in metres, angles in radians."""
+"""Geometry in the plane of the shop's floor: poses, boxes and rays. Lengths in metres, angles in radians."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Pose2D:
-    """Where something stands in the map, and where it faces.
+    """A place in the map, with a heading.
 
     Attributes:
         x_m: to the east.
@@ -33,26 +33,26 @@ class Pose2D:
         return (self.x_m, self.y_m)
 
     def out(self, forward_m: float, left_m: float = 0.0) -> Point:
-        """Return in the map a point that is given from here."""
+        """Return the point of the map that is so far ahead and so far to the left of this pose."""
         along, across = cos(self.heading_rad), sin(self.heading_rad)
         return (self.x_m + along * forward_m - across * left_m, self.y_m + across * forward_m + along * left_m)
 
     def seen_from_here(self, point_m: Point) -> Point:
-        """Return how far ahead and how far to the left of here a point of the map is."""
+        """Return how far ahead and how far to the left of this pose a point of the map is."""
         along, across = cos(self.heading_rad), sin(self.heading_rad)
         dx_m, dy_m = point_m[0] - self.x_m, point_m[1] - self.y_m
         return (along * dx_m + across * dy_m, along * dy_m - across * dx_m)
 
     def ahead(self, forward_m: float) -> Pose2D:
-        """Return the stand that is so far ahead, facing the same way; behind, if negative."""
+        """Return the pose that is so far ahead, with the same heading; behind, if negative."""
         return Pose2D(*self.out(forward_m), self.heading_rad)
 
     def turned(self, angle_rad: float) -> Pose2D:
-        """Return the same place, facing another way."""
+        """Return the same place with a turned heading."""
         return Pose2D(self.x_m, self.y_m, wrapped(self.heading_rad + angle_rad))
 
     def distance_m(self, other: Pose2D) -> float:
-        """Return how far apart two places are."""
+        """Return the distance between two places."""
         return hypot(other.x_m - self.x_m, other.y_m - self.y_m)
 
 
@@ -61,7 +61,7 @@ class Box:
     """A rectangle on the floor.
 
     Attributes:
-        centre: in its middle, facing along its length.
+        centre: the pose of its middle, with the heading along its length.
     """
 
     centre: Pose2D
@@ -80,7 +80,7 @@ class Box:
         return (out(a, b), out(-a, b), out(-a, -b), out(a, -b))
 
     def distance_m(self, point_m: Point) -> float:
-        """Return how far a point is from the rectangle: 0 inside."""
+        """Return the distance of a point from the rectangle: 0 inside."""
         ahead_m, left_m = self.centre.seen_from_here(point_m)
         return hypot(max(abs(ahead_m) - self.length_m / 2, 0.0), max(abs(left_m) - self.width_m / 2, 0.0))
 
@@ -91,14 +91,14 @@ class Box:
 
 @dataclass(frozen=True, slots=True)
 class Disc:
-    """A round thing on the floor."""
+    """A disc on the floor."""
 
     centre_m: Point
     radius_m: float
 
 
 class Scene:
-    """What stands in the way of rays: rectangles and discs, as arrays."""
+    """Obstacles for rays: rectangles and discs, as arrays."""
 
     __slots__ = ("_centres", "_radii", "_starts", "_ways")
 
@@ -107,17 +107,17 @@ class Scene:
         edges = [edge for box in boxes for edge in _edges(box)]
         self._starts = np.array([start for start, _ in edges], dtype=np.float64).reshape(-1, 2)
         self._ways = np.array([end for _, end in edges], dtype=np.float64).reshape(-1, 2) - self._starts
-        round_things = list(discs)
-        self._centres = np.array([disc.centre_m for disc in round_things], dtype=np.float64).reshape(-1, 2)
-        self._radii = np.array([disc.radius_m for disc in round_things], dtype=np.float64)
+        disc_list = list(discs)
+        self._centres = np.array([disc.centre_m for disc in disc_list], dtype=np.float64).reshape(-1, 2)
+        self._radii = np.array([disc.radius_m for disc in disc_list], dtype=np.float64)
 
     def ranges_m(self, eye_m: Point, bearings_rad: Floats, farthest_m: float) -> Floats:
-        """Return for each ray how far it goes before it meets something, at most `farthest_m`.
+        """Return the length of each ray until it hits an edge or a disc, at most `farthest_m`.
 
         Args:
-            eye_m: where all rays begin.
-            bearings_rad: where each goes, in the map; shape (rays,).
-            farthest_m: what a ray that meets nothing returns.
+            eye_m: the start of all rays.
+            bearings_rad: directions of the rays in the map; shape (rays,).
+            farthest_m: the length of a ray without a hit.
         """
         ways = np.stack((np.cos(bearings_rad), np.sin(bearings_rad)), axis=1)
         eye = np.array(eye_m)
@@ -152,7 +152,7 @@ def _is_apart(one: Box, other: Box) -> bool:
 def _to_edges(eye: Floats, ways: Floats, starts: Floats, edges: Floats) -> Floats:
     """Solve eye + t way = start + u edge for each ray and edge that faces the eye; shape (rays,).
 
-    Edges go counter-clockwise about what they bound: an eye outside meets the far ones behind the near ones.
+    Edges go counter-clockwise about their rectangle: rays from outside hit the far edges behind the near ones.
     """
     to_start = starts - eye
     is_facing = edges[:, 0] * to_start[:, 1] > edges[:, 1] * to_start[:, 0]
@@ -164,8 +164,8 @@ def _to_edges(eye: Floats, ways: Floats, starts: Floats, edges: Floats) -> Float
         t = (to_start[:, 0] * edges[:, 1] - to_start[:, 1] * edges[:, 0]) / cross
         u = (to_start[:, 0] * ways[:, 1:] - to_start[:, 1] * ways[:, :1]) / cross
         meets = (t >= 0.0) & (u >= 0.0) & (u <= 1.0)
-    found: Floats = np.where(meets, t, np.inf).min(axis=1)
-    return found
+    lengths_m: Floats = np.where(meets, t, np.inf).min(axis=1)
+    return lengths_m
 
 
 def _to_discs(eye: Floats, ways: Floats, centres: Floats, radii: Floats) -> Floats:
@@ -175,5 +175,5 @@ def _to_discs(eye: Floats, ways: Floats, centres: Floats, radii: Floats) -> Floa
     room = along**2 - (to_centre**2).sum(axis=1) + radii**2
     half = np.sqrt(np.maximum(room, 0.0))
     meets = (room >= 0.0) & (along + half >= 0.0)
-    found: Floats = np.where(meets, np.maximum(along - half, 0.0), np.inf).min(axis=1)
-    return found
+    lengths_m: Floats = np.where(meets, np.maximum(along - half, 0.0), np.inf).min(axis=1)
+    return lengths_m

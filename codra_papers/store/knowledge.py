@@ -1,4 +1,4 @@
-"""The knowledge of the store's robot: what `specs/store.yaml` declares, as the runtime takes it (P2, sections 3 to 5).
+"""The knowledge of the store's robot: the declarations of `specs/store.yaml` for the runtime (P2, sections 3 to 5).
 
 All poses lie in the plane of the floor; the camera's axis does too.
 """
@@ -45,34 +45,34 @@ PLANNERS = ("mission", "picking")
 LOADS = ("empty", "loading", "full")
 NOTICES = ("none", "container_not_found", "container_not_placed", "mission_aborted")
 FARTHEST_M = 10.0
-"""What distances are at most: where nothing is seen, they are this."""
+"""Largest value of distances. They have this value if no object is seen."""
 
 
 def named_stands() -> dict[str, Pose2D]:
-    """Return the poses of the map that have names, by name (P2, Figure 8)."""
-    stands = {"start": START, "dock": DOCK}
+    """Return the named poses of the map, by name (P2, Figure 8)."""
+    poses = {"start": START, "dock": DOCK}
     for area in AREAS.values():
-        for number, stand in enumerate(area.observation, start=1):
-            stands[f"{area.name}_pose_{number}"] = stand
-        stands[f"{area.name}_approach"] = area.approach
-        stands[f"{area.name}_delivery"] = area.delivery
-    return stands
+        for number, pose in enumerate(area.observation, start=1):
+            poses[f"{area.name}_pose_{number}"] = pose
+        poses[f"{area.name}_approach"] = area.approach
+        poses[f"{area.name}_delivery"] = area.delivery
+    return poses
 
 
-def pose_of(stand: Pose2D) -> Pose:
-    """Return where something stands as a pose in space."""
-    return Pose.about((0.0, 0.0, 1.0), wrapped(stand.heading_rad), (stand.x_m, stand.y_m, 0.0))
+def pose_of(place: Pose2D) -> Pose:
+    """Return a pose on the floor as a pose in space."""
+    return Pose.about((0.0, 0.0, 1.0), wrapped(place.heading_rad), (place.x_m, place.y_m, 0.0))
 
 
 def stand_of(pose: Pose) -> Pose2D:
-    """Return a pose in space as one on the floor."""
+    """Return a pose in space as a pose on the floor."""
     x_m, y_m, _ = pose.translation_m
     east, north, _ = Pose((0.0, 0.0, 0.0), pose.rotation).apply((1.0, 0.0, 0.0))
     return Pose2D(x_m, y_m, atan2(north, east))
 
 
 def store_knowledge() -> KnowledgeModel:
-    """Return the declarations."""
+    """Return the declarations of the store."""
     fixed = tuple(_fixed())
     return KnowledgeModel(
         name="store",
@@ -191,16 +191,16 @@ def _nodes() -> tuple[NodeModel, ...]:
 
 
 def _fixed() -> Iterator[tuple[EdgeTypeModel, EdgeModel]]:
-    """Yield what stands where it stands from the start: named poses in the map, sensors on the robot."""
-    for name, stand in named_stands().items():
-        yield _standing("world", name, pose_of(stand))
+    """Yield the static transforms: named poses in the map, sensors on the robot."""
+    for name, place in named_stands().items():
+        yield _static_transform("world", name, pose_of(place))
     optical = Pose.about((0, 0, 1), -pi / 2) @ Pose.about((1, 0, 0), -pi / 2)
-    yield _standing("robot", "camera", Pose.of((CAMERA_AT.x_m, CAMERA_AT.y_m, 0.0), optical.rotation))
+    yield _static_transform("robot", "camera", Pose.of((CAMERA_AT.x_m, CAMERA_AT.y_m, 0.0), optical.rotation))
     for side, mount in LASERS_AT.items():
-        yield _standing("robot", f"laser_{side}", pose_of(mount))
+        yield _static_transform("robot", f"laser_{side}", pose_of(mount))
 
 
-def _standing(origin: str, target: str, pose: Pose) -> tuple[EdgeTypeModel, EdgeModel]:
+def _static_transform(origin: str, target: str, pose: Pose) -> tuple[EdgeTypeModel, EdgeModel]:
     name = f"{target}_at"
     motion = Motion(is_static=True)
     type_model = EdgeTypeModel(name=name, origins=(origin,), targets=(target,), motion=motion)
@@ -257,7 +257,7 @@ def _agents() -> tuple[AgentModel, ...]:
 
 
 def _rule(task: str) -> RuleModel:
-    """Return P2's triplet of an executor: what it brings about besides the end of its task."""
+    """Return P2's triplet of an executor, with the effects of its task besides the end of the task."""
     brought = {
         "detecting": (path("world", "container_pose", some("roll_container")),),
         "lifting": (path("robot", "carries", some("roll_container")),),

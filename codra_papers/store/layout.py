@@ -1,8 +1,8 @@
-"""The shop: 20 m by 15 m, shelves with corridors of 2 m between them (P2, section 6), and the poses that have names.
+"""The shop: 20 m by 15 m, shelves with corridors of 2 m between them (P2, section 6), and the named poses.
 
-Five rows of shelves stand along the north, from 4 m to 13 m; in front of them is an open zone. A picking area is a
-recess in a row, open to the corridor east of it, where roll containers stand. From the first observation pose of an
-area the southern end of its recess is hidden by the shelf, from the second it is in sight (P2, Figure 8).
+Five rows of shelves run from 4 m to 13 m north; in front of them is an open zone. A picking area is a recess in a row
+for roll containers, open to the corridor east of it. From the first observation pose of an area the shelf hides the
+southern end of the recess, from the second pose this end is in sight (P2, Figure 8).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ ROWS_WEST_M = (2.0, 5.6, 9.2, 12.8, 16.4)
 ROW_WIDTH_M = 1.6
 ROW_SOUTH_M, ROW_NORTH_M = 4.0, 13.0
 PANEL_M = 0.1
-"""How thick the back of a recess is."""
+"""Thickness of the back of a recess."""
 
 CORRIDORS_X_M = (1.0, 4.6, 8.2, 11.8, 15.4, 19.0)
 """The middles of the corridors between the rows."""
@@ -33,18 +33,18 @@ CONTAINER_M = 0.7
 
 WHEEL_OFFSET_M = 0.3
 WHEEL_RADIUS_M = 0.05
-"""A container's four wheels stand so far from its middle, to either side."""
+"""Radius of the wheels. The four wheels of a container are `WHEEL_OFFSET_M` from its middle, to either side."""
 
 BODY_FRONT_M, BODY_BACK_M, FORK_TIP_M = 0.45, 0.0, -0.75
 BODY_WIDTH_M, FORK_WIDTH_M = 0.7, 0.4
 REACH_M = 0.83
-"""How far the robot's farthest corner is from its axle, about which it turns."""
+"""Distance of the robot's farthest corner from its axle, about which it turns."""
 
 FORK_M = 0.4
-"""So far behind the robot's axle the middle of its fork is, and of a container on it."""
+"""Distance of the middle of the fork, and of a container on it, behind the robot's axle."""
 
 DEPTH_OF_PLACE_M = 1.0
-"""How deep in a recess the middle of a container stands."""
+"""Depth of a container's middle in a recess."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,7 +52,7 @@ class Recess:
     """An opening in a row of shelves.
 
     Attributes:
-        row: its row, from the west, from 0.
+        row: the number of its row, counted from the west, from 0.
     """
 
     row: int
@@ -65,18 +65,18 @@ class Recess:
         return CORRIDORS_X_M[self.row + 1]
 
     def place(self, y_m: float) -> Pose2D:
-        """Return where a container stands, facing the corridor."""
+        """Return the pose of a container that faces the corridor."""
         return Pose2D(ROWS_WEST_M[self.row] + ROW_WIDTH_M - DEPTH_OF_PLACE_M, y_m, 0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Area:
-    """Where containers stand, and the robot's poses about it (P2, Figure 8).
+    """An area for containers, with the robot's poses around it (P2, Figure 8).
 
     Attributes:
-        observation: from which the robot looks for a container, the first pose first.
-        delivery: where the robot stands when it sets down a container.
-        places: where a container can stand: that of a delivery first.
+        observation: the poses from which the robot looks for a container, in order.
+        delivery: the pose of the robot when it sets down a container.
+        places: the places for containers, that of a delivery first.
     """
 
     name: str
@@ -86,22 +86,22 @@ class Area:
 
     @property
     def delivery(self) -> Pose2D:
-        """Return where the robot stands when a container on its fork stands at the first place."""
+        """Return the robot's pose when a container on its fork is at the first place."""
         return robot_at(self.places[0])
 
     @property
     def approach(self) -> Pose2D:
-        """Return where the robot begins to back up to the delivery pose."""
+        """Return the pose where the robot begins to back up to the delivery pose."""
         return approach_to(self.places[0])
 
 
 def robot_at(container: Pose2D) -> Pose2D:
-    """Return where the robot stands when its fork is under a container."""
+    """Return the robot's pose when its fork is under a container."""
     return container.ahead(FORK_M)
 
 
 def approach_to(container: Pose2D) -> Pose2D:
-    """Return where the robot stands, its fork towards a container in a recess, before it backs up: in the corridor."""
+    """Return the robot's pose in the corridor, with its fork towards a container in a recess, before it backs up."""
     return container.ahead(DEPTH_OF_PLACE_M + CORRIDOR_M / 2)
 
 
@@ -133,10 +133,10 @@ PICKING_AREAS: Mapping[str, Area] = MappingProxyType(
 """Where pickers work."""
 
 SUPPLY = _single("supply", 5.0)
-"""Where an empty container waits to be fetched."""
+"""Where an empty container waits for the robot."""
 
 DELIVERY = _single("delivery", 9.0)
-"""The general delivery pose (P2, section 5.1): staff take away what is set down here."""
+"""The general delivery pose (P2, section 5.1): staff take away the containers that are set down here."""
 
 AREAS: Mapping[str, Area] = MappingProxyType({**PICKING_AREAS, SUPPLY.name: SUPPLY, DELIVERY.name: DELIVERY})
 
@@ -144,7 +144,7 @@ START = Pose2D(8.2, 2.0, pi / 2)
 """Where the robot waits for orders."""
 
 DOCK = Pose2D(1.0, 1.0, pi)
-"""Where it charges."""
+"""Where the robot charges."""
 
 
 def _rows() -> tuple[Box, ...]:
@@ -174,4 +174,4 @@ def _walls() -> tuple[Box, ...]:
 SHELVES = _rows()
 WALLS = _walls()
 FIXED = (*SHELVES, *WALLS)
-"""All that never moves."""
+"""All fixed objects."""

@@ -1,4 +1,4 @@
-"""Ways through the shop on its map: where a round body has room, over a grid, by networkx's A*."""
+"""Routes through the shop for a round body, over a grid on the map, by networkx's A*."""
 
 from __future__ import annotations
 
@@ -14,42 +14,42 @@ from codra_papers.store.layout import DEPTH_M, FIXED, LENGTH_M
 
 GRID_M = 0.2
 TURNING_ROOM_M = 0.9
-"""So far from all shelves the axle keeps where the robot may turn: its farthest corner is 0.83 m away."""
+"""Distance of the axle from all shelves where the robot may turn: its farthest corner is 0.83 m away."""
 
 LANE_M = 0.38
-"""Half the width that the robot needs where it goes straight on."""
+"""Half the width that the robot needs to drive straight on."""
 
 _ROUNDING_M = 1e-6
 _OFF_M = 0.01
-"""So far the robot may be off the grid's points where it has room to turn."""
+"""Largest distance of the robot from a point of the grid where it has room to turn."""
 
 _REACH_M = 0.3
-"""So far from the grid a route may begin and end."""
+"""Largest distance from the grid at which a route may begin and end."""
 
 
 class NoRouteError(LookupError):
-    """There is no way from here to there that is wide enough."""
+    """No wide enough route leads from the start to the goal."""
 
 
 _MIDDLES_M = np.array([box.centre.point_m for box in FIXED])
 _HALVES_M = np.array([(box.length_m / 2, box.width_m / 2) for box in FIXED])
-"""Of shelves and walls, which lie along the axes of the map."""
+"""Half lengths and widths of shelves and walls, which are parallel to the axes of the map."""
 
 
 def clearance_m(point_m: Point) -> float:
-    """Return how far a point is from the nearest shelf or wall: 0 inside of one."""
+    """Return the distance of a point from the nearest shelf or wall: 0 inside of one."""
     return float(clearances_m(np.array([point_m]))[0])
 
 
 def clearances_m(points_m: Floats) -> Floats:
-    """Return the same of many points, of shape (points, 2); shape (points,)."""
+    """Return the same for many points of shape (points, 2); shape (points,)."""
     outside_m = np.maximum(np.abs(points_m[:, None, :] - _MIDDLES_M) - _HALVES_M, 0.0)
-    found: Floats = np.hypot(outside_m[..., 0], outside_m[..., 1]).min(axis=1)
-    return found
+    distances_m: Floats = np.hypot(outside_m[..., 0], outside_m[..., 1]).min(axis=1)
+    return distances_m
 
 
 def has_room(start_m: Point, end_m: Point, room_m: float) -> bool:
-    """Return whether all of a straight way keeps so far from shelves and walls, as far as 5 cm can tell."""
+    """Return whether a straight way keeps a distance from shelves and walls, checked every 5 cm."""
     steps = max(1, ceil(hypot(end_m[0] - start_m[0], end_m[1] - start_m[1]) / 0.05))
     shares = np.arange(steps + 1)[:, None] / steps
     points = np.array(start_m) + (np.array(end_m) - np.array(start_m)) * shares
@@ -59,37 +59,37 @@ def has_room(start_m: Point, end_m: Point, room_m: float) -> bool:
 def route(start: Pose2D, goal: Pose2D, avoid: Sequence[Disc] = ()) -> tuple[Point, ...]:
     """Return the points to drive through, from beside the start to the goal.
 
-    Where the robot has no room to turn, in a recess, it first goes straight on, or straight back.
+    If the robot has no room to turn, as in a recess, it first goes straight on, or straight back.
 
     Args:
-        start: where the robot stands.
-        goal: where it wants to go.
-        avoid: further places to keep away from by the room that turning takes.
+        start: the pose of the robot.
+        goal: the goal of the robot.
+        avoid: further places to keep away from, by the room that turning takes.
 
     Raises:
-        NoRouteError: if there is none.
+        NoRouteError: no route leads to the goal.
     """
     grid = _grid() if not avoid else _without(avoid)
-    out_m, first = _way_out(start, grid, avoid)
+    out_m, first = _turning_place(start, grid, avoid)
     last = _nearest(grid, goal.point_m)
     if last is None:
-        raise NoRouteError(f"there is no room to turn at ({goal.x_m:.2f}, {goal.y_m:.2f})")
+        raise NoRouteError(f"the robot has no room to turn at ({goal.x_m:.2f}, {goal.y_m:.2f})")
     try:
-        found: list[Point] = nx.astar_path(grid, first, last, heuristic=_distance_m, weight="length_m")
+        points_m: list[Point] = nx.astar_path(grid, first, last, heuristic=_distance_m, weight="length_m")
     except nx.NetworkXNoPath:
-        raise NoRouteError(f"there is no way from {start.point_m} to {goal.point_m}") from None
-    corners = _straightened(out_m, found, avoid)
+        raise NoRouteError(f"no route leads from {start.point_m} to {goal.point_m}") from None
+    corners = _straightened(out_m, points_m, avoid)
     beginning = () if out_m == start.point_m else (out_m,)
     return (*beginning, *corners[:-1], goal.point_m)
 
 
-def _way_out(start: Pose2D, grid: nx.Graph[Point], avoid: Sequence[Disc]) -> tuple[Point, Point]:
-    """Return where the robot has room to turn, here, or straight ahead, or straight behind; and the grid's point there.
+def _turning_place(start: Pose2D, grid: nx.Graph[Point], avoid: Sequence[Disc]) -> tuple[Point, Point]:
+    """Return a place with room to turn, here, straight ahead or straight behind, and the grid's point there.
 
     Raises:
-        NoRouteError: if there is none.
+        NoRouteError: no such place is near.
     """
-    room_m = min(LANE_M, clearance_m(start.point_m))  # who stands nearer to a shelf goes no nearer
+    room_m = min(LANE_M, clearance_m(start.point_m))  # if the robot is nearer to a shelf, it must not get even nearer
     for sign in (1.0, -1.0):
         for step in range(31):
             end_m = start.out(sign * step * 0.1)
@@ -98,11 +98,11 @@ def _way_out(start: Pose2D, grid: nx.Graph[Point], avoid: Sequence[Disc]) -> tup
             node = _nearest(grid, end_m)
             if node is not None and clearance_m(end_m) >= TURNING_ROOM_M - _OFF_M:
                 return end_m, node
-    raise NoRouteError(f"there is no room to turn near {start.point_m}")
+    raise NoRouteError(f"the robot has no room to turn near {start.point_m}")
 
 
 def _approaches(start_m: Point, end_m: Point, avoid: Sequence[Disc]) -> bool:
-    """Return whether a step leads near to what is to be avoided, and nearer than before."""
+    """Return whether a step leads near to a place to avoid, and nearer than before."""
     return any(
         _distance_m(end_m, disc.centre_m) < min(_distance_m(start_m, disc.centre_m), disc.radius_m + LANE_M)
         for disc in avoid
@@ -142,7 +142,7 @@ def _is_near(point: Point, avoid: Sequence[Disc]) -> bool:
 
 
 def _nearest(grid: nx.Graph[Point], point_m: Point) -> Point | None:
-    """Return the nearest point of the grid, if it is within reach."""
+    """Return the nearest point of the grid within reach, or None."""
     steps = range(-2, 3)
     column, row = round(point_m[0] / GRID_M), round(point_m[1] / GRID_M)
     around = [_grid_point(column + a, row + b) for a in steps for b in steps]
@@ -150,22 +150,22 @@ def _nearest(grid: nx.Graph[Point], point_m: Point) -> Point | None:
     return min(near, key=lambda node: (_distance_m(node, point_m), node), default=None)
 
 
-def _straightened(start_m: Point, found: Sequence[Point], avoid: Sequence[Disc]) -> list[Point]:
-    """Return the corners of a way: from each point the farthest one that can be reached straight on."""
+def _straightened(start_m: Point, points_m: Sequence[Point], avoid: Sequence[Disc]) -> list[Point]:
+    """Return the corners of a route: after each corner the farthest point that can be reached straight on."""
     corners, at, index = list[Point](), start_m, 0
-    while index < len(found):
+    while index < len(points_m):
         farthest = index
-        for candidate in range(len(found) - 1, index, -1):
-            if has_room(at, found[candidate], TURNING_ROOM_M) and not _passes(at, found[candidate], avoid):
+        for candidate in range(len(points_m) - 1, index, -1):
+            if has_room(at, points_m[candidate], TURNING_ROOM_M) and not _passes(at, points_m[candidate], avoid):
                 farthest = candidate
                 break
-        at, index = found[farthest], farthest + 1
+        at, index = points_m[farthest], farthest + 1
         corners.append(at)
     return corners
 
 
 def _passes(start_m: Point, end_m: Point, avoid: Sequence[Disc]) -> bool:
-    """Return whether a straight way comes nearer to what is to be avoided than turning takes."""
+    """Return whether a straight way passes a place to avoid with less room than turning takes."""
     length_m = _distance_m(start_m, end_m) or 1.0
     along = ((end_m[0] - start_m[0]) / length_m, (end_m[1] - start_m[1]) / length_m)
     for disc in avoid:

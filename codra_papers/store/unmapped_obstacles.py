@@ -1,6 +1,6 @@
-"""What the lasers meet that is not on the robot's map, and who may stand there.
+"""Points of the lasers that are not on the robot's map, and the people who may be there.
 
-Lasers meet the near side of somebody only, and beside the fork little of that: the body is behind what they meet.
+Lasers hit only the near side of a person, and beside the fork little of it. The body is behind the points.
 """
 
 from __future__ import annotations
@@ -17,26 +17,26 @@ from codra_papers.store.layout import AREAS, BODY_BACK_M, BODY_FRONT_M, BODY_WID
 from codra_papers.store.routes import clearances_m
 
 WITHIN_M = 3.0
-"""What is farther away may be gone before the robot is there."""
+"""Farther objects are ignored: they may be gone before the robot arrives."""
 
 OFF_MAP_M = 0.2
-"""What lasers see nearer than this to a shelf or a wall is taken for it."""
+"""Points nearer than this to a shelf or a wall belong to it."""
 
 OF_CONTAINER_M = 0.6
-"""What they see nearer than this to the middle of a container is taken for it."""
+"""Points nearer than this to the middle of a container belong to it."""
 
 PERSON_M = 0.25
-"""The radius of somebody's body."""
+"""The radius of a person's body."""
 
 CORE_M = 0.2
-"""Through what is nearer than this to the middle of a body no ray goes, with the noise of a laser."""
+"""No ray passes nearer than this to the middle of a body, with the noise of a laser."""
 
 PLACES_M = tuple(place.point_m for area in AREAS.values() for place in area.places)
-"""Where containers are kept."""
+"""The places for containers."""
 
 
 def is_strange(points_m: Floats, robot: Pose2D, containers_m: Sequence[Point]) -> npt.NDArray[np.bool_]:
-    """Return which of some points, in the robot's frame, neither the map nor a container explains; shape (points,)."""
+    """Return a mask of points, in the robot's frame, that neither the map nor a container explains; shape (points,)."""
     if not len(points_m):
         return np.zeros(0, dtype=bool)
     east, north = cos(robot.heading_rad), sin(robot.heading_rad)
@@ -49,27 +49,27 @@ def is_strange(points_m: Floats, robot: Pose2D, containers_m: Sequence[Point]) -
 
 
 def bodies_m(scan: Scan) -> Floats:
-    """Return for each point that a laser meets the middle of a body whose near side it would be; shape (points, 2)."""
+    """Return, per laser point, the middle of a body with its near side at the point; shape (points, 2)."""
     points = scan.points_m()
     ways = points - (scan.mount.x_m, scan.mount.y_m)
-    found: Floats = points + PERSON_M * ways / np.maximum(np.linalg.norm(ways, axis=1, keepdims=True), 1e-9)
-    return found
+    middles: Floats = points + PERSON_M * ways / np.maximum(np.linalg.norm(ways, axis=1, keepdims=True), 1e-9)
+    return middles
 
 
 def is_seen_through(scan: Scan, bodies: Floats) -> npt.NDArray[np.bool_]:
-    """Return where no body can be, for a ray of a laser goes in where its core would be; shape (bodies,)."""
+    """Return a mask of bodies that are impossible, because a ray passes through their core; shape (bodies,)."""
     turns = scan.bearings_rad + scan.mount.heading_rad
     to_body = bodies - (scan.mount.x_m, scan.mount.y_m)
     along_m = np.stack((np.cos(turns), np.sin(turns)), axis=1) @ to_body.T
     depth_m2 = CORE_M**2 - ((to_body**2).sum(axis=1) - along_m**2)
     entry_m = along_m - np.sqrt(np.maximum(depth_m2, 0.0))
     is_passed = (depth_m2 > 0.0) & (along_m > 0.0) & (scan.ranges_m[:, None] > entry_m)
-    found: npt.NDArray[np.bool_] = np.any(is_passed, axis=0)
-    return found
+    is_impossible: npt.NDArray[np.bool_] = np.any(is_passed, axis=0)
+    return is_impossible
 
 
 def gaps_m(bodies: Floats, *, is_loaded: bool) -> Floats:
-    """Return how far bodies are from the robot and what it carries: negative inside; shape (bodies,)."""
+    """Return the distances of bodies from the robot and its load: negative inside; shape (bodies,)."""
     x_m, y_m = bodies[:, 0], np.abs(bodies[:, 1])
     fork_half_m = (BODY_WIDTH_M if is_loaded else FORK_WIDTH_M) / 2
     body = np.hypot(np.maximum(np.maximum(BODY_BACK_M - x_m, x_m - BODY_FRONT_M), 0.0),

@@ -1,1 +1,1 @@
-"""A household robot in a kitchen: what specs/kitchen.yaml calls."""
+"""A household robot in a kitchen: the functions that specs/kitchen.yaml calls."""

@@ -1,9 +1,9 @@
-"""How the robot perceives the kitchen: each function reads the handle `kitchen` and returns what the spec says."""
+"""The robot's perception of the kitchen: each function reads the handle `kitchen` and returns values of the spec."""
 
 
 def taken_now(job, working_s, **seen):
-    job.evidence(job.now_s(), job.now_s())  # the picture is taken in this instant
-    job.sleep(working_s)  # and working on it takes time
+    job.evidence(job.now_s(), job.now_s())  # the picture is taken at this instant
+    job.sleep(working_s)  # processing it takes time
     return seen
 
 

@@ -1,1 +1,1 @@
-"""Tending the laboratory's PCR-cycler by a state machine of RAFCON."""
+"""A state machine of RAFCON that tends the laboratory's PCR-cycler."""

@@ -1,4 +1,4 @@
-"""Runs the state machine with observers and without, and compares their journals.
+"""Run the state machine with and without observers, and compare the journals.
 
 python -m examples.rafcon_lab --seeds 3
 """
@@ -15,10 +15,12 @@ from examples.rafcon_lab.running import run
 
 
 def main() -> None:
-    """Run each seed in both arms and print what their journals say."""
+    """Run each seed in both arms and print the comparison of the journals."""
     parser = argparse.ArgumentParser(prog="python -m examples.rafcon_lab", description=__doc__)
-    parser.add_argument("--seeds", type=int, default=1, help="how many runs of each arm, each with its own chance")
-    parser.add_argument("--journals", type=Path, help="the folder that keeps the journals")
+    parser.add_argument(
+        "--seeds", type=int, default=1, help="number of runs of each arm, each with its own random seed"
+    )
+    parser.add_argument("--journals", type=Path, help="the folder for the journals")
     arguments = parser.parse_args()
     logging.getLogger("rafcon").setLevel(logging.ERROR)
     with TemporaryDirectory() as forgotten:

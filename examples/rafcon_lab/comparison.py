@@ -1,4 +1,4 @@
-"""What two journals say of the same task: how its decisions were answered, and how long it took."""
+"""Comparison of the journals of one task: how its decisions were answered, and how long it took."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from codra_dsl.runtime.journal.reader import JournalReader
 
 
 class Arm(StrEnum):
-    """Whether observers watch."""
+    """The arms of the comparison: with or without observers."""
 
     WITH = "with"
     WITHOUT = "without"
@@ -20,15 +20,15 @@ class Arm(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Figures:
-    """What a journal says of a run.
+    """Figures of a run, from its journal.
 
     Attributes:
         duration_s: from the first input to the last event.
-        skills_s: how long each skill took.
-        answered: how many decisions were answered from context, and...
-        waited_s: ...how long they waited for it.
-        looked: for how many decisions the robot looked itself, and...
-        looked_s: ...how long that took.
+        skills_s: the duration of each skill.
+        answered: the number of decisions that were answered from context.
+        waited_s: how long these decisions waited for context.
+        looked: the number of decisions for which the robot looked itself.
+        looked_s: how long the robot looked for these decisions.
     """
 
     duration_s: float
@@ -40,7 +40,7 @@ class Figures:
 
 
 def figures(path: Path) -> Figures:
-    """Return what a journal says."""
+    """Return the figures of a journal."""
     with JournalReader(path) as reader:
         events = list(reader.events())
     decisions = [event for event in events if event.kind is Kind.DECISION]
@@ -69,25 +69,25 @@ def _skills_s(events: Iterable[Event]) -> Mapping[str, float]:
 
 
 def table(runs: Iterable[tuple[int, Arm, str, Path]]) -> str:
-    """Return a line for each run (its seed, its arm, its outcome, its journal), and one for all runs of an arm."""
+    """Return a table with a line for each run (seed, arm, outcome, journal), and a line for all runs of each arm."""
     counted = f"{'from context':>12} {'looked':>6}"
     lines = [f"seed observers outcome   {counted} {'looking s':>9} {'waiting s':>9} {'task s':>9}"]
     totals: dict[Arm, list[Figures]] = {}
     for seed, arm, outcome, path in runs:
-        found = figures(path)
-        totals.setdefault(arm, []).append(found)
-        lines.append(_line(str(seed), arm, outcome, [found]))
-    lines += [_line("all", arm, "", found) for arm, found in totals.items()]
+        run_figures = figures(path)
+        totals.setdefault(arm, []).append(run_figures)
+        lines.append(_line(str(seed), arm, outcome, [run_figures]))
+    lines += [_line("all", arm, "", arm_figures) for arm, arm_figures in totals.items()]
     if len(totals) == len(Arm):
-        with_s, without_s = (sum(found.duration_s for found in totals[arm]) for arm in Arm)
+        with_s, without_s = (sum(run_figures.duration_s for run_figures in totals[arm]) for arm in Arm)
         lines.append(f"with observers the task took {1 - with_s / without_s:.1%} less time")
     return "\n".join(lines)
 
 
-def _line(name: str, arm: Arm, outcome: str, found: Iterable[Figures]) -> str:
-    runs = list(found)
-    answered, looked = sum(each.answered for each in runs), sum(each.looked for each in runs)
-    looked_s, waited_s = sum(each.looked_s for each in runs), sum(each.waited_s for each in runs)
-    task_s = sum(each.duration_s for each in runs)
+def _line(name: str, arm: Arm, outcome: str, all_figures: Iterable[Figures]) -> str:
+    runs = list(all_figures)
+    answered, looked = sum(run.answered for run in runs), sum(run.looked for run in runs)
+    looked_s, waited_s = sum(run.looked_s for run in runs), sum(run.waited_s for run in runs)
+    task_s = sum(run.duration_s for run in runs)
     counts = f"{answered:>12} {looked:>6}"
     return f"{name:>4} {arm:9} {outcome:9} {counts} {looked_s:>9.1f} {waited_s:>9.1f} {task_s:>9.1f}"

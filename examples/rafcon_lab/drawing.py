@@ -1,6 +1,6 @@
-"""Draws the state machine by RAFCON's own API and saves it: `python -m examples.rafcon_lab.drawing`.
+"""Build the state machine with RAFCON's API and save it: `python -m examples.rafcon_lab.drawing`.
 
-RAFCON's editor opens what it saves, `tend_pcr_cycler`, as well. RAFCON 2.5.2 cannot save on Python 3.13.
+RAFCON's editor can also open the saved folder `tend_pcr_cycler`. RAFCON 2.5.2 cannot save on Python 3.13.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ Ways = Mapping[tuple[str, str], str]
 def script(
     name: str, text: str, inputs: Mapping[str, str], codra: Mapping[str, object] | None = None
 ) -> ExecutionState:
-    """Return a state with a script, and with what it says of context."""
+    """Return a state with a script and with an annotation for context."""
     state = ExecutionState(name, state_id=name.upper().replace(" ", "_").replace("?", "_ASKED"))
     state.script_text = text
     for number, (port, value) in enumerate(inputs.items()):
@@ -65,7 +65,7 @@ def script(
 
 
 def look(name: str, variable: str, wait_up_to_s: str = "") -> ExecutionState:
-    """Return a state that looks for what a decision needs; it need not run when context knows."""
+    """Return a state that looks for the value of a decision; it is skipped if context knows the value."""
     waits = {"wait_up_to_s": wait_up_to_s} if wait_up_to_s else {}
     state = script(name, LOOK, {"variable": variable}, {"decide": variable, **waits})
     state.outcomes[0].name = "not seen"
@@ -83,37 +83,37 @@ def act(name: str, action: str, skill: str, expect: str = "") -> ExecutionState:
 def hierarchy(
     name: str, states: Sequence[State], ways: Ways, codra: Mapping[str, object] | None = None
 ) -> HierarchyState:
-    """Return a state of states, which begins with the first; what aborts in it aborts it."""
-    whole = HierarchyState(name, state_id=name.upper().replace(" ", "_"))
-    whole.add_outcome(GAVE_UP, 1)
+    """Return a hierarchy state that begins with the first state; if a state aborts, the hierarchy state aborts."""
+    parent = HierarchyState(name, state_id=name.upper().replace(" ", "_"))
+    parent.add_outcome(GAVE_UP, 1)
     if codra:
-        whole.add_semantic_data([], dict(codra), "codra")
+        parent.add_semantic_data([], dict(codra), "codra")
     for state in states:
-        whole.add_state(state)
-    whole.add_transition(None, None, states[0].state_id, None, transition_id=0)
+        parent.add_state(state)
+    parent.add_transition(None, None, states[0].state_id, None, transition_id=0)
     by_name = {state.name: state for state in states}
     ends = {DONE: 0, GAVE_UP: 1}
     for way, ((begin, outcome), end) in enumerate(ways.items(), start=1):
         from_state = by_name[begin]
-        number = next(number for number, each in from_state.outcomes.items() if each.name == outcome)
+        number = next(number for number, state_outcome in from_state.outcomes.items() if state_outcome.name == outcome)
         if end in ends:
-            whole.add_transition(from_state.state_id, number, whole.state_id, ends[end], way)
+            parent.add_transition(from_state.state_id, number, parent.state_id, ends[end], way)
         else:
-            whole.add_transition(from_state.state_id, number, by_name[end].state_id, None, way)
-    return whole
+            parent.add_transition(from_state.state_id, number, by_name[end].state_id, None, way)
+    return parent
 
 
-def knowing_where(name: str) -> HierarchyState:
-    """Return the states that tell context whether the robot knows where it stands, and look around if it does not."""
+def localize(name: str) -> HierarchyState:
+    """Return the states that write to context whether the robot is localized, and look around if it is not."""
     feel = script("Feel", FEEL, {})
     feel.add_output_data_port("localized", bool, default_value=False, data_port_id=0)
-    tell = LibraryState("codra", "set", name="Tell", state_id="TELL")
-    tell.set_input_runtime_value(0, "robot_is_localized")
-    tell.set_use_input_runtime_value(0, True)
+    write = LibraryState("codra", "set", name="Tell", state_id="TELL")
+    write.set_input_runtime_value(0, "robot_is_localized")
+    write.set_use_input_runtime_value(0, True)
     lost = look("Localized?", "robot_is_localized")
-    whole = hierarchy(
+    parent = hierarchy(
         name,
-        [feel, tell, lost, script("Look around", RELOCALIZE, {})],
+        [feel, write, lost, script("Look around", RELOCALIZE, {})],
         {
             ("Feel", "success"): "Tell",
             ("Tell", "success"): "Localized?",
@@ -123,20 +123,20 @@ def knowing_where(name: str) -> HierarchyState:
             ("Look around", "success"): "Feel",
         },
     )
-    whole.add_data_flow(feel.state_id, 0, tell.state_id, 1, data_flow_id=0)
-    return whole
+    parent.add_data_flow(feel.state_id, 0, write.state_id, 1, data_flow_id=0)
+    return parent
 
 
 def skill(name: str, before: Sequence[tuple[State, str]], action: State, after: State, goal: str) -> HierarchyState:
-    """Return a skill: decisions before the action, the action, and a look at what came of it.
+    """Return a skill: decisions before the action, the action, and a look at its result.
 
     Args:
-        name: with the machine's name, that of the skill in the spec.
-        before: states that look, each with the outcome with which the skill goes on; the last of them may find that
-            there is nothing to do.
-        action: what acts.
-        after: looks whether the action came to its goal; if not, it is tried again.
-        goal: the outcome of `after` that says so.
+        name: together with the machine's name, the name of the skill in the spec.
+        before: states that look, each with the outcome with which the skill continues; with the other outcome of the
+            last one, the skill is already done.
+        action: the state that acts.
+        after: the state that looks whether the action reached its goal; if not, the action is repeated.
+        goal: the outcome of `after` for a reached goal.
     """
     states = [*(state for state, _ in before), action, after]
     ways: dict[tuple[str, str], str] = {}
@@ -154,7 +154,7 @@ def skill(name: str, before: Sequence[tuple[State, str]], action: State, after: 
 
 
 def drawn() -> StateMachine:
-    """Return the whole: drive there, unlock, open, close and lock."""
+    """Return the state machine: drive there, unlock, open, close and lock."""
     distance, is_open, locked = (f"{MACHINE}_{what}" for what in ("in_manipulation_distance", "open", "locked"))
 
     def near() -> tuple[State, str]:
@@ -163,9 +163,9 @@ def drawn() -> StateMachine:
     drive = hierarchy(
         "Drive",
         [
-            knowing_where("Before"),
+            localize("Before"),
             script("Go", DRIVE, {"station": MACHINE}, {"expect": f"unlock_{MACHINE}"}),
-            knowing_where("After"),
+            localize("After"),
         ],
         {
             ("Before", DONE): "Go",

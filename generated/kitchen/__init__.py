@@ -70,7 +70,7 @@ class Kitchen(ContextManager[VariableName, SkillName]):
         def get(self, name: VariableName) -> Reading[Any]: ...
 
         def get(self, name: VariableName) -> Reading[Any]:
-            """Return what is known of a variable now."""
+            """Return the current reading of a variable."""
 
         @overload
         def set(self, name: BoolName, value: bool, *, evidence_s: float | None = ...) -> None: ...
@@ -112,7 +112,7 @@ class Kitchen(ContextManager[VariableName, SkillName]):
         def declare(self, name: VariableName, value: None = None) -> None: ...
 
         def declare(self, name: VariableName, value: Any = None) -> None:
-            """Take a variable into what the main execution needs, with a value if it knows one."""
+            """Add a variable to the needs of the main execution, with a value if it knows one."""
 
         @overload
         def decide(

@@ -60,13 +60,13 @@ class Lab(ContextManager[VariableName, SkillName]):
     if TYPE_CHECKING:
 
         def get(self, name: VariableName) -> Reading[bool]:
-            """Return what is known of a variable now."""
+            """Return the current reading of a variable."""
 
         def set(self, name: VariableName, value: bool, *, evidence_s: float | None = None) -> None:
             """Write a variable as the main execution."""
 
         def declare(self, name: VariableName, value: bool | None = None) -> None:
-            """Take a variable into what the main execution needs, with a value if it knows one."""
+            """Add a variable to the needs of the main execution, with a value if it knows one."""
 
         def decide(
             self,

@@ -124,7 +124,7 @@ class Store(ContextManager[VariableName, SkillName]):
         def agent(self, name: Literal["analysis"]) -> Agent[VariableName, AnalysisHandle]: ...
 
         def agent(self, name: Any) -> Any:
-            """Return the handle by which an agent writes."""
+            """Return the handle with which an agent writes."""
 
         @overload
         def get(self, name: FloatName) -> Reading[float]: ...
@@ -148,7 +148,7 @@ class Store(ContextManager[VariableName, SkillName]):
         def get(self, name: VariableName) -> Reading[Any]: ...
 
         def get(self, name: VariableName) -> Reading[Any]:
-            """Return what is known of a variable now."""
+            """Return the current reading of a variable."""
 
         @overload
         def set(self, name: FloatName, value: float, *, evidence_s: float | None = ...) -> None: ...
@@ -196,7 +196,7 @@ class Store(ContextManager[VariableName, SkillName]):
         def declare(self, name: VariableName, value: None = None) -> None: ...
 
         def declare(self, name: VariableName, value: Any = None) -> None:
-            """Take a variable into what the main execution needs, with a value if it knows one."""
+            """Add a variable to the needs of the main execution, with a value if it knows one."""
 
         @overload
         def decide(

@@ -1,4 +1,4 @@
-"""What there is to know in 'store', and who may write it.
+"""The declared knowledge of 'store', and who may write it.
 
 Made by codra from specs/store.yaml; edits are lost. Renew: codra compile specs/store.yaml
 """
@@ -1007,7 +1007,7 @@ if TYPE_CHECKING:
             """Begin changes that become visible together, or not at all."""
 
         def acting(self, rule: Never) -> RuleExecution[LocalisationTransaction]:  # type: ignore[override]  # takes fewer names, on purpose
-            """Begin, by a `with` statement, an action of which a rule tells."""
+            """Begin an action that a rule describes, for a `with` statement."""
 
     class _CameraAgentWrites:
         """What agent 'camera_agent' may write."""
@@ -1049,7 +1049,7 @@ if TYPE_CHECKING:
             """Begin changes that become visible together, or not at all."""
 
         def acting(self, rule: Never) -> RuleExecution[CameraAgentTransaction]:  # type: ignore[override]  # takes fewer names, on purpose
-            """Begin, by a `with` statement, an action of which a rule tells."""
+            """Begin an action that a rule describes, for a `with` statement."""
 
     class _LasersWrites:
         """What agent 'lasers' may write."""
@@ -1096,7 +1096,7 @@ if TYPE_CHECKING:
             """Begin changes that become visible together, or not at all."""
 
         def acting(self, rule: Never) -> RuleExecution[LasersTransaction]:  # type: ignore[override]  # takes fewer names, on purpose
-            """Begin, by a `with` statement, an action of which a rule tells."""
+            """Begin an action that a rule describes, for a `with` statement."""
 
     class _PersonDetectionWrites:
         """What agent 'person_detection' may write."""
@@ -1140,7 +1140,7 @@ if TYPE_CHECKING:
             """Begin changes that become visible together, or not at all."""
 
         def acting(self, rule: Never) -> RuleExecution[PersonDetectionTransaction]:  # type: ignore[override]  # takes fewer names, on purpose
-            """Begin, by a `with` statement, an action of which a rule tells."""
+            """Begin an action that a rule describes, for a `with` statement."""
 
     class _ContainerDetectionWrites:
         """What agent 'container_detection' may write."""
@@ -1182,7 +1182,7 @@ if TYPE_CHECKING:
             """Begin changes that become visible together, or not at all."""
 
         def acting(self, rule: Literal["detecting"]) -> RuleExecution[ContainerDetectionTransaction]:  # type: ignore[override]  # takes fewer names, on purpose
-            """Begin, by a `with` statement, an action of which a rule tells."""
+            """Begin an action that a rule describes, for a `with` statement."""
 
     class _WheelCheckWrites:
         """What agent 'wheel_check' may write."""
@@ -1224,7 +1224,7 @@ if TYPE_CHECKING:
             """Begin changes that become visible together, or not at all."""
 
         def acting(self, rule: Literal["checking"]) -> RuleExecution[WheelCheckTransaction]:  # type: ignore[override]  # takes fewer names, on purpose
-            """Begin, by a `with` statement, an action of which a rule tells."""
+            """Begin an action that a rule describes, for a `with` statement."""
 
     class _NavigationWrites:
         """What agent 'navigation' may write."""
@@ -1271,7 +1271,7 @@ if TYPE_CHECKING:
             """Begin changes that become visible together, or not at all."""
 
         def acting(self, rule: Literal["navigating"]) -> RuleExecution[NavigationTransaction]:  # type: ignore[override]  # takes fewer names, on purpose
-            """Begin, by a `with` statement, an action of which a rule tells."""
+            """Begin an action that a rule describes, for a `with` statement."""
 
     class _TurningWrites:
         """What agent 'turning' may write."""
@@ -1311,7 +1311,7 @@ if TYPE_CHECKING:
             """Begin changes that become visible together, or not at all."""
 
         def acting(self, rule: Literal["rotating"]) -> RuleExecution[TurningTransaction]:  # type: ignore[override]  # takes fewer names, on purpose
-            """Begin, by a `with` statement, an action of which a rule tells."""
+            """Begin an action that a rule describes, for a `with` statement."""
 
     class _ForkWrites:
         """What agent 'fork' may write."""
@@ -1355,7 +1355,7 @@ if TYPE_CHECKING:
             """Begin changes that become visible together, or not at all."""
 
         def acting(self, rule: Literal["lifting", "lowering"]) -> RuleExecution[ForkTransaction]:  # type: ignore[override]  # takes fewer names, on purpose
-            """Begin, by a `with` statement, an action of which a rule tells."""
+            """Begin an action that a rule describes, for a `with` statement."""
 
     class _PickerPageWrites:
         """What agent 'picker_page' may write."""
@@ -1404,7 +1404,7 @@ if TYPE_CHECKING:
             """Begin changes that become visible together, or not at all."""
 
         def acting(self, rule: Never) -> RuleExecution[PickerPageTransaction]:  # type: ignore[override]  # takes fewer names, on purpose
-            """Begin, by a `with` statement, an action of which a rule tells."""
+            """Begin an action that a rule describes, for a `with` statement."""
 
     class _MissionWrites:
         """What agent 'mission' may write."""
@@ -1458,7 +1458,7 @@ if TYPE_CHECKING:
             """Begin changes that become visible together, or not at all."""
 
         def acting(self, rule: Never) -> RuleExecution[MissionTransaction]:  # type: ignore[override]  # takes fewer names, on purpose
-            """Begin, by a `with` statement, an action of which a rule tells."""
+            """Begin an action that a rule describes, for a `with` statement."""
 
     class _PickingWrites:
         """What agent 'picking' may write."""
@@ -1512,7 +1512,7 @@ if TYPE_CHECKING:
             """Begin changes that become visible together, or not at all."""
 
         def acting(self, rule: Never) -> RuleExecution[PickingTransaction]:  # type: ignore[override]  # takes fewer names, on purpose
-            """Begin, by a `with` statement, an action of which a rule tells."""
+            """Begin an action that a rule describes, for a `with` statement."""
 
     class _AdaptationWrites:
         """What agent 'adaptation' may write."""
@@ -1559,7 +1559,7 @@ if TYPE_CHECKING:
             """Begin changes that become visible together, or not at all."""
 
         def acting(self, rule: Never) -> RuleExecution[AdaptationTransaction]:  # type: ignore[override]  # takes fewer names, on purpose
-            """Begin, by a `with` statement, an action of which a rule tells."""
+            """Begin an action that a rule describes, for a `with` statement."""
 
     class _AnalysisWrites:
         """What agent 'analysis' may write."""
@@ -1615,10 +1615,10 @@ if TYPE_CHECKING:
             """Begin changes that become visible together, or not at all."""
 
         def acting(self, rule: Never) -> RuleExecution[AnalysisTransaction]:  # type: ignore[override]  # takes fewer names, on purpose
-            """Begin, by a `with` statement, an action of which a rule tells."""
+            """Begin an action that a rule describes, for a `with` statement."""
 
     class _Reads:
-        """What there is to read."""
+        """The methods that read."""
 
         def nodes(self, type_name: NodeTypeName | Literal[""] = "", where: Term | None = None) -> tuple[Node, ...]: ...
 
@@ -1638,7 +1638,7 @@ if TYPE_CHECKING:
         """The graph of 'store' at one instant."""
 
     class _Graph:
-        """Who writes, and what there is to read."""
+        """Access for agents, and the methods that read."""
 
         @overload
         def as_agent(self, name: Literal["localisation"]) -> LocalisationHandle: ...

@@ -11,7 +11,7 @@ from tests.cli.test_commands import codra
 
 
 def run_project(folder: Path, files: Mapping[str, str], *arguments: str) -> str:
-    """Write a project, compile its specs and run its `program.py`; return what that printed."""
+    """Write a project, compile its specs and run its `program.py`; return what the program printed."""
     for name, text in {"pyproject.toml": "[tool.codra]\n", **files}.items():
         (folder / name).parent.mkdir(exist_ok=True)
         (folder / name).write_text(text)

@@ -1,4 +1,4 @@
-"""`codra` in real processes: what goes where, how it ends, and that it never shows a traceback."""
+"""`codra` in real processes: output streams, exit codes, and no tracebacks."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ def test_the_version_is_printed() -> None:
         ["lint", "specs", "--output", "no/such/folder/findings.txt"],
     ],
 )
-def test_a_mistake_of_usage_exits_with_2(project: Path, arguments: list[str]) -> None:
+def test_a_usage_error_exits_with_2(project: Path, arguments: list[str]) -> None:
     done = codra(*arguments, cwd=project)
 
     assert (done.returncode, done.stdout) == (2, "")
@@ -139,13 +139,13 @@ def test_lint_prints_findings_to_standard_output_and_their_number_to_standard_er
     assert (done.returncode, done.stdout, done.stderr) == (1, MONITER, "1 error; --fix can fix 1\n")
 
 
-def test_lint_of_good_specs_prints_nothing_to_standard_output(project: Path) -> None:
+def test_lint_of_good_specs_leaves_standard_output_empty(project: Path) -> None:
     done = codra("lint", "specs", cwd=project)
 
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "no findings\n")
 
 
-def test_paths_in_findings_are_relative_to_the_project_wherever_it_is_linted_from(project: Path) -> None:
+def test_paths_in_findings_are_relative_to_the_project_in_every_working_folder(project: Path) -> None:
     (project / "specs/door.yaml").write_text(MISSPELT)
 
     assert codra("lint", "door.yaml", cwd=project / "specs").stdout == MONITER
@@ -174,8 +174,11 @@ def test_findings_as_json_are_one_object_a_line(project: Path) -> None:
 
     done = codra("lint", "specs", "--format", "json", cwd=project)
 
-    found = [json.loads(line) for line in done.stdout.splitlines()]
-    assert [(each["code"], each["line"], each["column"]) for each in found] == [("CDR2003", 9, 13), ("CDR2003", 14, 5)]
+    findings = [json.loads(line) for line in done.stdout.splitlines()]
+    assert [(finding["code"], finding["line"], finding["column"]) for finding in findings] == [
+        ("CDR2003", 9, 13),
+        ("CDR2003", 14, 5),
+    ]
 
 
 def test_findings_can_go_to_a_file(project: Path) -> None:
@@ -193,7 +196,7 @@ def test_a_spec_can_come_by_standard_input(project: Path) -> None:
     assert (done.returncode, done.stdout) == (1, MONITER.replace("specs/door.yaml", "-"))
 
 
-def test_bytes_that_are_no_text_are_a_finding_too(project: Path) -> None:
+def test_bytes_that_are_not_text_are_a_finding(project: Path) -> None:
     command = [sys.executable, "-m", "codra_dsl", "lint", "-"]
 
     done = subprocess.run(
@@ -238,7 +241,9 @@ def test_a_pipe_gets_colours_only_when_asked(
 @pytest.mark.parametrize(
     ("settings", "is_coloured"), [({}, True), ({"NO_COLOR": "1"}, False), ({"TERM": "dumb"}, False)]
 )
-def test_a_terminal_gets_colours_unless_it_says_no(project: Path, settings: dict[str, str], is_coloured: bool) -> None:
+def test_a_terminal_gets_colours_unless_the_environment_forbids_them(
+    project: Path, settings: dict[str, str], is_coloured: bool
+) -> None:
     (project / "specs/door.yaml").write_text(MISSPELT)
     ours, theirs = pty.openpty()
 
@@ -260,7 +265,7 @@ def test_a_terminal_gets_colours_unless_it_says_no(project: Path, settings: dict
 # compile
 
 
-def test_compile_writes_packages_and_says_so_on_standard_error(project: Path) -> None:
+def test_compile_writes_packages_and_reports_them_on_standard_error(project: Path) -> None:
     first, second = (codra("compile", "specs", cwd=project) for _ in range(2))
 
     assert (first.returncode, first.stdout, first.stderr) == (0, "", "generated: 6 files, 6 written, 0 removed\n")
@@ -268,7 +273,7 @@ def test_compile_writes_packages_and_says_so_on_standard_error(project: Path) ->
     assert (project / "generated/door/door.py").exists()
 
 
-def test_packages_go_to_the_projects_root_wherever_it_is_compiled_from(project: Path) -> None:
+def test_packages_go_to_the_projects_root_from_every_working_folder(project: Path) -> None:
     codra("compile", "door.yaml", cwd=project / "specs")
 
     assert (project / "generated/door").is_dir()
@@ -283,7 +288,7 @@ def test_without_a_project_packages_go_to_the_working_folder(tmp_path: Path) -> 
     assert (tmp_path / "elsewhere/generated/door").is_dir()
 
 
-def test_compile_writes_nothing_when_there_are_errors(project: Path) -> None:
+def test_compile_writes_no_file_when_there_are_errors(project: Path) -> None:
     (project / "specs/door.yaml").write_text(MISSPELT)
 
     done = codra("compile", "specs", cwd=project)
@@ -292,7 +297,7 @@ def test_compile_writes_nothing_when_there_are_errors(project: Path) -> None:
     assert not (project / "generated").exists()
 
 
-def test_check_passes_on_what_was_written_even_after_it_was_imported(project: Path) -> None:
+def test_check_passes_on_written_packages_even_after_they_were_imported(project: Path) -> None:
     codra("compile", "specs", cwd=project)
     subprocess.run(
         [sys.executable, "-c", "import generated.door"],
@@ -307,12 +312,12 @@ def test_check_passes_on_what_was_written_even_after_it_was_imported(project: Pa
     assert (done.returncode, done.stdout) == (0, "")
 
 
-def test_check_writes_nothing_and_shows_what_is_missing(project: Path) -> None:
+def test_check_shows_missing_files_and_does_not_write_them(project: Path) -> None:
     done = codra("compile", "specs", "--check", cwd=project)
 
     assert done.returncode == 1
     assert "+++ generated/door/door.py (as specified)\n" in done.stdout
-    assert "'generated/door/door.py' is not what the specs say: missing\n" in done.stdout
+    assert "'generated/door/door.py' does not match the specs: missing\n" in done.stdout
     assert done.stderr == "6 errors\n"
     assert not (project / "generated").exists()
 
@@ -339,14 +344,14 @@ def test_check_fails_with_a_diff_when_output_was_touched(project: Path, spoil: o
     assert codra("compile", "specs", "--check", cwd=project).returncode == 0
 
 
-def test_drift_as_json_is_a_finding_for_each_file(project: Path) -> None:
+def test_drift_as_json_is_a_finding_for_every_file(project: Path) -> None:
     codra("compile", "specs", cwd=project)
     (project / "generated/door/door.py").write_text("x = 1\n")
 
     done = codra("compile", "specs", "--check", "--format", "json", cwd=project)
 
-    (found,) = map(json.loads, done.stdout.splitlines())
-    assert (found["code"], found["file"]) == ("CDR6003", "generated/door/door.py")
+    (finding,) = map(json.loads, done.stdout.splitlines())
+    assert (finding["code"], finding["file"]) == ("CDR6003", "generated/door/door.py")
 
 
 def test_a_folder_that_is_not_ours_is_refused_with_a_finding(project: Path) -> None:
@@ -363,7 +368,7 @@ def test_a_folder_that_is_not_ours_is_refused_with_a_finding(project: Path) -> N
 # graph
 
 
-def test_graph_prints_the_same_graph_in_each_form() -> None:
+def test_graph_prints_the_same_graph_in_every_format() -> None:
     as_json = json.loads(codra("graph", "specs/lab.yaml", "--format", "json", cwd=ROOT).stdout)
     as_dot = pygraphviz.AGraph(string=codra("graph", "specs/lab.yaml", cwd=ROOT).stdout)
 
@@ -378,7 +383,7 @@ def test_graph_draws_into_a_file(project: Path) -> None:
     assert "door_open" in (project / "door.svg").read_text()
 
 
-def test_graph_says_what_is_wrong_on_standard_error(project: Path) -> None:
+def test_graph_reports_findings_on_standard_error(project: Path) -> None:
     (project / "specs/door.yaml").write_text(MISSPELT)
 
     done = codra("graph", "specs", cwd=project)
@@ -389,8 +394,8 @@ def test_graph_says_what_is_wrong_on_standard_error(project: Path) -> None:
 # Places
 
 
-def test_the_project_of_a_path_is_that_of_the_folder_where_it_ends(project: Path) -> None:
-    """`inner/../specs` has nothing to do with `inner`, whatever project that is."""
+def test_the_project_of_a_path_is_that_of_its_last_folder(project: Path) -> None:
+    """The path `inner/../specs` does not depend on `inner`, even if `inner` is a project."""
     (project / "inner").mkdir()
     (project / "inner/pyproject.toml").write_text("[tool.codra]\n")
     (project / "specs/door.yaml").write_text(MISSPELT)
@@ -401,7 +406,7 @@ def test_the_project_of_a_path_is_that_of_the_folder_where_it_ends(project: Path
     assert codra("lint", "../specs", cwd=project / "inner").stdout == MONITER
 
 
-def test_a_way_back_from_behind_a_link_is_that_of_the_file_system(project: Path, tmp_path: Path) -> None:
+def test_a_parent_of_a_link_is_resolved_as_by_the_file_system(project: Path, tmp_path: Path) -> None:
     (project / "specs/door.yaml").write_text(MISSPELT)
     outside = tmp_path / "outside"
     outside.mkdir()
@@ -410,7 +415,7 @@ def test_a_way_back_from_behind_a_link_is_that_of_the_file_system(project: Path,
     assert codra("lint", "link/../specs", cwd=outside).stdout == MONITER
 
 
-def test_a_pipe_in_the_place_of_settings_is_not_waited_for(project: Path) -> None:
+def test_a_pipe_instead_of_settings_does_not_block(project: Path) -> None:
     (project / "pyproject.toml").unlink()
     os.mkfifo(project / "pyproject.toml")
 
@@ -418,7 +423,7 @@ def test_a_pipe_in_the_place_of_settings_is_not_waited_for(project: Path) -> Non
 
 
 @pytest.mark.parametrize("output", [".", "nowhere/findings.txt"])
-def test_where_the_result_cannot_go_nothing_is_done(project: Path, output: str) -> None:
+def test_if_the_result_cannot_be_written_the_command_does_not_run(project: Path, output: str) -> None:
     done = codra("compile", "specs", "--output", output, cwd=project)
 
     assert (done.returncode, done.stdout) == (2, "")
@@ -429,8 +434,8 @@ def test_where_the_result_cannot_go_nothing_is_done(project: Path, output: str) 
 
 
 @pytest.mark.parametrize("unbuffered", ["", "1"])
-def test_a_reader_that_stops_reading_is_no_reason_for_noise(project: Path, unbuffered: str) -> None:
-    """More output than a pipe holds, and a reader that takes one byte."""
+def test_a_closed_pipe_causes_no_error_message(project: Path, unbuffered: str) -> None:
+    """The output is larger than the pipe's buffer, and the reader takes one byte."""
     names = [f"measured_{number}" for number in range(3000)]
     context = "".join(f"  {name}: {{type: bool, source: main_execution}}\n" for name in names)
     (project / "specs/door.yaml").write_text(DOOR.replace("perception:", f"{context}perception:"))
@@ -451,12 +456,12 @@ def test_a_reader_that_stops_reading_is_no_reason_for_noise(project: Path, unbuf
     assert (process.returncode, noise) == (1, b"")
 
 
-def _heed_interrupts() -> None:
+def _restore_interrupts() -> None:
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def test_interruption_ends_with_130(project: Path) -> None:
-    """More input than a pipe holds can only be written while the command reads; it never gets to the end."""
+    """The input is larger than the pipe's buffer, so the command is still reading when it is interrupted."""
     with subprocess.Popen(
         [sys.executable, "-m", "codra_dsl", "lint", "-"],
         cwd=project,
@@ -464,12 +469,12 @@ def test_interruption_ends_with_130(project: Path) -> None:
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
-        preexec_fn=_heed_interrupts,  # a shell makes jobs in the background ignore them  # noqa: PLW1509
+        preexec_fn=_restore_interrupts,  # a shell makes background jobs ignore them  # noqa: PLW1509
     ) as process:
         assert process.stdin is not None
         process.stdin.write(b"# waiting\n" * 50_000)
         process.stdin.flush()
-        while process.poll() is None:  # a signal just before a read begins does not end that read
+        while process.poll() is None:  # a signal just before a read begins does not interrupt that read
             process.send_signal(signal.SIGINT)
             with contextlib.suppress(subprocess.TimeoutExpired):
                 process.wait(timeout=2)
@@ -480,7 +485,7 @@ def test_interruption_ends_with_130(project: Path) -> None:
 
 
 def interrupt(process: subprocess.Popen[bytes]) -> None:
-    """Send what Ctrl-C sends until it is noticed: between two reads Python notices it only after the next."""
+    """Send SIGINT, as Ctrl-C does, until the process ends: between two reads, Python notices it only after the next."""
     while process.returncode is None:
         process.send_signal(signal.SIGINT)
         with contextlib.suppress(subprocess.TimeoutExpired):
@@ -499,7 +504,7 @@ main()
 
 
 @pytest.mark.parametrize("arguments", [["--help"], ["lint", "--help"], ["explain"]])
-def test_a_full_disk_is_no_bug(arguments: list[str]) -> None:
+def test_a_full_disk_is_not_reported_as_a_bug(arguments: list[str]) -> None:
     with Path("/dev/full").open("w") as full:
         done = subprocess.run(
             [sys.executable, "-m", "codra_dsl", *arguments],
@@ -515,7 +520,7 @@ def test_a_full_disk_is_no_bug(arguments: list[str]) -> None:
     assert done.stderr.endswith(": No space left on device\n")
 
 
-def test_a_bug_of_ours_says_so_and_exits_with_70(project: Path) -> None:
+def test_an_internal_error_is_reported_as_a_bug_and_exits_with_70(project: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-c", BROKEN_INSIDE],
         cwd=project,

@@ -105,7 +105,7 @@ def changes(done: subprocess.CompletedProcess[str]) -> list[str]:
 # The compared versions
 
 
-def test_a_revision_and_the_disk_are_the_same_while_nothing_has_changed(project: Path) -> None:
+def test_a_revision_and_the_disk_are_the_same_without_changes(project: Path) -> None:
     done = codra("HEAD", "specs", cwd=project)
 
     assert (done.returncode, done.stdout, done.stderr) == (0, "verdict: same\n", "")

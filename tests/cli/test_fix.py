@@ -61,7 +61,7 @@ def spec_of(project: Path) -> bytes:
 # Files
 
 
-def test_lint_says_how_much_can_be_fixed_and_fixes_nothing(project: Path) -> None:
+def test_lint_reports_the_number_of_fixes_and_applies_none(project: Path) -> None:
     done = codra("lint", "specs", cwd=project)
 
     assert done.returncode == 1
@@ -69,14 +69,14 @@ def test_lint_says_how_much_can_be_fixed_and_fixes_nothing(project: Path) -> Non
     assert spec_of(project) == SPEC
 
 
-def test_fix_changes_what_is_wrong_and_no_other_byte(project: Path) -> None:
+def test_fix_changes_no_byte_outside_of_the_errors(project: Path) -> None:
     done = codra("lint", "--fix", "specs", cwd=project)
 
     assert (done.returncode, done.stdout, done.stderr) == (0, b"", b"fixed 1; no findings left\n")
     assert spec_of(project) == RIGHT
 
 
-def test_what_cannot_be_fixed_is_shown_and_fails(project: Path) -> None:
+def test_findings_without_a_fix_are_shown_and_fail(project: Path) -> None:
     (project / "specs/door.yaml").write_bytes(BROKEN.replace(b"preview", b"perview"))
 
     done = codra("lint", "--fix", "specs", "--format", "concise", cwd=project)
@@ -87,7 +87,7 @@ def test_what_cannot_be_fixed_is_shown_and_fails(project: Path) -> None:
     assert spec_of(project) == BROKEN
 
 
-def test_fixing_what_needs_no_fix_writes_nothing(project: Path) -> None:
+def test_fixing_specs_without_findings_writes_no_file(project: Path) -> None:
     path = project / "specs/door.yaml"
     path.write_bytes(RIGHT)
     before = path.stat()
@@ -98,7 +98,7 @@ def test_fixing_what_needs_no_fix_writes_nothing(project: Path) -> None:
     assert (path.stat().st_ino, path.stat().st_mtime_ns) == (before.st_ino, before.st_mtime_ns)
 
 
-def test_the_mode_of_a_file_stays(project: Path) -> None:
+def test_the_mode_of_a_file_is_preserved(project: Path) -> None:
     path = project / "specs/door.yaml"
     path.chmod(0o640)
 
@@ -109,7 +109,7 @@ def test_the_mode_of_a_file_stays(project: Path) -> None:
     assert sorted(entry.name for entry in path.parent.iterdir()) == ["door.yaml"]
 
 
-def test_what_is_saved_while_codra_looks_for_fixes_is_not_lost(project: Path) -> None:
+def test_a_file_that_is_saved_while_codra_looks_for_fixes_is_not_lost(project: Path) -> None:
     path = project / "specs/door.yaml"
     looks = 0
     work = work_on_files([project / "specs"], UNTIMED)
@@ -125,12 +125,12 @@ def test_what_is_saved_while_codra_looks_for_fixes_is_not_lost(project: Path) ->
 
     assert spec_of(project) == SPEC + b"# saved meanwhile\r\n"
     assert outcome.number == 0
-    assert [found.message for found in outcome.diagnostics if found.code == "CDR6004"] == [
+    assert [diagnostic.message for diagnostic in outcome.diagnostics if diagnostic.code == "CDR6004"] == [
         "cannot write 'specs/door.yaml': it has changed in the meantime"
     ]
 
 
-def test_of_two_files_of_which_one_is_refused_the_other_one_counts(project: Path) -> None:
+def test_if_one_of_two_files_is_refused_the_other_one_counts(project: Path) -> None:
     (project / "specs/gate.yaml").write_bytes(SPEC.replace(b"name: door", b"name: gate"))
     work = work_on_files([project / "specs"], UNTIMED)
 
@@ -156,7 +156,7 @@ def test_a_link_that_leads_out_of_the_project_is_not_followed(project: Path) -> 
     assert outside.read_bytes() == SPEC
 
 
-def test_a_link_within_the_project_stays_one_and_its_file_is_fixed(project: Path) -> None:
+def test_a_link_within_the_project_is_kept_and_its_target_is_fixed(project: Path) -> None:
     (project / "real.yaml").write_bytes(SPEC)
     (project / "specs/door.yaml").unlink()
     (project / "specs/door.yaml").symlink_to("../real.yaml")
@@ -168,7 +168,7 @@ def test_a_link_within_the_project_stays_one_and_its_file_is_fixed(project: Path
     assert (project / "real.yaml").read_bytes() == RIGHT
 
 
-def test_parts_are_fixed_only_where_their_folder_was_named(project: Path) -> None:
+def test_parts_are_fixed_only_if_their_folder_was_named(project: Path) -> None:
     part = b"codra: 1\ncontxt:\n  window: {type: bool, source: main_execution}\n"
     (project / "parts").mkdir()
     (project / "parts/window.yaml").write_bytes(part)
@@ -201,7 +201,7 @@ DIFF = b"""\
 
 
 @pytest.mark.parametrize("options", [["--diff"], ["--fix", "--diff"]])
-def test_diff_shows_what_would_be_fixed_and_writes_nothing(project: Path, options: list[str]) -> None:
+def test_diff_shows_the_fixes_and_writes_no_file(project: Path, options: list[str]) -> None:
     done = codra("lint", *options, "specs", cwd=project)
 
     assert (done.returncode, done.stdout) == (1, DIFF)
@@ -218,7 +218,7 @@ def test_a_diff_can_be_applied_with_patch(project: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["a b.yaml", "a\nb.yaml", 'a"b\\c.yaml', "été.yaml", os.fsdecode(b"\xff.yaml")])
-def test_a_diff_can_be_applied_whatever_a_file_is_called(project: Path, name: str) -> None:
+def test_a_diff_can_be_applied_to_files_of_any_name(project: Path, name: str) -> None:
     (project / "specs/door.yaml").rename(project / "specs" / name)
     patch = codra("lint", "specs", "--diff", cwd=project).stdout
 
@@ -240,14 +240,14 @@ def test_without_anything_to_fix_the_diff_is_empty_and_succeeds(project: Path) -
 # Standard input
 
 
-def test_what_comes_by_standard_input_is_fixed_on_standard_output(project: Path) -> None:
+def test_standard_input_is_fixed_on_standard_output(project: Path) -> None:
     done = codra("lint", "--fix", "-", cwd=project, stdin=SPEC)
 
     assert (done.returncode, done.stdout) == (0, RIGHT)
     assert done.stderr == b"fixed 1; no findings left\n"
 
 
-def test_what_is_left_of_standard_input_is_told_on_standard_error(project: Path) -> None:
+def test_findings_left_in_standard_input_go_to_standard_error(project: Path) -> None:
     done = codra("lint", "--fix", "-", "--format", "concise", cwd=project, stdin=BROKEN)
 
     assert (done.returncode, done.stdout) == (1, BROKEN)
@@ -255,20 +255,20 @@ def test_what_is_left_of_standard_input_is_told_on_standard_error(project: Path)
     assert done.stderr.endswith(b"fixed 0; 1 error left\n")
 
 
-def test_a_text_that_is_too_large_to_be_read_whole_is_not_cut_off(project: Path) -> None:
+def test_a_text_that_is_too_large_is_not_truncated(project: Path) -> None:
     done = codra("lint", "--fix", "-", cwd=project, stdin=SPEC + b"#" * MAX_BYTES)
 
     assert (done.returncode, done.stdout) == (2, b"")
     assert b"the text has more than 32 MiB" in done.stderr
 
 
-def test_what_is_no_text_comes_back_as_it_was(project: Path) -> None:
+def test_bytes_that_are_not_text_are_returned_unchanged(project: Path) -> None:
     done = codra("lint", "--fix", "-", cwd=project, stdin=b"codra: 1\nname: \xff\n")
 
     assert (done.returncode, done.stdout) == (1, b"codra: 1\nname: \xff\n")
 
 
-# All commands see the same
+# All commands behave alike
 
 
 @pytest.mark.parametrize("command", ["lint", "compile", "graph"])
@@ -289,7 +289,7 @@ def test_settings_and_comments_hold_for_every_command(project: Path, command: st
     assert b"CDR" not in silenced.stderr
 
 
-def test_the_project_says_what_fails_and_the_command_line_wins(project: Path) -> None:
+def test_the_project_sets_what_fails_and_the_command_line_wins(project: Path) -> None:
     (project / "specs/door.yaml").write_bytes(UNREACHED)
     (project / "pyproject.toml").write_text('[tool.codra.lint]\nfail-on = "warning"\n')
 
@@ -305,7 +305,7 @@ def test_the_project_says_what_fails_and_the_command_line_wins(project: Path) ->
         ("[tool.codra.lint]\nignore = []\nignore = []\n", b"pyproject.toml:3:12: error[CDR0020]"),
     ],
 )
-def test_mistakes_in_settings_are_findings_with_their_place(project: Path, settings: str, place: bytes) -> None:
+def test_errors_in_settings_are_findings_with_their_place(project: Path, settings: str, place: bytes) -> None:
     (project / "specs/door.yaml").write_bytes(RIGHT)
     (project / "pyproject.toml").write_text(settings)
 

@@ -1,4 +1,4 @@
-"""Findings of `codra lint` and `codra compile` in each form, in real processes, as CI systems would run them."""
+"""Findings of `codra lint` and `codra compile` in each format, in real processes, as CI systems would run them."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def codra(*arguments: str, cwd: Path, **settings: str) -> subprocess.CompletedPr
 # GitHub Actions
 
 
-def test_in_github_actions_findings_are_annotations_without_being_asked_for(project: Path) -> None:
+def test_in_github_actions_findings_are_annotations_by_default(project: Path) -> None:
     done = codra("lint", "specs", cwd=project, GITHUB_ACTIONS="true")
 
     assert done.returncode == 1
@@ -69,9 +69,7 @@ def test_in_github_actions_findings_are_annotations_without_being_asked_for(proj
         ([], {}),
     ],
 )
-def test_no_annotation_goes_where_it_was_not_meant_to(
-    project: Path, options: list[str], settings: dict[str, str]
-) -> None:
+def test_annotations_go_only_to_the_log_of_github(project: Path, options: list[str], settings: dict[str, str]) -> None:
     done = codra("lint", "specs", *options, cwd=project, **settings)
 
     written = project / "findings.txt"
@@ -80,13 +78,13 @@ def test_no_annotation_goes_where_it_was_not_meant_to(
     assert shown.startswith("specs/door.yaml:8:5: error[CDR2003]")
 
 
-def test_annotations_stand_where_the_repository_has_the_files(project: Path) -> None:
+def test_annotations_have_the_paths_of_the_repository(project: Path) -> None:
     done = codra("lint", "specs", cwd=project, GITHUB_ACTIONS="true", GITHUB_WORKSPACE=str(project.parent))
 
     assert done.stdout.startswith("::error file=robot/specs/door.yaml,line=8,")
 
 
-def test_the_summary_of_the_step_gets_what_each_command_finds(project: Path, tmp_path: Path) -> None:
+def test_the_summary_of_the_step_gets_the_findings_of_every_command(project: Path, tmp_path: Path) -> None:
     summary = tmp_path / "summary.md"
     summary.write_text("before")
 
@@ -99,7 +97,7 @@ def test_the_summary_of_the_step_gets_what_each_command_finds(project: Path, tmp
     assert text.count("| specs/door.yaml:8:5 | error CDR2003 | unknown key 'chnges'") == 2
 
 
-def test_a_summary_that_cannot_be_written_changes_nothing_else(project: Path, tmp_path: Path) -> None:
+def test_a_summary_that_cannot_be_written_does_not_affect_the_command(project: Path, tmp_path: Path) -> None:
     done = codra("lint", "specs", cwd=project, GITHUB_ACTIONS="true", GITHUB_STEP_SUMMARY=str(tmp_path))
 
     assert done.returncode == 1
@@ -122,7 +120,7 @@ def test_in_github_actions_no_form_holds_a_command_from_a_spec(project: Path, fo
 # Reports
 
 
-def test_a_report_of_clean_specs_is_a_report_all_the_same(project: Path) -> None:
+def test_clean_specs_give_a_report_too(project: Path) -> None:
     (project / "specs/door.yaml").write_text(DOOR)
 
     junit = codra("lint", "specs", "--format", "junit", cwd=project)
@@ -158,7 +156,7 @@ def test_every_form_can_go_to_a_file(project: Path, command: str, form: str) -> 
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_a_locale_that_knows_ascii_alone_breaks_no_form(project: Path, form: str) -> None:
+def test_an_ascii_locale_breaks_no_format(project: Path, form: str) -> None:
     (project / "specs/door.yaml").write_text(DOOR.replace("[door_open]", "[mönitér_戸]"), "utf-8")
 
     done = codra("lint", "specs", "--format", form, cwd=project, PYTHONIOENCODING="ascii:strict", LC_ALL="C")
@@ -172,11 +170,11 @@ def test_a_locale_that_knows_ascii_alone_breaks_no_form(project: Path, form: str
         assert "mönitér_戸" in json.dumps(json.loads(last), ensure_ascii=False)
 
 
-# Output that is not fresh
+# Stale output
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_output_that_is_not_fresh_is_a_finding_in_every_form(project: Path, form: str) -> None:
+def test_stale_output_is_a_finding_in_every_format(project: Path, form: str) -> None:
     (project / "specs/door.yaml").write_text(DOOR)
     codra("compile", "specs", cwd=project)
     (project / "generated/door/__init__.py").write_text("x = 1\n")
@@ -207,7 +205,7 @@ def test_warnings_fail_a_compilation_only_when_asked(project: Path) -> None:
     assert codes == [0, 1]
 
 
-# Whatever happens to the output
+# Output that cannot be written
 
 
 @pytest.mark.parametrize(
@@ -222,7 +220,7 @@ def test_no_result_is_written_over_a_spec(project: Path, command: list[str]) -> 
 
 
 @pytest.mark.parametrize("options", [["--diff", "specs"], ["--fix", "-"]])
-def test_a_full_disk_is_no_mistake_of_whoever_called(project: Path, options: list[str]) -> None:
+def test_a_full_disk_is_not_a_usage_error(project: Path, options: list[str]) -> None:
     with Path("/dev/full").open("w") as full:
         done = subprocess.run(
             [sys.executable, "-m", "codra_dsl", "lint", *options],
@@ -245,7 +243,7 @@ def test_no_line_of_a_patch_is_a_command_of_github(project: Path) -> None:
     assert "## [error]no" in done.stdout
 
 
-def test_a_folder_that_is_gone_is_no_bug_of_codra(project: Path) -> None:
+def test_a_deleted_folder_is_not_reported_as_a_bug(project: Path) -> None:
     (project / "gone").mkdir()
     here = "import os, sys; os.rmdir(os.getcwd()); sys.argv[1:] = ['lint', '.']; from codra_dsl.cli import main; main()"
 
@@ -260,14 +258,14 @@ def test_a_folder_that_is_gone_is_no_bug_of_codra(project: Path) -> None:
 
     assert (done.returncode, done.stderr) == (
         2,
-        "codra: the current folder is no longer there: change to another one\n",
+        "codra: the current folder does not exist any more: change to another one\n",
     )
 
 
-# What is no file that can be read
+# Paths that cannot be read as files
 
 
-def test_pipes_among_specs_are_not_waited_for(project: Path) -> None:
+def test_pipes_among_specs_do_not_block(project: Path) -> None:
     os.mkfifo(project / "specs/pipe.yaml")
 
     below = codra("lint", "specs", "--format", "concise", cwd=project)
@@ -277,7 +275,7 @@ def test_pipes_among_specs_are_not_waited_for(project: Path) -> None:
     assert "'specs/pipe.yaml' is not a file" in named.stdout
 
 
-def test_a_path_that_leads_through_a_file_is_a_mistake_of_usage(project: Path) -> None:
+def test_a_path_that_leads_through_a_file_is_a_usage_error(project: Path) -> None:
     done = codra("lint", "specs/door.yaml/more.yaml", cwd=project)
 
     assert done.returncode == 2

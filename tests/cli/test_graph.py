@@ -1,4 +1,4 @@
-"""`codra graph` in real processes: what is selected, in which form, and what is said when a selector is wrong."""
+"""`codra graph` in real processes: selections, formats, and the errors of selectors."""
 
 from __future__ import annotations
 
@@ -29,31 +29,33 @@ def graph(*arguments: str) -> tuple[dict[str, Any], str]:
 
 
 def test_a_selector_leaves_a_part_of_the_graph() -> None:
-    found, told = graph("--select", "1+pcr_cycler_open")
+    graph_, message = graph("--select", "1+pcr_cycler_open")
 
-    assert [node["id"] for node in found["nodes"]] == [
+    assert [node["id"] for node in graph_["nodes"]] == [
         "lab/context/pcr_cycler_open",
         "lab/perception/localize_pcr_cycler_lid",
     ]
-    assert [edge["kind"] for edge in found["edges"]] == ["identifies"]
-    assert told == "2 of 42 nodes\n"
+    assert [edge["kind"] for edge in graph_["edges"]] == ["identifies"]
+    assert message == "2 of 42 nodes\n"
 
 
-def test_several_selectors_add_up_and_what_is_excluded_goes() -> None:
-    found, _ = graph("-s", "kind:observer", "--select", "+pcr_cycler_open", "--exclude", "kind:perception *centrifuge*")
+def test_several_selectors_add_up_and_exclusions_are_removed() -> None:
+    graph_, _ = graph(
+        "-s", "kind:observer", "--select", "+pcr_cycler_open", "--exclude", "kind:perception *centrifuge*"
+    )
 
-    assert {node["kind"] for node in found["nodes"]} == {"observer", "context"}
-    assert not any("centrifuge" in node["id"] for node in found["nodes"])
+    assert {node["kind"] for node in graph_["nodes"]} == {"observer", "context"}
+    assert not any("centrifuge" in node["id"] for node in graph_["nodes"])
 
 
 def test_an_empty_part_is_an_empty_graph() -> None:
-    found, told = graph("--select", "kind:skill,kind:observer")
+    graph_, message = graph("--select", "kind:skill,kind:observer")
 
-    assert (found, told) == ({"nodes": [], "edges": []}, "0 of 42 nodes\n")
+    assert (graph_, message) == ({"nodes": [], "edges": []}, "0 of 42 nodes\n")
 
 
 @pytest.mark.parametrize("format_", FORMATS)
-def test_an_empty_part_can_be_shown_in_each_form(project: Path, format_: str) -> None:
+def test_an_empty_part_can_be_shown_in_every_format(project: Path, format_: str) -> None:
     done = codra("graph", "specs", "--select", "kind:skill,kind:observer", "--format", format_, cwd=project)
 
     assert done.returncode == 0
@@ -61,12 +63,12 @@ def test_an_empty_part_can_be_shown_in_each_form(project: Path, format_: str) ->
 
 
 @pytest.mark.parametrize(
-    ("option", "selector", "told"),
+    ("option", "selector", "message"),
     [
         (
             "--select",
             "+door_opn",
-            "nothing is called 'door_opn' (did you mean 'door_open'?) (column 2)\n  +door_opn\n   ^^^^^^^^",
+            "no node matches 'door_opn' (did you mean 'door_open'?) (column 2)\n  +door_opn\n   ^^^^^^^^",
         ),
         (
             "--exclude",
@@ -81,11 +83,11 @@ def test_an_empty_part_can_be_shown_in_each_form(project: Path, format_: str) ->
         ("--select", "", "the selector is empty (column 1)"),
     ],
 )
-def test_a_wrong_selector_is_a_mistake_of_usage(project: Path, option: str, selector: str, told: str) -> None:
+def test_a_wrong_selector_is_a_usage_error(project: Path, option: str, selector: str, message: str) -> None:
     done = codra("graph", "specs", option, selector, cwd=project)
 
     assert (done.returncode, done.stdout) == (2, "")
-    assert f"Error: Invalid value for {option}: {told}" in done.stderr
+    assert f"Error: Invalid value for {option}: {message}" in done.stderr
 
 
 @pytest.mark.parametrize(
@@ -102,38 +104,38 @@ def test_a_wrong_selector_is_a_mistake_of_usage(project: Path, option: str, sele
         ("graph", "digraph codra {"),
     ],
 )
-def test_the_ending_of_the_file_says_the_form(project: Path, name: str, begins: str) -> None:
+def test_the_ending_of_the_file_chooses_the_format(project: Path, name: str, begins: str) -> None:
     done = codra("graph", "specs", "--output", name, cwd=project)
 
     assert (done.returncode, done.stdout) == (0, "")
     assert (project / name).read_text("utf-8").startswith(begins)
 
 
-def test_a_file_whose_ending_says_another_form_is_not_written(project: Path) -> None:
+def test_a_file_with_an_unknown_ending_is_not_written(project: Path) -> None:
     done = codra("graph", "specs", "--output", "graph.png", cwd=project)
 
     assert (done.returncode, done.stdout) == (2, "")
-    assert "no form of a graph ends in '.png'" in done.stderr
+    assert "no graph format has the ending '.png'" in done.stderr
     assert not (project / "graph.png").exists()
 
 
-def test_a_form_that_is_asked_for_goes_before_the_ending(project: Path) -> None:
+def test_the_format_option_goes_before_the_ending(project: Path) -> None:
     codra("graph", "specs", "--output", "graph.svg", "--format", "json", cwd=project)
 
     assert json.loads((project / "graph.svg").read_text())["nodes"]
 
 
-def test_a_variable_that_no_decision_needs_is_told_apart_from_an_unknown_name(project: Path) -> None:
+def test_a_variable_that_no_decision_needs_is_distinguished_from_an_unknown_name(project: Path) -> None:
     unused = "  unused: {type: bool, source: main_execution}\nperception:"
     (project / "specs/door.yaml").write_text(DOOR.replace("perception:", unused))
 
     done = codra("graph", "specs", "--select", "unused", cwd=project)
 
     assert done.returncode == 2
-    assert "nothing is called 'unused' in the graph: it is declared, but no decision needs it" in done.stderr
+    assert "no node matches 'unused' in the graph: it is declared, but no decision needs it" in done.stderr
 
 
-def test_a_graph_too_large_for_mermaid_is_drawn_together_and_says_so(project: Path) -> None:
+def test_a_graph_too_large_for_mermaid_is_condensed_with_a_message(project: Path) -> None:
     names = [f"door_{number}" for number in range(300)]
     context = "".join(f"  {name}: {{type: bool, valid_for: 5 s}}\n" for name in names)
     looks = "".join(
@@ -147,5 +149,5 @@ def test_a_graph_too_large_for_mermaid_is_drawn_together_and_says_so(project: Pa
     done = codra("graph", "specs", "--format", "mermaid", cwd=project)
 
     assert done.returncode == 0
-    assert "was drawn together: --select shows a part in full" in done.stderr
+    assert "was condensed: --select shows a part in full" in done.stderr
     assert "see_door_7<br/>3 nodes" in done.stdout

@@ -1,4 +1,4 @@
-"""`lint`, `compile` and `graph` are inert: Python's audit hooks see them read specs and write output, nothing else."""
+"""`lint`, `compile` and `graph` are inert: according to Python's audit hooks they only read specs and write output."""
 
 from __future__ import annotations
 
@@ -64,13 +64,13 @@ def project(tmp_path: Path) -> Path:
     (tmp_path / "project").mkdir()
     (tmp_path / "project/pyproject.toml").write_text("[tool.codra]\n")
     (tmp_path / "project/door.yaml").write_text(SPEC)
-    told = "raise SystemExit('it was imported')\n\n\ndef measure(text, job): ...\n"
-    (tmp_path / "project/dangerous_robot.py").write_text(told)
+    source = "raise SystemExit('it was imported')\n\n\ndef measure(text, job): ...\n"
+    (tmp_path / "project/dangerous_robot.py").write_text(source)
     return tmp_path / "project"
 
 
 def watched(project: Path, *arguments: str) -> list[tuple[str, str]]:
-    """Run a command and return what it did, as far as Python tells."""
+    """Run a command and return its actions, as far as Python's audit hooks report them."""
     events = project.parent / "events.json"
     path = f"{ROOT}{os.pathsep}{project}"
     done = subprocess.run(
@@ -100,7 +100,7 @@ COMMANDS = [
 
 
 @pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
-def test_a_command_reads_specs_and_writes_output_and_nothing_else(project: Path, command: list[str]) -> None:
+def test_a_command_only_reads_specs_and_writes_output(project: Path, command: list[str]) -> None:
     watched(project, "compile", ".")
     (project / "generated/door/door.py").unlink()
     if command == ["compile", ".", "--check"]:
@@ -123,7 +123,7 @@ def test_a_command_reads_specs_and_writes_output_and_nothing_else(project: Path,
 
 
 @pytest.mark.parametrize("command", [["lint", "."], ["compile", "."], ["compile", ".", "--check"]], ids=" ".join)
-def test_with_the_cache_a_command_writes_there_as_well_and_nowhere_else(project: Path, command: list[str]) -> None:
+def test_with_the_cache_a_command_also_writes_only_there(project: Path, command: list[str]) -> None:
     watched(project, "compile", ".", "--no-cache")
 
     first, second = watched(project, *command), watched(project, *command)
@@ -135,7 +135,7 @@ def test_with_the_cache_a_command_writes_there_as_well_and_nowhere_else(project:
     assert ("import", "codra_dsl.compiler") not in second
 
 
-def test_the_watch_sees_what_it_is_to_see(project: Path) -> None:
+def test_the_audit_sees_forbidden_actions(project: Path) -> None:
     (project / "door.yaml").write_text(SPEC.replace("gap > 40 cm", "gap > 50 cm"))
 
     seen = watched(project, "compile", ".", "--out", "elsewhere")

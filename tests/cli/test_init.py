@@ -1,4 +1,4 @@
-"""`codra init` in real processes: what it writes works at once, and what is there already is never touched."""
+"""`codra init` in real processes: the new project works without changes, and existing files are never touched."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ WRITTEN = {
 
 
 def run(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    """Run a module with the interpreter that the project would use: nothing but what is installed, and the project."""
+    """Run a module with the interpreter that the project would use: it sees only installed packages and the project."""
     unset = ("GITHUB_ACTIONS", "PYTHONPATH", "NO_COLOR", "FORCE_COLOR")
     return subprocess.run(
         [sys.executable, "-m", *arguments],
@@ -82,7 +82,7 @@ def test_a_new_project_lints_compiles_type_checks_and_passes_its_tests(tmp_path:
     assert "no issues found in 6 source files" in succeeds("mypy", "--strict", cwd=folder)
 
 
-def test_its_program_runs_in_real_time_as_well(project: Path) -> None:
+def test_its_program_also_runs_in_real_time(project: Path) -> None:
     succeeds("codra_dsl", "compile", "specs", cwd=project)
 
     assert succeeds("arm_program", "--real", cwd=project).endswith("set the part down\n")
@@ -102,7 +102,7 @@ def test_it_explains_itself(tmp_path: Path) -> None:
     assert "\n  init " in codra("--help", cwd=tmp_path).stdout
 
 
-def test_it_says_what_to_do_next(tmp_path: Path) -> None:
+def test_it_prints_the_next_commands(tmp_path: Path) -> None:
     done = codra("init", "some robots/my-arm", cwd=tmp_path)
 
     first, *commands = done.stdout.splitlines()
@@ -125,7 +125,7 @@ def test_a_folder_that_holds_other_files_keeps_them(tmp_path: Path) -> None:
     assert (tmp_path / "specs/door.yaml").read_text() == (tmp_path / "setup.cfg").read_text() == "mine"
 
 
-def test_all_that_stands_in_the_way_is_named_at_once_and_nothing_is_written(tmp_path: Path) -> None:
+def test_all_conflicts_are_named_at_once_and_no_file_is_written(tmp_path: Path) -> None:
     (tmp_path / "elsewhere").mkdir()
     (tmp_path / "README.md").write_text("mine")
     (tmp_path / "specs").write_text("no folder")
@@ -137,19 +137,19 @@ def test_all_that_stands_in_the_way_is_named_at_once_and_nothing_is_written(tmp_
 
     assert (done.returncode, done.stdout) == (1, "")
     assert done.stderr.splitlines() == [
-        "codra: nothing was written, because these are there already:",
+        "codra: nothing was written, because these files exist already:",
         "  .github",
         "  .gitignore",
         "  README.md",
         "  specs",
-        "help: move them away, or start in a folder of its own, such as: codra init arm",
+        "help: move them away, or start in a separate folder, such as: codra init arm",
     ]
     assert files(tmp_path) == before
     assert (tmp_path / "README.md").read_text() == "mine"
 
 
 @pytest.mark.parametrize(("arguments", "other"), [([], "arm"), (["."], "arm"), (["sub"], "sub/sub")])
-def test_the_other_folder_that_is_named_is_free(arguments: list[str], other: str, tmp_path: Path) -> None:
+def test_the_suggested_folder_is_free(arguments: list[str], other: str, tmp_path: Path) -> None:
     folder = tmp_path / "arm"
     for place in (folder, folder / "sub"):
         place.mkdir()
@@ -161,7 +161,7 @@ def test_the_other_folder_that_is_named_is_free(arguments: list[str], other: str
     assert codra("init", other, cwd=folder).returncode == 0
 
 
-def test_a_second_time_it_changes_nothing(project: Path) -> None:
+def test_a_second_run_changes_no_file(project: Path) -> None:
     before = {path: (project / path).read_bytes() for path in WRITTEN}
 
     done = codra("init", cwd=project)
@@ -172,36 +172,36 @@ def test_a_second_time_it_changes_nothing(project: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "message"),
     [
-        (["--name", "my-arm"], "'my-arm' is no name"),
+        (["--name", "my-arm"], "'my-arm' is not a name"),
         (["--name", "my-arm"], "write my_arm"),
         (["--name", "class"], "'class' is a keyword of Python: write class_robot"),
         (["--name", "known"], "'known' is a function of the condition language: write known_robot"),
         (["--name", "null"], "'null' is a literal: write null_robot"),
         (["--name", "x" * 101], "is longer than 100 letters"),
         (["--name", "../arm"], "write arm"),
-        (["--name", ""], "'' is no name"),
+        (["--name", ""], "'' is not a name"),
         (["2nd"], "the folder's name '2nd' gives no name: add --name"),
         (["--force"], "No such option"),
-        (["taken"], "'taken' is no folder"),
+        (["taken"], "'taken' is not a folder"),
         (["taken/below"], "cannot write"),
     ],
 )
-def test_a_wrong_name_or_place_is_told_with_a_way_out(arguments: list[str], told: str, tmp_path: Path) -> None:
+def test_a_wrong_name_or_place_is_reported_with_help(arguments: list[str], message: str, tmp_path: Path) -> None:
     (tmp_path / "taken").write_text("mine")
 
     done = codra("init", *arguments, cwd=tmp_path)
 
     assert (done.returncode, done.stdout) == (1 if "below" in arguments[0] else 2, "")
-    assert told in " ".join(done.stderr.split())
+    assert message in " ".join(done.stderr.split())
     assert files(tmp_path) == {"taken"}
 
 
-def test_in_a_part_of_a_repository_it_says_what_is_read_only_at_the_top(tmp_path: Path) -> None:
+def test_in_a_subfolder_of_a_repository_it_warns_of_files_for_the_root(tmp_path: Path) -> None:
     (tmp_path / ".git").mkdir()
 
-    assert "The repository begins further up" in codra("init", "arm", cwd=tmp_path).stderr
+    assert "The root of the repository is further up" in codra("init", "arm", cwd=tmp_path).stderr
     assert "The repository" not in codra("init", "--name", "arm", cwd=tmp_path).stderr
 
 
@@ -214,19 +214,19 @@ def test_editors_find_the_keys_of_timelines_beside_those_of_specs(project: Path)
     validator = Draft202012Validator({"$ref": uri}, registry=registry)
     moment = {"believes": {"part_held": True}}
 
-    assert validator.is_valid({"codra": 1, "timeline": "arm", "stories": {"told": {"1 s": moment}}})
-    assert not validator.is_valid({"codra": 1, "timeline": "arm", "stories": {"told": {"1 s": {"beleives": {}}}}})
+    assert validator.is_valid({"codra": 1, "timeline": "arm", "stories": {"message": {"1 s": moment}}})
+    assert not validator.is_valid({"codra": 1, "timeline": "arm", "stories": {"message": {"1 s": {"beleives": {}}}}})
 
 
-def test_a_stale_copy_of_the_schema_is_found_and_renewed(tmp_path: Path) -> None:
+def test_a_stale_copy_of_the_schema_is_reported_and_renewed(tmp_path: Path) -> None:
     succeeds("codra_dsl", "init", "--name", "arm", cwd=tmp_path)
     succeeds("codra_dsl", "compile", "specs", cwd=tmp_path)
     (tmp_path / SCHEMA_COPY).write_text("{}")
 
-    found = codra("compile", "specs", "--check", "--format", "concise", cwd=tmp_path)
-    assert found.returncode == 1
-    assert ".codra/schema.json:1:1: error[CDR6003]" in found.stdout
-    assert "renew it with 'codra compile'" in found.stdout
+    checked = codra("compile", "specs", "--check", "--format", "concise", cwd=tmp_path)
+    assert checked.returncode == 1
+    assert ".codra/schema.json:1:1: error[CDR6003]" in checked.stdout
+    assert "renew it with 'codra compile'" in checked.stdout
     assert (tmp_path / SCHEMA_COPY).read_text() == "{}"
 
     succeeds("codra_dsl", "compile", "specs", cwd=tmp_path)

@@ -72,7 +72,7 @@ with door.start(clock=clock, resources={}, record=Journal(sys.argv[1])) as codra
 
 @pytest.fixture(scope="module")
 def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A project whose program has run and left a journal, `run.mcap`."""
+    """A project whose program has run and written the journal `run.mcap`."""
     folder = tmp_path_factory.mktemp("project")
     files = {"specs/door.yaml": SPEC, "door_perception.py": PERCEPTION, "program.py": PROGRAM}
     run_project(folder, files, "run.mcap")
@@ -125,13 +125,13 @@ def test_why_needs_neither_spec_nor_package(project: Path, tmp_path: Path) -> No
 def test_why_looks_at_the_end_of_the_run_before_its_observers_stopped(project: Path) -> None:
     done = codra("why", "door_open", "--journal", "run.mcap", "--format", "json", cwd=project)
 
-    found = json.loads(done.stdout)
-    assert (found["at_s"], found["reading"]["content"], found["missing"]) == (7.5, True, [])
-    assert found["look"]["place"] == {"file": "specs/door.yaml", "line": 21, "use": None}
+    explanation = json.loads(done.stdout)
+    assert (explanation["at_s"], explanation["reading"]["content"], explanation["missing"]) == (7.5, True, [])
+    assert explanation["look"]["place"] == {"file": "specs/door.yaml", "line": 21, "use": None}
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "message"),
     [
         (
             ["door_opn", "--journal", "run.mcap"],
@@ -139,19 +139,19 @@ def test_why_looks_at_the_end_of_the_run_before_its_observers_stopped(project: P
         ),
         (
             ["door_open", "--journal", "run.mcap", "--at", "soon"],
-            "'soon' is no instant such as '31.5', '+2 min', or '2030-01-31 03:12:05' in UTC",
+            "'soon' is not an instant such as '31.5', '+2 min', or '2030-01-31 03:12:05' in UTC",
         ),
         (["door_open", "--journal", "run.mcap", "--at", "99"], "the journal holds 0 s to 7.5 s, not 99 s"),
-        (["door_open", "--journal", "run.mcap", "--at", "nan"], "'nan' is no instant"),
+        (["door_open", "--journal", "run.mcap", "--at", "nan"], "'nan' is not an instant"),
         (["door_open", "--journal", "missing.mcap"], "'missing.mcap' does not exist"),
         (["door_open"], "Missing option '--journal'"),
     ],
 )
-def test_what_cannot_be_asked_is_a_mistake_of_usage(project: Path, arguments: list[str], told: str) -> None:
+def test_a_question_without_an_answer_is_a_usage_error(project: Path, arguments: list[str], message: str) -> None:
     done = codra("why", *arguments, cwd=project)
 
     assert (done.returncode, done.stdout) == (2, "")
-    assert told in " ".join(done.stderr.split())
+    assert message in " ".join(done.stderr.split())
 
 
 def test_the_events_of_a_run_are_shown_one_a_line(project: Path) -> None:
@@ -171,16 +171,16 @@ def test_the_events_of_a_run_are_shown_one_a_line(project: Path) -> None:
     refused = codra("journal", "show", "run.mcap", "--kind", "descision", cwd=project)
     assert refused.returncode == 2
     kinds = "variable, observer, job, decision, declaration, expectation, knowledge, adaptation, input"
-    assert f"'descision' is none of {kinds}" in " ".join(refused.stderr.split())
+    assert f"'descision' is not a kind; choose from {kinds}" in " ".join(refused.stderr.split())
 
 
 def test_an_instant_may_be_the_time_of_day(project: Path, tmp_path: Path) -> None:
-    """A run whose clock shows the seconds since 1970."""
+    """The clock of this run shows the seconds since 1970."""
     elsewhere = copied(project, tmp_path)
     program = PROGRAM.replace("SimClock()", "SimClock(1_795_245_600.0)")
     (elsewhere / "program.py").write_text(program)
     subprocess.run([sys.executable, "program.py", "run.mcap"], cwd=elsewhere, check=True)
-    told = {
+    explanations = {
         codra("why", "door_near", "--journal", "run.mcap", "--at", at, cwd=elsewhere).stdout
         for at in (
             "+3",
@@ -191,7 +191,7 @@ def test_an_instant_may_be_the_time_of_day(project: Path, tmp_path: Path) -> Non
         )
     }
 
-    assert [text.splitlines()[0] for text in told] == [
+    assert [text.splitlines()[0] for text in explanations] == [
         "door_near is true at 2026-11-21 07:20:03.000 UTC  [specs/door.yaml:7]"
     ]
 
@@ -214,24 +214,20 @@ def test_a_replay_calls_no_perception_function(project: Path, tmp_path: Path) ->
     assert codra("replay", "run.mcap", cwd=elsewhere).returncode == 0
 
 
-def test_another_threshold_is_told_and_found_at_its_first_consequence_with_its_line(
-    project: Path, tmp_path: Path
-) -> None:
+def test_another_threshold_is_reported_at_its_first_consequence_with_its_line(project: Path, tmp_path: Path) -> None:
     elsewhere = copied(project, tmp_path)
     (elsewhere / "specs/door.yaml").write_text(SPEC.replace("angle > 30 deg", "angle > 80 deg"))
     done = codra("replay", "run.mcap", "--spec", "specs/door.yaml", cwd=elsewhere)
 
     assert done.returncode == 1
-    assert "the package says something else than what ran" in done.stderr
+    assert "the package differs from the one that ran" in done.stderr
     first, recorded, derived = done.stdout.splitlines()[:3]
     assert first.endswith("variable door_open  [specs/door.yaml:21]")
     assert '"value":true' in recorded
     assert '"value":false' in derived
 
 
-def test_another_precondition_is_found_at_the_first_look_that_would_not_have_been(
-    project: Path, tmp_path: Path
-) -> None:
+def test_another_precondition_is_reported_at_the_first_look_that_it_prevents(project: Path, tmp_path: Path) -> None:
     elsewhere = copied(project, tmp_path)
     (elsewhere / "specs/door.yaml").write_text(SPEC.replace("light_level > 20 lux", "light_level > 500 lux"))
     assert codra("compile", "specs", cwd=elsewhere).returncode == 0
@@ -241,8 +237,8 @@ def test_another_precondition_is_found_at_the_first_look_that_would_not_have_bee
     lines = done.stdout.splitlines()
     assert lines[0].endswith(" 2 s: job look_at_door for door_open  [specs/door.yaml:10]")
     assert lines[3] == (
-        "  the spec says otherwise: look_at_door, observable_when: light_level > 500 lux [specs/door.yaml:16], "
-        "where it ran with light_level > 20 lux [specs/door.yaml:16]"
+        "  the spec differs: look_at_door, observable_when: light_level > 500 lux [specs/door.yaml:16]; "
+        "the run had light_level > 20 lux [specs/door.yaml:16]"
     )
     assert "no event in its place" in done.stdout
 
@@ -256,34 +252,34 @@ def test_a_comment_in_the_spec_makes_no_difference(project: Path, tmp_path: Path
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "message"),
     [
-        (["--package", "specs"], "'specs' is no package of codra that can be loaded"),
+        (["--package", "specs"], "'specs' is not a package of codra that can be loaded"),
         (["--spec", "program.py"], "does not compile to one package"),
     ],
 )
-def test_what_cannot_be_loaded_is_named(project: Path, arguments: list[str], told: str) -> None:
+def test_a_package_that_cannot_be_loaded_is_named(project: Path, arguments: list[str], message: str) -> None:
     done = codra("replay", "run.mcap", *arguments, cwd=project)
 
     assert (done.returncode, done.stdout, "Traceback" in done.stderr) == (1, "", False)
-    assert told in done.stderr
+    assert message in done.stderr
 
 
-def test_without_a_package_the_way_out_is_told(project: Path, tmp_path: Path) -> None:
+def test_without_a_package_the_options_are_named(project: Path, tmp_path: Path) -> None:
     shutil.copy(project / "run.mcap", tmp_path)
     done = codra("replay", "run.mcap", cwd=tmp_path)
 
     assert (done.returncode, done.stdout) == (2, "")
-    assert "say where with --package or --spec" in " ".join(done.stderr.replace("│", " ").split())
+    assert "give it with --package or --spec" in " ".join(done.stderr.replace("│", " ").split())
 
 
 # Recover
 
 
-def test_a_torn_journal_is_told_read_and_mended(project: Path, tmp_path: Path) -> None:
+def test_a_damaged_journal_is_reported_read_and_repaired(project: Path, tmp_path: Path) -> None:
     elsewhere = copied(project, tmp_path)
-    whole = (elsewhere / "run.mcap").read_bytes()
-    (elsewhere / "torn.mcap").write_bytes(whole[:-9])
+    complete = (elsewhere / "run.mcap").read_bytes()
+    (elsewhere / "torn.mcap").write_bytes(complete[:-9])
 
     why = codra("why", "door_open", "--journal", "torn.mcap", cwd=elsewhere)
     assert why.returncode == 0
@@ -292,14 +288,14 @@ def test_a_torn_journal_is_told_read_and_mended(project: Path, tmp_path: Path) -
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout.startswith("torn.recovered.mcap: ")
     assert "lost at the end: at most the message that was being written" in done.stdout
-    assert (elsewhere / "torn.recovered.mcap").read_bytes() == whole
+    assert (elsewhere / "torn.recovered.mcap").read_bytes() == complete
     assert codra("replay", "torn.mcap", cwd=elsewhere).returncode == 0
 
 
-def test_a_whole_journal_is_said_to_be_whole(project: Path, tmp_path: Path) -> None:
+def test_a_complete_journal_is_reported_as_complete(project: Path, tmp_path: Path) -> None:
     done = codra("journal", "recover", "run.mcap", "--output", f"{tmp_path}/same.mcap", cwd=project)
 
-    assert (done.returncode, "the journal was whole: nothing was lost" in done.stdout) == (0, True)
+    assert (done.returncode, "the journal was complete: nothing was lost" in done.stdout) == (0, True)
     assert (tmp_path / "same.mcap").read_bytes() == (project / "run.mcap").read_bytes()
 
 
@@ -323,7 +319,7 @@ def test_the_journal_itself_is_never_the_target(project: Path) -> None:
 
 
 def test_a_run_in_the_laboratory_is_derived_again_from_its_journal(tmp_path: Path) -> None:
-    """Forty simulated seconds of rendered frames; the replay renders none and takes the compiled package."""
+    """The run is forty simulated seconds of rendered frames; the replay renders none and uses the compiled package."""
     for name in ("a.mcap", "b.mcap"):
         arguments = ("--seed", "2", "--for", "40 s", "--journal", f"{tmp_path}/{name}", "--out", f"{tmp_path}/out")
         assert codra("run", "specs/lab.yaml", *arguments, cwd=ROOT).returncode == 0

@@ -1,4 +1,4 @@
-"""`codra why` and `codra journal recover` on the journal of a program that still runs, and when it has been killed."""
+"""`codra why` and `codra journal recover` on the journal of a program that is still running or has been killed."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ with WallClock(start_s=100.0) as clock:
 
 
 class Robot:
-    """A program that waits for lines and answers each when it has done what it says."""
+    """A program that waits for lines and answers each after it has executed it."""
 
     def __init__(self, journal: Path) -> None:
         self.process = subprocess.Popen(
@@ -56,7 +56,7 @@ def robot(tmp_path: Path) -> Iterator[Robot]:
     running.process.communicate()
 
 
-def test_a_running_program_is_asked_what_is_known_so_far(robot: Robot, tmp_path: Path) -> None:
+def test_the_journal_of_a_running_program_explains_the_knowledge_so_far(robot: Robot, tmp_path: Path) -> None:
     ask = ("why", "kettle_docked", "--journal", "run.mcap")
     robot.ask("wait")
     before = codra(*ask, cwd=tmp_path)
@@ -71,12 +71,12 @@ def test_a_running_program_is_asked_what_is_known_so_far(robot: Robot, tmp_path:
     assert "perception ask_dock saw contact = true" in after.stdout
 
 
-def test_a_running_program_keeps_its_journal_while_a_copy_is_mended(robot: Robot, tmp_path: Path) -> None:
+def test_a_running_program_keeps_its_journal_while_a_copy_is_repaired(robot: Robot, tmp_path: Path) -> None:
     robot.ask("localized")
     done = codra("journal", "recover", "run.mcap", cwd=tmp_path)
 
     assert done.returncode == 0
-    assert "its program still writes it: this is what it held so far" in done.stdout
+    assert "its program is still writing it: this is its content so far" in done.stdout
     assert codra("replay", "run.recovered.mcap", "--package", f"{ROOT}/generated/kitchen", cwd=tmp_path).returncode == 0
     robot.ask("wait")
     robot.process.kill()
@@ -86,7 +86,7 @@ def test_a_running_program_keeps_its_journal_while_a_copy_is_mended(robot: Robot
     assert killed.stdout.startswith("kettle_docked is true at 10")
 
 
-def test_a_journal_whose_run_has_not_begun_is_said_to_be_empty(tmp_path: Path) -> None:
+def test_a_journal_without_a_run_is_reported_as_empty(tmp_path: Path) -> None:
     (tmp_path / "run.mcap").touch()
     for command in (("why", "a", "--journal", "run.mcap"), ("replay", "run.mcap"), ("journal", "recover", "run.mcap")):
         done = codra(*command, cwd=tmp_path)

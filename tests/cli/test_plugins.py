@@ -120,14 +120,14 @@ def test_an_option_that_the_world_does_not_have_is_refused(site: Path) -> None:
     done = codra(site, "run", "door.yaml", "--world", "arena", "--winds", "2")
 
     assert (done.returncode, done.stdout) == (2, "")
-    assert "--winds: the arena has no such option: did you mean --wind?" in done.stderr
+    assert "--winds: the world 'arena' has no such option: did you mean --wind?" in done.stderr
 
 
 def test_a_world_that_is_not_installed_is_refused_with_the_nearest_one(site: Path) -> None:
     done = codra(site, "run", "door.yaml", "--world", "arenas")
 
     assert (done.returncode, done.stdout) == (2, "")
-    assert "there is no world 'arenas': did you mean 'arena'?" in done.stderr
+    assert "the world 'arenas' is not installed: did you mean 'arena'?" in done.stderr
 
 
 def test_a_broken_world_gives_one_line_and_leaves_the_others_alone(site: Path) -> None:
@@ -143,7 +143,7 @@ def test_a_world_cannot_redefine_an_option_of_all_worlds(site: Path) -> None:
     done = codra(site, "run", "door.yaml", "--world", "jealous")
 
     assert (done.returncode, done.stdout) == (1, "")
-    assert done.stderr == "codra: the world 'jealous' declares options that all worlds have: seed\n"
+    assert done.stderr == "codra: the world 'jealous' declares options that all worlds already have: seed\n"
 
 
 def test_a_spec_with_errors_does_not_reach_the_world(site: Path) -> None:
@@ -171,7 +171,7 @@ def test_without_any_world_the_command_names_the_distribution_that_has_some(tmp_
 
     assert (done.returncode, done.stdout) == (1, "")
     assert done.stderr == (
-        "codra: 'run' needs a world, and none is installed: pip install 'codra-papers[lab,store]' adds two\n"
+        "codra: 'run' needs a world, but no world is installed: pip install 'codra-papers[lab,store]' adds two\n"
     )
 
 

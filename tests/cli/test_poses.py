@@ -72,7 +72,7 @@ with bay.start(clock=clock, resources={}, record=Journal(sys.argv[1])) as codra:
 
 @pytest.fixture(scope="module")
 def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A project whose program has run and left a journal, `run.mcap`."""
+    """A project whose program has run and written the journal `run.mcap`."""
     folder = tmp_path_factory.mktemp("project")
     eyes = 'def look(*, job):\n    return {"gap": 0.3}\n'
     printed = run_project(folder, {"specs/bay.yaml": SPEC, "eyes.py": eyes, "program.py": PROGRAM}, "run.mcap")
@@ -80,7 +80,7 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_each_use_of_a_template_waits_for_poses_of_its_own(project: Path) -> None:
+def test_every_use_of_a_template_waits_for_poses_of_its_own(project: Path) -> None:
     assert (project / "printed").read_text().splitlines() == [
         "0.0 {'left_open': None, 'right_open': None, 'speed': 1.0}",
         "1.25 {'left_open': True, 'right_open': None, 'speed': 0.3}",
@@ -90,7 +90,7 @@ def test_each_use_of_a_template_waits_for_poses_of_its_own(project: Path) -> Non
     ]
 
 
-def test_replay_finds_the_same_and_why_tells_who_placed_what(project: Path) -> None:
+def test_replay_is_equal_and_why_names_who_placed_a_node(project: Path) -> None:
     replayed = codra("replay", "run.mcap", cwd=project)
     assert (replayed.returncode, replayed.stderr) == (0, "")
     assert replayed.stdout.startswith("equal: ")
@@ -110,9 +110,9 @@ def test_replay_finds_the_same_and_why_tells_who_placed_what(project: Path) -> N
 
 def test_the_graph_shows_the_edges_that_a_comparison_reads(project: Path) -> None:
     graph = json.loads((project / "generated/bay/graph.json").read_text())
-    read = {(each["source"], each["target"]) for each in graph["edges"] if each["kind"] == "reads"}
+    read = {(edge["source"], edge["target"]) for edge in graph["edges"] if edge["kind"] == "reads"}
     near = "bay/context/distance(robot, right) < 50 cm"
     assert {target for source, target in read if source == near} == {"bay/edge/robot_pose", "bay/edge/right_pose"}
-    requires = {(each["source"], each["target"]) for each in graph["edges"] if each["kind"] == "requires"}
+    requires = {(edge["source"], edge["target"]) for edge in graph["edges"] if edge["kind"] == "requires"}
     assert ("bay/perception/look_at_right", near) in requires
     assert ("bay/adaptation/limit", "bay/context/distance(robot, left) < 1 m") in read

@@ -48,7 +48,7 @@ def test_a_journal_that_names_a_path_runs_no_package(form: str, tmp_path: Path) 
     done = codra("replay", "run.mcap", cwd=project)
 
     assert done.returncode == 2
-    assert "which is not a name: state --package or --spec" in " ".join(done.stderr.replace("│", " ").split())
+    assert "which is not a name: use --package or --spec" in " ".join(done.stderr.replace("│", " ").split())
     assert not (tmp_path / "mark").exists()
 
 

@@ -1,4 +1,4 @@
-"""`codra replay` of a run whose graph began with a file of DSR."""
+"""`codra replay` of a run whose graph began with a DSR file."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ with shop.Shop(shop.MODEL, clock=clock, resources={}, record=Journal("run.mcap")
 
 @pytest.fixture(scope="module")
 def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A project whose program has begun with a file of DSR and left a journal, `run.mcap`."""
+    """A project whose program began with a DSR file and has written the journal `run.mcap`."""
     folder = tmp_path_factory.mktemp("project")
     run_project(folder, {"specs/shop.yaml": SPEC, "shop.json": DSR, "program.py": PROGRAM})
     return folder
@@ -69,7 +69,7 @@ def test_a_run_that_began_with_a_file_is_equal_only_if_the_replay_begins_with_it
     assert "world -robot_pose-> robot" in in_metres.stdout
 
 
-def test_a_file_that_is_none_and_a_spec_without_knowledge_are_told(project: Path, tmp_path: Path) -> None:
+def test_a_wrong_dsr_file_and_a_spec_without_knowledge_are_reported(project: Path, tmp_path: Path) -> None:
     (tmp_path / "broken.json").write_text("{")
     broken = codra("replay", "run.mcap", "--dsr", str(tmp_path / "broken.json"), cwd=project)
     assert broken.returncode == 2
@@ -80,4 +80,4 @@ def test_a_file_that_is_none_and_a_spec_without_knowledge_are_told(project: Path
     (tmp_path / "plain.yaml").write_text(spec)
     plain = codra("replay", "run.mcap", "--dsr", "shop.json", "--spec", str(tmp_path / "plain.yaml"), cwd=project)
     assert plain.returncode == 2
-    assert "the spec says nothing of knowledge" in plain.stderr
+    assert "the spec declares no knowledge" in plain.stderr

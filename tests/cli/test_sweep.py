@@ -1,4 +1,4 @@
-"""`codra sweep`: switch points with their rules, which way metrics go, pictures, and what is said of a slip."""
+"""`codra sweep`: switch points with their rules, the trends of metrics, pictures, and error messages."""
 
 from __future__ import annotations
 
@@ -73,14 +73,14 @@ def truck(tmp_path: Path) -> Path:
 
 
 def swept(spec: Path, *options: str) -> str:
-    """Return what a sweep prints."""
+    """Return the output of a sweep."""
     done = CliRunner().invoke(app, ["sweep", str(spec), *options])
     assert (done.exit_code, done.stderr) == (0, ""), done.stderr
     return done.stdout
 
 
 def refused(spec: Path, *options: str) -> str:
-    """Return what is said of a sweep that cannot be."""
+    """Return the error message of a sweep."""
     done = CliRunner().invoke(app, ["sweep", str(spec), *options])
     assert (done.exit_code, done.stdout) == (2, "")
     return done.stderr.splitlines()[-1].removeprefix("Error: Invalid value for ")
@@ -96,7 +96,7 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> Subject:
 
 
 def of_store(store: Subject, vary: str, steps: int, **known: str) -> Sweep:
-    """Return a sweep of the store, in which nothing is unknown."""
+    """Return a sweep of the store in which all inputs are known."""
     usual = {
         "bumped": "false",
         "person_distance": "6",
@@ -108,14 +108,14 @@ def of_store(store: Subject, vary: str, steps: int, **known: str) -> Sweep:
         "container_load": "empty",
     }
     variable, values = varied(store, vary, steps)
-    said = held(store, [f"{name}={value}" for name, value in (usual | known).items()])
-    return sweep(store.model, store.course, said, variable.name, values, unit=variable.type.unit or "")
+    given = held(store, [f"{name}={value}" for name, value in (usual | known).items()])
+    return sweep(store.model, store.course, given, variable.name, values, unit=variable.type.unit or "")
 
 
-def assert_explained(found: Sweep) -> None:
-    """Each switch has a rule of the spec behind it that is printed with its place."""
-    printed = str(found)
-    for switch in found.switches:
+def assert_explained(result: Sweep) -> None:
+    """Assert that each switch has a rule of the spec, printed with its place."""
+    printed = str(result)
+    for switch in result.switches:
         assert switch.rules
         for rule in switch.rules:
             assert rule.place.startswith("specs/store.yaml:")
@@ -130,10 +130,10 @@ def test_in_the_store_safety_never_falls_as_people_go_away(
     store: Subject, load: str, loaded: str, picking_up: str, way: Trend
 ) -> None:
     known = {"container_load": load, "loaded": loaded, "picking_up": picking_up}
-    found = of_store(store, "person_distance=0.3..6", 57, **known)
+    result = of_store(store, "person_distance=0.3..6", 57, **known)
 
-    assert found.trends["safety"] is way
-    assert_explained(found)
+    assert result.trends["safety"] is way
+    assert_explained(result)
 
 
 def test_in_the_store_the_truck_turns_back_from_its_pick_up_where_people_are_too_close(store: Subject) -> None:
@@ -146,15 +146,15 @@ def test_in_the_store_the_truck_turns_back_from_its_pick_up_where_people_are_too
 @pytest.mark.parametrize("loaded", ["false", "true"])
 @pytest.mark.parametrize("distance", ["0.5", "2", "6"])
 def test_in_the_store_an_empty_battery_sends_the_truck_to_its_dock(store: Subject, loaded: str, distance: str) -> None:
-    found = of_store(store, "battery_level", 50, loaded=loaded, person_distance=distance)
+    result = of_store(store, "battery_level", 50, loaded=loaded, person_distance=distance)
 
-    assert found.trends["power_autonomy"] is Trend.RISES
-    assert (found.rows[0].action, found.rows[0].rule) == ("dock", "battery_level < 10 percent")
-    assert found.switches[0].before == "dock"
-    assert_explained(found)
+    assert result.trends["power_autonomy"] is Trend.RISES
+    assert (result.rows[0].action, result.rows[0].rule) == ("dock", "battery_level < 10 percent")
+    assert result.switches[0].before == "dock"
+    assert_explained(result)
 
 
-def test_however_few_values_are_asked_for_a_hard_rule_explains_only_a_switch_at_its_limit(store: Subject) -> None:
+def test_with_few_values_too_a_hard_rule_explains_only_a_switch_at_its_limit(store: Subject) -> None:
     few, many = (
         of_store(store, "battery_level", steps, loaded="false", person_distance="6").switches[0] for steps in (3, 101)
     )
@@ -166,18 +166,18 @@ def test_however_few_values_are_asked_for_a_hard_rule_explains_only_a_switch_at_
 
 @pytest.mark.parametrize("order_open", ["false", "true"])
 def test_in_the_store_a_full_container_is_delivered(store: Subject, order_open: str) -> None:
-    found = of_store(store, "container_load", 1, loaded="true", order_open=order_open)
+    result = of_store(store, "container_load", 1, loaded="true", order_open=order_open)
 
-    assert [row.value for row in found.rows] == ["empty", "loading", "full"]
-    assert found.rows[-1].action == "deliver"
-    assert found.trends["safety"] is Trend.CONSTANT
-    assert_explained(found)
-
-
-# What is printed
+    assert [row.value for row in result.rows] == ["empty", "loading", "full"]
+    assert result.rows[-1].action == "deliver"
+    assert result.trends["safety"] is Trend.CONSTANT
+    assert_explained(result)
 
 
-def test_a_sweep_is_a_table_with_its_switches_and_which_way_each_metric_goes(truck: Path) -> None:
+# Printed text
+
+
+def test_a_sweep_is_a_table_with_its_switches_and_the_trends_of_the_metrics(truck: Path) -> None:
     assert (
         swept(truck, "--vary", "distance=0..4", "--steps", "4", *CALM)
         == """\
@@ -196,13 +196,13 @@ safety is monotone: it never falls
     )
 
 
-def test_trends_are_told_by_a_rising_input_in_whatever_order_it_is_swept(truck: Path) -> None:
+def test_trends_refer_to_a_rising_input_in_every_order_of_the_sweep(truck: Path) -> None:
     for values in ("0..4", "4..0", "2,0,4,1,3"):
-        found = swept(truck, "--vary", f"distance={values}", "--steps", "4", *CALM)
-        assert found.endswith("safety is monotone: it never falls\n")
+        printed = swept(truck, "--vary", f"distance={values}", "--steps", "4", *CALM)
+        assert printed.endswith("safety is monotone: it never falls\n")
 
 
-def test_a_hard_rule_is_what_explains_a_switch(truck: Path) -> None:
+def test_a_hard_rule_explains_a_switch(truck: Path) -> None:
     assert (
         swept(truck, "--vary", "tripped", "--with", "distance=300 cm", *CALM[:4])
         == """\
@@ -235,7 +235,7 @@ def test_a_comparison_with_poses_is_an_input_by_its_own_text(truck: Path) -> Non
     assert f"{near} = true" in printed.splitlines()[0]
 
 
-def test_what_nothing_is_said_of_is_unknown(truck: Path) -> None:
+def test_an_input_without_a_value_is_unknown(truck: Path) -> None:
     assert (
         swept(truck, "--vary", "visitors=0,4", "--with", "load=empty", "--with", "tripped=unknown")
         == """\
@@ -261,23 +261,23 @@ tripped   false, true
     )
 
 
-def test_lists_and_whole_numbers_are_swept_as_they_are(truck: Path) -> None:
-    found = json.loads(swept(truck, "--vary", "visitors", "--with", "distance=9", *CALM[2:], "--format", "json"))
+def test_lists_and_integers_are_swept_as_they_are(truck: Path) -> None:
+    result = json.loads(swept(truck, "--vary", "visitors", "--with", "distance=9", *CALM[2:], "--format", "json"))
     given = json.loads(swept(truck, "--vary", "visitors=8, 0", "--with", "distance=9", *CALM[2:], "--format", "json"))
 
-    assert [row["value"] for row in found["rows"]] == list(range(9))
-    assert found["trends"] == {"safety": "falls"}
-    assert found["known"] == {"distance": 9.0, "load": "empty", "tripped": False}
-    ((switch),) = found["switches"]
+    assert [row["value"] for row in result["rows"]] == list(range(9))
+    assert result["trends"] == {"safety": "falls"}
+    assert result["known"] == {"distance": 9.0, "load": "empty", "tripped": False}
+    ((switch),) = result["switches"]
     assert (switch["before"], switch["after"], switch["rules"][0]["place"]) == ("go", "wait", "truck.yaml:16")
     assert [row["value"] for row in given["rows"]] == [8, 0]
     assert given["trends"] == {"safety": "falls"}
 
 
-def test_the_inputs_are_told_as_json_too(truck: Path) -> None:
-    told = json.loads(swept(truck, "--format", "json"))
+def test_the_inputs_are_listed_as_json_too(truck: Path) -> None:
+    listed = json.loads(swept(truck, "--format", "json"))
 
-    assert told["inputs"][0] == {
+    assert listed["inputs"][0] == {
         "variable": "distance",
         "type": "float",
         "unit": "m",
@@ -324,7 +324,7 @@ safety is monotone: it never falls
         ([0.3], Trend.CONSTANT),
     ],
 )
-def test_which_way_numbers_go(numbers: list[float | None], way: Trend) -> None:
+def test_the_trend_of_numbers(numbers: list[float | None], way: Trend) -> None:
     assert trend(numbers) is way
     assert way.is_monotone is (way not in (Trend.TURNS, Trend.UNKNOWN))
 
@@ -334,8 +334,8 @@ def test_which_way_numbers_go(numbers: list[float | None], way: Trend) -> None:
 
 def words(svg: str) -> Iterator[str]:
     """Yield the texts of a picture."""
-    for each in ET.fromstring(svg).iter("{http://www.w3.org/2000/svg}text"):
-        yield "".join(each.itertext())
+    for element in ET.fromstring(svg).iter("{http://www.w3.org/2000/svg}text"):
+        yield "".join(element.itertext())
 
 
 @pytest.mark.parametrize(
@@ -353,7 +353,7 @@ def words(svg: str) -> Iterator[str]:
         ),
     ],
 )
-def test_a_picture_names_what_it_shows_and_is_the_same_each_time(
+def test_a_picture_names_what_it_shows_and_is_reproducible(
     truck: Path, options: tuple[str, ...], shown: Mapping[str, str]
 ) -> None:
     svg = swept(truck, *options, "--steps", "6", "--format", "svg")
@@ -362,31 +362,31 @@ def test_a_picture_names_what_it_shows_and_is_the_same_each_time(
     assert swept(truck, *options, "--steps", "6", "--format", "svg") == svg
 
 
-def test_the_ending_of_a_file_says_the_form(truck: Path, tmp_path: Path) -> None:
+def test_the_ending_of_a_file_chooses_the_format(truck: Path, tmp_path: Path) -> None:
     assert swept(truck, "--output", str(tmp_path / "terms.svg")) == ""
     assert "close" in set(words((tmp_path / "terms.svg").read_text("utf-8")))
     assert refused(truck, "--output", str(tmp_path / "terms.png")) == (
-        "--output: no form of a sweep ends in '.png': say --format, or take one of .txt, .json, .svg"
+        "--output: no sweep format has the ending '.png': use --format, or one of .txt, .json, .svg"
     )
 
 
-# Slips
+# Errors
 
 
 @pytest.mark.parametrize(
-    ("options", "told"),
+    ("options", "message"),
     [
         (("--vary", "distanse"), "--vary: no rule of 'truck' reads 'distanse': did you mean 'distance'?"),
         (("--vary", "sun"), "--vary: no rule of 'truck' reads 'sun': rules read distance, visitors, load, tripped"),
         (("--vary", "distance=1..12"), "--vary: 'distance' is from 0 to 10 m, not 12"),
         (("--vary", "distance=1 s..2 s"), "--vary: 'distance' is a number in m, not '1 s'"),
-        (("--vary", "distance=near"), "--vary: 'near' is no number: write distance=1.5, or FROM..TO to vary it"),
-        (("--vary", "distance=1.."), "--vary: '' is no number: write distance=1.5, or FROM..TO to vary it"),
+        (("--vary", "distance=near"), "--vary: 'near' is not a number: write distance=1.5, or FROM..TO to vary it"),
+        (("--vary", "distance=1.."), "--vary: '' is not a number: write distance=1.5, or FROM..TO to vary it"),
         (("--vary", "visitors=1,1.5"), "--vary: 'visitors' is a whole number, not 1.5"),
         (("--vary", "visitors=2 m"), "--vary: 'visitors' is a number without a unit, not '2 m'"),
         (("--vary", "load=ful"), "--vary: 'load' is empty or full, not 'ful': did you mean 'full'?"),
-        (("--vary", "load", "--with", "load=full"), "--vary: 'load' is varied: say nothing else of it"),
-        (("--vary", "load", "--with", "distance"), "--with: 'distance' says no value: write distance=VALUE"),
+        (("--vary", "load", "--with", "load=full"), "--vary: 'load' is varied: do not give it a second time"),
+        (("--vary", "load", "--with", "distance"), "--with: 'distance' has no value: write distance=VALUE"),
         (("--vary", "load", "--with", "tripped=yes"), "--with: 'tripped' is false or true, not 'yes'"),
         (
             ("--vary", "load", "--vary", "distance"),
@@ -395,20 +395,20 @@ def test_the_ending_of_a_file_says_the_form(truck: Path, tmp_path: Path) -> None
         (("--vary", "load", "--vary", "a", "--vary", "b"), "--vary: at most 2 inputs are varied at once"),
         (
             ("--vary", "load", "--vary", "load", "--format", "svg"),
-            "--vary: 'load' is varied: say nothing else of it",
+            "--vary: 'load' is varied: do not give it a second time",
         ),
         (("--course", "cuorse"), "--course: 'truck' has no course 'cuorse': did you mean 'course'?"),
     ],
 )
-def test_a_slip_is_told_with_a_way_out(truck: Path, options: tuple[str, ...], told: str) -> None:
-    assert refused(truck, *options) == told
+def test_an_error_is_reported_with_help(truck: Path, options: tuple[str, ...], message: str) -> None:
+    assert refused(truck, *options) == message
 
 
-def test_a_spec_without_fuzzy_rules_has_nothing_to_sweep(tmp_path: Path) -> None:
+def test_a_spec_without_fuzzy_rules_cannot_be_swept(tmp_path: Path) -> None:
     (tmp_path / "door.yaml").write_text(
         "codra: 1\nname: door\ncontext:\n  door_open: {type: bool, source: main_execution}\n"
     )
 
     assert refused(tmp_path / "door.yaml") == (
-        "SPEC: 'door' has neither metrics nor actions: there is nothing that follows from an input"
+        "SPEC: 'door' has neither metrics nor actions: a sweep has nothing to show"
     )

@@ -1,4 +1,4 @@
-"""Algorithm 2 against the paper's recursion, and the gate against plans that are wrong in one respect each."""
+"""Algorithm 2 against the paper's recursion, and the gate against plans with one error each."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from codra_dsl.language.check.checked.spec import CheckedSpec
 from codra_dsl.language.model import ObserverSetting, Use
 from tests.language.check.checked_specs import Pi, checked_spec, condition, place, setting, skill, variable
 
-# The oracle: P1's Algorithm 2 as it is printed, a recursion, one variable at a time
+# The oracle: P1's Algorithm 2 as printed, a recursion, one variable at a time
 
 
 @dataclass
 class System:
-    """F with the preconditions of each tree, and C_M, as the paper's procedures fill them."""
+    """F with the preconditions of each tree, and C_M, filled by the paper's procedures."""
 
     spec: CheckedSpec
     forest: dict[frozenset[str], set[str]] = field(default_factory=dict)
@@ -45,12 +45,12 @@ def process_context_variable(c_i: str, system: System) -> None:
         for c_j in sorted(v_j):  # 19, 20
             process_context_variable(c_j, system)  # 21
         system.forest[o_i] = v_j  # 23
-        for c_j in sorted(beside):  # what the tree identifies beside it is modelled as well
+        for c_j in sorted(beside):  # the other variables that the tree identifies are in force as well
             process_context_variable(c_j, system)
 
 
 def tree_of(c_i: str, spec: CheckedSpec) -> tuple[set[str], frozenset[str]]:
-    """The variables and algorithms that share a tree with a variable: spread from it until nothing is added."""
+    """The variables and algorithms that share a tree with a variable: the closure of sharing, starting from it."""
     variables, algorithms = {c_i}, set[str]()
     while True:
         spread = {pi for name in variables for pi in spec.producers[name]}
@@ -64,8 +64,8 @@ def tree_of(c_i: str, spec: CheckedSpec) -> tuple[set[str], frozenset[str]]:
 
 
 def some(names: list[str], most: int) -> st.SearchStrategy[list[str]]:
-    nothing: st.SearchStrategy[list[str]] = st.just([])
-    return st.lists(st.sampled_from(names), unique=True, max_size=most) if names else nothing
+    no_names: st.SearchStrategy[list[str]] = st.just([])
+    return st.lists(st.sampled_from(names), unique=True, max_size=most) if names else no_names
 
 
 @st.composite
@@ -96,17 +96,19 @@ def specs(draw: st.DrawFn) -> CheckedSpec:
 
 
 @given(specs())
-def test_the_plan_is_what_the_papers_recursion_builds(spec: CheckedSpec) -> None:
+def test_the_plan_equals_the_result_of_the_papers_recursion(spec: CheckedSpec) -> None:
     expected = build_observer_system(spec)
 
     made = plan(spec)
 
     assert set(made.in_force) == expected.context
-    assert {frozenset(each.name for each in tree.branches): set(tree.needs) for tree in made.forest} == expected.forest
+    assert {
+        frozenset(branch.name for branch in tree.branches): set(tree.needs) for tree in made.forest
+    } == expected.forest
 
 
 @given(specs())
-def test_a_plan_has_each_variable_in_force_in_one_tree_or_from_another_source(spec: CheckedSpec) -> None:
+def test_a_variable_in_force_has_one_tree_or_another_source(spec: CheckedSpec) -> None:
     made = plan(spec)
 
     trees = [name for tree in made.forest for name in tree.identifies]
@@ -115,11 +117,11 @@ def test_a_plan_has_each_variable_in_force_in_one_tree_or_from_another_source(sp
     assert sorted(trees + outside) == sorted(made.in_force)
 
 
-# What goes into which tree
+# Contents of trees
 
 
 def lab() -> CheckedSpec:
-    """Two machines' worth of what P1, Figure 4 shows: distance, view, lid, and a second way to see the lid."""
+    """Two machines as in P1, Figure 4: distance, view, lid, and a second way to see the lid."""
     return checked_spec(
         [
             Pi(name="localize_lid", identifies=["open", "locked"], needs=["near", "base_in_view", "lid_in_view"]),
@@ -162,7 +164,7 @@ def test_trees_are_joined_where_observers_names_their_variables_together() -> No
     assert algorithms_of(tree_named(made, "face")) == [["read_label"], ["read_lamp"]]
 
 
-def test_trees_stay_apart_where_nothing_joins_them() -> None:
+def test_trees_are_separate_unless_observers_joins_them() -> None:
     apart = plan(
         checked_spec([Pi(name="p", identifies=["a"], needs=["x"]), Pi(name="q", identifies=["b"], needs=["x"])])
     )
@@ -173,18 +175,18 @@ def test_trees_stay_apart_where_nothing_joins_them() -> None:
 def test_a_tree_takes_name_period_and_priority_from_observers_else_from_its_first_algorithm() -> None:
     made = plan(lab())
 
-    told = {tree.name: (tree.period_s, tree.priority) for tree in made.forest}
+    settings = {tree.name: (tree.period_s, tree.priority) for tree in made.forest}
 
-    assert told == {"measure_distance": (1.0, 0), "find_in_view": (1.0, 0), "lid": (2.0, 5), "face": (1.0, 0)}
+    assert settings == {"measure_distance": (1.0, 0), "find_in_view": (1.0, 0), "lid": (2.0, 5), "face": (1.0, 0)}
 
 
-def test_trees_stand_after_the_trees_that_they_need() -> None:
+def test_trees_come_after_the_trees_that_they_need() -> None:
     made = plan(lab())
 
     assert [tree.name for tree in made.forest] == ["measure_distance", "find_in_view", "lid", "face"]
 
 
-def test_a_variable_beside_a_wanted_one_is_modelled_and_an_unreached_one_is_not() -> None:
+def test_a_variable_identified_with_a_needed_one_is_in_force_and_an_unreached_one_is_not() -> None:
     spec = checked_spec(
         [Pi(name="p", identifies=["a", "beside"]), Pi(name="q", identifies=["unwanted"])], skills=[skill("s", ["a"])]
     )
@@ -195,7 +197,7 @@ def test_a_variable_beside_a_wanted_one_is_modelled_and_an_unreached_one_is_not(
     assert [tree.name for tree in made.forest] == ["p"]
 
 
-def test_an_unreached_variable_still_stands_in_a_module() -> None:
+def test_an_unreached_variable_is_in_a_module_too() -> None:
     spec = checked_spec([Pi(name="p", identifies=["a"]), Pi(name="q", identifies=["b"])], skills=[skill("s", ["a"])])
 
     assert plan(spec).modules[0].variables == ("a", "b")
@@ -258,7 +260,7 @@ def test_edges_read_as_sentences() -> None:
 # Modules and names
 
 
-def test_each_use_has_a_module_and_each_file_that_declares_something() -> None:
+def test_every_use_and_every_file_with_elements_has_a_module() -> None:
     use = Use(instance="centrifuge", template="tended_machine", place=place(27))
     made_by_use = replace(place(12, "specs/parts/machine.yaml"), use=use.place.span)
     made = plan(
@@ -281,19 +283,19 @@ def test_each_use_has_a_module_and_each_file_that_declares_something() -> None:
 @pytest.mark.parametrize(
     ("origin", "module"), [("lab", "lab"), ("PCR_cycler", "pcr_cycler"), ("Class", "class_"), ("start", "start_")]
 )
-def test_a_module_is_named_after_its_origin_unless_that_hides_something(origin: str, module: str) -> None:
+def test_a_module_is_named_after_its_origin_unless_that_hides_a_name(origin: str, module: str) -> None:
     assert module_name(origin) == module
 
 
 @given(st.lists(st.sampled_from(["value", "value_", "known", "Class", "print", "lid", "lid_", "MATH"]), unique=True))
-def test_python_names_hide_nothing_and_differ_as_the_names_do(names: list[str]) -> None:
+def test_python_names_hide_no_name_and_are_unique(names: list[str]) -> None:
     made = [python_name(name.lower(), MODULE_NAMES) for name in names]
 
     assert len(set(made)) == len(names)
     assert not set(made) & (MODULE_NAMES | {"class", "print"})
 
 
-def test_names_that_python_or_the_module_needs_are_evaded() -> None:
+def test_names_of_python_and_of_the_module_are_avoided() -> None:
     made = plan(
         checked_spec(
             [
@@ -407,24 +409,24 @@ def with_algorithm_of_another_spec(made: BuildPlan) -> BuildPlan:
 @pytest.mark.parametrize(
     ("spoil", "complaint"),
     [
-        (without_tree, "near is in force, but measure_distance is in none of its trees"),
-        (with_tree_twice, "tree measure_distance stands twice"),
+        (without_tree, "near is in force, but its trees lack measure_distance"),
+        (with_tree_twice, "tree measure_distance occurs twice"),
         (with_variable_forgotten, "near is needed but not in force"),
         (with_variable_made_up, "weather is not declared"),
-        (in_reverse, "tree lid stands before measure_distance, which it needs"),
+        (in_reverse, "tree lid comes before measure_distance, which it needs"),
         (with_precondition_dropped, "tree lid has other preconditions than its algorithms"),
         (with_alternatives_swapped, "tree lid is not in order of rank"),
-        (with_alternative_dropped, "open is in force, but feel_lid is in none of its trees"),
-        (with_name_made_up, "tree distance is named neither by `observers` nor after its first algorithm"),
+        (with_alternative_dropped, "open is in force, but its trees lack feel_lid"),
+        (with_name_made_up, "tree distance has neither a name from `observers` nor that of its first algorithm"),
         (joined_unasked, "tree measure_distance joins algorithms"),
-        (with_function_that_hides, "'value' is no name for lab"),
-        (with_functions_of_one_name, "name in lab face stands twice"),
-        (with_local_of_one_name, "name in lid same stands twice"),
-        (with_class_that_hides, "'Reading' is no name for the package"),
+        (with_function_that_hides, "'value' is not a valid name for lab"),
+        (with_functions_of_one_name, "name in lab face occurs twice"),
+        (with_local_of_one_name, "name in lid same occurs twice"),
+        (with_class_that_hides, "'Reading' is not a valid name for the package"),
         (with_modules_emptied, "modules hold the trees []"),
-        (with_modules_alike, "module lab stands twice"),
+        (with_modules_alike, "module lab occurs twice"),
         (with_edge_dropped, "the dependency graph is not that of the forest"),
-        (with_algorithm_of_another_spec, "measure_distance in tree measure_distance is none of the spec's algorithms"),
+        (with_algorithm_of_another_spec, "measure_distance in tree measure_distance is not an algorithm of the spec"),
     ],
 )
 def test_the_gate_refuses_a_plan_that_is(spoil: Callable[[BuildPlan], BuildPlan], complaint: str) -> None:
@@ -436,7 +438,7 @@ def test_the_gate_refuses_a_plan_that_is(spoil: Callable[[BuildPlan], BuildPlan]
     assert complaint in str(refused.value)
 
 
-def test_the_gate_refuses_what_nothing_needs() -> None:
+def test_the_gate_refuses_elements_that_are_not_needed() -> None:
     spec = checked_spec([Pi(name="p", identifies=["a"]), Pi(name="q", identifies=["b"])], skills=[skill("s", ["a"])])
     everything = plan(checked_spec([Pi(name="p", identifies=["a"]), Pi(name="q", identifies=["b"])]))
 
@@ -444,8 +446,8 @@ def test_the_gate_refuses_what_nothing_needs() -> None:
         verify(everything, spec)
 
 
-def test_the_gate_refuses_a_variable_that_nothing_identifies() -> None:
-    with pytest.raises(PlanError, match="x is in force, but nothing identifies it"):
+def test_the_gate_refuses_a_variable_without_an_origin() -> None:
+    with pytest.raises(PlanError, match="x is in force, but no tree identifies it"):
         plan(checked_spec([Pi(name="p", identifies=["a"], needs=["x"])], variables=[variable("x")]))
 
 

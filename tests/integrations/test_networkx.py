@@ -1,4 +1,4 @@
-"""Graphs of others through networkx and GraphML, and graphs that networkx's users made."""
+"""DSR graphs converted to networkx and GraphML, and graphs that users of networkx made."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ from tests.runtime.knowledge.exchange.test_dsr_json import graphs, parts
 EVERY_TYPE = Path(__file__).parents[1] / "data/dsr_every_type.json"
 
 
-def test_the_file_with_every_type_goes_through_networkx_and_graphml_with_nothing_lost(tmp_path: Path) -> None:
+def test_the_file_with_every_type_is_converted_to_networkx_and_graphml_without_losses(tmp_path: Path) -> None:
     graph = read_dsr(EVERY_TYPE)
     assert from_networkx(to_networkx(graph)) == graph
     write_graphml(tmp_path / "shop.graphml", graph)
     assert dsr_text(read_graphml(tmp_path / "shop.graphml")) == dsr_text(graph)
 
 
-def test_attributes_are_where_users_of_networkx_look_for_them() -> None:
+def test_attributes_are_where_users_of_networkx_expect_them() -> None:
     made = to_networkx(read_dsr(EVERY_TYPE))
     assert isinstance(made, networkx.MultiDiGraph)
     assert made.nodes["every_type_ñ"]["type"] == "pallet_fork_probe"
@@ -55,23 +55,23 @@ def test_attributes_are_where_users_of_networkx_look_for_them() -> None:
 
 @settings(max_examples=60)
 @given(graph=graphs())
-def test_any_graph_goes_through_networkx_with_nothing_lost(graph: DsrGraph) -> None:
+def test_any_graph_is_converted_to_networkx_without_losses(graph: DsrGraph) -> None:
     assert parts(from_networkx(to_networkx(graph))) == parts(graph)
 
 
 @settings(max_examples=60)
 @given(graph=graphs())
-def test_any_graph_goes_through_graphml_with_nothing_lost_or_is_refused_by_name(graph: DsrGraph) -> None:
+def test_any_graph_is_converted_to_graphml_without_losses_or_its_names_are_refused(graph: DsrGraph) -> None:
     try:
         text = graphml_text(graph)
     except ExchangeError as error:
-        told = str(error)
-        assert "cannot be written in XML" in told or "needs this name for itself" in told
+        message = str(error)
+        assert "cannot be written in XML" in message or "this name is reserved" in message
     else:
         assert dsr_text(parse_graphml(text)) == dsr_text(graph)
 
 
-def test_a_graph_of_anyone_gets_numbers_types_and_labels() -> None:
+def test_a_foreign_graph_gets_numbers_types_and_labels() -> None:
     given = networkx.MultiDiGraph()
     given.add_node("robot", type="robot", level=0.5, path=[1.0, 2.0], grid=np.array([1, 2]), count=np.int64(3))
     given.add_node(4)
@@ -81,15 +81,15 @@ def test_a_graph_of_anyone_gets_numbers_types_and_labels() -> None:
     graph = from_networkx(given)
     robot, four = graph.nodes
     assert (robot.number, robot.type, four.number, four.name, four.type) == (1, "robot", 2, "4", "node")
-    told = {name: (int(each.code), each.value) for name, each in robot.attributes.items()}
-    assert told == {"level": (8, 0.5), "path": (3, (1.0, 2.0)), "grid": (9, (1, 2)), "count": (1, 3)}
+    attributes = {name: (int(attribute.code), attribute.value) for name, attribute in robot.attributes.items()}
+    assert attributes == {"level": (8, 0.5), "path": (3, (1.0, 2.0)), "grid": (9, (1, 2)), "count": (1, 3)}
     assert [edge.key for edge in graph.edges] == [(1, "near", 2), (1, "sees", 2), (2, "edge", 1)]
     assert graph.edges[0].attributes == {"label": DsrValue(code=0, value="kept")}
     assert parse_dsr(dsr_text(graph)) == graph
     assert [edge.label for edge in from_networkx(networkx.DiGraph([(1, 2)])).edges] == ["edge"]
 
 
-def test_graphml_names_each_edge_once_and_tells_its_label_to_others() -> None:
+def test_edges_in_graphml_have_unique_names_and_an_attribute_with_their_label() -> None:
     text = graphml_text(read_dsr(EVERY_TYPE))
     read = networkx.parse_graphml(text, force_multigraph=True)
     labels = sorted(label for _, _, label in read.edges(data="label"))
@@ -107,7 +107,7 @@ def test_graphml_names_each_edge_once_and_tells_its_label_to_others() -> None:
     assert parse_graphml(graphml_text(graph)) == graph
 
 
-def test_graphml_of_anyone_is_read_by_its_labels_or_else_its_identifiers() -> None:
+def test_foreign_graphml_is_read_by_its_labels_or_else_its_identifiers() -> None:
     text = (
         '<graphml xmlns="http://graphml.graphdrawing.org/xmlns"><key id="d" for="edge" attr.name="label" '
         'attr.type="string"/><graph edgedefault="directed"><node id="a"/><node id="b"/>'
@@ -119,12 +119,12 @@ def test_graphml_of_anyone_is_read_by_its_labels_or_else_its_identifiers() -> No
         parse_graphml(text.replace('<edge id="8"', '<edge id="near"'), "f")
 
 
-def test_a_value_that_was_changed_in_networkx_keeps_its_type_if_it_can() -> None:
+def test_a_value_that_was_changed_in_networkx_keeps_its_type_if_possible() -> None:
     values = {"a": DsrValue(code=2, value=1.5), "b": DsrValue(code=1, value=1), "c": DsrValue(code=7, value=1)}
     made = to_networkx(DsrGraph(nodes=(DsrNode(number=5, name="n", type="t", attributes=values),)))
     made.nodes["n"].update(a=2.5, b=2**40, c=-1)
     attributes = from_networkx(made).nodes[0].attributes
-    assert {name: (int(each.code), each.value) for name, each in attributes.items()} == {
+    assert {name: (int(attribute.code), attribute.value) for name, attribute in attributes.items()} == {
         "a": (2, 2.5),
         "b": (7, 2**40),
         "c": (1, -1),
@@ -139,48 +139,48 @@ def digraph(*nodes: tuple[object, dict[str, Any]], edges: Any = ()) -> Any:
 
 
 WRONG = {
-    "the graph has no directions: make it one": networkx.Graph([(1, 2)]),
+    "the graph is not directed: convert it": networkx.Graph([(1, 2)]),
     "node 'a'.pose: DSR has no type for object": digraph(("a", {"pose": object()})),
     "node 'a'.pose: DSR has no type for tuple": digraph(("a", {"pose": (1.0, "x")})),
-    "two nodes have one name as text": digraph((1, {}), ("1", {})),
+    "two nodes have the same name as text": digraph((1, {}), ("1", {})),
     "a node has no name": digraph(("a", {}), ("", {})),
-    "two nodes have one number": digraph(("a", {"dsr": {"number": 1}}), ("b", {"dsr": {"number": 1}})),
-    "node 'a': 'dsr' holds no number and codes": digraph(("a", {"dsr": {"number": -1}})),
-    "node 'a': 'dsr' holds what is none of ours": digraph(("a", {"dsr": 7})),
-    "edge 1 -edge-> 2: there are two: give them keys": digraph(edges=[(1, 2), (1, 2)]),
+    "two nodes have the same number": digraph(("a", {"dsr": {"number": 1}}), ("b", {"dsr": {"number": 1}})),
+    "node 'a': 'dsr' holds no valid number and codes": digraph(("a", {"dsr": {"number": -1}})),
+    "node 'a': 'dsr' holds unexpected contents": digraph(("a", {"dsr": 7})),
+    "edge 1 -edge-> 2: there are two: give them their labels": digraph(edges=[(1, 2), (1, 2)]),
 }
 
 
 @pytest.mark.parametrize("message", WRONG)
-def test_what_is_no_such_graph_is_told(message: str) -> None:
-    with pytest.raises(ExchangeError) as complaint:
+def test_a_graph_that_cannot_be_converted_is_refused_with_a_message(message: str) -> None:
+    with pytest.raises(ExchangeError) as raised:
         from_networkx(WRONG[message])
-    assert str(complaint.value).startswith(message)
+    assert str(raised.value).startswith(message)
 
 
 BAD_XML = {
-    "f:1:1: this is no XML: no element found": "",
-    "f:2:3: this is no XML: mismatched tag": "<graphml>\n</x>",
-    "f: it declares a document type: take": '<!DOCTYPE x [<!ENTITY a "b">]><graphml/>',
-    "f: this is no GraphML": "<graphml/>",
-    "f: the graph has no directions": '<graphml xmlns="http://graphml.graphdrawing.org/xmlns">'
+    "f:1:1: this is not XML: no element found": "",
+    "f:2:3: this is not XML: mismatched tag": "<graphml>\n</x>",
+    "f: it declares a document type: remove": '<!DOCTYPE x [<!ENTITY a "b">]><graphml/>',
+    "f: this is not GraphML": "<graphml/>",
+    "f: the graph is not directed": '<graphml xmlns="http://graphml.graphdrawing.org/xmlns">'
     '<graph edgedefault="undirected"><node id="a"/></graph></graphml>',
-    "f: this is no GraphML: could not convert": '<graphml xmlns="http://graphml.graphdrawing.org/xmlns">'
+    "f: this is not GraphML: could not convert": '<graphml xmlns="http://graphml.graphdrawing.org/xmlns">'
     '<key id="d" for="node" attr.name="x" attr.type="double"/>'
     '<graph edgedefault="directed"><node id="a"><data key="d">much</data></node></graph></graphml>',
 }
 
 
 @pytest.mark.parametrize("message", BAD_XML)
-def test_what_is_no_graphml_is_told_with_its_place(message: str) -> None:
-    with pytest.raises(ExchangeError) as complaint:
+def test_text_that_is_not_graphml_is_refused_with_its_place(message: str) -> None:
+    with pytest.raises(ExchangeError) as raised:
         parse_graphml(BAD_XML[message], "f")
-    assert str(complaint.value).startswith(message)
+    assert str(raised.value).startswith(message)
 
 
 @settings(max_examples=60)
 @given(data=some.data())
-def test_graphml_that_was_damaged_is_read_or_told_and_never_a_traceback(data: some.DataObject) -> None:
+def test_damaged_graphml_is_read_or_refused_but_never_raises_another_exception(data: some.DataObject) -> None:
     values = {"x": DsrValue(code=3, value=(1.0, math.inf)), "y": DsrValue(code=0, value="")}
     nodes = tuple(DsrNode(number=at, name=f"n{at}", type="t", attributes=values) for at in range(2))
     text = graphml_text(DsrGraph(nodes=nodes, edges=(DsrEdge(origin=0, label="l", target=1, attributes=values),)))
@@ -190,11 +190,11 @@ def test_graphml_that_was_damaged_is_read_or_told_and_never_a_traceback(data: so
     try:
         parse_graphml(text, "f")
     except ExchangeError as error:
-        told = str(error)
-        assert told.startswith("f")
+        message = str(error)
+        assert message.startswith("f")
 
 
-def test_a_node_whose_type_says_nothing_is_read_as_one_without_and_can_be_written() -> None:
+def test_a_node_with_an_empty_type_is_read_as_one_without_a_type_and_can_be_written() -> None:
     read = from_networkx(digraph(("a", {"type": ""})))
     assert [node.type for node in read.nodes] == ["node"]
     assert parse_graphml(graphml_text(read)) == read

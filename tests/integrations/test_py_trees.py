@@ -1,4 +1,4 @@
-"""A user's own py_trees tree, which acts and decides on context."""
+"""A py_trees tree of a user, which acts and decides on context."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ TICK_S = 0.1
 
 
 class Takes(Behaviour):
-    """An action of the robot that takes time, and ends as it is told."""
+    """An action of the robot that takes time, and ends with a given status."""
 
     def __init__(
         self,
@@ -51,7 +51,7 @@ class Takes(Behaviour):
 
 
 class Urgent(Behaviour):
-    """A condition of higher priority that a test switches."""
+    """A condition of higher priority that a test sets."""
 
     def __init__(self) -> None:
         super().__init__("urgent")
@@ -68,7 +68,7 @@ def tree_of(root: Behaviour, manager: Manager, clock: SimClock) -> BehaviourTree
 
 
 def ticked(tree: BehaviourTree, clock: SimClock, longest_s: float = 20.0) -> Status:
-    """Tick until the tree has come to an end; return how."""
+    """Tick until the tree has ended, and return its status."""
     end_s = clock.now_s() + longest_s
     while clock.now_s() < end_s:
         tree.tick()
@@ -86,7 +86,7 @@ def decisions(manager: Manager) -> list[tuple[str, dict[str, Any]]]:
 
 
 @pytest.mark.parametrize(("angle_rad", "status"), [(1.0, Status.SUCCESS), (0.0, Status.FAILURE)])
-def test_a_condition_succeeds_or_fails_by_the_value_that_is_known(angle_rad: float, status: Status) -> None:
+def test_a_condition_succeeds_or_fails_by_the_known_value(angle_rad: float, status: Status) -> None:
     with started(Door(angle_rad=angle_rad)) as (manager, clock):
         manager.declare("open")
         clock.sleep(5.0)
@@ -107,7 +107,7 @@ def test_a_condition_runs_while_the_variable_is_unknown_and_ends_when_it_is_seen
 
 
 @pytest.mark.parametrize("chosen", [Status.SUCCESS, Status.FAILURE])
-def test_a_condition_that_stays_unknown_ends_after_its_wait_as_the_user_chose(chosen: Status) -> None:
+def test_a_condition_that_stays_unknown_ends_after_its_wait_with_the_chosen_status(chosen: Status) -> None:
     with started(Door(markers=0)) as (manager, clock):
         manager.declare("open")
         begun_s = clock.now_s()
@@ -118,7 +118,7 @@ def test_a_condition_that_stays_unknown_ends_after_its_wait_as_the_user_chose(ch
         assert tree.root.feedback_message.startswith("unknown")
 
 
-def test_a_condition_takes_old_evidence_for_unknown() -> None:
+def test_for_a_condition_old_evidence_counts_as_unknown() -> None:
     with started(Door()) as (manager, clock):
         manager.declare("open", value=True)
         manager.withdraw("open")
@@ -128,7 +128,7 @@ def test_a_condition_takes_old_evidence_for_unknown() -> None:
         assert ticked(tree_of(ContextIs("open?", "open", max_age_s=4.0), manager, clock), clock) is Status.FAILURE
 
 
-def test_a_condition_on_a_number_wants_to_know_which_will_do() -> None:
+def test_a_condition_on_a_number_needs_a_predicate() -> None:
     gap = VariableModel(name="gap", type=real(), sources=("main_execution",))
     model = ContextModel(name="gap", variables=(gap,), observers=())
     clock = SimClock()
@@ -141,7 +141,7 @@ def test_a_condition_on_a_number_wants_to_know_which_will_do() -> None:
             tree_of(ContextIs("wide?", "gap"), manager, clock).tick()
 
 
-def test_a_condition_may_say_which_value_will_do() -> None:
+def test_a_condition_may_have_a_predicate_for_its_value() -> None:
     with started(Door()) as (manager, clock):
         manager.declare("open", value=True)
         tree = tree_of(ContextIs("open?", "open", holds=lambda value: value is False), manager, clock)
@@ -206,7 +206,7 @@ def test_a_tick_that_raised_leaves_a_skill_declared_once_at_most() -> None:
         assert manager.declared() == frozenset()
 
 
-def test_acting_makes_unknown_what_the_skill_changes() -> None:
+def test_acting_makes_the_variables_that_the_skill_changes_unknown() -> None:
     with started(Door(markers=0)) as (manager, clock):
         manager.declare("open", value=False)
         root = DuringSkill("open", Acting("act", Takes("pull", clock, 5.0)), "open_door")
@@ -221,10 +221,10 @@ def test_acting_outside_of_a_skill_is_reported_before_the_first_tick() -> None:
         tree_of(Acting("act", Success("pull")), manager, clock)
 
 
-# What comes next
+# Expected skills
 
 
-def test_what_is_expected_is_declared_while_the_robot_still_drives() -> None:
+def test_an_expected_skill_is_declared_while_the_robot_still_drives() -> None:
     with started(Door(angle_rad=1.0)) as (manager, clock):
         drive = Expecting("then open", Takes("drive", clock, 4.0), "open_door")
         decide = Decide("open?", Success("look"), "open", found=lambda: None)
@@ -240,7 +240,7 @@ def test_what_is_expected_is_declared_while_the_robot_still_drives() -> None:
 
 
 @pytest.mark.parametrize("how", ["fails", "is interrupted"])
-def test_what_was_expected_is_taken_back_when_the_way_there(how: str) -> None:
+def test_an_expectation_is_withdrawn_if_the_subtree(how: str) -> None:
     with started(Door()) as (manager, clock):
         urgent = Urgent()
         ends = Status.FAILURE if how == "fails" else Status.SUCCESS
@@ -254,7 +254,7 @@ def test_what_was_expected_is_taken_back_when_the_way_there(how: str) -> None:
         assert manager.declared() == frozenset()
 
 
-def test_what_is_reset_does_not_take_back_what_another_expects() -> None:
+def test_a_reset_node_does_not_withdraw_the_expectation_of_another() -> None:
     with started(Door()) as (manager, clock):
         first = Expecting("then open", Success("drive"), "open_door")
         second = Expecting("then drive", Success("wait"), "drive")
@@ -269,7 +269,7 @@ def test_what_is_reset_does_not_take_back_what_another_expects() -> None:
 
 
 def looking(clock: SimClock, door: Door, ends: Status = Status.SUCCESS) -> tuple[Behaviour, Callable[[], object]]:
-    """The robot's own perception as a subtree of three seconds, and what it saw."""
+    """Return the robot's own perception as a subtree of three seconds, and a function that returns its result."""
     seen: list[bool] = []
     look = Takes("look", clock, 3.0, ends, lambda: seen.append((door.angle_rad or 0.0) > 0.6))
     return look, lambda: seen[-1]
@@ -278,10 +278,10 @@ def looking(clock: SimClock, door: Door, ends: Status = Status.SUCCESS) -> tuple
 def test_a_decision_that_context_answers_does_not_tick_the_subtree_that_looks() -> None:
     door = Door(angle_rad=1.0)
     with started(door) as (manager, clock):
-        look, found = looking(clock, door)
+        look, seen_value = looking(clock, door)
         manager.declare("open")
         clock.sleep(5.0)
-        tree = tree_of(Decide("open?", look, "open", found=found), manager, clock)
+        tree = tree_of(Decide("open?", look, "open", found=seen_value), manager, clock)
         tree.tick()
 
         assert (tree.root.status, look.status) == (Status.SUCCESS, Status.INVALID)
@@ -291,10 +291,10 @@ def test_a_decision_that_context_answers_does_not_tick_the_subtree_that_looks() 
 def test_a_decision_that_context_cannot_answer_is_answered_by_the_subtree_and_kept() -> None:
     door = Door(angle_rad=1.0, markers=0)
     with started(door) as (manager, clock):
-        look, found = looking(clock, door)
+        look, seen_value = looking(clock, door)
         manager.declare("open")
         begun_s = clock.now_s()
-        tree = tree_of(Decide("open?", look, "open", found=found), manager, clock)
+        tree = tree_of(Decide("open?", look, "open", found=seen_value), manager, clock)
 
         assert ticked(tree, clock) is Status.SUCCESS
         ((what, details),) = decisions(manager)
@@ -307,9 +307,9 @@ def test_a_decision_that_context_cannot_answer_is_answered_by_the_subtree_and_ke
 def test_a_decision_waits_for_observers_before_the_subtree_looks() -> None:
     door = Door(angle_rad=1.0)
     with started(door) as (manager, clock):
-        look, found = looking(clock, door)
+        look, seen_value = looking(clock, door)
         manager.declare("open")
-        tree = tree_of(Decide("open?", look, "open", found=found, wait_up_to_s=5.0), manager, clock)
+        tree = tree_of(Decide("open?", look, "open", found=seen_value, wait_up_to_s=5.0), manager, clock)
         tree.tick()
         assert (tree.root.status, tree.root.feedback_message) == (Status.RUNNING, "waiting for observers")
 
@@ -319,22 +319,22 @@ def test_a_decision_waits_for_observers_before_the_subtree_looks() -> None:
 
 
 @pytest.mark.parametrize("chosen", [Status.SUCCESS, Status.FAILURE])
-def test_a_subtree_that_could_not_look_makes_the_decision_what_the_user_chose(chosen: Status) -> None:
+def test_if_the_subtree_could_not_look_the_decision_has_the_chosen_status(chosen: Status) -> None:
     door = Door(markers=0)
     with started(door) as (manager, clock):
-        look, found = looking(clock, door, Status.FAILURE)
-        tree = tree_of(Decide("open?", look, "open", found=found, unknown=chosen), manager, clock)
+        look, seen_value = looking(clock, door, Status.FAILURE)
+        tree = tree_of(Decide("open?", look, "open", found=seen_value, unknown=chosen), manager, clock)
 
         assert ticked(tree, clock) is chosen
         assert [(what, details["found"]) for what, details in decisions(manager)] == [("fell_back", None)]
 
 
-def test_a_decision_that_is_interrupted_says_so_in_the_record_and_is_asked_anew() -> None:
+def test_an_interrupted_decision_is_recorded_and_starts_again() -> None:
     door = Door(angle_rad=1.0, markers=0)
     with started(door) as (manager, clock):
         urgent = Urgent()
-        look, found = looking(clock, door)
-        decide = Decide("open?", look, "open", found=found)
+        look, seen_value = looking(clock, door)
+        decide = Decide("open?", look, "open", found=seen_value)
         tree = tree_of(Selector("root", memory=False, children=[urgent, decide]), manager, clock)
         tree.tick()
         assert look.status is Status.RUNNING
@@ -347,25 +347,25 @@ def test_a_decision_that_is_interrupted_says_so_in_the_record_and_is_asked_anew(
         assert [details.get("raised") for _, details in decisions(manager)] == ["interrupted", None]
 
 
-def test_in_shadow_the_subtree_looks_in_any_case_and_the_record_says_whether_context_agrees() -> None:
+def test_in_shadow_mode_the_subtree_always_looks_and_the_event_log_records_whether_context_agrees() -> None:
     door = Door(angle_rad=1.0)
     with started(door) as (manager, clock):
-        look, found = looking(clock, door)
+        look, seen_value = looking(clock, door)
         manager.declare("open")
         clock.sleep(5.0)
-        tree = tree_of(Decide("open?", look, "open", found=found, shadow=True), manager, clock)
+        tree = tree_of(Decide("open?", look, "open", found=seen_value, shadow=True), manager, clock)
 
         assert ticked(tree, clock) is Status.SUCCESS
         assert [(what, details["agrees"]) for what, details in decisions(manager)] == [("shadowed", True)]
 
 
-def test_after_an_action_a_decision_counts_only_what_was_seen_after_its_end() -> None:
-    """The lid moves in the last instant: an observer that looked during the action has seen it closed."""
+def test_after_an_action_a_decision_uses_only_evidence_from_after_its_end() -> None:
+    """The lid moves at the end of the action: an observer that looked during the action has seen it closed."""
     door = Door(angle_rad=0.0)
     with started(door) as (manager, clock):
-        look, found = looking(clock, door)
+        look, seen_value = looking(clock, door)
         pull = Takes("pull", clock, 6.0, done=lambda: setattr(door, "angle_rad", 1.0))
-        steps = [Acting("act", pull), Decide("open?", look, "open", found=found, wait_up_to_s=8.0)]
+        steps = [Acting("act", pull), Decide("open?", look, "open", found=seen_value, wait_up_to_s=8.0)]
         skill = DuringSkill("open", Sequence("steps", memory=True, children=list(steps)), "open_door")
         tree = tree_of(skill, manager, clock)
         clock.sleep(3.0)
@@ -373,10 +373,12 @@ def test_after_an_action_a_decision_counts_only_what_was_seen_after_its_end() ->
         assert ticked(tree, clock) is Status.SUCCESS
         ((what, details),) = decisions(manager)
         assert (what, details["value"]) == ("answered", True)
-        assert any(reading.content is False for reading in manager.history("open")), "nobody looked during the action"
+        assert any(reading.content is False for reading in manager.history("open")), (
+            "no observer looked during the action"
+        )
 
 
-def test_two_branches_may_be_in_skills_of_their_own_at_the_same_time() -> None:
+def test_two_branches_may_run_different_skills_at_the_same_time() -> None:
     with started(Door()) as (manager, clock):
         drive = DuringSkill("drive", Takes("wheels", clock, 2.0), "drive")
         pull = DuringSkill("open", Takes("arm", clock, 1.0), "open_door")
@@ -403,7 +405,7 @@ def test_a_name_that_the_spec_lacks_is_reported_before_the_first_tick() -> None:
             tree_of(DuringSkill("open", Success("pull"), "opendoor"), manager, clock)
 
 
-def test_a_tree_without_a_context_manager_is_told_how_to_get_one() -> None:
+def test_the_error_of_a_tree_without_a_context_manager_explains_setup() -> None:
     with pytest.raises(TypeError, match=r"call tree.setup\(codra=codra, clock=clock\)"):
         BehaviourTree(ContextIs("open?", "open")).setup()
     with pytest.raises(RuntimeError, match=r"call tree.setup\(codra=codra, clock=clock\)"):
@@ -413,7 +415,7 @@ def test_a_tree_without_a_context_manager_is_told_how_to_get_one() -> None:
 # Any tree
 
 WHOSE = {"drive": {"near"}, "open_door": {"open", "near"}}
-"""What each skill previews and monitors."""
+"""The variables that each skill previews and monitors."""
 
 Shape = tuple[object, ...]
 LEAVES = st.tuples(
@@ -432,7 +434,7 @@ WITHIN_SKILLS = st.recursive(
 
 
 def built(shape: Shape, clock: SimClock, urgent: list[Urgent]) -> Behaviour:
-    """The tree of a shape; what is urgent in it is noted."""
+    """Return the tree of a shape; its `Urgent` nodes are added to the list."""
     what, *rest = shape
     match what:
         case "takes":
@@ -448,7 +450,7 @@ def built(shape: Shape, clock: SimClock, urgent: list[Urgent]) -> Behaviour:
             return Decide("decide", built(rest[0], clock, urgent), "open", found=lambda: True, wait_up_to_s=0.2)
         case "skill drive" | "skill open_door":
             return DuringSkill(what, built(rest[0], clock, urgent), what.removeprefix("skill "))
-    children = [built(each, clock, urgent) for each in rest[0]]
+    children = [built(child, clock, urgent) for child in rest[0]]
     if what == "parallel":
         return Parallel(what, policy=ParallelPolicy.SuccessOnAll(synchronise=False), children=children)
     composite = Selector if what == "selector" else Sequence
@@ -456,9 +458,7 @@ def built(shape: Shape, clock: SimClock, urgent: list[Urgent]) -> Behaviour:
 
 
 @given(shape=WITHIN_SKILLS, switches=st.lists(st.tuples(st.integers(0, 7), st.booleans()), min_size=1, max_size=12))
-def test_whatever_a_tree_does_exactly_the_skills_that_run_are_declared(
-    shape: Shape, switches: list[tuple[int, bool]]
-) -> None:
+def test_in_any_tree_exactly_the_running_skills_are_declared(shape: Shape, switches: list[tuple[int, bool]]) -> None:
     with started(Door(angle_rad=1.0)) as (manager, clock):
         urgent: list[Urgent] = []
         root = DuringSkill("root", built(shape, clock, urgent), "drive")

@@ -70,12 +70,12 @@ def test_the_printed_form_parses_to_the_same_tree(tree: Node) -> None:
 
 
 @given(TREES)
-def test_printing_again_changes_nothing(tree: Node) -> None:
+def test_printing_again_gives_the_same_text(tree: Node) -> None:
     assert to_text(parsed(to_text(tree))) == to_text(tree)
 
 
 @given(TREES, st.sampled_from(["{}", "({})", "  {} ", "{}\n"]))
-def test_blanks_and_parentheses_around_a_condition_change_nothing(tree: Node, frame: str) -> None:
+def test_blanks_and_parentheses_around_a_condition_are_ignored(tree: Node, frame: str) -> None:
     assert parsed(frame.format(to_text(tree))) == tree
 
 

@@ -40,7 +40,7 @@ def test_a_closure_contains_the_reachable_names(needs: dict[str, list[str]], sta
 
 
 @given(GRAPHS)
-def test_names_that_need_each_other_form_a_component(needs: dict[str, list[str]]) -> None:
+def test_mutually_dependent_names_form_a_component(needs: dict[str, list[str]]) -> None:
     graph = directed(needs)
     cyclic = {name for cycle in nx.simple_cycles(graph) for name in cycle}
 

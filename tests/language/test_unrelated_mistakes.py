@@ -6,7 +6,7 @@ from pathlib import Path
 
 from codra_dsl.compiler import plan_paths
 
-WORKSHOP = Path(__file__).parent / "cases" / "twelve" / "workshop.yaml"
+WORKSHOP = Path(__file__).parents[1] / "cases" / "twelve" / "workshop.yaml"
 
 EXPECTED = [
     (7, "bol", "bool"),

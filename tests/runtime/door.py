@@ -1,4 +1,4 @@
-"""A small forest by hand, as generated code would write it: is the door near, is it open? (P1, Figure 4)."""
+"""A small forest written by hand in the form of generated code: is the door near, is it open? (P1, Figure 4)."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ from codra_dsl.runtime.values.model import (
 
 @dataclass
 class Door:
-    """The handle `door`: what perception finds, how long it takes, and when it was asked.
+    """The handle `door`: the results of perception, its duration, and the instants of its calls.
 
-    With `snapshot` the evidence of `look` is taken in its first instant, else during its whole job.
+    With `snapshot` the evidence of `look` is taken at its first instant, otherwise during the entire job.
     """
 
     distance_m: float = 1.0
@@ -41,8 +41,8 @@ class Door:
     instead: Callable[[Any], object] | None = None
     calls: list[tuple[str, float]] = field(default_factory=list)
 
-    def asked_s(self, what: str) -> list[float]:
-        return [at_s for name, at_s in self.calls if name == what]
+    def asked_s(self, function: str) -> list[float]:
+        return [at_s for name, at_s in self.calls if name == function]
 
 
 def measure_distance(*, door: Door, job: Any) -> dict[str, object]:
@@ -54,11 +54,11 @@ def look(*, door: Door, job: Any) -> object:
     door.calls.append(("look", job.now_s()))
     if door.instead is not None:
         return door.instead(job)
-    found = {"angle": door.angle_rad, "markers": door.markers}
+    result = {"angle": door.angle_rad, "markers": door.markers}
     if door.snapshot:
         job.evidence(job.now_s(), job.now_s())
     job.sleep(door.duration_s)
-    return found
+    return result
 
 
 MEASURE_DISTANCE = Algorithm(
@@ -145,7 +145,7 @@ GIVEN_NEAR = ContextModel(
     skills=MODEL.skills,
     resources=MODEL.resources,
 )
-"""The same door, but the main execution itself tells whether it is near."""
+"""The same door, but the main execution writes `near`."""
 
 Manager = ContextManager[str, str]
 

@@ -1,4 +1,4 @@
-"""Forests from plain data, built with the same nodes and in the same shape as generated code."""
+"""Forests from plain data, with the same nodes and structure as generated code."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Find = Callable[[Any], object]
 
 @dataclass
 class World:
-    """The handle `world`: what each algorithm finds (a value, or a function of its job), and when it was asked."""
+    """The handle `world`: the result of each algorithm (a value, or a function of its job), and its calls."""
 
     finds: dict[str, object] = field(default_factory=dict)
     calls: list[tuple[str, float]] = field(default_factory=list)
@@ -40,17 +40,17 @@ class World:
 def look(*, algorithm: str, world: World, job: Any, **given: object) -> object:
     world.calls.append((algorithm, job.now_s()))
     world.given.append(given)
-    found = world.finds[algorithm]
-    return found(job) if callable(found) else found
+    result = world.finds[algorithm]
+    return result(job) if callable(result) else result
 
 
-def takes(duration_s: float, found: object, *, snapshot: bool = False) -> Find:
-    """What a look finds that takes some time; with `snapshot` its evidence is taken in its first instant."""
+def takes(duration_s: float, returns: object, *, snapshot: bool = False) -> Find:
+    """Return a look that takes some time; with `snapshot` its evidence is taken at its first instant."""
 
     def find(job: Any) -> object:
         if snapshot:
             job.evidence(job.now_s(), job.now_s())
-        result = found() if callable(found) else found
+        result = returns() if callable(returns) else returns
         job.sleep(duration_s)
         return result
 
@@ -70,7 +70,7 @@ def algorithm(name: str, returns: Mapping[str, ValueType] | None = None, **setti
 
 @dataclass(frozen=True)
 class Look:
-    """One algorithm in a tree: when it can be trusted, what refines its result, and what that tells."""
+    """One algorithm in a tree: its preconditions, its refinements, and the variables that it identifies."""
 
     algorithm: Algorithm
     identifies: Mapping[str, Term]
@@ -90,38 +90,40 @@ class Look:
 
 
 def seen(name: str, *variables: str, when: Sequence[Term] = (), accept: Sequence[Term] = (), **settings: Any) -> Look:
-    """A look whose result `seen` is the value of each variable."""
+    """Return a look whose result `seen` is the value of each variable."""
     return Look(algorithm(name, **settings), dict.fromkeys(variables, value("seen")), when, accept)
 
 
 def tree(*looks: Look) -> Callable[[Observer], Behaviour]:
-    """P1, Figure 4; with several looks they are alternatives, by rank."""
+    """Return a tree as in P1, Figure 4; several looks are alternatives, by rank."""
 
     def build(observer: Observer) -> Behaviour:
         children: list[Behaviour] = [ControlFlag(observer)]
-        branches = [(each, observer.branch(each.algorithm)) for each in looks]
-        parts = [[*each.start(branch), *each.rest(branch)] for each, branch in branches]
+        branches = [(look, observer.branch(look.algorithm)) for look in looks]
+        parts = [[*look.start(branch), *look.rest(branch)] for look, branch in branches]
         if len(parts) == 1:
             children += parts[0]
         else:
-            ways = [TreeSequence(look.algorithm.name, False, part) for look, part in zip(looks, parts, strict=True)]
-            children.append(Selector("alternatives", False, ways))
+            alternatives = [
+                TreeSequence(look.algorithm.name, False, part) for look, part in zip(looks, parts, strict=True)
+            ]
+            children.append(Selector("alternatives", False, alternatives))
         return TreeSequence(observer.name, False, children)
 
     return build
 
 
 def joined(when: Sequence[Term], *looks: Look) -> Callable[[Observer], Behaviour]:
-    """Trees of different algorithms under shared preconditions."""
+    """Return trees of different algorithms under shared preconditions."""
 
     def build(observer: Observer) -> Behaviour:
-        branches = [observer.branch(each.algorithm) for each in looks]
+        branches = [observer.branch(look.algorithm) for look in looks]
         shared = [Precondition(repr(term), term, *branches) for term in when]
-        ways: list[Behaviour] = [
-            FailureIsSuccess(each.algorithm.name, TreeSequence(each.algorithm.name, False, each.rest(branch)))
-            for each, branch in zip(looks, branches, strict=True)
+        parts: list[Behaviour] = [
+            FailureIsSuccess(look.algorithm.name, TreeSequence(look.algorithm.name, False, look.rest(branch)))
+            for look, branch in zip(looks, branches, strict=True)
         ]
-        together = Parallel("joined", ParallelPolicy.SuccessOnAll(synchronise=False), ways)
+        together = Parallel("joined", ParallelPolicy.SuccessOnAll(synchronise=False), parts)
         return TreeSequence(observer.name, False, [ControlFlag(observer), *shared, together])
 
     return build
@@ -129,7 +131,7 @@ def joined(when: Sequence[Term], *looks: Look) -> Callable[[Observer], Behaviour
 
 def observer(name: str, *looks: Look, joined_when: Sequence[Term] | None = None, **settings: Any) -> ObserverModel:
     build = tree(*looks) if joined_when is None else joined(joined_when, *looks)
-    identifies = tuple(dict.fromkeys(variable for each in looks for variable in each.identifies))
+    identifies = tuple(dict.fromkeys(variable for look in looks for variable in look.identifies))
     return ObserverModel(name=name, identifies=identifies, build=build, **settings)
 
 
@@ -138,7 +140,7 @@ def variable(name: str, **settings: Any) -> VariableModel:
 
 
 def given(name: str, **settings: Any) -> VariableModel:
-    """A variable that the main execution writes."""
+    """Return a variable that the main execution writes."""
     return variable(name, sources=("main_execution",), **settings)
 
 
@@ -169,5 +171,5 @@ def started(model: ContextModel, world: World, clock: Clock | None = None, seed:
 
 
 def events(manager: Manager, kind: Kind, name: str | None = None) -> list[str]:
-    """What happened, without the rest."""
+    """Return the `what` of the events of a kind."""
     return [event.what for event in manager.record.of(kind) if name in (None, event.name)]

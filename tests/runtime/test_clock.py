@@ -26,7 +26,7 @@ def wall() -> Iterator[WallClock]:
 # Simulated time
 
 
-def test_time_passes_only_while_somebody_sleeps() -> None:
+def test_time_passes_only_during_sleep() -> None:
     clock = SimClock(100.0)
     assert clock.now_s() == 100.0
     clock.sleep(2.5)
@@ -42,7 +42,7 @@ def test_events_happen_in_the_order_of_their_instants_then_of_their_scheduling()
     assert happened == [("past", 0.0), ("a", 1.0), ("b", 2.0), ("c", 2.0)]
 
 
-def test_an_event_of_this_instant_that_another_schedules_happens_at_this_instant() -> None:
+def test_an_event_that_another_schedules_for_this_instant_happens_at_this_instant() -> None:
     clock, happened = SimClock(), []
     clock.call_at(1.0, lambda: clock.call_at(1.0, lambda: happened.append(clock.now_s())))
     clock.sleep(1.0)
@@ -54,7 +54,7 @@ def test_a_cancelled_event_does_not_happen_and_an_infinite_one_never_does() -> N
     clock.call_at(1.0, lambda: happened.append("cancelled")).cancel()
     clock.call_at(math.inf, lambda: happened.append("never"))
     clock.sleep(5)
-    with pytest.raises(RuntimeError, match="wait for ever"):
+    with pytest.raises(RuntimeError, match="wait forever"):
         clock.wait_until(lambda: False, math.inf)
     assert happened == []
     assert clock.now_s() == 5
@@ -78,23 +78,23 @@ def test_time_does_not_run_backwards(duration_s: float, wall: WallClock) -> None
             clock.wait_until(lambda: False, duration_s)
 
 
-def test_simulated_work_runs_at_once_and_is_delivered_when_its_time_is_over() -> None:
-    clock, told = SimClock(), []
+def test_simulated_work_runs_at_once_and_is_delivered_after_its_duration() -> None:
+    clock, records = SimClock(), []
 
     def run(work: Work) -> float:
-        told.append(("ran", clock.now_s()))
+        records.append(("ran", clock.now_s()))
         work.sleep(1.5)
         work.sleep(0.5)
         return work.now_s()
 
-    clock.call_at(1.0, lambda: clock.start(run, lambda outcome: told.append((outcome, clock.now_s()))))
+    clock.call_at(1.0, lambda: clock.start(run, lambda outcome: records.append((outcome, clock.now_s()))))
     clock.sleep(2.9)
-    assert told == [("ran", 1.0)]
+    assert records == [("ran", 1.0)]
     clock.sleep(0.1)
-    assert told == [("ran", 1.0), (3.0, 3.0)]
+    assert records == [("ran", 1.0), (3.0, 3.0)]
 
 
-def test_cancelled_work_comes_to_its_end_at_once_in_either_time(wall: WallClock) -> None:
+def test_cancelled_work_ends_at_once_in_both_kinds_of_time(wall: WallClock) -> None:
     """In real time its next `sleep` raises."""
     for clock in (SimClock(), wall):
         delivered: list[str] = []
@@ -121,39 +121,39 @@ def test_cancelled_work_comes_to_its_end_at_once_in_either_time(wall: WallClock)
         assert len(delivered) == 1
 
 
-def test_nothing_waits_inside_an_event() -> None:
+def test_waiting_inside_an_event_is_refused() -> None:
     clock, errors = SimClock(), []
 
     def waits() -> None:
         with pytest.raises(RuntimeError, match=r"must not wait on the clock: use job\.sleep"):
             clock.sleep(1)
-        errors.append("told")
+        errors.append("records")
 
     clock.call_at(1.0, waits)
     clock.start(lambda _: waits(), lambda _: None)
     clock.sleep(2)
-    assert errors == ["told", "told"]
+    assert errors == ["records", "records"]
 
 
 def test_simulated_time_belongs_to_one_thread() -> None:
-    clock, told = SimClock(), []
+    clock, records = SimClock(), []
 
     def elsewhere() -> None:
         for call in (lambda: clock.sleep(1), lambda: clock.call_at(1, lambda: None)):
-            with pytest.raises(RuntimeError, match="belongs to the thread that made it: use WallClock"):
+            with pytest.raises(RuntimeError, match="belongs to the thread that created it: use WallClock"):
                 call()
-            told.append(True)
+            records.append(True)
 
     thread = threading.Thread(target=elsewhere)
     thread.start()
     thread.join()
-    assert told == [True, True]
+    assert records == [True, True]
 
 
 # Real time
 
 
-def test_real_events_happen_in_a_thread_of_their_own_and_wake_who_waits(wall: WallClock) -> None:
+def test_real_events_happen_in_a_separate_thread_and_wake_waiting_threads(wall: WallClock) -> None:
     threads: list[str] = []
 
     def happen() -> None:
@@ -165,9 +165,7 @@ def test_real_events_happen_in_a_thread_of_their_own_and_wake_who_waits(wall: Wa
     assert threads == ["codra-clock"]
 
 
-def test_an_event_that_fails_does_not_take_the_others_with_it(
-    wall: WallClock, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_an_event_that_fails_does_not_stop_the_others(wall: WallClock, caplog: pytest.LogCaptureFixture) -> None:
     happened: list[bool] = []
 
     def exits() -> None:
@@ -181,20 +179,20 @@ def test_an_event_that_fails_does_not_take_the_others_with_it(
 
 
 def test_an_event_must_not_wait_in_real_time_either(wall: WallClock) -> None:
-    told: list[str] = []
+    records: list[str] = []
 
     def waits() -> None:
         for call in (lambda: wall.sleep(1), lambda: wall.wait_until(lambda: False, 1)):
             with pytest.raises(RuntimeError, match="must not wait on the clock"):
                 call()
-        told.append("told")
+        records.append("refused")
         wall.notify()
 
     wall.call_at(wall.now_s(), waits)
-    assert wall.wait_until(lambda: bool(told), 60)
+    assert wall.wait_until(lambda: bool(records), 60)
 
 
-def test_whoever_waits_on_a_clock_that_is_closed_is_told_that_nothing_came() -> None:
+def test_waiting_on_a_closed_clock_returns_false() -> None:
     clock, answers = WallClock(), []
     thread = threading.Thread(target=lambda: answers.append(clock.wait_until(lambda: False, math.inf)))
     thread.start()
@@ -203,23 +201,23 @@ def test_whoever_waits_on_a_clock_that_is_closed_is_told_that_nothing_came() -> 
     assert answers == [False]
 
 
-def test_a_wait_may_be_of_any_length(wall: WallClock) -> None:
+def test_a_wait_may_have_any_length(wall: WallClock) -> None:
     for timeout_s in (1e30, math.inf):
         assert wall.wait_until(lambda: True, timeout_s)
-    told: list[str] = []
+    ended: list[str] = []
 
     def run(work: Work) -> None:
         with pytest.raises(Cancelled):
             work.sleep(math.inf)
-        told.append("cancelled")
+        ended.append("cancelled")
 
     wall.start(run, lambda _: wall.notify()).cancel()
-    assert wall.wait_until(lambda: bool(told), 60)
+    assert wall.wait_until(lambda: bool(ended), 60)
 
 
-def test_a_real_clock_shows_the_time_of_day_or_what_it_is_told() -> None:
-    with WallClock(5.0) as told, WallClock() as day:
-        assert 5.0 <= told.now_s() < 65.0
+def test_a_real_clock_shows_the_time_of_day_or_the_given_start() -> None:
+    with WallClock(5.0) as given, WallClock() as day:
+        assert 5.0 <= given.now_s() < 65.0
         assert day.now_s() > 1.7e9
 
 
@@ -268,14 +266,14 @@ print("end", flush=True)
 """
 
 
-def test_a_process_ends_though_work_hangs() -> None:
+def test_a_process_ends_although_work_hangs() -> None:
     with subprocess.Popen([sys.executable, "-c", HANGS], cwd=ROOT, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         assert process.stdout.readline() == "end\n"
         assert process.wait(timeout=2) == 0
 
 
-def test_an_event_that_comes_last_of_its_instant_comes_after_those_that_others_of_it_bring_about() -> None:
+def test_the_last_event_of_an_instant_runs_after_events_that_others_of_the_instant_schedule() -> None:
     clock, happened = SimClock(), list[str]()
 
     def first() -> None:

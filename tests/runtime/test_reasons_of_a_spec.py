@@ -1,4 +1,4 @@
-"""From the text of a spec to what a program is told: each reason for which a variable can be unknown."""
+"""From the text of a spec to the readings of a program: every reason why a variable can be unknown."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ skills:
 
 @dataclass
 class Eye:
-    """What every look finds, or does."""
+    """The result and the behaviour of every look."""
 
     gap_m: float | None = 2.0
     sharpness: float = 0.9
@@ -85,41 +85,41 @@ def why_unknown(codra: Any, name: str) -> tuple[Reason, str]:
     return reading.reason, reading.detail
 
 
-def test_every_reason_is_reached_and_told(gate: Any) -> None:
+def test_every_reason_is_reached_and_reported(gate: Any) -> None:
     codra, clock, eye = gate
-    told: list[tuple[Reason, str]] = []
+    reasons: list[tuple[Reason, str]] = []
     codra.declare("open")
-    told.append(why_unknown(codra, "open"))
+    reasons.append(why_unknown(codra, "open"))
     codra.set("near", True)
     clock.sleep(0.5)
     assert (codra.get("open").value, codra.get("free").value) == (True, True)
     with codra.skill("push") as skill, skill.acting():
-        told.append(why_unknown(codra, "open"))
+        reasons.append(why_unknown(codra, "open"))
     clock.sleep(1.0)
     codra.set("near", False)
     clock.sleep(0.0)
-    told.append(why_unknown(codra, "free"))
+    reasons.append(why_unknown(codra, "free"))
     clock.sleep(11.0)
-    told.append(why_unknown(codra, "open"))
+    reasons.append(why_unknown(codra, "open"))
     eye.sharpness = 0.1
     codra.set("near", True)
     clock.sleep(0.5)
-    told.append(why_unknown(codra, "open"))
+    reasons.append(why_unknown(codra, "open"))
     eye.sharpness, eye.error = 0.9, ValueError("no picture")
     clock.sleep(1.0)
-    told.append(why_unknown(codra, "open"))
+    reasons.append(why_unknown(codra, "open"))
     eye.error, eye.takes_s = None, 3.0
     clock.sleep(4.0)
-    told.append(why_unknown(codra, "open"))
+    reasons.append(why_unknown(codra, "open"))
     eye.takes_s = 0.1
     clock.sleep(3.0)
     codra.withdraw("open")
-    told.append(why_unknown(codra, "free"))
+    reasons.append(why_unknown(codra, "free"))
     codra.declare("steady")
     clock.sleep(0.5)
-    told.append(why_unknown(codra, "steady"))
+    reasons.append(why_unknown(codra, "steady"))
 
-    assert told == [
+    assert reasons == [
         (Reason.NEVER_OBSERVED, "near"),
         (Reason.INVALIDATED, "push"),
         (Reason.FORGOTTEN, "near"),
@@ -130,7 +130,7 @@ def test_every_reason_is_reached_and_told(gate: Any) -> None:
         (Reason.WITHDRAWN, "look"),
         (Reason.UNCONFIRMED, "1 of 2 needed among the last 3 for true"),
     ]
-    assert {reason for reason, _ in told} == set(Reason)
+    assert {reason for reason, _ in reasons} == set(Reason)
 
 
 def test_between_enter_and_leave_a_gate_is_what_it_was(gate: Any) -> None:
@@ -145,7 +145,7 @@ def test_between_enter_and_leave_a_gate_is_what_it_was(gate: Any) -> None:
     assert states == [None, True, True, False, False]
 
 
-def test_a_variable_that_is_looked_at_on_events_is_left_in_peace_once_it_is_confirmed(gate: Any) -> None:
+def test_a_variable_that_is_observed_on_events_is_not_observed_once_it_is_confirmed(gate: Any) -> None:
     codra, clock, eye = gate
     codra.declare("steady")
     clock.sleep(60.0)
@@ -157,7 +157,7 @@ def test_a_variable_that_is_looked_at_on_events_is_left_in_peace_once_it_is_conf
     assert eye.calls == [0.0, 1.0]
 
 
-def test_what_the_spec_expects_is_judged(gate: Any) -> None:
+def test_the_expectations_of_the_spec_are_judged(gate: Any) -> None:
     codra, clock, eye = gate
     codra.set("near", True)
     eye.gap_m = 0.2
@@ -167,7 +167,7 @@ def test_what_the_spec_expects_is_judged(gate: Any) -> None:
             assert skill.verify().violated[0].expected == "free stays true"
             eye.gap_m = 1.5
         verdicts = skill.verify(wait_up_to_s=20.0).verdicts
-    assert [(each.expected, each.outcome) for each in verdicts] == [
+    assert [(verdict.expected, verdict.outcome) for verdict in verdicts] == [
         ("open becomes true within 20 s", Outcome.MET),
         ("free stays true", Outcome.VIOLATED),
     ]

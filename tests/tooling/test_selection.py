@@ -1,4 +1,4 @@
-"""Selectors, as dbt reads them, on a small graph, and against a naive oracle on random ones."""
+"""Selectors with the semantics of dbt, on a small graph, and against a naive oracle on random graphs."""
 
 from __future__ import annotations
 
@@ -31,17 +31,17 @@ KINDS = ("context", "perception", "observer", "skill")
 def choices(*edges: Edge) -> Choices:
     ids = dict.fromkeys(end for edge in edges for end in edge)
     nodes = []
-    for each in ids:
-        spec, kind, name = each.split("/")
+    for node_id in ids:
+        spec, kind, name = node_id.split("/")
         file, use = f"specs/{spec}.yaml", "rear" if name == "deep" else ""
-        nodes.append(Choice(id=each, name=name, kind=kind, label=LABELS.get(each, name), file=file, use=use))
+        nodes.append(Choice(id=node_id, name=name, kind=kind, label=LABELS.get(node_id, name), file=file, use=use))
     return Choices(nodes=nodes, edges=edges, kinds=(*KINDS, "agent"), absent=frozenset({"unused"}))
 
 
 def chosen(*wanted: str, without: tuple[str, ...] = ()) -> str:
-    """The chosen nodes, those of the lab without the name of their spec."""
-    found = select(choices(*EDGES), wanted, without)
-    return " ".join(sorted(each.removeprefix("lab/") for each in found))
+    """Return the selected nodes; those of the lab without the name of their spec."""
+    selected = select(choices(*EDGES), wanted, without)
+    return " ".join(sorted(node_id.removeprefix("lab/") for node_id in selected))
 
 
 ALL = (
@@ -93,8 +93,8 @@ ALL = (
         ("b c,kind:context", "context/b context/c"),
     ],
 )
-def test_a_selector_means_what_it_means_in_dbt(selector: str, expected: str) -> None:
-    wanted = {each for each in expected.split() if each != "shop/none"}
+def test_a_selector_has_the_semantics_of_dbt(selector: str, expected: str) -> None:
+    wanted = {name for name in expected.split() if name != "shop/none"}
     if expected == ALL and selector in ("+c+", "@look"):
         wanted -= {"shop/context/a", "shop/perception/one"}
 
@@ -113,7 +113,7 @@ def test_a_selector_means_what_it_means_in_dbt(selector: str, expected: str) -> 
         (("b",), ("b",), ""),
     ],
 )
-def test_options_add_up_and_what_is_excluded_goes(
+def test_options_add_up_and_exclusions_are_removed(
     wanted: tuple[str, ...], without: tuple[str, ...], expected: str
 ) -> None:
     assert chosen(*wanted, without=without) == expected
@@ -133,48 +133,48 @@ def test_options_add_up_and_what_is_excluded_goes(
         ("@", "a name is missing; a selector has no blanks around '+' and ','", ""),
         ("kind:", "a name is missing; a selector has no blanks around '+' and ','", ""),
         ("b ++c", "a name is missing; a selector has no blanks around '+' and ','", "+"),
-        ("b +c++", "'+' has no place here", "+"),
-        ("b+1+", "'+' has no place here", "+"),
-        ("b+c", "'c' has no place here", "c"),
-        ("b@", "'@' has no place here", "@"),
-        ("kind:kind:b", "':' has no place here", ":"),
+        ("b +c++", "'+' is not allowed here", "+"),
+        ("b+1+", "'+' is not allowed here", "+"),
+        ("b+c", "'c' is not allowed here", "c"),
+        ("b@", "'@' is not allowed here", "@"),
+        ("kind:kind:b", "':' is not allowed here", ":"),
         ("@b+", "'@' already goes both ways: leave out the '+'", "+"),
         ("@2+b", "'@' already goes both ways: leave out the '+'", "2"),
         ("kind:observr", "there is no kind 'observr': did you mean 'observer'?", "observr"),
-        ("kind:banana", "there is no kind 'banana': take one of context, perception, observer, skill, agent", "banana"),
+        ("kind:banana", "there is no kind 'banana': choose from context, perception, observer, skill, agent", "banana"),
         ("b knd:observer", "there is no method 'knd': did you mean 'kind'?", "knd"),
-        ("tag:x", "there is no method 'tag': take one of kind, file, use", "tag"),
-        (":x", "there is no method '': take one of kind, file, use", ":"),
-        ("b 2+loook", "nothing is called 'loook' (did you mean 'look'?)", "loook"),
-        ("lab/context/bb", "nothing is called 'lab/context/bb' (did you mean 'lab/context/b'?)", "lab/context/bb"),
-        ("entirely_else", "nothing is called 'entirely_else'", "entirely_else"),
-        ("Lid-open", "nothing is called 'Lid-open': that is the label of 'c'", "Lid-open"),
-        ("unused", "nothing is called 'unused' in the graph: it is declared, but no decision needs it", "unused"),
-        ("x*", "nothing matches 'x*'", "x*"),
-        ("use:front", "nothing is called 'front'", "front"),
-        ("a 1+use:raer", "nothing is called 'raer' (did you mean 'rear'?)", "raer"),
+        ("tag:x", "there is no method 'tag': choose from kind, file, use", "tag"),
+        (":x", "there is no method '': choose from kind, file, use", ":"),
+        ("b 2+loook", "no node matches 'loook' (did you mean 'look'?)", "loook"),
+        ("lab/context/bb", "no node matches 'lab/context/bb' (did you mean 'lab/context/b'?)", "lab/context/bb"),
+        ("entirely_else", "no node matches 'entirely_else'", "entirely_else"),
+        ("Lid-open", "no node matches 'Lid-open': that is the label of 'c'", "Lid-open"),
+        ("unused", "no node matches 'unused' in the graph: it is declared, but no decision needs it", "unused"),
+        ("x*", "no node matches 'x*'", "x*"),
+        ("use:front", "no node matches 'front'", "front"),
+        ("a 1+use:raer", "no node matches 'raer' (did you mean 'rear'?)", "raer"),
     ],
 )
-def test_a_mistake_is_told_with_its_place(selector: str, message: str, marked: str) -> None:
-    with pytest.raises(SelectorError) as told:
+def test_an_error_is_reported_with_its_place(selector: str, message: str, marked: str) -> None:
+    with pytest.raises(SelectorError) as error:
         select(choices(*EDGES), ["b", selector] if selector != "2+" else [selector])
 
-    first, shown, marks = str(told.value).split("\n")
-    assert first == f"{message} (column {told.value.column})"
+    first, shown, marks = str(error.value).split("\n")
+    assert first == f"{message} (column {error.value.column})"
     assert shown[2:] == selector
     assert shown[marks.index("^") : len(marks)] == marked
 
 
-def test_what_is_excluded_must_exist_as_well() -> None:
-    with pytest.raises(SelectorError, match="nothing is called 'loook'"):
+def test_excluded_nodes_must_exist_too() -> None:
+    with pytest.raises(SelectorError, match="no node matches 'loook'"):
         select(choices(*EDGES), ["b"], ["loook"])
 
 
-def test_letters_that_cannot_be_printed_do_not_reach_the_terminal() -> None:
-    with pytest.raises(SelectorError) as told:
+def test_unprintable_characters_do_not_reach_the_terminal() -> None:
+    with pytest.raises(SelectorError) as error:
         select(choices(*EDGES), ["b \x1b[31mred"])
 
-    assert "\x1b" not in str(told.value)
+    assert "\x1b" not in str(error.value)
 
 
 # Against an oracle
@@ -195,26 +195,26 @@ SELECTORS = st.lists(st.lists(TERMS, min_size=1, max_size=3), min_size=1, max_si
 
 
 def oracle(edges: list[Edge], parts: list[list[str]]) -> set[str]:
-    """What a selector means, said with as little thought as possible: walk every path, step by step."""
+    """Evaluate a selector naively: walk every path, step by step."""
     ids = {end for edge in edges for end in edge}
 
     def walked(start: set[str], steps: str, forward: bool) -> set[str]:
-        found = set(start)
+        reached = set(start)
         for _ in range(int(steps) if steps else len(ids)):
-            found |= (
-                {user for need, user in edges if need in found}
+            reached |= (
+                {user for need, user in edges if need in reached}
                 if forward
-                else {need for need, user in edges if user in found}
+                else {need for need, user in edges if user in reached}
             )
-        return found
+        return reached
 
     def named(pattern: str) -> set[str]:
         if pattern in ("kind:context", "lab/context/*"):
-            return {each for each in ids if "/context/" in each}
+            return {node_id for node_id in ids if "/context/" in node_id}
         allowed = {"[a-c]": "abc", "*": NAMES}.get(pattern, (pattern,))
-        return {each for each in ids if each[-1] in allowed}
+        return {node_id for node_id in ids if node_id[-1] in allowed}
 
-    def meant(term: str) -> set[str]:
+    def matched(term: str) -> set[str]:
         if term.startswith("@"):
             return walked(walked(named(term[1:]), "", True), "", False)
         before, after, pattern = None, None, term
@@ -223,11 +223,11 @@ def oracle(edges: list[Edge], parts: list[list[str]]) -> set[str]:
         if "+" in pattern:
             pattern, after = pattern.split("+")
         start = named(pattern)
-        found = set(start)
-        found |= walked(start, before, False) if before is not None else set()
-        return found | (walked(start, after, True) if after is not None else set())
+        selected = set(start)
+        selected |= walked(start, before, False) if before is not None else set()
+        return selected | (walked(start, after, True) if after is not None else set())
 
-    return {each for part in parts for each in set.intersection(*map(meant, part))}
+    return {node_id for part in parts for node_id in set.intersection(*map(matched, part))}
 
 
 def answer(edges: Sequence[Edge], text: str) -> frozenset[str] | SelectorError:
@@ -238,35 +238,35 @@ def answer(edges: Sequence[Edge], text: str) -> frozenset[str] | SelectorError:
 
 
 @given(GRAPHS, SELECTORS)
-def test_selectors_mean_what_a_naive_reading_says(edges: list[Edge], parts: list[list[str]]) -> None:
-    found = answer(edges, " ".join(",".join(terms) for terms in parts))
+def test_selectors_agree_with_the_naive_oracle(edges: list[Edge], parts: list[list[str]]) -> None:
+    selected = answer(edges, " ".join(",".join(terms) for terms in parts))
 
-    assert found == oracle(edges, parts) or (isinstance(found, SelectorError) and "nothing" in str(found))
+    assert selected == oracle(edges, parts) or (isinstance(selected, SelectorError) and "no node" in str(selected))
 
 
 @given(GRAPHS, SELECTORS)
-def test_only_names_that_no_node_has_are_mistakes(edges: list[Edge], parts: list[list[str]]) -> None:
+def test_only_names_without_a_node_are_errors(edges: list[Edge], parts: list[list[str]]) -> None:
     names = {end[-1] for edge in edges for end in edge}
     used = {letter for terms in parts for term in terms for letter in term.split("+") if letter in NAMES}
     used |= {term[1:] for terms in parts for term in terms if term.startswith("@") and term[1:] in NAMES}
-    globs = any(each in term for terms in parts for term in terms for each in ("[a-c]", "lab/context/*"))
+    globs = any(pattern in term for terms in parts for term in terms for pattern in ("[a-c]", "lab/context/*"))
 
-    found = answer(edges, " ".join(",".join(terms) for terms in parts))
+    selected = answer(edges, " ".join(",".join(terms) for terms in parts))
 
-    assert isinstance(found, SelectorError) == (not used <= names) or globs
+    assert isinstance(selected, SelectorError) == (not used <= names) or globs
 
 
 @given(st.text(alphabet="ab+@,: 2*[]/kind", max_size=12))
-def test_any_text_is_a_selector_or_a_mistake_within_it(text: str) -> None:
-    found = answer(EDGES, text)
+def test_any_text_is_a_selector_or_has_an_error_within_it(text: str) -> None:
+    selected = answer(EDGES, text)
 
-    if isinstance(found, SelectorError):
-        assert 1 <= found.column <= len(text) + 1
+    if isinstance(selected, SelectorError):
+        assert 1 <= selected.column <= len(text) + 1
     else:
-        assert found <= {end for edge in EDGES for end in edge}
+        assert selected <= {end for edge in EDGES for end in edge}
 
 
-def test_a_chain_of_a_hundred_thousand_is_followed_to_its_end() -> None:
+def test_a_chain_of_a_hundred_thousand_is_followed_completely() -> None:
     chain = [(f"lab/context/v{number}", f"lab/context/v{number + 1}") for number in range(100_000)]
 
     assert len(select(choices(*chain), ["v0+"])) == 100_001

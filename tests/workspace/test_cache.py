@@ -1,4 +1,4 @@
-"""The cache: with it or without it, a run says and makes the same; and a run in which nothing changed is short."""
+"""The cache: a run has the same results with and without it; and a run in which nothing changed is short."""
 
 from __future__ import annotations
 
@@ -95,13 +95,13 @@ def run(folder: Path, *arguments: str) -> tuple[int, str, str]:
 
 
 def content(folder: Path) -> dict[str, bytes]:
-    """Every file of a project but what the cache keeps."""
+    """Every file of a project except those of the cache."""
     files = (path for path in sorted(folder.rglob("*")) if path.is_file() and FOLDER not in path.parts)
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in files}
 
 
 class WarmAndCold(RuleBasedStateMachine):
-    """Two projects that are always edited alike: one is compiled with the cache, the other without it."""
+    """Two projects with the same edits: one is compiled with the cache, the other without it."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -146,7 +146,7 @@ class WarmAndCold(RuleBasedStateMachine):
 
     @rule(data=st.data(), path=st.sampled_from(sorted(FILES)))
     def touch(self, data: st.DataObject, path: str) -> None:
-        """What a file holds counts, not when it was written."""
+        """The contents of a file count, not the time of writing."""
         for project in (self._warm, self._cold):
             if (project / path).exists():
                 time_ns = data.draw(st.integers(0, 2_000_000_000)) * 10**9
@@ -192,7 +192,7 @@ print(*sorted({library} & set(sys.modules)), code, file=sys.stderr)
 
 
 def imported(project: Path, *arguments: str) -> list[str]:
-    """Run a command in a process of its own and return which of the compiler's libraries it imported, and its code."""
+    """Run a command in a separate process; return the compiler's libraries that it imported, and its exit code."""
     done = subprocess.run(
         [sys.executable, "-c", WHICH.format(library=set(LIBRARIES)), *arguments],
         cwd=project,
@@ -211,7 +211,7 @@ def test_a_run_in_which_nothing_changed_imports_no_library_of_the_compiler(proje
     assert second == ["0"]
 
 
-def test_a_run_is_kept_as_data_in_a_folder_that_no_repository_takes_in(project: Path) -> None:
+def test_a_run_is_stored_as_data_in_a_folder_that_git_ignores(project: Path) -> None:
     run(project, "compile", "door.yaml")
 
     assert (project / FOLDER / ".gitignore").read_text() == "*\n"
@@ -219,28 +219,28 @@ def test_a_run_is_kept_as_data_in_a_folder_that_no_repository_takes_in(project: 
     assert json.loads(kept.read_text())["run"]["specs"] == ["door.yaml"]
 
 
-def test_a_run_with_errors_is_not_kept(project: Path) -> None:
-    """What it says may depend on files that are not there."""
+def test_a_run_with_errors_is_not_stored(project: Path) -> None:
+    """Its errors may depend on files that do not exist."""
     (project / "door.yaml").write_text(DOOR.replace("parts/lamp", "parts/lump"))
 
     assert run(project, "lint", "door.yaml")[0] == 1
     assert not (project / FOLDER).exists()
 
 
-def test_without_the_cache_nothing_is_kept(project: Path) -> None:
+def test_without_the_cache_no_run_is_stored(project: Path) -> None:
     run(project, "lint", "door.yaml", "--no-cache")
 
     assert not (project / FOLDER).exists()
 
 
-def test_where_there_is_no_project_nothing_is_kept(project: Path) -> None:
+def test_outside_of_a_project_no_run_is_stored(project: Path) -> None:
     (project / "pyproject.toml").unlink()
 
     assert run(project, "lint", "door.yaml")[0] == 0
     assert not (project / FOLDER).exists()
 
 
-def test_where_nothing_can_be_kept_a_run_says_the_same(project: Path) -> None:
+def test_a_run_that_cannot_be_stored_has_the_same_output(project: Path) -> None:
     expected = run(project, "lint", "door.yaml", "--no-cache")
     (project / FOLDER).write_text("in the way")
 
@@ -248,8 +248,8 @@ def test_where_nothing_can_be_kept_a_run_says_the_same(project: Path) -> None:
 
 
 @pytest.mark.parametrize("where", [FOLDER, f"{FOLDER}/.gitignore"])
-def test_nothing_is_kept_by_way_of_a_link(project: Path, where: str) -> None:
-    """A repository can hold links that lead anywhere."""
+def test_no_run_is_stored_through_a_link(project: Path, where: str) -> None:
+    """A repository can contain links to any place."""
     elsewhere = project.parent / f"{project.name}-elsewhere"
     (project / where).parent.mkdir(exist_ok=True)
     (project / where).symlink_to(elsewhere)
@@ -262,8 +262,8 @@ def test_nothing_is_kept_by_way_of_a_link(project: Path, where: str) -> None:
     assert not elsewhere.is_dir() or not list(elsewhere.iterdir())
 
 
-def test_in_ci_what_was_kept_is_not_believed(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What is kept may have come with the change that is to be judged."""
+def test_in_ci_stored_runs_are_not_used(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A stored run may have come with the change that is checked."""
     unused = "context:\n  unused: {type: bool, source: main_execution}\n"
     (project / "door.yaml").write_text(DOOR.replace("context:\n", unused))
     expected = run(project, "lint", "door.yaml")
@@ -278,7 +278,7 @@ def test_in_ci_what_was_kept_is_not_believed(project: Path, monkeypatch: pytest.
     assert run(project, "lint", "door.yaml") == expected
 
 
-def test_a_pipe_in_the_place_of_a_kept_run_is_not_waited_for(project: Path) -> None:
+def test_a_pipe_instead_of_a_stored_run_does_not_block(project: Path) -> None:
     expected = run(project, "lint", "door.yaml")
     (kept,) = (project / FOLDER).glob("*.json")
     kept.unlink()
@@ -287,7 +287,7 @@ def test_a_pipe_in_the_place_of_a_kept_run_is_not_waited_for(project: Path) -> N
     assert run(project, "lint", "door.yaml") == expected
 
 
-def test_an_older_version_of_codra_is_as_if_it_had_kept_nothing(project: Path) -> None:
+def test_runs_of_an_older_version_of_codra_are_not_used(project: Path) -> None:
     run(project, "lint", "door.yaml")
     (kept,) = (project / FOLDER).glob("*.json")
     older = json.loads(kept.read_text()) | {"made_with": "an older version"}
@@ -298,28 +298,28 @@ def test_an_older_version_of_codra_is_as_if_it_had_kept_nothing(project: Path) -
 
 
 @pytest.mark.parametrize("damage", [0, -1, 7.5, None, True, "text", [], {}, [None], [["", 1, 1, 1, 1]]])
-def test_whatever_a_kept_run_holds_there_is_no_traceback(project: Path, damage: object) -> None:
-    """Each value that is kept, one by one, is replaced by something else; the run is then as if nothing was kept."""
+def test_a_damaged_stored_run_causes_no_traceback(project: Path, damage: object) -> None:
+    """Each stored value in turn is replaced by something else; the run then behaves as if nothing was stored."""
     (project / "door.yaml").write_text(
         DOOR.replace("context:", "context:\n  unused: {type: bool, source: main_execution}")
     )
     expected = run(project, "lint", "door.yaml", "--no-cache")
     run(project, "lint", "door.yaml")
     (file,) = (project / FOLDER).glob("*.json")
-    whole = json.loads(file.read_text())
+    stored = json.loads(file.read_text())
 
-    for steps in paths_in(whole["run"]):
-        damaged = json.loads(json.dumps(whole))
+    for steps in paths_in(stored["run"]):
+        damaged = json.loads(json.dumps(stored))
         holder = damaged["run"]
         for step in steps[:-1]:
             holder = holder[step]
         if holder[steps[-1]] == damage or (isinstance(damage, str) and isinstance(holder[steps[-1]], str)):
-            continue  # a text for a text is another run, which nobody can tell from a true one
+            continue  # a text in place of a text is another valid run
         holder[steps[-1]] = damage
         file.write_text(json.dumps(damaged))
-        code, _, told = run(project, "lint", "door.yaml")
-        assert code in (0, 1), told
-        assert "Traceback" not in told
+        code, _, output = run(project, "lint", "door.yaml")
+        assert code in (0, 1), output
+        assert "Traceback" not in output
     file.unlink()
     assert run(project, "lint", "door.yaml") == expected
 

@@ -1,11 +1,11 @@
-"""How long stages take, by a clock that is handed in."""
+"""The time that stages take, by a clock that is passed as an argument."""
 
 from __future__ import annotations
 
 from codra_dsl.workspace.timings import UNTIMED, Timings
 
 
-def test_a_table_has_the_stages_the_rest_and_the_whole() -> None:
+def test_a_table_has_the_stages_the_rest_and_the_total() -> None:
     instants_s = iter([0.0, 1.0, 3.0, 3.0, 4.0, 4.0, 5.0, 8.0])
     timings = Timings(lambda: next(instants_s))
 
@@ -24,14 +24,14 @@ def test_a_table_has_the_stages_the_rest_and_the_whole() -> None:
     )
 
 
-def test_without_a_clock_nothing_is_measured() -> None:
+def test_without_a_clock_no_time_is_measured() -> None:
     with UNTIMED.stage("load"):
         pass
 
     assert UNTIMED.table() == ""
 
 
-def test_a_stage_that_fails_is_measured_all_the_same() -> None:
+def test_a_stage_that_fails_is_measured_too() -> None:
     instants_s = iter([0.0, 1.0, 3.0, 4.0])
     timings = Timings(lambda: next(instants_s))
 

@@ -1,4 +1,4 @@
-"""What Algorithm 2 decides, as values; what follows from it (names, modules, edges); and the gate that verifies it."""
+"""The decisions of Algorithm 2 as values; the names, modules and edges derived from them; and their verification."""
 
 from codra_dsl.generation.build_plan.gate import PlanError, verify
 from codra_dsl.generation.build_plan.values import Branch, BuildPlan, Edge, EdgeKind, Module, Node, NodeKind, Tree

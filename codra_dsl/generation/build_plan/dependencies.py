@@ -1,4 +1,4 @@
-"""The dependency graph of a plan: which element identifies, requires, runs or decides on which."""
+"""The dependency graph of a plan: which element identifies, requires, runs or decides on which other element."""
 
 from __future__ import annotations
 
@@ -15,21 +15,23 @@ from codra_dsl.language.model import Skill
 
 
 def dependencies(checked: CheckedSpec, forest: Iterable[Tree]) -> tuple[Edge, ...]:
-    """Return the dependency graph of a forest and of the skills that decide on what it identifies.
+    """Return the dependency graph of a forest and of the skills that decide on its variables.
 
-    Edges are sorted by kind and name of their source, by their own kind, and by kind and name of their target; so they
-    are made in that order, each once.
+    Edges are sorted by kind and name of their source, by their own kind, and by kind and name of their target. They are
+    generated in that order, without duplicates.
     """
     trees = sorted(forest, key=lambda tree: tree.name)
-    algorithms = sorted((branch.algorithm for tree in trees for branch in tree.branches), key=lambda each: each.name)
+    algorithms = sorted(
+        (branch.algorithm for tree in trees for branch in tree.branches), key=lambda algorithm: algorithm.name
+    )
     skills = sorted(checked.spec.skills, key=lambda skill: skill.name)
     parts = chain(map(_runs, trees), map(_perceives, algorithms), map(_decides, skills))
-    known = [] if checked.knowledge is None else list(_known(checked.knowledge))
-    found = (*known, *chain.from_iterable(parts))
-    found = found if checked.mape is None else (*found, *loop_edges(checked.mape))
-    needed = {edge.target.name for edge in found if edge.target.kind is NodeKind.CONTEXT} if checked.poses else ()
-    posed = [edge for name in checked.poses if name in needed for edge in _rests_on(checked, name)]
-    return found if checked.mape is None and not posed else tuple(sorted({*found, *posed}, key=_in_order))
+    knowledge_edges = [] if checked.knowledge is None else list(_knowledge_edges(checked.knowledge))
+    edges = (*knowledge_edges, *chain.from_iterable(parts))
+    edges = edges if checked.mape is None else (*edges, *loop_edges(checked.mape))
+    needed = {edge.target.name for edge in edges if edge.target.kind is NodeKind.CONTEXT} if checked.poses else ()
+    posed = [edge for name in checked.poses if name in needed for edge in _pose_edges(checked, name)]
+    return edges if checked.mape is None and not posed else tuple(sorted({*edges, *posed}, key=_in_order))
 
 
 def _in_order(edge: Edge) -> tuple[Node, EdgeKind, Node]:
@@ -57,8 +59,8 @@ def _decides(skill: Skill) -> list[Edge]:
     return _edges(Node(NodeKind.SKILL, skill.name), EdgeKind.DECIDES_ON, NodeKind.CONTEXT, names)
 
 
-def _rests_on(checked: CheckedSpec, variable: str) -> list[Edge]:
-    """Return the edges with poses from which it may follow what a variable is."""
+def _pose_edges(checked: CheckedSpec, variable: str) -> list[Edge]:
+    """Return the edges to the poses from which a variable may be derived."""
     posed, knowledge = checked.variables[variable].posed, checked.knowledge
     asked = () if posed is None else names_in(posed.tree)
     nodes = [node for name in asked for node in reads_of(name.name)[1:]]
@@ -71,8 +73,12 @@ def _edges(source: Node, kind: EdgeKind, target: NodeKind, names: Collection[str
     return [Edge(source, Node(target, name), kind) for name in several]
 
 
-def _known(knowledge: CheckedKnowledge) -> Iterator[Edge]:
-    """Yield who owns and reads what, who asks for and does which task, and where edges lead; sorted like the rest."""
+def _knowledge_edges(knowledge: CheckedKnowledge) -> Iterator[Edge]:
+    """Yield the edges of knowledge, sorted like the others.
+
+    They connect agents with the elements that they own and read and with the tasks that they request and execute, and
+    types of edges with the types of nodes at their ends.
+    """
     world = knowledge.world
     types = frozenset(types_shown(world))
     executed, asked = _handed(world)
@@ -87,17 +93,19 @@ def _known(knowledge: CheckedKnowledge) -> Iterator[Edge]:
     for name in sorted(world.edges):
         source, edge = Node(NodeKind.EDGE, name), world.edges[name]
         for kind, ends in ((EdgeKind.LEADS_FROM, edge.origins), (EdgeKind.LEADS_TO, edge.targets)):
-            names = (world.type_of(each.name) for each in ends)
-            yield from _edges(source, kind, NodeKind.TYPE, [each for each in names if each in types])
+            type_names = (world.type_of(end.name) for end in ends)
+            yield from _edges(
+                source, kind, NodeKind.TYPE, [type_name for type_name in type_names if type_name in types]
+            )
 
 
 def types_shown(world: DeclaredGraph) -> tuple[str, ...]:
-    """Return the types of nodes that a spec declares or that its nodes name."""
+    """Return the types of nodes that a spec declares or uses for its nodes."""
     return tuple(dict.fromkeys((*world.types, *(node.type.name for node in world.nodes.values()))))
 
 
 def _handed(world: DeclaredGraph) -> tuple[Mapping[str, list[str]], Mapping[str, list[str]]]:
-    """Return the tasks that each agent executes, and those that it may ask for."""
+    """Return the tasks that each agent executes, and those that it may request."""
     executed: dict[str, list[str]] = {}
     asked: dict[str, list[str]] = {}
     for task in world.tasks.values():
@@ -108,15 +116,16 @@ def _handed(world: DeclaredGraph) -> tuple[Mapping[str, list[str]], Mapping[str,
 
 
 def _read(agent: CheckedAgent, handed: Collection[str]) -> list[KnowledgeElement]:
-    """Return what an agent reads and neither owns nor hands over: that it knows that goes without saying."""
-    known = {(thing.section, thing.name) for thing in agent.owns} | {("tasks", name) for name in handed}
-    return [thing for thing in agent.reads if (thing.section, thing.name) not in known]
+    """Return the elements that an agent reads, without its own elements and its tasks: those it knows in any case."""
+    known = {(element.section, element.name) for element in agent.owns} | {("tasks", name) for name in handed}
+    return [element for element in agent.reads if (element.section, element.name) not in known]
 
 
 _KINDS = {"context": NodeKind.CONTEXT, "types": NodeKind.TYPE, "edges": NodeKind.EDGE, "tasks": NodeKind.TASK}
 
 
-def _touched(source: Node, kind: EdgeKind, things: Iterable[KnowledgeElement], types: Collection[str]) -> list[Edge]:
-    """Return the edges from an agent to some things, attributes told with what has them."""
-    told = (thing for thing in things if thing.section != "types" or thing.name in types)
-    return [Edge(source, target, kind) for target in sorted({Node(_KINDS[each.section], each.name) for each in told})]
+def _touched(source: Node, kind: EdgeKind, elements: Iterable[KnowledgeElement], types: Collection[str]) -> list[Edge]:
+    """Return the edges from an agent to some elements; an attribute is represented by the element that has it."""
+    shown = (element for element in elements if element.section != "types" or element.name in types)
+    targets = {Node(_KINDS[element.section], element.name) for element in shown}
+    return [Edge(source, target, kind) for target in sorted(targets)]

@@ -1,4 +1,4 @@
-"""The one gate that any plan passes, whoever made it."""
+"""The verification that every plan passes."""
 
 from __future__ import annotations
 
@@ -13,45 +13,47 @@ from codra_dsl.language.check.checked.spec import CheckedSpec
 
 
 class PlanError(Exception):
-    """A plan is not one that Algorithm 2 allows: a bug in whoever made it, never a user's mistake."""
+    """A plan that Algorithm 2 does not allow: a bug in the code that made it, never a user's mistake."""
 
 
 def verify(plan: BuildPlan, checked: CheckedSpec) -> None:
-    """Let a plan pass only if it is one for `checked` and right in every respect, whoever made it.
+    """Check that a plan is a correct plan for `checked`, independently of the code that made it.
 
     Raises:
-        PlanError: with all that is wrong.
+        PlanError: with everything that is wrong.
     """
     complaints = [complaint for rule in _RULES for complaint in rule(plan, checked)]
     if complaints:
         raise PlanError("\n".join(complaints))
 
 
-def _each_thing_once(plan: BuildPlan, checked: CheckedSpec) -> Iterator[str]:
-    """No tree, algorithm or variable stands twice, and all are declared."""
+def _no_duplicates(plan: BuildPlan, checked: CheckedSpec) -> Iterator[str]:
+    """Each tree, algorithm and variable occurs once and is declared."""
     yield from _repeated("tree", (tree.name.casefold() for tree in plan.forest))
     yield from _repeated("algorithm", (branch.name for tree in plan.forest for branch in tree.branches))
     yield from _repeated("variable in trees", (name for tree in plan.forest for name in tree.identifies))
     yield from _repeated("variable in force", plan.in_force)
     yield from (f"{name} is not declared" for name in plan.in_force if name not in checked.variables)
     for tree in plan.forest:
-        made_up = [each.name for each in tree.branches if each.algorithm is not checked.algorithms.get(each.name)]
-        yield from (f"{name} in tree {tree.name} is none of the spec's algorithms" for name in made_up)
+        made_up = [
+            branch.name for branch in tree.branches if branch.algorithm is not checked.algorithms.get(branch.name)
+        ]
+        yield from (f"{name} in tree {tree.name} is not an algorithm of the spec" for name in made_up)
 
 
 def _every_variable_has_an_origin(plan: BuildPlan, checked: CheckedSpec) -> Iterator[str]:
-    """A variable in force is identified by one tree, with every algorithm it has, or comes from another source."""
-    producers = {name: {each.name for each in tree.branches} for tree in plan.forest for name in tree.identifies}
+    """One tree identifies a variable in force, with all its algorithms, or the variable has another source."""
+    producers = {name: {branch.name for branch in tree.branches} for tree in plan.forest for name in tree.identifies}
     for name in plan.in_force:
         missing = set(checked.producers.get(name, ())) - producers.get(name, set())
-        yield from (f"{name} is in force, but {algorithm} is in none of its trees" for algorithm in sorted(missing))
+        yield from (f"{name} is in force, but its trees lack {algorithm}" for algorithm in sorted(missing))
         outside = {source.name for source in checked.variables[name].sources} if name in checked.variables else set()
         if name not in producers and outside <= {"observer"}:
-            yield f"{name} is in force, but nothing identifies it and it names no other source"
+            yield f"{name} is in force, but no tree identifies it and it names no other source"
 
 
 def _least_closed_set(plan: BuildPlan, checked: CheckedSpec) -> Iterator[str]:
-    """In force is what the decisions reach through what algorithms need and identify, no more and no less."""
+    """The variables in force are exactly those that the decisions reach through the needs and results of algorithms."""
     beside = {name: tree for tree in plan.forest for name in tree.identifies}
     needs = {name: (*tree.identifies, *tree.needs) for name, tree in beside.items()}
     reached = set(graph.closure(needs, checked.decisions))
@@ -61,7 +63,7 @@ def _least_closed_set(plan: BuildPlan, checked: CheckedSpec) -> Iterator[str]:
 
 
 def _trees_fit_their_algorithms(plan: BuildPlan, _: CheckedSpec) -> Iterator[str]:
-    """A tree identifies and needs what its algorithms do; the first of a group identifies all, each has its rank."""
+    """A tree identifies and needs what its algorithms do; the first of a group identifies all; groups are ranked."""
     for tree in plan.forest:
         identified = {name for branch in tree.branches for name, _ in branch.algorithm.identifies}
         if identified != set(tree.identifies):
@@ -76,15 +78,15 @@ def _trees_fit_their_algorithms(plan: BuildPlan, _: CheckedSpec) -> Iterator[str
 
 
 def _joined_only_where_asked(plan: BuildPlan, checked: CheckedSpec) -> Iterator[str]:
-    """Trees are joined where `observers` says so and all conditions are the same; names come from there as well."""
+    """Trees are joined only if `observers` asks for it and their conditions are equal; names follow `observers` too."""
     settings = {setting.name: setting for setting in checked.spec.observers}
     for tree in plan.forest:
         setting = settings.get(tree.name)
         asked = {reference.name for reference in setting.identifies} if setting is not None else set()
         if setting is not None and asked != set(tree.identifies):
-            yield f"tree {tree.name} identifies other variables than `observers` says"
+            yield f"tree {tree.name} identifies other variables than its entry in `observers`"
         if setting is None and tree.name != tree.branches[0].name:
-            yield f"tree {tree.name} is named neither by `observers` nor after its first algorithm"
+            yield f"tree {tree.name} has neither a name from `observers` nor that of its first algorithm"
         if len(tree.groups) > 1 and (setting is None or len(set(map(_guards, tree.branches))) > 1):
             yield f"tree {tree.name} joins algorithms that `observers` or their conditions keep apart"
 
@@ -108,11 +110,14 @@ def _needed_trees_come_first(plan: BuildPlan, _: CheckedSpec) -> Iterator[str]:
     circle = {name: index for index, names in enumerate(circles) for name in names}
     for name, need in early:
         if need not in circle or circle[need] != circle.get(name):
-            yield f"tree {name} stands before {need}, which it needs"
+            yield f"tree {name} comes before {need}, which it needs"
 
 
 def _names_are_python(plan: BuildPlan, checked: CheckedSpec) -> Iterator[str]:
-    """Names are Python's, hide nothing where they stand, and differ: files even on disks that ignore case."""
+    """Names are valid in Python, hide nothing in their scope, and are unique.
+
+    Module names are unique even on disks that ignore case.
+    """
     taken = entry_names(checked.spec)
     trees = {tree.name: tree for tree in plan.forest}
     yield from _python_names("the package", [plan.class_name, *(module.name for module in plan.modules)], taken)
@@ -129,11 +134,11 @@ def _python_names(where: str, names: list[str], taken: frozenset[str]) -> Iterat
     yield from _repeated(f"name in {where}", names)
     for name in names:
         if not (name.isidentifier() and name.isascii() and (name.endswith("_") or python_name(name, taken) == name)):
-            yield f"{name!r} is no name for {where}"
+            yield f"{name!r} is not a valid name for {where}"
 
 
 def _everything_has_a_module(plan: BuildPlan, checked: CheckedSpec) -> Iterator[str]:
-    """Every declared variable and skill, and every tree, stands in exactly one module."""
+    """Every declared variable and skill, and every tree, is in exactly one module."""
     expected = {
         "variables": list(checked.variables),
         "trees": [tree.name for tree in plan.forest],
@@ -146,7 +151,7 @@ def _everything_has_a_module(plan: BuildPlan, checked: CheckedSpec) -> Iterator[
 
 
 def _edges_are_those_of_the_forest(plan: BuildPlan, checked: CheckedSpec) -> Iterator[str]:
-    """The dependency graph says what the forest does."""
+    """The dependency graph matches the forest."""
     if plan.edges != dependencies(checked, plan.forest):
         yield "the dependency graph is not that of the forest"
 
@@ -155,12 +160,12 @@ def _repeated(what: str, names: Iterable[str]) -> Iterator[str]:
     seen: set[str] = set()
     for name in names:
         if name in seen:
-            yield f"{what} {name} stands twice"
+            yield f"{what} {name} occurs twice"
         seen.add(name)
 
 
 _RULES: tuple[Callable[[BuildPlan, CheckedSpec], Iterator[str]], ...] = (
-    _each_thing_once,
+    _no_duplicates,
     _every_variable_has_an_origin,
     _least_closed_set,
     _trees_fit_their_algorithms,

@@ -1,4 +1,4 @@
-"""What loops add to the dependency graph: who reads, weighs, chooses, sets and executes what."""
+"""The edges that loops add to the dependency graph: reads, weighs, switches, sets and executes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,9 @@ from codra_dsl.language.model import Course, Parameter
 
 def loop_edges(mape: CheckedMape) -> Iterator[Edge]:
     """Yield the edges of metrics, actions, rates, adaptations, trees and loops."""
-    metrics = frozenset(each.output.name for each in mape.metrics.outputs) if mape.metrics is not None else frozenset()
+    metrics = (
+        frozenset(output.output.name for output in mape.metrics.outputs) if mape.metrics is not None else frozenset()
+    )
     for kind, stage in ((NodeKind.METRIC, mape.metrics), (NodeKind.ACTION, mape.actions)):
         if stage is not None:
             yield from _of_stage(kind, stage, metrics)
@@ -23,9 +25,9 @@ def loop_edges(mape: CheckedMape) -> Iterator[Edge]:
     for checked in mape.loops:
         source, loop = Node(NodeKind.LOOP, checked.loop.name), checked.loop
         yield from _edges(source, EdgeKind.ANALYSES, NodeKind.CONTEXT, checked.rates)
-        yield from _edges(source, EdgeKind.ANALYSES, NodeKind.METRIC, (each.name for each in loop.analyse))
-        yield from _edges(source, EdgeKind.ADAPTS, NodeKind.ADAPTATION, (each.name for each in loop.adapt))
-        yield from _edges(source, EdgeKind.EXECUTES, NodeKind.TREE, (each.name for each in loop.execute))
+        yield from _edges(source, EdgeKind.ANALYSES, NodeKind.METRIC, (reference.name for reference in loop.analyse))
+        yield from _edges(source, EdgeKind.ADAPTS, NodeKind.ADAPTATION, (reference.name for reference in loop.adapt))
+        yield from _edges(source, EdgeKind.EXECUTES, NodeKind.TREE, (reference.name for reference in loop.execute))
 
 
 def _edges(source: Node, kind: EdgeKind, target: NodeKind, names: Iterable[str]) -> Iterator[Edge]:
@@ -33,9 +35,9 @@ def _edges(source: Node, kind: EdgeKind, target: NodeKind, names: Iterable[str])
 
 
 def _of_stage(kind: NodeKind, stage: CheckedStage, metrics: frozenset[str]) -> Iterator[Edge]:
-    for told, block in zip(stage.outputs, stage.engine.blocks, strict=True):
-        read = {each.variable for rule in block.rules for each in propositions(rule.antecedent)}
-        yield from _reads(Node(kind, told.output.name), read, metrics)
+    for output, block in zip(stage.outputs, stage.engine.blocks, strict=True):
+        read = {proposition.variable for rule in block.rules for proposition in propositions(rule.antecedent)}
+        yield from _reads(Node(kind, output.output.name), read, metrics)
 
 
 def _of_adaptation(checked: CheckedAdaptation, metrics: frozenset[str]) -> Iterator[Edge]:
@@ -44,7 +46,7 @@ def _of_adaptation(checked: CheckedAdaptation, metrics: frozenset[str]) -> Itera
     if isinstance(does, Parameter):
         yield from _edges(source, EdgeKind.SETS, NodeKind.CONTEXT, (does.variable.name,))
     elif isinstance(does, Course):
-        yield from _edges(source, EdgeKind.WEIGHS, NodeKind.ACTION, (each.name for each in does.choose))
+        yield from _edges(source, EdgeKind.WEIGHS, NodeKind.ACTION, (action.name for action in does.choose))
         yield from _edges(source, EdgeKind.SWITCHES, NodeKind.TREE, (does.within.name,))
 
 

@@ -1,4 +1,4 @@
-"""Which generated module each element goes to."""
+"""The assignment of elements to generated modules."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from codra_dsl.language.diagnostics import Place
 
 @dataclass(slots=True)
 class _Contents:
-    """What a module holds, while it is gathered."""
+    """The contents of a module, while they are collected."""
 
     files: set[str] = field(default_factory=set)
     variables: list[str] = field(default_factory=list)
@@ -21,7 +21,7 @@ class _Contents:
 
 
 def modules(checked: CheckedSpec, forest: tuple[Tree, ...]) -> tuple[Module, ...]:
-    """Return the modules: one per spec file that has elements and per use; those that share a name are one.
+    """Return the modules: one per spec file that has elements and per use of a template; equal names share a module.
 
     A tree goes where its first algorithm is declared, and its other algorithms go with it.
     """
@@ -30,9 +30,9 @@ def modules(checked: CheckedSpec, forest: tuple[Tree, ...]) -> tuple[Module, ...
 
     def home(section: str, name: str, place: Place) -> _Contents:
         """Return the module in which an element is declared."""
-        found = contents.setdefault(module_name(spec.origins[section, name], taken), _Contents())
-        found.files |= {place.span.file} if place.use is None else set()
-        return found
+        module = contents.setdefault(module_name(spec.origins[section, name], taken), _Contents())
+        module.files |= {place.span.file} if place.use is None else set()
+        return module
 
     for variable in spec.context:
         home("context", variable.name, variable.place).variables.append(variable.name)
@@ -45,11 +45,11 @@ def modules(checked: CheckedSpec, forest: tuple[Tree, ...]) -> tuple[Module, ...
     return tuple(
         Module(
             name=name,
-            files=tuple(sorted(found.files)),
+            files=tuple(sorted(module.files)),
             use=uses.get(name),
-            variables=tuple(found.variables),
-            trees=tuple(found.trees),
-            skills=tuple(found.skills),
+            variables=tuple(module.variables),
+            trees=tuple(module.trees),
+            skills=tuple(module.skills),
         )
-        for name, found in sorted(contents.items())
+        for name, module in sorted(contents.items())
     )

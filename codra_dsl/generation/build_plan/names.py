@@ -1,7 +1,7 @@
-"""Names in Python for what a spec names: the same on every version of Python, and none that hides another.
+"""Names in Python for the elements of a spec: the same on every version of Python, and none that hides another.
 
 The language's identifiers start with a letter and differ from every other of their kind by more than case.
-Functions and branches are written in small letters and constants in capitals, so that the two never meet.
+Functions and branches are lower case and constants upper case, so that the two never collide.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ MODULE_NAMES = frozenset(
     | {"Algorithm", "Observer", "ObserverModel", "SkillModel", "VariableModel"}
     | {"boolean", "integer", "member", "real", "text"}
 )
-"""What generated modules import or define themselves."""
+"""The names that generated modules import or define themselves."""
 
 ENTRY_NAMES = frozenset(
     {"MODEL", "start", "VariableName", "SkillName", "BoolName", "IntName", "FloatName", "StrName"}
@@ -24,13 +24,13 @@ ENTRY_NAMES = frozenset(
     | {"TYPE_CHECKING", "Any", "Callable", "Literal", "Mapping", "Never", "TypeVar", "math", "overload"}
     | {"Clock", "ContextManager", "ContextModel", "Reading", "EventLog", "ResourceModel"}
 )
-"""What the entry of a generated package imports or defines itself, apart from its modules."""
+"""The names that the entry of a generated package imports or defines itself, apart from its modules."""
 
 KNOWLEDGE_MODULE = "knowledge"
-"""The module of what a spec says of knowledge and agents."""
+"""The module of a spec's knowledge and agents."""
 
 MAPE_MODULE = "mape"
-"""The module of what a spec says of loops."""
+"""The module of a spec's loops."""
 
 METRIC_ENGINE, ACTION_ENGINE = "metric_engine", "action_engine"
 """The modules of the two fuzzy engines of loops."""
@@ -50,9 +50,9 @@ _PYTHONS_NAMES = frozenset(_PYTHONS_WORDS.split())
 
 
 def python_name(text: str, taken: frozenset[str]) -> str:
-    """Return an identifier of the language as a name in Python: no keyword, no builtin, none of `taken`.
+    """Return an identifier of the language as a name in Python that is not a keyword, a builtin, or in `taken`.
 
-    Names that differ stay different: what ends in underscores after such a name gets one more as well.
+    Different names stay different: such a name that already ends in underscores gets one more as well.
     """
     plain = text.rstrip("_")
     return f"{text}_" if plain in taken or plain in _PYTHONS_NAMES else text
@@ -64,17 +64,17 @@ def module_name(origin: str, taken: frozenset[str] = ENTRY_NAMES) -> str:
 
 
 def class_name(name: str) -> str:
-    """Return the Python name of the class that stands for a spec's context, e.g. `PcrLab` for `pcr_lab`."""
+    """Return the Python name of the class of a spec's context, e.g. `PcrLab` for `pcr_lab`."""
     return python_name(camel_case(name), ENTRY_NAMES)
 
 
 def knowledge_class(name: str) -> str:
-    """Return the Python name of the class that stands for a spec's graph."""
+    """Return the Python name of the class of a spec's graph."""
     return f"{class_name(name)}Knowledge"
 
 
 def entry_names(spec: Spec) -> frozenset[str]:
-    """Return what the entry of a spec's package takes for itself: more for knowledge and loops."""
+    """Return the names that the entry of a spec's package uses itself; knowledge and loops add some."""
     taken = ENTRY_NAMES
     if spec.knows:
         taken |= {KNOWLEDGE_MODULE, "KNOWLEDGE", knowledge_class(spec.name)}
@@ -90,5 +90,5 @@ def tree_module_name(name: str) -> str:
 
 
 def camel_case(name: str) -> str:
-    """Return an identifier of the language in the form of Python's classes."""
+    """Return an identifier of the language in the style of Python's class names."""
     return "".join(part[:1].upper() + part[1:] for part in name.split("_"))

@@ -1,4 +1,4 @@
-"""What Algorithm 2 decides, as frozen values: trees, modules, names in Python, and the dependency graph."""
+"""The decisions of Algorithm 2, as frozen values: trees, modules, names in Python, and the dependency graph."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ class Tree:
     """One observer O_i (P1, Equations 5 and 6).
 
     Attributes:
-        name: as `observers` says, else that of its first algorithm.
+        name: the name in `observers`, otherwise that of its first algorithm.
         function: the Python name of the function that builds it.
         groups: each group's branches are alternatives, by rank; several groups are joined under shared preconditions.
         identifies: V_i, in the order of the algorithms that identify them.
@@ -112,7 +112,7 @@ class Tree:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Module:
-    """One generated module: what a spec file or a use of a template declares.
+    """One generated module: the elements that a spec file or a use of a template declares.
 
     Attributes:
         name: the Python name of the module.
@@ -132,12 +132,12 @@ class Module:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BuildPlan:
-    """What Algorithm 2 decides about a spec.
+    """The decisions of Algorithm 2 about a spec.
 
     Attributes:
-        class_name: the Python name of the class that stands for the spec's context.
+        class_name: the Python name of the class of the spec's context.
         in_force: the variables that Algorithm 2 adds to C_M, in its order.
-        forest: F, in Algorithm 2's order: a tree comes after the trees that it needs, but for feedback.
+        forest: F, in Algorithm 2's order: a tree comes after the trees that it needs, except with feedback.
         modules: sorted by name; together they hold every declared variable and skill, and every tree.
         edges: sorted.
     """

@@ -1,7 +1,8 @@
 """Typed access to the variables of a spec: methods whose signatures tie the names of variables to their values.
 
-There is one signature for each type of value, not for each variable, so that a spec may have any number of these.
-They are for editors and type checkers: at run time the calls reach the context manager without a detour.
+There is one signature for each type of value, not for each variable, so that a spec may have any number of variables,
+and one for any name that accepts no value: variables of several types can be read and declared, but not written. The
+signatures are for editors and type checkers: at run time the calls reach the context manager directly.
 """
 
 from __future__ import annotations
@@ -22,10 +23,10 @@ class Values:
 
     Attributes:
         variables: their names.
-        alias: what stands for those names in signatures.
+        alias: the name of the type of those names in signatures.
         type: of their values.
-        answer: the type variable for what a look for one of them returns.
-        members: of an enum, whose type is an alias as well.
+        answer: the type variable for the result of sequential perception of one of them.
+        members: the members of an enum, whose type is an alias as well.
     """
 
     variables: tuple[str, ...]
@@ -49,19 +50,19 @@ class _Shape:
     """A method before its types are put in.
 
     Attributes:
-        typed: the arguments after `name` whose types depend on the variable's, and what they are for one type.
-        last: the same for variables of any type: only what is right for all of them.
-        whole: the same in a definition that has several signatures.
+        typed: the argument after `name` whose type depends on the variable's, for one type.
+        last: the same for variables of any type: only what fits all of them.
+        implementation: the same in the definition that follows several signatures.
         rest: further arguments, with their defaults.
-        returns: what it returns for one type.
-        returned: what it returns for several.
+        returns: its return type for one type of value.
+        returned: its return type for several types.
     """
 
     name: str
     docstring: str
     typed: str
     last: str
-    whole: str
+    implementation: str
     rest: Mapping[str, str]
     returns: str
     returned: str
@@ -70,10 +71,10 @@ class _Shape:
 _SHAPES = (
     _Shape(
         name="get",
-        docstring="Return what is known of a variable now.",
+        docstring="Return the current reading of a variable.",
         typed="",
         last="",
-        whole="",
+        implementation="",
         rest={},
         returns="Reading[{type}]",
         returned="Reading[Any]",
@@ -83,17 +84,17 @@ _SHAPES = (
         docstring="Write a variable as the main execution.",
         typed="value: {type}",
         last="value: Never",
-        whole="value: Any",
+        implementation="value: Any",
         rest={"evidence_s: float | None": "None"},
         returns="None",
         returned="None",
     ),
     _Shape(
         name="declare",
-        docstring="Take a variable into what the main execution needs, with a value if it knows one.",
+        docstring="Add a variable to the needs of the main execution, with a value if it knows one.",
         typed="value: {type} | None = None",
         last="value: None = None",
-        whole="value: Any = None",
+        implementation="value: Any = None",
         rest={},
         returns="None",
         returned="None",
@@ -103,7 +104,7 @@ _SHAPES = (
         docstring="Answer a decision from context, or fall back to sequential perception.",
         typed="otherwise: Callable[[], {answer}]",
         last="otherwise: Callable[[], Never]",
-        whole="otherwise: Callable[[], Any]",
+        implementation="otherwise: Callable[[], Any]",
         rest={
             "max_age_s: float": "math.inf",
             "since_s: float": "-math.inf",
@@ -117,19 +118,19 @@ _SHAPES = (
 
 
 def methods(kinds: Sequence[Values]) -> Iterator[Method]:
-    """Yield the methods for variables of some types; there are none for a spec without variables."""
+    """Yield the methods for variables of some types; a spec without variables has no methods."""
     for shape in _SHAPES if kinds else ():
         yield _overloaded(shape, kinds) if len(kinds) > 1 else _plain(shape, kinds[0])
 
 
 def _overloaded(shape: _Shape, kinds: Sequence[Values]) -> Method:
-    """Return a method with one signature for each type, then one for any name, as the base has it, and no value."""
+    """Return a method with one signature for each type, and a last one for any name that accepts no value."""
     rest = [f"{argument} = ..." for argument in shape.rest]
     overloads = [
-        _signature(shape, each.alias, _of(shape.typed, each), rest, _of(shape.returns, each)) for each in kinds
+        _signature(shape, kind.alias, _of(shape.typed, kind), rest, _of(shape.returns, kind)) for kind in kinds
     ]
     overloads.append(_signature(shape, _NAMES, shape.last, rest, shape.returned))
-    definition = _signature(shape, _NAMES, shape.whole, _with_defaults(shape), shape.returned)
+    definition = _signature(shape, _NAMES, shape.implementation, _with_defaults(shape), shape.returned)
     return Method(tuple(overloads), definition, shape.docstring)
 
 
@@ -148,7 +149,7 @@ def _of(text: str, kind: Values) -> str:
 
 
 def _signature(shape: _Shape, names: str, typed: str, rest: Sequence[str], returns: str) -> str:
-    """Return a signature as `ruff format` leaves it: on one line, else all arguments on one, else one a line."""
+    """Return a signature as `ruff format` writes it: on one line, else all arguments on one, else one a line."""
     before, after = f"def {shape.name}(", f") -> {returns}:"
     given = ("self", f"name: {names}", *([typed] if typed else []), *(["*", *rest] if rest else []))
     flat = ", ".join(given)
@@ -164,7 +165,7 @@ def _signature(shape: _Shape, names: str, typed: str, rest: Sequence[str], retur
 
 
 def alias(name: str, members: Iterable[str]) -> str:
-    """Return the statement that makes `name` stand for one of some strings."""
+    """Return the statement that makes `name` an alias for the type of some strings."""
     items = tuple(map(text_literal, dict.fromkeys(members)))
     literals = laid_out(bracketed("Literal[", items, "]"), before=len(name) + 3)
     return f"{name} = {literals if items else 'Never'}"

@@ -1,6 +1,6 @@
-"""Behaviour trees as a Python module: one function a tree, wiring only; what nodes mean is in the runtime.
+"""Behaviour trees as a Python module with one function per tree. It only wires nodes; the runtime implements them.
 
-Of our modules it imports `codra_dsl.runtime.generated_api` only. The same trees give the same bytes.
+From codra it imports only `codra_dsl.runtime.generated_api`. The same trees give the same bytes.
 """
 
 from __future__ import annotations
@@ -38,14 +38,14 @@ __all__ = [
 ]
 
 _EXPORTED_AS: Mapping[str, str] = {"Node": "TreeNode", "Precondition": "TreePrecondition"}
-"""The names in `generated_api` of words that mean something else in other generated modules."""
+"""The names in `generated_api` of words that have another meaning in other generated modules."""
 
 _PYTHON_NAMES = {"else": "otherwise"}
 _RETURN = "    return "
 
 
 def tree_module(checked: CheckedForest) -> str:
-    """Return the module of a file's trees and of those that it includes."""
+    """Return the text of the module of a file's trees and of the trees that it includes."""
     return _Writer(checked).module()
 
 
@@ -64,7 +64,7 @@ class _Writer:
         self._helpers: list[str] = []
 
     def module(self) -> str:
-        """Return all of it."""
+        """Return the text of the module."""
         functions = [self._function(tree) for tree in self._trees]
         actions = sorted({node.id for tree in self._trees for node in tree.root.walk() if node.id not in BUILT_IN})
         trees = spread_dictionary({literal(tree.id): self._functions[tree.id] for tree in self._trees})
@@ -180,13 +180,13 @@ class _Writer:
     def _asked(self, text: str) -> Expression:
         node = parse_condition(text)
         if isinstance(node, ScriptProblem):
-            raise TypeError(f"{text!r} was checked, and is no condition")
+            raise TypeError(f"{text!r} was checked, but is not a condition")
         return self._script(node, asked_text(node, self._enums))
 
     def _statements(self, text: str) -> Iterator[Expression]:
         statements = parse_script(text)
         if isinstance(statements, ScriptProblem):
-            raise TypeError(f"{text!r} was checked, and is no script")
+            raise TypeError(f"{text!r} was checked, but is not a script")
         for statement in statements:
             yield self._statement(statement)
 
@@ -203,7 +203,7 @@ class _Writer:
         if isinstance(node, And | Or) and text == asked_text(node, self._enums):
             first, *rest = operands(node, self._enums)
             sign = "and" if isinstance(node, And) else "or"
-            body = Grouped("", Chain(first, tuple((sign, each) for each in rest)))
+            body = Grouped("", Chain(first, tuple((sign, operand) for operand in rest)))
         fits = len(_RETURN) + len(text) <= WIDTH
         name = f"_script_{len(self._helpers) + 1}_of_{self._tree}"
         laid = text if fits else laid_out(body, indent=4, before=WIDTH)
@@ -216,7 +216,7 @@ class _Writer:
 
 
 def _with_defaults(node: TreeNode, model: NodeModel | None) -> dict[str, str]:
-    """Return what ports are given, by the node or else by its model."""
+    """Return the values of a node's ports, taken from the node or else from its model."""
     ports = model.ports if model is not None else ()
     present = {attribute.name: attribute.value for attribute in node.ports}
     defaults = {port.name: port.default for port in ports if port.default is not None and port.name not in present}
@@ -224,13 +224,13 @@ def _with_defaults(node: TreeNode, model: NodeModel | None) -> dict[str, str]:
 
 
 def _goes(model: NodeModel | None, name: str, way: Direction) -> bool:
-    """Return whether a port goes one way; without a model, it goes both."""
+    """Return whether a port has a direction; without a model, it has both."""
     port = model.port(name) if model is not None else None
     return port is None or port.direction in (way, Direction.BOTH)
 
 
 def _function_names(ids: Iterable[str]) -> dict[str, str]:
-    """Return a name in Python for each tree: its id in small letters, no two alike."""
+    """Return a unique Python name for each tree, made from its id in lower case."""
     names: dict[str, str] = {}
     for id_ in dict.fromkeys(ids):
         words = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", id_)
@@ -238,5 +238,5 @@ def _function_names(ids: Iterable[str]) -> dict[str, str]:
         name = f"{name}_tree" if name[0].isalpha() else f"tree_{name}_tree"
         taken = set(names.values())
         numbered = (f"{name}_{number}" for number in range(2, len(taken) + 3))
-        names[id_] = name if name not in taken else next(each for each in numbered if each not in taken)
+        names[id_] = name if name not in taken else next(candidate for candidate in numbered if candidate not in taken)
     return names

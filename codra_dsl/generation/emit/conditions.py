@@ -1,4 +1,4 @@
-"""Lowered conditions as expressions: the words of `codra_dsl.runtime.values.conditions` and literals, nothing else."""
+"""Lowered conditions as expressions of the words of `codra_dsl.runtime.values.conditions` and literals only."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from codra_dsl.generation.emit.literals import literal
 WORDS = frozenset(
     {"age", "between", "choose", "confirmed", "first_of", "known", "literal", "maximum", "minimum", "value"}
 )
-"""The functions of `codra_dsl.runtime.values.conditions` that conditions are made of."""
+"""The functions of `codra_dsl.runtime.values.conditions` that conditions consist of."""
 
 POSES = frozenset({"distance", "in_view"})
-"""The functions of `codra_dsl.runtime.knowledge.declarations` that conditions over knowledge have beside these."""
+"""The functions of `codra_dsl.runtime.knowledge.declarations` that conditions over knowledge may use as well."""
 
 _CALLABLE = WORDS | POSES | {"abs"}
 _ALONE = {word: frozenset({word}) for word in WORDS}
 _METHODS = frozenset({"is_in"})
-# What most conditions look like; all others go through Python's own parser, with the same outcome.
+# The form of most conditions. All others go through Python's own parser, with the same result.
 _SIMPLE = re.compile(
     r"""(value|known)\((["'])([A-Za-z][A-Za-z0-9_]*)\2\)"""
     r"""( (?:[<>]=?|[=!]=) (?:0|[1-9][0-9]{0,8})(?:\.(?:0|[0-9]{0,3}[1-9]))?)?"""
@@ -35,7 +35,7 @@ _COMPARISONS: Mapping[type[ast.cmpop], str] = {
     ast.Eq: "==",
     ast.NotEq: "!=",
 }
-# An operator and how strongly it holds its operands.
+# Operators with their precedence.
 _OPERATORS: Mapping[type[ast.operator], tuple[str, int]] = {
     ast.BitOr: ("|", 1),
     ast.BitAnd: ("&", 1),
@@ -48,14 +48,14 @@ _LOGICAL = 1
 
 
 class ConditionError(Exception):
-    """A lowered condition is not in the words of the runtime: a bug of whoever lowered it."""
+    """A lowered condition does not use the words of the runtime: a bug of the code that lowered it."""
 
 
 def condition(python: str) -> tuple[Expression, frozenset[str]]:
     """Return a lowered condition as an expression, and the words that it uses.
 
     Raises:
-        ConditionError: if it holds anything but those words, operators and literals.
+        ConditionError: if it contains anything except those words, operators and literals.
     """
     simple = _SIMPLE.fullmatch(python)
     if simple is not None:
@@ -95,14 +95,14 @@ def _call(function: str, arguments: list[ast.expr]) -> Brackets:
 
 
 def _operand(node: ast.expr) -> Expression:
-    """Return an operand that holds together by itself or stands in parentheses."""
+    """Return an operand, in parentheses unless it is a call, a constant or a tuple."""
     expression = _expression(node)
     alone = isinstance(node, (ast.Call, ast.Constant, ast.Tuple))
     return expression if alone else Grouped("", expression)
 
 
 def _side(node: ast.expr) -> Expression:
-    """Return a side of a comparison: arithmetic needs no parentheses there, the rest is easier to read with them."""
+    """Return a side of a comparison; arithmetic needs no parentheses there, the rest is easier to read with them."""
     plain = isinstance(node, ast.UnaryOp) or (isinstance(node, ast.BinOp) and _strength(node) > _LOGICAL)
     return _expression(node) if plain else _operand(node)
 
@@ -116,7 +116,7 @@ def _prefixed(sign: str, operand: Expression) -> Expression:
 
 
 def _chain(node: ast.BinOp) -> Chain:
-    """Return operators of one strength as one chain; it grows to the left, so a loop takes it apart."""
+    """Return operators of equal precedence as one chain; it grows to the left, so a loop takes it apart."""
     operator, strength = _OPERATORS[type(node.op)]
     rest = [(operator, _right(node))]
     first = node.left
@@ -133,7 +133,7 @@ def _continues(node: ast.BinOp, operator: str, strength: int) -> bool:
 
 
 def _right(node: ast.BinOp) -> Expression:
-    """Return a right operand; one of the same strength keeps its parentheses, as it is worked out first."""
+    """Return a right operand; one of equal precedence keeps its parentheses, as it is evaluated first."""
     return _within(node.right, _strength(node))
 
 

@@ -1,4 +1,4 @@
-"""What generated modules declare, in the words of `codra_dsl.runtime.values.model`."""
+"""The declarations in generated modules, in the words of `codra_dsl.runtime.values.model`."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ DEFAULTS: Mapping[str, Mapping[str, Expression]] = {
         "posed": "None",
     },
 }
-"""What the runtime takes for granted, and so goes without saying in generated code."""
+"""The defaults of the runtime, which generated code leaves out."""
 
 _TYPES: Mapping[Kind, str] = {
     Kind.BOOL: "boolean",
@@ -50,7 +50,7 @@ _TYPES: Mapping[Kind, str] = {
 def algorithm(branch: Branch, imports: Imports) -> Expression:
     """Return the declaration of a perception algorithm."""
     declared = branch.algorithm.algorithm
-    fields = _told(
+    fields = _non_default(
         "Algorithm",
         imports,
         name=literal(declared.name),
@@ -59,17 +59,19 @@ def algorithm(branch: Branch, imports: Imports) -> Expression:
         handles=names(usage.resource.name for usage in declared.uses if usage.access is Access.READ),
         slots=names(usage.resource.name for usage in declared.uses if usage.access is Access.SLOT),
         given=names(reference.name for reference in declared.given),
-        returns=dictionary({text_literal(each.name): _returned(each, imports) for each in declared.returns}),
+        returns=dictionary(
+            {text_literal(returned.name): _returned(returned, imports) for returned in declared.returns}
+        ),
         **{setting.field: literal(getattr(declared, setting.field)) for setting in ALGORITHM_SETTINGS},
     )
     return spread_call("Algorithm", **fields)
 
 
 def variable(declared: Variable, poses: Mapping[str, str], imports: Imports) -> Expression:
-    """Return the declaration of a context-variable; `poses` has the comparisons of those that follow from poses."""
+    """Return the declaration of a context-variable; `poses` has the comparisons of those derived from poses."""
     posed, words = condition(poses[declared.name]) if declared.posed is not None else ("None", frozenset[str]())
     imports.use(*words)
-    fields = _told(
+    fields = _non_default(
         "VariableModel",
         imports,
         name=literal(declared.name),
@@ -87,7 +89,7 @@ def variable(declared: Variable, poses: Mapping[str, str], imports: Imports) -> 
 
 def observer(tree: Tree, imports: Imports) -> Expression:
     """Return the declaration of an observer."""
-    fields = _told(
+    fields = _non_default(
         "ObserverModel",
         imports,
         name=literal(tree.name),
@@ -101,14 +103,14 @@ def observer(tree: Tree, imports: Imports) -> Expression:
 
 def skill(declared: Skill, expectations: Iterable[CheckedExpectation], imports: Imports) -> Expression:
     """Return the declaration of a skill."""
-    fields = _told(
+    fields = _non_default(
         "SkillModel",
         imports,
         name=literal(declared.name),
         preview=names(reference.name for reference in declared.preview),
         monitor=names(expectation.variable.name for expectation in declared.monitor),
         changes=names(reference.name for reference in declared.changes),
-        expects=tuple_of(_expectation(each, imports) for each in expectations),
+        expects=tuple_of(_expectation(expectation, imports) for expectation in expectations),
     )
     return call("SkillModel", **fields)
 
@@ -116,31 +118,33 @@ def skill(declared: Skill, expectations: Iterable[CheckedExpectation], imports: 
 def resource(declared: Resource, imports: Imports) -> Expression:
     """Return the declaration of a resource."""
     slots = "None" if declared.slots is None else literal(declared.slots)
-    return call("ResourceModel", **_told("ResourceModel", imports, name=literal(declared.name), slots=slots))
+    return call("ResourceModel", **_non_default("ResourceModel", imports, name=literal(declared.name), slots=slots))
 
 
 def _expectation(expected: CheckedExpectation, imports: Imports) -> Expression:
     expression, words = condition(expected.python)
     imports.use(*words)
     within_s = literal(math.inf if expected.within_s is None else expected.within_s)
-    fields = _told("ExpectationModel", imports, text=literal(expected.text), condition=expression, within_s=within_s)
+    fields = _non_default(
+        "ExpectationModel", imports, text=literal(expected.text), condition=expression, within_s=within_s
+    )
     return call("ExpectationModel", **fields)
 
 
-def _told(model: str, imports: Imports, **fields: Expression) -> dict[str, Expression]:
-    return told_fields(model, DEFAULTS[model], imports, fields)
+def _non_default(model: str, imports: Imports, **fields: Expression) -> dict[str, Expression]:
+    return non_default_fields(model, DEFAULTS[model], imports, fields)
 
 
-def told_fields(
+def non_default_fields(
     model: str, defaults: Mapping[str, Expression], imports: Imports, fields: Mapping[str, Expression]
 ) -> dict[str, Expression]:
-    """Return the fields that differ from what the runtime takes for granted; say what they import."""
+    """Return the fields that differ from the defaults of the runtime, and record their imports."""
     imports.use(model)
-    told = {
+    given = {
         name: value for name, value in fields.items() if name not in defaults or _on_one_line(value) != defaults[name]
     }
-    imports.use_math_for(told.values())
-    return told
+    imports.use_math_for(given.values())
+    return given
 
 
 def _on_one_line(value: Expression) -> str | None:
@@ -148,7 +152,7 @@ def _on_one_line(value: Expression) -> str | None:
 
 
 def names(several: Iterable[str]) -> Expression:
-    """Return a tuple of names, each once."""
+    """Return a tuple of names without duplicates."""
     return tuple_of(text_literal(name) for name in dict.fromkeys(several))
 
 
@@ -159,12 +163,12 @@ def _returned(returned: Returned, imports: Imports) -> Expression:
 
 
 def value_type(declared: ValueType, imports: Imports, **optional: Expression) -> Expression:
-    """Return the type of a value; bounds of whole numbers are whole."""
+    """Return the type of a value; the bounds of an integer are integers."""
     function = _TYPES[declared.kind]
     imports.use(function)
     bounds = declared.range if declared.range is not None else ()
-    whole = declared.kind is Kind.INT and all(map(math.isfinite, bounds))
-    arguments = [literal(int(bound) if whole else bound) for bound in bounds]
+    has_integer_bounds = declared.kind is Kind.INT and all(map(math.isfinite, bounds))
+    arguments = [literal(int(bound) if has_integer_bounds else bound) for bound in bounds]
     imports.use_math_for(arguments)
     unit = {"unit": literal(declared.unit)} if declared.unit is not None else {}
     return call(function, *arguments, *map(text_literal, declared.values), **unit, **optional)

@@ -1,4 +1,4 @@
-"""The entry of a generated package: the whole model, access to it with types, and `start`."""
+"""The entry of a generated package: the model, typed access to it, and `start`."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _PLAIN: Mapping[Kind, str] = {Kind.BOOL: "bool", Kind.INT: "int", Kind.FLOAT: "f
 
 
 MOST_ENUMS = 50
-"""So many enums have types of their own; variables of others are texts for editors and mypy."""
+"""The number of enums that get types of their own; variables of further enums are strings for editors and mypy."""
 
 
 def entry_text(plan: BuildPlan) -> str:
@@ -58,7 +58,9 @@ def _values(plan: BuildPlan) -> list[Values]:
     """Return the variables by type, in the order in which the types first appear."""
     by_type: dict[tuple[Kind, tuple[str, ...]], list[str]] = {}
     enums: set[tuple[str, ...]] = set()
-    for variable in (each for each in plan.checked.variables.values() if each.posed is None):
+    for variable in plan.checked.variables.values():
+        if variable.posed is not None:
+            continue
         kind, members = variable.type.kind, variable.type.values
         if kind is Kind.ENUM and (members in enums or len(enums) < MOST_ENUMS):
             enums.add(members)
@@ -76,7 +78,7 @@ def _handles(plan: BuildPlan) -> list[str]:
 
 
 def _agents(knowledge: CheckedKnowledge, imports: Imports) -> Iterator[str]:
-    """Yield the signatures of `agent`, by which the handles of agents are taken."""
+    """Yield the signatures of `agent`, which returns the handles of agents."""
     named = named_handles(knowledge)
     rest = knowledge.writers[len(named) :]
     taken = [(literals([agent]), f"Agent[VariableName, {handle}]") for agent, handle in named]
@@ -84,15 +86,19 @@ def _agents(knowledge: CheckedKnowledge, imports: Imports) -> Iterator[str]:
     imports.use(*(["Agent", "Literal"] if taken else []), *(["AgentHandle"] if rest else []))
     imports.use(*(["overload", "Any"] if len(taken) > 1 else []))
     several = len(taken) > 1
-    for number, each in enumerate(taking("agent", taken, "def agent(self, name: Any) -> Any:")):
+    for number, signature in enumerate(taking("agent", taken, "def agent(self, name: Any) -> Any:")):
         if number:
-            yield each
+            yield signature
         else:
-            yield each.replace("@overload", f"@overload{NARROWER}") if several else each.removesuffix(" ...") + NARROWER
+            yield (
+                signature.replace("@overload", f"@overload{NARROWER}")
+                if several
+                else signature.removesuffix(" ...") + NARROWER
+            )
 
 
 def _named(kind: Kind, members: tuple[str, ...], variables: list[str], taken: set[str]) -> Values:
-    """Return a group with names for it: an enum's are made of its first variable's."""
+    """Return a group with names for it; those of an enum are derived from its first variable."""
     if kind in _PLAIN:
         plain = _PLAIN[kind]
         stem = plain.capitalize()
@@ -119,14 +125,14 @@ def _variable_aliases(kinds: list[Values]) -> Iterator[str]:
 
 
 def _union(name: str, types: list[str]) -> str:
-    """Return the statement that makes `name` stand for any of some types, as `ruff format` leaves it."""
+    """Return the statement that makes `name` an alias for the union of some types, as `ruff format` writes it."""
     flat = f"{name} = {' | '.join(types)}"
     spread = "\n    | ".join(types)
     return flat if len(flat) <= WIDTH else f"{name} = (\n    {spread}\n)"
 
 
 def _counted(plan: BuildPlan) -> str:
-    """Return how much there is of everything, for the docstring."""
+    """Return the number of elements of each kind, for the docstring."""
     counts = (
         (len(plan.forest), "observer"),
         (len(plan.checked.variables), "context-variable"),
@@ -149,7 +155,7 @@ def _local_imports(plan: BuildPlan) -> str:
 
 
 def _model(plan: BuildPlan, imports: Imports) -> Expression:
-    resources = [resource(each, imports) for each in plan.checked.spec.resources]
+    resources = [resource(declared, imports) for declared in plan.checked.spec.resources]
     return spread_call(
         "ContextModel",
         name=text_literal(plan.name),

@@ -1,4 +1,4 @@
-"""What the files beside the code tell of knowledge: its nodes in the dependency graph, and where it is declared."""
+"""The graph nodes and places of knowledge, for the files beside the code."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ def node_id(plan: BuildPlan, node: Node) -> str:
 
 
 def about_variable(variable: Variable) -> dict[str, object]:
-    """Return what the dependency graph says of a context-variable."""
+    """Return the entry of a context-variable in the dependency graph."""
     return {"label": variable.label, "type": variable.type.kind.value}
 
 
 def known_nodes(plan: BuildPlan, knowledge: CheckedKnowledge) -> Iterator[tuple[Node, dict[str, object]]]:
-    """Yield the nodes of knowledge in the dependency graph, kind by kind in file order, with what is said of each.
+    """Yield the nodes of knowledge in the dependency graph with their entries, kind by kind in file order.
 
-    Context-variables come first that no decision needs, but that agents own or read.
+    The first are context-variables that no decision needs, but that agents own or read.
     """
     world = knowledge.world
     touched = {edge.target.name for edge in plan.edges if edge.target.kind is NodeKind.CONTEXT}
@@ -35,13 +35,13 @@ def known_nodes(plan: BuildPlan, knowledge: CheckedKnowledge) -> Iterator[tuple[
         yield Node(NodeKind.AGENT, agent.name), _about_agent(agent)
     for name in types_shown(world):
         declared = world.types.get(name)
-        attributes = [each.name for each in declared.attributes] if declared is not None else []
+        attributes = [attribute.name for attribute in declared.attributes] if declared is not None else []
         label = declared.label if declared is not None else ""
         yield Node(NodeKind.TYPE, name), {"label": label or name, "attributes": attributes}
     for edge in world.edges.values():
         yield Node(NodeKind.EDGE, edge.name), {"label": edge.name, "carries": edge.label}
     for task in world.tasks.values():
-        results = [each.name for each in task.results]
+        results = [result.name for result in task.results]
         yield Node(NodeKind.TASK, task.name), {"label": task.label or task.name, "results": results}
 
 

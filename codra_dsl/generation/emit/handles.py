@@ -1,7 +1,10 @@
-"""Typed access to knowledge: what each agent may write, and what there is to read, as signatures.
+"""Typed access to knowledge, as signatures: the elements that each agent may write, and all that can be read.
 
-They are for editors and type checkers, which so find wrong names and foreign writes before the robot moves: at run time
-the classes are those of the runtime, which refuse the same.
+The signatures are for editors and type checkers, which find wrong names and writes to elements of other agents before
+the robot moves. At run time the classes are those of the runtime, which refuse the same.
+
+A method of an agent's handle accepts fewer names than the method that it overrides, which is not a subtype. Each handle
+therefore tells mypy in its first line to accept the override.
 """
 
 from __future__ import annotations
@@ -22,7 +25,7 @@ from codra_dsl.language.check.knowledge.owners import owns
 from codra_dsl.language.model import CONTEXT_NODE, TASK_ATTRIBUTES, TASK_TYPE
 
 MOST_HANDLES = 50
-"""So many agents have handles of their own type; those of others take any name that is declared."""
+"""The number of agents that get handles of their own type; handles of further agents accept any declared name."""
 
 _TYPES = (
     *(
@@ -38,7 +41,7 @@ _TYPES = (
     ),
     *("Node", "Pose", "Reading", "Request", "Snapshot", "Term", "Transaction", "overload"),
 )
-"""What signatures are made of."""
+"""The names that signatures use."""
 
 _INDENT = 8
 _STEP = 4
@@ -52,7 +55,7 @@ class Class:
 
     Attributes:
         head: its name, bases and colon.
-        stands_for: the class that it is at run time; nothing if it is only for type checkers.
+        stands_for: the class that it is at run time; empty if it exists only for type checkers.
     """
 
     name: str
@@ -64,14 +67,14 @@ class Class:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Names:
-    """What may stand for the names that methods take, as types."""
+    """The types of the names that methods accept."""
 
     types: Expression
     attributes: Expression
     edges: Expression
     motions: Expression
     all_edges: Expression
-    edges_told: Expression
+    edges_with_attributes: Expression
     attributes_of_edges: Expression
     tasks: Expression
     results: Expression
@@ -79,7 +82,7 @@ class _Names:
 
 
 def aliases(knowledge: CheckedKnowledge) -> Iterator[str]:
-    """Yield the statements that make names stand for what is declared."""
+    """Yield the statements that define aliases for declared names."""
     world = knowledge.world
     labels = (edge.label for edge in world.edges.values())
     states = sorted(STATES) if world.tasks else ()
@@ -91,7 +94,7 @@ def aliases(knowledge: CheckedKnowledge) -> Iterator[str]:
 
 
 def named_handles(knowledge: CheckedKnowledge) -> list[tuple[str, str]]:
-    """Return the agents that have handles of their own type, each with the name of this type."""
+    """Return the agents that have handles of their own type, with the name of that type."""
     taken = {"AgentHandle"}
     return [(agent, _handle_name(agent, taken)) for agent in knowledge.writers[:MOST_HANDLES]]
 
@@ -101,8 +104,8 @@ def taking(method: str, taken: Sequence[tuple[Expression, str]], definition: str
 
     Args:
         method: its name.
-        taken: by names of agents, the type of their handles.
-        definition: what comes after several signatures.
+        taken: names of agents, with the type of their handles.
+        definition: the definition that follows several signatures.
     """
     if len(taken) < 2:
         yield from (_method(method, handle, (_typed("name", names),)) for names, handle in taken)
@@ -115,11 +118,11 @@ def taking(method: str, taken: Sequence[tuple[Expression, str]], definition: str
 def handles(plan: BuildPlan, knowledge: CheckedKnowledge, imports: Imports) -> list[Class]:
     """Return the classes of a spec's graph and of its agents' handles."""
     named = named_handles(knowledge)
-    classes = [each for agent, name in named for each in _handle(agent, name, _names_of(agent, knowledge))]
+    classes = [class_ for agent, name in named for class_ in _handle(agent, name, _names_of(agent, knowledge))]
     rest = knowledge.writers[MOST_HANDLES:]
-    found = [*classes, *_graph(plan, named, rest)]
-    imports.use_in((text for each in found for text in (each.head, each.stands_for, *each.methods)), _TYPES)
-    return found
+    classes = [*classes, *_graph(plan, named, rest)]
+    imports.use_in((text for class_ in classes for text in (class_.head, class_.stands_for, *class_.methods)), _TYPES)
+    return classes
 
 
 def _handle_name(agent: str, taken: set[str]) -> str:
@@ -144,7 +147,7 @@ def _handle(agent: str, name: str, names: _Names) -> Iterator[Class]:
             "None",
             (
                 "origin: str",
-                _typed("type", names.edges_told),
+                _typed("type", names.edges_with_attributes),
                 "target: str",
                 _typed("attribute", names.attributes_of_edges),
                 *_VALUE,
@@ -171,7 +174,7 @@ def _handle(agent: str, name: str, names: _Names) -> Iterator[Class]:
     act = _method("acting", f"RuleExecution[{transaction}]", (_typed("rule", names.rules),)).removesuffix(" ...")
     head, *rest = act.splitlines()
     act = "\n".join([f"{head}{NARROWER}", *rest])
-    act = f'{act}\n{" " * (_INDENT + _STEP)}"""Begin, by a `with` statement, an action of which a rule tells."""'
+    act = f'{act}\n{" " * (_INDENT + _STEP)}"""Begin an action that a rule describes, for a `with` statement."""'
     yield Class(
         name=transaction,
         head=_head(transaction, writes, "Transaction"),
@@ -189,7 +192,7 @@ def _handle(agent: str, name: str, names: _Names) -> Iterator[Class]:
 
 
 def _head(name: str, writes: str, base: str) -> str:
-    """Return the head of a class that takes fewer names than its base, as `ruff format` leaves it."""
+    """Return the head of a class that accepts fewer names than its base, as `ruff format` writes it."""
     flat, step = f"{name}({writes}, {base}):", _STEP * " "
     fits = len("    class ") + len(flat) <= WIDTH
     return f"{flat if fits else f'{name}({chr(10)}{2 * step}{writes}, {base}{chr(10)}{step}):'}{_NARROW}"
@@ -216,7 +219,7 @@ def _graph(plan: BuildPlan, named: list[tuple[str, str]], rest: Sequence[str]) -
         get,
         _method("handover", "Handover", ("task: TaskName",)),
     )
-    yield Class(name="_Reads", head="_Reads:", docstring="What there is to read.", methods=reads)
+    yield Class(name="_Reads", head="_Reads:", docstring="The methods that read.", methods=reads)
     yield Class(
         name=snapshot,
         head=_head(snapshot, "_Reads", "Snapshot"),
@@ -230,7 +233,8 @@ def _graph(plan: BuildPlan, named: list[tuple[str, str]], rest: Sequence[str]) -
     ]
     last = _method("as_agent", "Any", ("name: Any",))
     methods = (*taking("as_agent", taken, last), _method("snapshot", snapshot, ()), get)
-    yield Class(name="_Graph", head="_Graph:", docstring="Who writes, and what there is to read.", methods=methods)
+    docstring = "Access for agents, and the methods that read."
+    yield Class(name="_Graph", head="_Graph:", docstring=docstring, methods=methods)
     yield Class(
         name=graph,
         head=_head(graph, "_Graph", "Knowledge"),
@@ -243,23 +247,27 @@ def _graph(plan: BuildPlan, named: list[tuple[str, str]], rest: Sequence[str]) -
 def _names_of(agent: str, knowledge: CheckedKnowledge) -> _Names:
     world = knowledge.world
     owned = owns(world, agent)
-    edges = [world.edges[thing.name] for thing in owned if thing.section == "edges" and not thing.attribute]
+    edges = [world.edges[element.name] for element in owned if element.section == "edges" and not element.attribute]
     tasks = world.tasks.values()
     return _Names(
-        types=literals(thing.name for thing in owned if thing.section == "types" and not thing.attribute),
+        types=literals(element.name for element in owned if element.section == "types" and not element.attribute),
         attributes=literals(
-            thing.attribute or thing.name
-            for thing in owned
-            if thing.section == "context" or (thing.section == "types" and thing.attribute)
+            element.attribute or element.name
+            for element in owned
+            if element.section == "context" or (element.section == "types" and element.attribute)
         ),
         edges=literals(edge.name for edge in edges if not is_rigid(edge)),
         motions=literals(edge.name for edge in edges if is_rigid(edge)),
         all_edges=literals(edge.name for edge in edges),
-        edges_told=literals(each.name for each in owned if each.section == "edges" and each.attribute),
-        attributes_of_edges=literals(each.attribute for each in owned if each.section == "edges" and each.attribute),
-        tasks=literals(task.name for task in tasks if agent in (each.name for each in task.requesters)),
+        edges_with_attributes=literals(
+            element.name for element in owned if element.section == "edges" and element.attribute
+        ),
+        attributes_of_edges=literals(
+            element.attribute for element in owned if element.section == "edges" and element.attribute
+        ),
+        tasks=literals(task.name for task in tasks if agent in (requester.name for requester in task.requesters)),
         results=literals(result.name for task in tasks if task.by.name == agent for result in task.results),
-        rules=literals(rule.name for each in knowledge.agents if each.name == agent for rule in each.rules),
+        rules=literals(rule.name for declared in knowledge.agents if declared.name == agent for rule in declared.rules),
     )
 
 
@@ -267,18 +275,18 @@ def _types(world: DeclaredGraph) -> Iterator[str]:
     yield from types_shown(world)
     if world.tasks:
         yield TASK_TYPE
-    if any(each.node == CONTEXT_NODE for each in world.variables.values()):
+    if any(variable.node == CONTEXT_NODE for variable in world.variables.values()):
         yield CONTEXT_NODE
 
 
 def _attributes(world: DeclaredGraph) -> Iterator[str]:
-    yield from (each.name for kind in world.types.values() for each in kind.attributes)
+    yield from (attribute.name for kind in world.types.values() for attribute in kind.attributes)
     yield from world.variables
     yield from TASK_ATTRIBUTES if world.tasks else ()
 
 
 def literals(names: Iterable[str]) -> Expression:
-    """Return the type of one of some names; that of no value where there are none."""
+    """Return the type of one of some names, or `Never` without names."""
     items = tuple(map(text_literal, dict.fromkeys(names)))
     return bracketed("Literal[", items, "]") if items else "Never"
 
@@ -291,14 +299,14 @@ def _typed(argument: str, type_: Expression) -> Expression:
 
 
 def _method(name: str, returns: str, arguments: Iterable[Expression]) -> str:
-    """Return a method as `ruff format` leaves it: on one line, else all arguments on one, else one a line."""
+    """Return a method as `ruff format` writes it: on one line, else all arguments on one, else one a line."""
     before, after = f"def {name}(", f") -> {returns}: ..."
     given: tuple[Expression, ...] = ("self", *arguments)
-    flat = ", ".join(laid_out(each, before=-WIDEST) for each in given)
+    flat = ", ".join(laid_out(argument, before=-WIDEST) for argument in given)
     if _INDENT + len(before) + len(flat) + len(after) <= WIDTH:
         return f"{before}{flat}{after}"
     inner = " " * (_INDENT + _STEP)
     if len(inner) + len(flat) <= WIDTH:
         return f"{before}\n{inner}{flat}\n{' ' * _INDENT}{after}"
-    lines = (laid_out(each, indent=len(inner), before=len(inner), after=1) for each in given)
+    lines = (laid_out(argument, indent=len(inner), before=len(inner), after=1) for argument in given)
     return f"{before}\n{inner}{f',{chr(10)}{inner}'.join(lines)},\n{' ' * _INDENT}{after}"

@@ -1,4 +1,4 @@
-"""What a generated module imports: the names that it uses, sorted as ruff sorts them."""
+"""The imports of a generated module: the names that it uses, sorted as ruff sorts them."""
 
 from __future__ import annotations
 
@@ -58,19 +58,19 @@ class Imports:
         self._math = False
 
     def use(self, *names: str) -> None:
-        """Say that the module uses names of the runtime, of py_trees or of Python's library."""
+        """Record that the module uses names of the runtime, of py_trees or of Python's library."""
         self._names.update(names)
 
     def use_in(self, code: Iterable[str], names: Iterable[str]) -> None:
-        """Say that the module uses those of some names that stand in some of its code, outside of literals."""
+        """Record that the module uses those of some names that occur in its code, outside of literals."""
         self._names.update(set(names).intersection(_WORD.findall(_TEXT.sub("", "\n".join(code)))))
 
     def use_math_for(self, values: Iterable[Expression]) -> None:
-        """Say that the module holds some values, which may be infinite."""
+        """Record that the module contains some values, which may be infinite."""
         self._math = self._math or any(value in ("math.inf", "-math.inf") for value in values)
 
     def lines(self) -> str:
-        """Return the import statements: Python's own, then py_trees', then ours, a blank line between."""
+        """Return the import statements: Python's own, then py_trees', then ours, separated by blank lines."""
         by_home: dict[str, list[str]] = {}
         for name in self._names:
             by_home.setdefault(_HOME[name], []).append(name)
@@ -93,6 +93,6 @@ def statement(home: str, names: Iterable[str]) -> str:
 
 
 def _by_kind(name: str) -> tuple[int, list[str | int]]:
-    """Return the key by which ruff sorts: constants, classes, the rest; numbers within names by what they count."""
+    """Return ruff's sort key: constants, classes, the rest; numbers within names by their value."""
     parts = [int(part) if part.isdecimal() else part for part in re.split("([0-9]+)", name)]
     return (0 if name.isupper() else 1 if name[0].isupper() else 2, parts)

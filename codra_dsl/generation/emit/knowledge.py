@@ -1,4 +1,4 @@
-"""The module of what a spec says of knowledge and agents, in the words of the runtime: declarations as literals."""
+"""The module of a spec's knowledge and agents, in the words of the runtime: declarations as literals."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from codra_dsl.generation.build_plan import BuildPlan
 from codra_dsl.generation.build_plan.dependencies import types_shown
 from codra_dsl.generation.emit.conditions import condition
-from codra_dsl.generation.emit.declarations import names, told_fields, value_type
+from codra_dsl.generation.emit.declarations import names, non_default_fields, value_type
 from codra_dsl.generation.emit.handles import aliases, handles
 from codra_dsl.generation.emit.imports import Imports
 from codra_dsl.generation.emit.layout import Expression, call, dictionary, laid_out, spread_call, spread_tuple, tuple_of
@@ -49,14 +49,17 @@ KNOWLEDGE_DEFAULTS: Mapping[str, Mapping[str, Expression]] = {
     "TaskModel": {"acknowledge_s": "math.inf", "finish_s": "math.inf", "attributes": "()", "label": '""'},
     "ViewModel": {"nearest_m": "0.0", "farthest_m": "math.inf"},
 }
-"""What the runtime takes for granted of knowledge, and so goes without saying in generated code."""
+"""The defaults of the runtime for knowledge, which generated code leaves out."""
 
 _DIGITS = 12
-"""Of sines and cosines, so that no byte depends on whose library worked them out; the runtime makes them unit again."""
+"""The digits of sines and cosines.
+
+They are few enough that no byte depends on the library that computed them. The runtime normalises the result.
+"""
 
 
 def knowledge_text(plan: BuildPlan, knowledge: CheckedKnowledge) -> str:
-    """Return the text of the module of what a spec says of knowledge."""
+    """Return the text of the module of a spec's knowledge."""
     imports = Imports()
     imports.use("TYPE_CHECKING")
     writer = _Writer(knowledge, imports)
@@ -75,7 +78,7 @@ def knowledge_text(plan: BuildPlan, knowledge: CheckedKnowledge) -> str:
     imports.use_in(named, ("Literal", "Never"))
     return render(
         "knowledge.py.j2",
-        title=f"What there is to know in '{plan.name}', and who may write it.",
+        title=f"The declared knowledge of '{plan.name}', and who may write it.",
         made_by=made_by(plan),
         aliases=named,
         model=laid_out(model),
@@ -91,7 +94,7 @@ class _Writer:
         self._knowledge = knowledge
         self._world: DeclaredGraph = knowledge.world
         self._imports = imports
-        self._of_context = [each for each in self._world.variables.values() if self._is_of_context(each)]
+        self._of_context = [variable for variable in self._world.variables.values() if self._is_of_context(variable)]
 
     def _is_of_context(self, variable: Variable) -> bool:
         return variable.node == CONTEXT_NODE and CONTEXT_NODE not in self._world.nodes
@@ -101,41 +104,43 @@ class _Writer:
         for name in types_shown(self._world):
             declared = self._world.types.get(name)
             if declared is None:
-                yield self._told("NodeTypeModel", name=literal(name))
+                yield self._declaration("NodeTypeModel", name=literal(name))
                 continue
-            yield self._told(
+            yield self._declaration(
                 "NodeTypeModel",
                 name=literal(name),
                 sources=self._sources(self._world.writers(KnowledgeElement("types", name))),
                 attributes=tuple_of(
-                    self._attribute(each, KnowledgeElement("types", name, each.name)) for each in declared.attributes
+                    self._attribute(attribute, KnowledgeElement("types", name, attribute.name))
+                    for attribute in declared.attributes
                 ),
                 view="None" if declared.view is None else self._view(declared.view),
                 label=_label(declared.label, name),
             )
         if self._of_context and CONTEXT_NODE not in types_shown(self._world):
-            yield self._told("NodeTypeModel", name=literal(CONTEXT_NODE))
+            yield self._declaration("NodeTypeModel", name=literal(CONTEXT_NODE))
 
     def edge_type(self, edge: EdgeType) -> Expression:
         """Return a type of edges."""
-        return self._told(
+        return self._declaration(
             "EdgeTypeModel",
             name=literal(edge.name),
             label=_label(edge.label, edge.name),
-            origins=names(each.name for each in edge.origins),
-            targets=names(each.name for each in edge.targets),
+            origins=names(end.name for end in edge.origins),
+            targets=names(end.name for end in edge.targets),
             sources=self._sources(self._world.writers(KnowledgeElement("edges", edge.name))),
             attributes=tuple_of(
-                self._attribute(each, KnowledgeElement("edges", edge.name, each.name)) for each in edge.attributes
+                self._attribute(attribute, KnowledgeElement("edges", edge.name, attribute.name))
+                for attribute in edge.attributes
             ),
             motion="None" if edge.motion is None else self._motion(edge.motion),
         )
 
     def nodes(self) -> Iterable[Expression]:
-        """Yield the nodes that are there from the start, with the context-variables that are theirs."""
+        """Yield the nodes that exist from the start, with the context-variables that belong to them."""
         for node in self._world.nodes.values():
             values = {text_literal(key): literal(value) for key, value in self._knowledge.values[node.name].items()}
-            yield self._told(
+            yield self._declaration(
                 "NodeModel",
                 name=literal(node.name),
                 type=literal(node.type.name),
@@ -145,26 +150,26 @@ class _Writer:
             )
         if self._of_context:
             name = literal(CONTEXT_NODE)
-            yield self._told("NodeModel", name=name, type=name, attributes=self._variables_of(CONTEXT_NODE))
+            yield self._declaration("NodeModel", name=name, type=name, attributes=self._variables_of(CONTEXT_NODE))
 
     def edges(self) -> Iterable[Expression]:
-        """Yield the edges that are there from the start."""
+        """Yield the edges that exist from the start."""
         for edge in self._world.edges.values():
             if self._world.starts_with(edge):
                 (origin,), (target,) = edge.origins, edge.targets
                 ends = {"origin": literal(origin.name), "type": literal(edge.name), "target": literal(target.name)}
                 pose = {} if edge.pose is None else {"pose": self._pose(edge.pose)}
-                yield self._told("EdgeModel", **ends, **pose)
+                yield self._declaration("EdgeModel", **ends, **pose)
 
     def task(self, task: Task) -> Expression:
         """Return a task."""
-        return self._told(
+        return self._declaration(
             "TaskModel",
             name=literal(task.name),
             origin=literal(task.origin.name),
             by=literal(task.by.name),
-            requesters=names(each.name for each in task.requesters),
-            results=names(each.name for each in task.results),
+            requesters=names(requester.name for requester in task.requesters),
+            results=names(result.name for result in task.results),
             acknowledge_s=literal(task.acknowledge_s),
             finish_s=literal(task.finish_s),
             attributes=self._variables_of(task.name),
@@ -176,30 +181,30 @@ class _Writer:
         phase = agent.agent.conduct.phase
         if phase is not None:
             self._imports.use("Phase")
-        return self._told(
+        return self._declaration(
             "AgentModel",
             name=literal(agent.name),
             phase="None" if phase is None else f"Phase.{phase.name}",
             wakes=tuple_of(map(self._pattern, agent.wakes)),
-            owns=names(self._named(each) for each in agent.owns),
-            reads=names(self._named(each) for each in agent.reads),
+            owns=names(self._named(element) for element in agent.owns),
+            reads=names(self._named(element) for element in agent.reads),
             rules=tuple_of(map(self._rule, agent.rules)),
             label=_label(agent.agent.conduct.label, agent.name),
         )
 
     def _rule(self, rule: CheckedRule) -> Expression:
         moments = {moment: tuple_of(map(self._pattern, getattr(rule, moment))) for moment in _MOMENTS}
-        return self._told("RuleModel", name=literal(rule.name), **moments)
+        return self._declaration("RuleModel", name=literal(rule.name), **moments)
 
-    def _named(self, thing: KnowledgeElement) -> str:
-        """Return the name of what an agent owns or reads, as the runtime spells it."""
-        if thing.section == "context":
-            return f"{self._world.variables[thing.name].node}.{thing.name}"
-        return f"{thing.name}.{thing.attribute}" if thing.attribute else thing.name
+    def _named(self, element: KnowledgeElement) -> str:
+        """Return the name of an element that an agent owns or reads, as the runtime spells it."""
+        if element.section == "context":
+            return f"{self._world.variables[element.name].node}.{element.name}"
+        return f"{element.name}.{element.attribute}" if element.attribute else element.name
 
     def _variables_of(self, node: str) -> Expression:
-        variables = [each for each in self._world.variables.values() if each.node == node]
-        return tuple_of(self._variable(each) for each in variables)
+        variables = [variable for variable in self._world.variables.values() if variable.node == node]
+        return tuple_of(self._variable(variable) for variable in variables)
 
     def _variable(self, variable: Variable) -> Expression:
         """Return a context-variable as an attribute of its node."""
@@ -208,11 +213,11 @@ class _Writer:
         sources = call("by", *map(text_literal, writers or ["observer"]))
         return self._attribute_model(variable, sources)
 
-    def _attribute(self, attribute: Attribute, thing: KnowledgeElement) -> Expression:
-        return self._attribute_model(attribute, self._sources(self._world.writers(thing)))
+    def _attribute(self, attribute: Attribute, element: KnowledgeElement) -> Expression:
+        return self._attribute_model(attribute, self._sources(self._world.writers(element)))
 
     def _attribute_model(self, declared: Attribute | Variable, sources: Expression) -> Expression:
-        return self._told(
+        return self._declaration(
             "AttributeModel",
             name=literal(declared.name),
             type=self._type(declared.type),
@@ -226,7 +231,7 @@ class _Writer:
         return value_type(declared, self._imports)
 
     def _sources(self, writers: tuple[Writer, ...]) -> Expression:
-        """Return who may write something; where each has a priority of its own, in their order."""
+        """Return who may write an element; if the priorities all differ, the order expresses them."""
         priorities = [writer.priority or 0 for writer in writers]
         if len(set(priorities)) <= 1:
             self._imports.use(*(["by"] if writers else []))
@@ -234,7 +239,8 @@ class _Writer:
         if len(set(priorities)) == len(writers):
             self._imports.use("ranked")
             return call(
-                "ranked", *(literal(each.name) for each in sorted(writers, key=lambda each: -(each.priority or 0)))
+                "ranked",
+                *(literal(writer.name) for writer in sorted(writers, key=lambda writer: -(writer.priority or 0))),
             )
         self._imports.use("Writer")
         return tuple_of(
@@ -243,7 +249,7 @@ class _Writer:
         )
 
     def _view(self, view: View) -> Expression:
-        return self._told(
+        return self._declaration(
             "ViewModel",
             horizontal_rad=literal(view.horizontal_rad),
             vertical_rad=literal(view.vertical_rad),
@@ -257,7 +263,7 @@ class _Writer:
             for name in ("history_s", "extrapolate_s", "valid_for_s")
             if (value := getattr(motion, name)) is not None
         }
-        return self._told("Motion", **stated, is_static=literal(motion.is_static))
+        return self._declaration("Motion", **stated, is_static=literal(motion.is_static))
 
     def _pose(self, pose: StartingPose) -> Expression:
         self._imports.use("Pose")
@@ -293,8 +299,8 @@ class _Writer:
         self._imports.use("backward")
         return call("backward", literal(link.edge))
 
-    def _told(self, model: str, **fields: Expression) -> Expression:
-        return call(model, **told_fields(model, KNOWLEDGE_DEFAULTS[model], self._imports, fields))
+    def _declaration(self, model: str, **fields: Expression) -> Expression:
+        return call(model, **non_default_fields(model, KNOWLEDGE_DEFAULTS[model], self._imports, fields))
 
 
 _MOMENTS = ("before", "during", "after")
@@ -305,12 +311,12 @@ def _label(label: str, name: str) -> str:
 
 
 def _quaternion(rotation_rad: tuple[float, float, float]) -> tuple[float, ...]:
-    """Return the unit quaternion (w, x, y, z) of turns about x, then y, then z, of axes that stay."""
-    (cr, sr), (cp, sp), (cy, sy) = ((math.cos(each / 2), math.sin(each / 2)) for each in rotation_rad)
+    """Return the unit quaternion (w, x, y, z) of turns about the fixed axes x, then y, then z."""
+    (cr, sr), (cp, sp), (cy, sy) = ((math.cos(angle_rad / 2), math.sin(angle_rad / 2)) for angle_rad in rotation_rad)
     exact = (
         cr * cp * cy + sr * sp * sy,
         sr * cp * cy - cr * sp * sy,
         cr * sp * cy + sr * cp * sy,
         cr * cp * sy - sr * sp * cy,
     )
-    return tuple(round(each, _DIGITS) + 0.0 for each in exact)
+    return tuple(round(component, _DIGITS) + 0.0 for component in exact)

@@ -1,7 +1,7 @@
-"""Python expressions laid out in lines, exactly as `ruff format` leaves them.
+"""Python expressions laid out in lines, exactly as `ruff format` writes them.
 
-An expression stays on its line while it fits; what does not fit is opened from the outside in: brackets hold one item
-a line, with a comma after the last; a chain of operators breaks before each of its weakest operators.
+An expression stays on its line if it fits. Otherwise it is opened from the outside in: brackets hold one item a line,
+with a comma after the last, and a chain of operators breaks before each operator of the lowest precedence.
 """
 
 from __future__ import annotations
@@ -14,18 +14,18 @@ WIDTH = 120
 _STEP = 4
 
 WIDEST = 10_000
-"""Wider than any line that is to stay one."""
+"""Wider than any line that must not be broken."""
 
 SHORT = 70
-"""So short a text fits wherever a declaration or a behaviour may stand: none is indented by half the width."""
+"""A text of at most this length fits everywhere: no declaration or behaviour is indented by half the width."""
 
 
 class Brackets(NamedTuple):
-    """A call, tuple, list or dictionary; `bracketed` makes it.
+    """A call, tuple, list or dictionary, made by `bracketed`.
 
     Attributes:
-        opening: all up to and including the bracket, e.g. `Accept(` or `type=real(`.
-        flat: all of it on one line; None where part of it takes several lines in any case.
+        opening: the text up to and including the bracket, e.g. `Accept(` or `type=real(`.
+        flat: the expression on one line; None if part of it always takes several lines.
     """
 
     opening: str
@@ -36,30 +36,30 @@ class Brackets(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Chain:
-    """Operands joined by operators of one strength: `first`, then pairs of an operator and an operand."""
+    """Operands joined by operators of equal precedence: `first`, then pairs of an operator and an operand."""
 
     first: Expression
     rest: tuple[tuple[str, Expression], ...]
 
     @property
     def flat(self) -> str | None:
-        """Return all of it on one line, or None where part of it takes several lines in any case."""
+        """Return the chain on one line, or None if part of it always takes several lines."""
         parts = [_flat(self.first), *(_flat(operand) for _, operand in self.rest)]
         operators = ["", *(f" {operator} " for operator, _ in self.rest)]
-        whole = [text for pair in zip(operators, parts, strict=True) for text in pair if text is not None]
-        return None if None in parts else "".join(whole)
+        texts = [text for pair in zip(operators, parts, strict=True) for text in pair if text is not None]
+        return None if None in parts else "".join(texts)
 
 
 @dataclass(frozen=True, slots=True)
 class Grouped:
-    """An expression in parentheses, with what precedes them, e.g. `~`."""
+    """An expression in parentheses, with a text in front, e.g. `~`."""
 
     prefix: str
     inner: Expression
 
     @property
     def flat(self) -> str | None:
-        """Return all of it on one line, or None where part of it takes several lines in any case."""
+        """Return the expression on one line, or None if part of it always takes several lines."""
         inner = _flat(self.inner)
         return None if inner is None else f"{self.prefix}({inner})"
 
@@ -91,13 +91,13 @@ def spread_call(function: str, *arguments: Expression, **keywords: Expression) -
 
 
 def tuple_of(items: Iterable[Expression]) -> Expression:
-    """Return a tuple; with one item it keeps its comma."""
+    """Return a tuple; a single item keeps its comma."""
     several = tuple(items)
     return _short("(", several, ",)" if len(several) == 1 else ")")
 
 
 def spread_tuple(items: Iterable[Expression]) -> Brackets:
-    """Return a tuple with one item a line; the comma of a single item is no reason to spread it."""
+    """Return a tuple with one item a line, but a single item, with its comma, on one."""
     several = tuple(items)
     return Brackets("(", several, ")", None) if len(several) > 1 else bracketed("(", several, ",)" if several else ")")
 
@@ -118,7 +118,7 @@ def dictionary(items: Mapping[str, Expression]) -> Expression:
 
 
 def _named(items: Mapping[str, Expression], sign: str) -> list[Expression]:
-    """Return items with their names before them."""
+    """Return items with their names in front."""
     return [
         f"{name}{sign}{item}" if isinstance(item, str) else _behind(f"{name}{sign}", item)
         for name, item in items.items()
@@ -126,7 +126,7 @@ def _named(items: Mapping[str, Expression], sign: str) -> list[Expression]:
 
 
 def _behind(text: str, item: Expression) -> Expression:
-    """Return an item behind what precedes it on its first line."""
+    """Return an item with a text in front of its first line."""
     match item:
         case str():
             return text + item
@@ -139,7 +139,7 @@ def _behind(text: str, item: Expression) -> Expression:
 
 
 def _short(opening: str, items: tuple[Expression, ...], closing: str) -> Expression:
-    """Return items in brackets, as a plain text if that is so short that it fits wherever it may stand."""
+    """Return items in brackets, as plain text if it is so short that it fits everywhere."""
     flat = _on_one_line(opening, items, closing)
     return Brackets(opening, items, closing, flat) if flat is None or len(flat) > SHORT else flat
 
@@ -148,10 +148,10 @@ def laid_out(expression: Expression, *, indent: int = 0, before: int = 0, after:
     """Return an expression as text.
 
     Args:
-        expression: what to lay out.
+        expression: the expression to lay out.
         indent: columns before the statement that it belongs to.
         before: columns taken on its first line, `indent` included.
-        after: columns that whatever follows needs on its last line.
+        after: columns needed on its last line by the text that follows.
     """
     flat = _flat(expression)
     if flat is not None and before + len(flat) + after <= WIDTH:
@@ -167,17 +167,17 @@ def laid_out(expression: Expression, *, indent: int = 0, before: int = 0, after:
 
 
 def _flat(expression: Expression) -> str | None:
-    """Return an expression on one line, or None where part of it takes several lines in any case."""
+    """Return an expression on one line, or None if part of it always takes several lines."""
     return expression if isinstance(expression, str) else expression.flat
 
 
 def _opened(expression: Brackets, indent: int) -> str:
     inner = indent + _STEP
-    room = WIDTH - inner - len(",")
+    width = WIDTH - inner - len(",")
     lines: list[str] = []
     for item in expression.items:
         flat = item if isinstance(item, str) else item.flat
-        fits = flat is not None and len(flat) <= room
+        fits = flat is not None and len(flat) <= width
         lines.append(flat if flat is not None and fits else laid_out(item, indent=inner, before=inner, after=len(",")))
     separator = ",\n" + " " * inner
     closing = f",\n{' ' * indent}{expression.closing.lstrip(',')}"

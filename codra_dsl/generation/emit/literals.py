@@ -1,6 +1,7 @@
-"""Values as Python literals: the only way in which anything that a spec says reaches the code.
+"""Values as Python literals: the only form in which contents of a spec reach the code.
 
-Literals are ASCII: the same bytes whichever Unicode a Python knows, and nothing that an editor would hide.
+Literals are ASCII, so that the bytes do not depend on Python's version of Unicode and no character is invisible in an
+editor.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ def literal(value: Value) -> str:
 
 
 def text_literal(text: str) -> str:
-    """Return the literal of a string, in double quotes unless single ones spare escapes."""
+    """Return the literal of a string, in double quotes unless single quotes need fewer escapes."""
     if text.isascii() and text.isprintable() and '"' not in text and "\\" not in text:  # as most texts are
         return f'"{text}"'
     # With both kinds of quote ahead of it, `ascii` takes single quotes and escapes those of the text alone.
@@ -31,5 +32,5 @@ def text_literal(text: str) -> str:
 
 
 def prose(text: str) -> str:
-    """Return a text that can stand inside a docstring: on one line, without quotes or backslashes that would count."""
+    """Return a text that is safe inside a docstring: on one line, without double quotes or backslashes."""
     return ascii(text)[1:-1].replace("\\", "/").replace('"', "'")

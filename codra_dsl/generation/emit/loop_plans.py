@@ -1,4 +1,4 @@
-"""What the files beside the code tell of loops: their nodes in the dependency graph, and where they are declared."""
+"""The graph nodes and places of loops, for the files beside the code."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from codra_dsl.language.model import Course
 
 
 def loop_nodes(plan: BuildPlan, mape: CheckedMape) -> Iterator[tuple[Node, dict[str, object]]]:
-    """Yield the nodes of loops in the dependency graph, kind by kind in file order, with what is said of each.
+    """Yield the nodes of loops in the dependency graph with their entries, kind by kind in file order.
 
-    Context-variables come first that loops read or write and that nothing else shows.
+    The first are context-variables that loops read or write and that nothing else shows.
     """
     yield from _variables(plan)
     spec = plan.checked.spec

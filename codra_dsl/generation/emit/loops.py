@@ -1,4 +1,4 @@
-"""The modules of what a spec says of loops: its fuzzy engines, its trees, and the declarations that bind them."""
+"""The modules of a spec's loops: its fuzzy engines, its trees, and the declarations that connect them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from codra_dsl.generation.build_plan import BuildPlan
 from codra_dsl.generation.build_plan.names import ACTION_ENGINE, MAPE_MODULE, METRIC_ENGINE, tree_module_name
 from codra_dsl.generation.emit.behaviour_trees import tree_module
 from codra_dsl.generation.emit.conditions import condition
-from codra_dsl.generation.emit.declarations import names, told_fields
+from codra_dsl.generation.emit.declarations import names, non_default_fields
 from codra_dsl.generation.emit.imports import Imports
 from codra_dsl.generation.emit.layout import (
     WIDTH,
@@ -73,7 +73,7 @@ MAPE_DEFAULTS: Mapping[str, Mapping[str, Expression]] = {
         "repeat": "Repeat.ALWAYS",
     },
 }
-"""What the runtime takes for granted of loops, and so goes without saying in generated code."""
+"""The defaults of the runtime for loops, which generated code leaves out."""
 
 
 def mape_texts(plan: BuildPlan, mape: CheckedMape) -> Iterator[tuple[str, str]]:
@@ -90,9 +90,9 @@ def _mape_text(plan: BuildPlan, mape: CheckedMape) -> str:
     imports = Imports()
     imports.use("MapeModel")
     writer = _Writer(imports)
-    courses = [each for each in mape.adaptation if isinstance(each.adaptation.does, Course)]
-    parameters = [each for each in mape.adaptation if isinstance(each.adaptation.does, Parameter)]
-    fields = writer.told(
+    courses = [adaptation for adaptation in mape.adaptation if isinstance(adaptation.adaptation.does, Course)]
+    parameters = [adaptation for adaptation in mape.adaptation if isinstance(adaptation.adaptation.does, Parameter)]
+    fields = writer.fields(
         "MapeModel",
         loops=spread_tuple(map(writer.loop, mape.loops)),
         metrics=writer.stage(METRIC_ENGINE, mape.metrics),
@@ -133,20 +133,20 @@ class _Writer:
     def __init__(self, imports: Imports) -> None:
         self._imports = imports
 
-    def told(self, model: str, **fields: Expression) -> dict[str, Expression]:
-        """Return the fields of a model that do not go without saying."""
-        return told_fields(model, MAPE_DEFAULTS[model], self._imports, fields)
+    def fields(self, model: str, **fields: Expression) -> dict[str, Expression]:
+        """Return the fields of a model that differ from their defaults."""
+        return non_default_fields(model, MAPE_DEFAULTS[model], self._imports, fields)
 
     def loop(self, checked: CheckedLoop) -> Expression:
         """Return a loop."""
         loop = checked.loop
-        fields = self.told(
+        fields = self.fields(
             "LoopModel",
             name=literal(loop.name),
             rates=names(checked.rates),
-            analyse=names(each.name for each in loop.analyse),
-            adapt=names(each.name for each in loop.adapt),
-            execute=names(each.name for each in loop.execute),
+            analyse=names(reference.name for reference in loop.analyse),
+            adapt=names(reference.name for reference in loop.adapt),
+            execute=names(reference.name for reference in loop.execute),
             period_s=literal(loop.period_s),
         )
         return call("LoopModel", **fields)
@@ -156,19 +156,22 @@ class _Writer:
         if stage is None:
             return "None"
         blocks = [rule for block in stage.engine.blocks for rule in block.rules]
-        reads = [tuple(dict.fromkeys(each.variable for each in propositions(rule.antecedent))) for rule in blocks]
-        fields = self.told(
+        reads = [
+            tuple(dict.fromkeys(proposition.variable for proposition in propositions(rule.antecedent)))
+            for rule in blocks
+        ]
+        fields = self.fields(
             "StageModel",
             infer=f"{module}.infer",
             infer_bounds=f"{module}.infer_bounds",
             inputs=spread_tuple(map(self._input, stage.inputs)),
             outputs=spread_tuple(
-                self._output(each.output.name, each.variable, each.output.worse) for each in stage.outputs
+                self._output(output.output.name, output.variable, output.output.worse) for output in stage.outputs
             ),
             rules=spread_tuple(
                 call(
                     "StageRuleModel",
-                    **self.told(
+                    **self.fields(
                         "StageRuleModel", text=literal(rule.text), concludes=names([rule.output]), reads=names(read)
                     ),
                 )
@@ -181,7 +184,7 @@ class _Writer:
         self._imports.use("Bounds")
         is_bare = given.variable.type.kind in (Kind.BOOL, Kind.ENUM)
         terms = {literal(term.name): self._membership(term) for term in given.terms}
-        fields = self.told(
+        fields = self.fields(
             "InputModel",
             variable=literal(given.variable.name),
             range=call("Bounds", literal(float(given.minimum)), literal(float(given.maximum))),
@@ -196,12 +199,12 @@ class _Writer:
 
     def _output(self, name: str, variable: str, worse: Worse) -> Expression:
         self._imports.use(*(["End"] if worse is Worse.HIGH else []))
-        fields = self.told("OutputModel", name=literal(name), variable=literal(variable), worse=f"End.{worse.name}")
+        fields = self.fields("OutputModel", name=literal(name), variable=literal(variable), worse=f"End.{worse.name}")
         return call("OutputModel", **fields)
 
     def rate(self, rate: CheckedRate) -> Expression:
         """Return a rate."""
-        fields = self.told(
+        fields = self.fields(
             "RateModel",
             variable=literal(rate.variable.name),
             of=literal(rate.of),
@@ -215,10 +218,10 @@ class _Writer:
         adaptation, course = checked.adaptation, checked.adaptation.does
         assert isinstance(course, Course)
         rules = (self._hard_rule(rule, python) for rule, python in zip(course.always, checked.python, strict=True))
-        fields = self.told(
+        fields = self.fields(
             "CourseModel",
             name=literal(adaptation.name),
-            choose=names(each.name for each in course.choose),
+            choose=names(action.name for action in course.choose),
             otherwise=literal(course.otherwise.name),
             variable=literal(adaptation.name),
             smooth_s=literal(course.smooth_s),
@@ -232,10 +235,13 @@ class _Writer:
         return call("CourseModel", **fields)
 
     def _hard_rule(self, rule: HardRule, python: str) -> Expression:
-        asked, words = condition(python)
+        hard_condition, words = condition(python)
         self._imports.use(*words)
-        fields = self.told(
-            "HardRuleModel", condition=asked, action=literal(rule.action.name), text=literal(rule.condition.text)
+        fields = self.fields(
+            "HardRuleModel",
+            condition=hard_condition,
+            action=literal(rule.action.name),
+            text=literal(rule.condition.text),
         )
         return call("HardRuleModel", **fields)
 
@@ -245,7 +251,7 @@ class _Writer:
         assert isinstance(parameter, Parameter)
         value, words = condition(checked.python[0])
         self._imports.use(*words)
-        fields = self.told(
+        fields = self.fields(
             "ParameterModel",
             name=literal(adaptation.name),
             variable=literal(parameter.variable.name),
@@ -260,7 +266,7 @@ class _Writer:
         element = tree.element
         self._imports.use(*(["Repeat"] if element.repeat is Repeat.ON_SWITCH else []))
         module, main = tree_module_name(tree.name), tree.forest.forest.main or ""
-        fields = self.told(
+        fields = self.fields(
             "TreeModel",
             name=literal(tree.name),
             build=f"{module}.TREES[{text_literal(main)}]",

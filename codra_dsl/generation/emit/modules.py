@@ -17,7 +17,7 @@ from codra_dsl.language.model import Skill
 def module_texts(plan: BuildPlan) -> Iterator[tuple[str, str]]:
     """Yield the path and text of each generated module."""
     forest = {tree.name: tree for tree in plan.forest}
-    skills = {each.name: each for each in plan.checked.spec.skills}
+    skills = {declared.name: declared for declared in plan.checked.spec.skills}
     for module in plan.modules:
         trees = [forest[name] for name in module.trees]
         yield f"{module.name}.py", _text(plan, module, trees, [skills[name] for name in module.skills])
@@ -32,10 +32,12 @@ def _text(plan: BuildPlan, module: Module, trees: list[Tree], skills: list[Skill
     texts = {
         "algorithms": [f"{branch.constant} = {laid_out(algorithm(branch, imports))}" for branch in branches],
         "trees": [tree_text(tree, imports) for tree in trees],
-        "variables": _listed("VARIABLES", "VariableModel", (variable(each, poses, imports) for each in variables)),
+        "variables": _listed(
+            "VARIABLES", "VariableModel", (variable(declared, poses, imports) for declared in variables)
+        ),
         "observers": _listed("OBSERVERS", "ObserverModel", (observer(tree, imports) for tree in trees)),
         "skills": _listed(
-            "SKILLS", "SkillModel", (skill(each, of_skill.get(each.name, ()), imports) for each in skills)
+            "SKILLS", "SkillModel", (skill(declared, of_skill.get(declared.name, ()), imports) for declared in skills)
         ),
     }
     return render("module.py.j2", title=_title(module), made_by=made_by(plan), imports=imports.lines(), **texts)
@@ -48,7 +50,7 @@ def _listed(name: str, kind: str, declarations: Iterable[Expression]) -> str:
 
 
 def _title(module: Module) -> str:
-    """Return what the module holds, in one line."""
+    """Return a one-line description of the module's contents."""
     use = [] if module.use is None else [f"'{module.use.instance}' (template '{module.use.template}')"]
     named = " and ".join([*use, *map(prose, module.files)])
     return f"{'Observers' if module.trees else 'Context'} of {named}."

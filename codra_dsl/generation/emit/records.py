@@ -1,6 +1,6 @@
-"""The files beside the code: the dependency graph, the manifest, and where everything stands in the spec.
+"""The files beside the code: the dependency graph, the manifest, and the places of all elements in the spec.
 
-Lists and mappings are written one entry a line: what a change of the spec changes is what a diff shows.
+Lists and mappings are written with one entry a line, so that a diff shows only the entries that changed.
 """
 
 from __future__ import annotations
@@ -27,16 +27,18 @@ GRAPH = "graph.json"
 SOURCES = "sources.json"
 FORMAT_VERSION = 1
 
-# Where something stands and how it was parsed is no part of what a spec means.
-_NOT_MEANT = frozenset({"letters", "place", "places", "tree"})
-# How agents take part in knowledge is told with what is declared of that, and so are the terms of loops.
-_TOLD_APART = frozenset({(Agent, "conduct"), *((Variable, name) for name in ("terms", "rate", "is_derived", "posed"))})
-# An algorithm's conditions stand in the checked algorithm once more, as they were lowered.
+# The place of an element and its parsed form are not part of a spec's meaning.
+_WITHOUT_MEANING = frozenset({"letters", "place", "places", "tree"})
+# The conduct of agents is digested with the knowledge, and these fields of variables with the loops.
+_DIGESTED_APART = frozenset(
+    {(Agent, "conduct"), *((Variable, name) for name in ("terms", "rate", "is_derived", "posed"))}
+)
+# A checked algorithm holds an algorithm's conditions a second time, lowered.
 _CHECKED_TOO = frozenset((Algorithm, name) for name in ("observable_when", "accept_when", "identifies"))
 
 
 def graph_nodes(plan: BuildPlan) -> Iterator[tuple[Node, dict[str, object]]]:
-    """Yield the nodes of the dependency graph, kind by kind in the order of the plan, with what is said of each."""
+    """Yield the nodes of the dependency graph with their entries, kind by kind in the order of the plan."""
     checked = plan.checked
     for name in plan.in_force:
         yield Node(NodeKind.CONTEXT, name), about_variable(checked.variables[name])
@@ -55,7 +57,7 @@ def graph_nodes(plan: BuildPlan) -> Iterator[tuple[Node, dict[str, object]]]:
 
 
 def graph_edge(plan: BuildPlan, edge: Edge) -> dict[str, object]:
-    """Return an edge as files tell it: it reads as a sentence, `source kind target`."""
+    """Return an edge as it is written to files; it reads as a sentence, `source kind target`."""
     return {"source": node_id(plan, edge.source), "target": node_id(plan, edge.target), "kind": edge.kind.value}
 
 
@@ -77,7 +79,7 @@ def graph_text(plan: BuildPlan) -> str:
 def manifest_text(plan: BuildPlan, outputs: Mapping[str, str]) -> str:
     """Return the text of `manifest.json`.
 
-    It holds digests of the checked model and of `outputs`, but none of `sources.json`, whose places may change alone.
+    It holds digests of the checked model and of `outputs`, but not of `sources.json`, whose places may change alone.
     """
     variables = {name: _about(variable) for name, variable in plan.checked.variables.items()}
     digests = {path: _digest(outputs[path]) for path in sorted(outputs)}
@@ -96,12 +98,12 @@ def manifest_text(plan: BuildPlan, outputs: Mapping[str, str]) -> str:
 def _about(variable: Variable) -> dict[str, object]:
     """Return the type of a variable, for tools that read the manifest alone."""
     declared = variable.type
-    told = {"type": declared.kind.value, "unit": declared.unit, "range": declared.range, "values": declared.values}
-    return {key: value for key, value in told.items() if value}
+    about = {"type": declared.kind.value, "unit": declared.unit, "range": declared.range, "values": declared.values}
+    return {key: value for key, value in about.items() if value}
 
 
 def sources_text(plan: BuildPlan) -> str:
-    """Return the text of `sources.json`: for each element and condition its file and line, and those of its use."""
+    """Return the text of `sources.json`: the file and line of each element and condition, and those of its use."""
     return _mapped([f"{json_text(name)}: {_where(place)}" for name, place in places(plan)]) + "\n"
 
 
@@ -139,18 +141,18 @@ def _line(span: Span) -> str:
 
 
 def object_of(**parts: str) -> str:
-    """Return a JSON object of parts that are JSON already, one a line."""
+    """Return a JSON object, with one part a line; the parts are JSON already."""
     inner = ",\n".join(f"{json.dumps(key)}: {text}" for key, text in parts.items())
     return f"{{\n{inner}\n}}\n"
 
 
 def list_of(items: Iterable[object]) -> str:
-    """Return a JSON list, one item a line."""
+    """Return a JSON list, with one item a line."""
     return _listed(list(map(json.dumps, items)))
 
 
 def mapping_of(items: Mapping[str, object]) -> str:
-    """Return a JSON object, one entry a line."""
+    """Return a JSON object, with one entry a line."""
     return _mapped([f"{json.dumps(key)}: {json.dumps(value)}" for key, value in items.items()])
 
 
@@ -173,9 +175,9 @@ def _digest(text: str) -> str:
 
 
 def model_digest(plan: BuildPlan) -> str:
-    """Return a digest of what the checked spec means: the same wherever its elements stand in its files."""
+    """Return a digest of a checked spec's meaning, which is independent of the places of its elements."""
     checked, spec = plan.checked, plan.checked.spec
-    meant = (
+    basic = (
         spec.name,
         tuple(checked.variables.values()),
         tuple(checked.algorithms.values()),
@@ -186,39 +188,41 @@ def model_digest(plan: BuildPlan) -> str:
         spec.resources,
         spec.agents,
     )
-    known = (spec.types, spec.nodes, spec.edges, spec.tasks, tuple(agent.conduct for agent in spec.agents))
-    told = (*meant, *known) if spec.knows else meant
-    return _digest(_meaning((*told, *_looping(checked)) if checked.mape is not None else told))
+    knowledge = (spec.types, spec.nodes, spec.edges, spec.tasks, tuple(agent.conduct for agent in spec.agents))
+    meaning = (*basic, *knowledge) if spec.knows else basic
+    return _digest(_meaning((*meaning, *_looping(checked)) if checked.mape is not None else meaning))
 
 
 def _looping(checked: CheckedSpec) -> tuple[object, ...]:
-    """Return what a spec means by its loops, its trees as their files say."""
+    """Return the meaning of a spec's loops, with the contents of its trees' files."""
     spec = checked.spec
-    words = tuple((variable.terms, variable.rate) for variable in spec.context)
+    terms = tuple((variable.terms, variable.rate) for variable in spec.context)
     trees = tuple(tree.forest for tree in checked.mape.trees) if checked.mape is not None else ()
-    return (spec.metrics, spec.actions, spec.adaptation, spec.trees, spec.loops, words, trees)
+    return (spec.metrics, spec.actions, spec.adaptation, spec.trees, spec.loops, terms, trees)
 
 
 def _meaning(value: Any) -> str:
-    """Return a value as the text of tuples and plain values, which differ whenever the meaning does."""
+    """Return a value as the text of tuples and plain values; different meanings give different texts."""
     return _WRITERS.get(type(value), _written)(value)
 
 
 def _written(value: Any) -> str:
-    """Return the meaning of a value of a type that was not met before."""
+    """Return the meaning of a value whose type occurs for the first time."""
     kind = type(value)
     _WRITERS[kind] = _writer(kind)
     return _WRITERS[kind](value)
 
 
 def _writer(kind: Any) -> Callable[[Any], str]:
-    """Return what writes the values of a type: of an enumeration, or of frozen values."""
+    """Return the function that writes the values of a type: of an enumeration, or of frozen values."""
     if issubclass(kind, Enum):
         return lambda value: ascii(value.value)
     names = [field.name for field in dataclasses.fields(kind)]
-    meant = [name for name in names if name not in _NOT_MEANT and (kind, name) not in _CHECKED_TOO | _TOLD_APART]
-    shape = f"({', '.join([ascii(kind.__name__), *('%s' for _ in meant)])}{'' if meant else ','})"
-    fields = [attrgetter(name) for name in meant]
+    relevant = [
+        name for name in names if name not in _WITHOUT_MEANING and (kind, name) not in _CHECKED_TOO | _DIGESTED_APART
+    ]
+    shape = f"({', '.join([ascii(kind.__name__), *('%s' for _ in relevant)])}{'' if relevant else ','})"
+    fields = [attrgetter(name) for name in relevant]
     return lambda value: shape % tuple([_meaning(field(value)) for field in fields])
 
 
@@ -231,4 +235,4 @@ _WRITERS: dict[type, Callable[[Any], str]] = {
     **dict.fromkeys((bool, int, float, str, type(None)), ascii),
     tuple: _several,
 }
-"""What writes the values of each type; types of the model are added as they are met."""
+"""The functions that write the values of each type; types of the model are added on first use."""

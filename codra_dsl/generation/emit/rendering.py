@@ -1,4 +1,4 @@
-"""The packaged templates. They are wiring: every value arrives as the text of a Python expression."""
+"""The packaged templates. They only arrange texts: every value arrives as the text of a Python expression."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ def render(template: str, **texts: object) -> str:
 
 
 def made_by(plan: BuildPlan) -> str:
-    """Return the line that says where generated code comes from and how to renew it."""
+    """Return the line that names the source of generated code and how to renew it."""
     file = prose(plan.checked.spec.file)
     return f"Made by codra from {file}; edits are lost. Renew: codra compile {file}"
 
 
 @cache
 def _environment() -> Environment:
-    from jinja2 import Environment, PackageLoader, StrictUndefined  # noqa: PLC0415  not where nothing is emitted
+    from jinja2 import Environment, PackageLoader, StrictUndefined  # noqa: PLC0415  slow, and needed only to emit
 
     return Environment(
         loader=PackageLoader("codra_dsl.generation.emit"),

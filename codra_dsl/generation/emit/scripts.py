@@ -1,6 +1,6 @@
 """Scripts of behaviour trees as Python: entries are `it["name"]`, everything else is Python's own operator.
 
-What differs from Python, such as a text that compares as a number, is done by the values that a scope hands out.
+The values that a scope hands out implement the differences to Python, such as a text that compares as a number.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _CHOICE, _OR, _AND, _NOT, _COMPARE, _SUM, _PRODUCT, _SIGN, _ALONE = range(1, 10)
 
 
 def asked_text(node: Node, enums: Enums) -> str:
-    """Return a script as Python where it is asked whether it holds."""
+    """Return a script as Python, for a place that uses only its truth."""
     if isinstance(node, And | Or):
         sign = " and " if isinstance(node, And) else " or "
         return sign.join(operands(node, enums))
@@ -43,7 +43,7 @@ def operands(node: And | Or, enums: Enums) -> list[str]:
 
 
 def value_text(node: Node, enums: Enums) -> str:
-    """Return a script as Python where its value counts."""
+    """Return a script as Python, for a place that uses its value."""
     return _text(node, enums)[0]
 
 
@@ -61,7 +61,7 @@ def _grouped(node: Node, power: int, enums: Enums) -> str:
 
 
 def _text(node: Node, enums: Enums) -> tuple[str, int]:
-    """Return the text and how tightly it holds together."""
+    """Return the text and its precedence."""
     match node:
         case Name(name=name):
             return (literal(enums[name]), _SIGN) if name in enums else (f"it[{literal(name)}]", _ALONE)
@@ -74,7 +74,7 @@ def _text(node: Node, enums: Enums) -> tuple[str, int]:
         case And() | Or():
             return f"bool({asked_text(node, enums)})", _ALONE
         case Compare(first=first, rest=rest):
-            links = "".join(f" {sign} {_grouped(each, _SUM, enums)}" for sign, each in rest)
+            links = "".join(f" {sign} {_grouped(operand, _SUM, enums)}" for sign, operand in rest)
             return _grouped(first, _SUM, enums) + links, _COMPARE
         case Arithmetic(operator=sign, left=left, right=right):
             power = _SUM if sign in "+-" else _PRODUCT
@@ -82,4 +82,4 @@ def _text(node: Node, enums: Enums) -> tuple[str, int]:
         case Choice(then=then, condition=condition, otherwise=otherwise):
             sides = _grouped(then, _OR, enums), _asked(condition, _OR, enums), _grouped(otherwise, _CHOICE, enums)
             return "{} if {} else {}".format(*sides), _CHOICE
-    raise TypeError(f"{type(node).__name__} is no node of a script")
+    raise TypeError(f"{type(node).__name__} is not a node of a script")

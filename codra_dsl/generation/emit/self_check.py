@@ -1,9 +1,9 @@
-"""Proves that emitted text is Python or JSON, at the cost of what differs in it.
+"""Prove that emitted text is Python or JSON, at a cost that depends only on the differences in it.
 
-To compile all of a large output takes longer than to make it, though most of it says the same of other things. So a
-module is cut into pieces that are complete by themselves: the statements between blank lines, and the items of long
-tuples. Of pieces that differ in nothing but plain strings and in names that the emitter gives, one is compiled. What
-cannot be cut or told apart like this is compiled as it is: cutting may make a proof slower, never weaker.
+Compiling all of a large output takes longer than generating it, though most of its parts differ only in names and
+strings. So a module is cut into pieces that are complete by themselves: the statements between blank lines, and the
+items of long tuples. Of pieces that differ only in plain strings and in names that the emitter chooses, one is
+compiled. A module that cannot be cut safely is compiled as a whole: cutting may make a proof slower, never weaker.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ _PLAIN = r"[ !#-\[\]-~]*"  # printable ASCII without quotes and backslashes
 _PLAIN_DOCSTRING = re.compile(f'"""{_PLAIN}"""')
 _PLAIN_STRING = re.compile(f'"{_PLAIN}"')
 _MISLEADING = ("'", "\\", "#", "\0", *(f'{prefix}""' for prefix in "bBfFrRuU"))
-"""Where one of these is left, what was taken for a plain string may be something else."""
+"""If one of these is left, a match that looked like a plain string may be something else."""
 
 _ACROSS_PIECES = ("__future__", "global")
-"""What may stand in one piece because of what stands in another."""
+"""Statements that are valid in one piece only because of another piece."""
 
 _GIVEN_NAMES = tuple(re.compile(before + r"([A-Za-z][A-Za-z0-9_]*)\b") for before in ("\ndef ", r"branch\(", "build="))
 _GIVEN_NAME = re.compile(r"\n([A-Za-z][A-Za-z0-9_]*) = Algorithm\(")
@@ -29,14 +29,14 @@ _NEXT_ITEM = re.compile(r"\n    (?![ )])")
 
 
 class BrokenOutputError(Exception):
-    """Emitted text is neither Python nor JSON: a bug of the emitter, found before anything is replaced."""
+    """Emitted text is neither Python nor JSON: a bug of the emitter, detected before any file is replaced."""
 
 
 def prove(files: Mapping[str, str]) -> None:
-    """Read every file, by its path: `.py` with Python's compiler, the others as JSON.
+    """Parse every file, by its path: `.py` with Python's compiler, the others as JSON.
 
     Raises:
-        BrokenOutputError: naming the first file that cannot be read and what is wrong with it.
+        BrokenOutputError: with the first file that cannot be parsed and the error.
     """
     proven: set[str] = set()
     for path, text in files.items():
@@ -50,7 +50,7 @@ def prove(files: Mapping[str, str]) -> None:
 
 
 def _is_proven_in_pieces(text: str, proven: set[str]) -> bool:
-    """Compile the pieces of a module that are not `proven`; return whether that proves all of it."""
+    """Compile the pieces of a module that are not `proven`; return whether that proves the whole module."""
     before, _, rest = text.partition('"""')
     docstring, closing, statements = rest.partition('"""')
     inside = docstring.replace("\n", "")
@@ -71,7 +71,7 @@ def _is_proven_in_pieces(text: str, proven: set[str]) -> bool:
 
 
 def _shape(statements: str) -> str | None:
-    """Return statements without what their pieces may differ in, or None if that cannot be told."""
+    """Return statements without the parts in which pieces may differ, or None if those cannot be recognised."""
     shape = _PLAIN_DOCSTRING.sub('""', statements)
     if '"""' in shape:
         return None
@@ -84,12 +84,12 @@ def _shape(statements: str) -> str | None:
 
 
 def _anonymous(name: re.Match[str]) -> str:
-    """Return a name's text with another name in its place, unless it is none."""
+    """Return a match with its name replaced, unless the name is a keyword."""
     return name[0] if keyword.iskeyword(name[1]) else name[0].replace(name[1], "name", 1)
 
 
 def _pieces(shape: str) -> Iterator[str]:
-    """Yield pieces of a module: it can be compiled if each of them can."""
+    """Yield the pieces of a module, which compiles if each of them does."""
     for piece in shape.split("\n\n"):
         opening, *items = _NEXT_ITEM.split(piece.rstrip("\n").removesuffix("\n)"))
         closed = piece.rstrip("\n").endswith(",\n)") and all(item.endswith(",") for item in items)

@@ -1,8 +1,8 @@
 """The function that builds an observer's tree, in the order of P1's Figure 4.
 
-Control flag, preconditions, due or running, perception, refinements, identify. Alternatives stand in a selector, each
-under its own preconditions; joined algorithms stand in a parallel under the preconditions that they share, and one that
-fails leaves the others alone.
+Control flag, preconditions, due or running, perception, refinements, identify. Alternatives are children of a selector,
+each under its own preconditions; joined algorithms are children of a parallel under the preconditions that they share.
+Each is wrapped in `FailureIsSuccess`, because py_trees' `Parallel` would cancel the other job when one fails.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _BODY = "    return "
 
 @dataclass(frozen=True, slots=True)
 class TreeText:
-    """A tree as its template takes it: names, texts and nothing to decide.
+    """A tree in the form that its template takes: only names and texts.
 
     Attributes:
         branches: (local name, constant) of each algorithm.
@@ -48,7 +48,7 @@ def tree_text(tree: Tree, imports: Imports) -> TreeText:
 
 
 def _docstring(tree: Tree) -> str:
-    """Return what the function does, wrapped where it names many variables."""
+    """Return the docstring of the function, wrapped if it names many variables."""
     *most, last = tree.identifies
     names = f"{', '.join(most)} and {last}" if most else last
     line = f"Identify {names} (P1, Figure 4)."
@@ -89,7 +89,7 @@ class _TreeWriter:
         return [*self._preconditions((branch,)), *self._looking(branch)]
 
     def _parallel(self, groups: Iterable[tuple[Branch, ...]]) -> Expression:
-        """Return joined groups side by side: failure of one must not fail the whole, which would cancel the others."""
+        """Return joined groups side by side; a failing group must not fail the parallel and so cancel the others."""
         self._imports.use("Parallel", "ParallelPolicy", "FailureIsSuccess")
         together = (
             spread_call("FailureIsSuccess", name=literal(group[0].name), child=self._group(group)) for group in groups
@@ -104,7 +104,7 @@ class _TreeWriter:
 
     def _selector(self, alternatives: Iterable[tuple[str, list[Expression]]]) -> Expression:
         self._imports.use("Selector")
-        children = spread_list(self._sequence(name, each) for name, each in alternatives)
+        children = spread_list(self._sequence(name, nodes) for name, nodes in alternatives)
         return spread_call("Selector", name=literal("alternatives"), memory="False", children=children)
 
     def _sequence(self, name: str, children: list[Expression]) -> Expression:
@@ -112,7 +112,7 @@ class _TreeWriter:
         return spread_call("Sequence", name=literal(name), memory="False", children=spread_list(children))
 
     def _preconditions(self, branches: tuple[Branch, ...]) -> Iterator[Expression]:
-        """Yield Algorithm 2's precondition nodes; branches that are joined have the same."""
+        """Yield Algorithm 2's precondition nodes; joined branches have the same ones."""
         locals_ = [self.local(branch) for branch in branches]
         algorithm = branches[0].algorithm
         for checked in algorithm.observable_when:
@@ -122,7 +122,7 @@ class _TreeWriter:
             yield self._behaviour("Precondition", literal(f"known({reference.name})"), known, *locals_)
 
     def _looking(self, branch: Branch) -> list[Expression]:
-        """Return perception and what follows from its result."""
+        """Return perception and the nodes that process its result."""
         local, algorithm = self.local(branch), branch.algorithm
         return [
             self._behaviour("DueOrRunning", local),

@@ -1,4 +1,4 @@
-"""Compiled specs at work: compile and load a package, sweep its loops, and draw the results.
+"""Inspection of specs: compile and load a package, sweep its loops, and draw the results.
 
 `sweep_pictures` and `fuzzy_pictures` need matplotlib (the extra `viz`), so they are imported by their own names.
 """

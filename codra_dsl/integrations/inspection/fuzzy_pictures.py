@@ -1,4 +1,4 @@
-"""Pictures of fuzzy engines: the terms of their variables, and what an output is over two inputs."""
+"""Pictures of fuzzy engines: the terms of their variables, and an output over two inputs."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _COLUMNS = 3
 
 
 def load_engine(engine: Engine) -> ModuleType:
-    """Return the module of an engine, compiled and run."""
+    """Compile an engine, execute the module, and return it."""
     module = ModuleType(engine.name or "engine")
     exec(compile(compile_engine(engine), f"<{module.__name__}>", "exec"), module.__dict__)
     return module
@@ -43,8 +43,8 @@ def draw_memberships(path: Path, engine: Engine) -> None:
     """Draw each variable's terms over its range; terms that depend on other variables are left out.
 
     Args:
-        path: where the picture goes; the ending (`.png`, `.svg`) says in which form.
-        engine: its variables have finite ranges.
+        path: the file of the picture; its suffix (`.png`, `.svg`) determines the format.
+        engine: an engine whose variables have finite ranges.
     """
     variables = engine.variables
     rows = -(-len(variables) // _COLUMNS)
@@ -57,13 +57,13 @@ def draw_memberships(path: Path, engine: Engine) -> None:
 def draw_surface(
     path: Path, engine: Engine, output: str, inputs: tuple[str, str], fixed: Mapping[str, float] | None = None
 ) -> None:
-    """Draw an output over two inputs; where it is unknown the picture is blank.
+    """Draw an output over two inputs; the picture is blank where the output is unknown.
 
     Args:
-        path: where the picture goes.
-        engine: the two inputs have finite ranges.
-        output: its name.
-        inputs: the names of those along x and y.
+        path: the file of the picture.
+        engine: an engine whose two inputs have finite ranges.
+        output: the name of the output.
+        inputs: the names of the inputs along x and y.
         fixed: the values of the other inputs; the middle of their range by default.
     """
     heights = surface(engine, output, inputs, fixed or {})
@@ -82,10 +82,10 @@ def draw_surface(
 
 
 def surface(engine: Engine, output: str, inputs: tuple[str, str], fixed: Mapping[str, float]) -> NDArray[np.float64]:
-    """Return what `draw_surface` draws: a row for each of 61 values of the second input, the least first."""
+    """Return the values that `draw_surface` draws: one row for each of 61 values of the second input, ascending."""
     infer = load_engine(engine).infer
-    index = [each.name for each in engine.outputs].index(output)
-    usual = {each.name: (each.minimum + each.maximum) / 2.0 for each in engine.inputs} | dict(fixed)
+    index = [variable.name for variable in engine.outputs].index(output)
+    usual = {variable.name: (variable.minimum + variable.maximum) / 2.0 for variable in engine.inputs} | dict(fixed)
     across, up = ((engine.variable(name).minimum, engine.variable(name).maximum) for name in inputs)
     rows = [
         [
@@ -112,8 +112,8 @@ def _membership(term: AnyTerm) -> Callable[[float], float] | None:
     if names_in(term.formula) - {"x"} if isinstance(term, FormulaTerm) else term.shape is Shape.Linear:
         return None
     source = f"lambda x: {membership(term, 'x', {}, [], NUMBERS)}"
-    found: Callable[[float], float] = eval(source, {"terms": terms, "formulas": formulas})
-    return found
+    degree: Callable[[float], float] = eval(source, {"terms": terms, "formulas": formulas})
+    return degree
 
 
 def _save(figure: Figure, path: Path) -> None:

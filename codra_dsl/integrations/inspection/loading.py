@@ -1,4 +1,4 @@
-"""Compile a spec and import the generated package, wherever it is."""
+"""Compile a spec and import the generated package from any folder."""
 
 from __future__ import annotations
 

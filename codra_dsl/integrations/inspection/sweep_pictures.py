@@ -26,12 +26,12 @@ _COURSES = ("#4878a8", "#e0a030", "#6aa84f", "#b04a5a", "#8064a2", "#4bacc6", "#
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Axis:
-    """An input along which is drawn.
+    """An input that is an axis of a picture.
 
     Attributes:
-        unit: empty for none.
-        values: in order; members of an enum and truth values are drawn side by side.
-        terms: its terms; None where rules have none for it.
+        unit: the unit; empty for none.
+        values: the values in order; members of an enum and truth values are drawn side by side.
+        terms: its terms; None if the rules have no terms for it.
     """
 
     variable: str
@@ -41,22 +41,22 @@ class Axis:
 
     @property
     def label(self) -> str:
-        """Return what stands along it."""
+        """Return the text along the axis."""
         return f"{self.variable} in {self.unit}" if self.unit else self.variable
 
     @property
     def has_members(self) -> bool:
-        """Return whether its values are names and no numbers."""
+        """Return whether its values are names, not numbers."""
         return isinstance(self.values[0], (str, bool))
 
     def places(self) -> list[float]:
-        """Return where its values stand."""
+        """Return the positions of its values."""
         return [
             float(index) if isinstance(value, (str, bool)) else float(value) for index, value in enumerate(self.values)
         ]
 
     def mark(self, axes: Axes, which: str) -> None:
-        """Write its values, if they are names, and what it is."""
+        """Write the label, and the values if they are names."""
         if self.has_members:
             names = [str(value).lower() if isinstance(value, bool) else str(value) for value in self.values]
             getattr(axes, f"set_{which}ticks")(self.places(), names)
@@ -64,38 +64,38 @@ class Axis:
 
 
 def memberships_svg(axes: Sequence[Axis]) -> bytes:
-    """Return a picture of the terms of each input that has some, over the values of its axis."""
-    drawn = [each for each in axes if each.terms is not None and not each.terms.members]
+    """Return a picture of the terms of each input that has terms, over the values of its axis."""
+    drawn = [axis for axis in axes if axis.terms is not None and not axis.terms.members]
     rows = -(-len(drawn) // _COLUMNS)
     figure = Figure(figsize=(4.2 * min(_COLUMNS, len(drawn)), 2.6 * rows), layout="constrained")
-    for index, each in enumerate(drawn):
+    for index, axis in enumerate(drawn):
         panel = figure.add_subplot(rows, min(_COLUMNS, len(drawn)), index + 1)
-        _draw_terms(panel, each)
-        each.mark(panel, "x")
+        _draw_terms(panel, axis)
+        axis.mark(panel, "x")
     return _svg(figure)
 
 
-def sweep_svg(found: Sweep, axis: Axis) -> bytes:
-    """Return a picture of a sweep: the terms of the input, metrics, weights, and where the course switches."""
+def sweep_svg(result: Sweep, axis: Axis) -> bytes:
+    """Return a picture of a sweep: the terms of the input, metrics, weights, and the switches of the course."""
     has_terms = axis.terms is not None and not axis.terms.members
-    names = [*(["terms"] if has_terms else []), "metrics", *(["weights"] if found.rows[0].weights else [])]
+    names = [*(["terms"] if has_terms else []), "metrics", *(["weights"] if result.rows[0].weights else [])]
     figure = Figure(figsize=(8.0, 0.6 + 2.2 * len(names)), layout="constrained")
     panels = dict(zip(names, np.atleast_1d(figure.subplots(len(names), 1, sharex=True)).tolist(), strict=True))
     if has_terms:
         _draw_terms(panels["terms"], axis)
     for name in names[has_terms:]:
-        _draw_curves(panels[name], axis, [row.metrics if name == "metrics" else row.weights for row in found.rows])
+        _draw_curves(panels[name], axis, [row.metrics if name == "metrics" else row.weights for row in result.rows])
     for name, panel in panels.items():
         panel.set_ylabel(name)
-        for switch in found.switches:
+        for switch in result.switches:
             panel.axvline(_between(axis, switch.low, switch.high), color=_GREY, linewidth=0.9, linestyle=":")
-    _name_courses(panels[names[0]], axis, found)
+    _name_courses(panels[names[0]], axis, result)
     axis.mark(panels[names[-1]], "x")
     return _svg(figure)
 
 
 def surfaces_svg(rows: Sequence[Sequence[Row]], across: Axis, up: Axis) -> bytes:
-    """Return a picture of each metric, each weight and the course over two inputs; what is unknown is blank."""
+    """Return a picture of each metric, each weight and the course over two inputs; unknown values are blank."""
     first = rows[0][0]
     shown = [(name, [[row.metrics[name] for row in line] for line in rows]) for name in first.metrics]
     shown += [(f"weight of {name}", [[row.weights[name] for row in line] for line in rows]) for name in first.weights]
@@ -129,7 +129,7 @@ def _draw_curves(axes: Axes, axis: Axis, rows: Sequence[Mapping[str, float | Non
     marker, line = ("o", "--") if axis.has_members else ("", "-")
     for index, name in enumerate(rows[0]):
         values = [float("nan") if (value := row[name]) is None else value for row in rows]
-        width = max(1.2, 4.0 - 0.9 * index)  # so that of lines that coincide each is seen
+        width = max(1.2, 4.0 - 0.9 * index)  # so that coinciding lines stay visible
         axes.plot(axis.places(), values, label=name, marker=marker, linestyle=line, linewidth=width)
     axes.set_ylim(-0.03, 1.05)
     _add_legend(axes)
@@ -146,11 +146,11 @@ def _between(axis: Axis, low: Value, high: Value) -> float:
     return (low + high) / 2.0
 
 
-def _name_courses(axes: Axes, axis: Axis, found: Sweep) -> None:
-    """Write the course above the part of the axis in which it is."""
-    edges = [_between(axis, each.low, each.high) for each in found.switches]
+def _name_courses(axes: Axes, axis: Axis, result: Sweep) -> None:
+    """Write each course above its part of the axis."""
+    edges = [_between(axis, switch.low, switch.high) for switch in result.switches]
     ends = [axis.places()[0], *edges, axis.places()[-1]]
-    actions = [found.rows[0].action, *(each.after for each in found.switches)]
+    actions = [result.rows[0].action, *(switch.after for switch in result.switches)]
     for action, (start, end) in zip(actions, itertools.pairwise(ends), strict=True):
         axes.annotate(action, ((start + end) / 2.0, 1.07), ha="center", fontsize=8, color=_GREY, annotation_clip=False)
 

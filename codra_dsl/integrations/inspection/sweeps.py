@@ -1,4 +1,4 @@
-"""Sweeps of a spec's loops: what can be varied, what is said of it in words, and what comes of it."""
+"""Sweeps of a spec's loops: their inputs, values of inputs given as texts, and the results as text and JSON."""
 
 from __future__ import annotations
 
@@ -32,16 +32,16 @@ _NAME_AND_VALUE = re.compile(r"((?:[<>=!]=|[^=])*)(=?)(.*)", re.DOTALL)
 
 
 class SweepError(ValueError):
-    """What was asked for cannot be; the text says what can."""
+    """A sweep is not possible as requested; the message names what is possible."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Subject:
-    """The loops of a spec, as sweeps ask about them.
+    """The loops of a spec, prepared for sweeps.
 
     Attributes:
-        course: whose actions are weighed; None in a spec that has none.
-        inputs: all that the rules and hard rules read, but metrics: what can be varied or held.
+        course: the course whose actions are compared; None if the spec has no course.
+        inputs: all variables that rules and hard rules read, except metrics; they can be varied or held.
     """
 
     name: str
@@ -62,96 +62,100 @@ class Subject:
         return self.inputs[name]
 
     def terms(self, name: str) -> InputModel | None:
-        """Return an input as a stage has it, with the degrees of its terms; None if only a hard rule reads it."""
+        """Return the model of an input with its terms; None if only a hard rule reads the input."""
         stages = [stage for stage in (self.model.metrics, self.model.actions) if stage is not None]
-        return next((each for stage in stages for each in stage.inputs if each.variable == name), None)
+        return next((model for stage in stages for model in stage.inputs if model.variable == name), None)
 
 
 def subject(plan: BuildPlan, folder: Path, course: str | None = None) -> Subject:
-    """Return the loops of a spec, compiled.
+    """Compile a spec and return its loops.
 
     Args:
-        plan: of the spec.
-        folder: an empty one, which the compiled spec is written to.
-        course: the adaptation whose actions are weighed; needed only where there are several.
+        plan: the build plan of the spec.
+        folder: an empty folder, to which the compiled spec is written.
+        course: the adaptation whose actions are compared; needed only if there are several.
 
     Raises:
         SweepError: if the spec has no fuzzy rules, or no such course.
     """
     spec, mape = plan.checked.spec, plan.checked.mape
     if mape is None or not (mape.metrics or mape.actions):
-        raise SweepError(f"'{spec.name}' has neither metrics nor actions: there is nothing that follows from an input")
+        raise SweepError(f"'{spec.name}' has neither metrics nor actions: a sweep has nothing to show")
     package = load_emitted(emit(plan), spec.name, folder)
     model: MapeModel = importlib.import_module(f"{package.__name__}.{MAPE_MODULE}").MAPE
     model = placed(model, places_in(folder / spec.name, spec.name))
     chosen = _course(model, course, spec.name)
     names = dict.fromkeys(_read(mape, "" if chosen is None else chosen.name))
-    variables = {each.name: each for each in spec.context}
+    variables = {variable.name: variable for variable in spec.context}
     return Subject(name=spec.name, model=model, course=chosen, inputs={name: variables[name] for name in names})
 
 
 def _course(model: MapeModel, wanted: str | None, spec: str) -> CourseModel | None:
-    courses = {each.name: each for each in model.courses}
+    courses = {course.name: course for course in model.courses}
     if wanted is not None and wanted not in courses:
         near = suggest(wanted, courses)
-        listed = f"there are {', '.join(courses)}" if courses else "the spec chooses none"
+        listed = f"there are {', '.join(courses)}" if courses else "the spec has no courses"
         raise SweepError(f"'{spec}' has no course '{wanted}': {f'did you mean {near!r}?' if near else listed}")
     if wanted is None and len(courses) > 1:
-        raise SweepError(f"'{spec}' chooses several courses: say which, --course {' or '.join(courses)}")
+        raise SweepError(f"'{spec}' has several courses: choose one with --course {' or '.join(courses)}")
     return courses[wanted] if wanted is not None else next(iter(courses.values()), None)
 
 
 def _read(mape: CheckedMape, course: str) -> Iterator[str]:
-    """Yield what stages and hard rules read, but metrics."""
-    judged = {each.variable for each in mape.metrics.outputs} if mape.metrics is not None else set()
+    """Yield the variables that stages and hard rules read, except metrics."""
+    judged = {metric.variable for metric in mape.metrics.outputs} if mape.metrics is not None else set()
     stages: Sequence[CheckedStage | None] = (mape.metrics, mape.actions)
     for stage in stages:
-        yield from (each.variable.name for each in stage.inputs if each.variable.name not in judged) if stage else ()
+        yield from (
+            (stage_input.variable.name for stage_input in stage.inputs if stage_input.variable.name not in judged)
+            if stage
+            else ()
+        )
     for adaptation in mape.adaptation:
         if adaptation.name == course:
             yield from (name for name in adaptation.reads if name not in judged)
 
 
-def held(subject: Subject, said: Sequence[str]) -> dict[str, Value | None]:
-    """Return what all inputs are, of texts such as `battery_level=80`; what nothing is said of is unknown.
+def held(subject: Subject, assignments: Sequence[str]) -> dict[str, Value | None]:
+    """Return the values of all inputs, from texts such as `battery_level=80`; the other inputs are unknown.
 
     Raises:
-        SweepError: if one says nothing, or something that cannot be.
+        SweepError: if a text has no value, or an impossible one.
     """
     known: dict[str, Value | None] = dict.fromkeys(subject.inputs)
-    for each in said:
-        name, equals, text = _parted(each)
+    for assignment in assignments:
+        name, equals, text = _split(assignment)
         if not equals:
-            raise SweepError(f"'{each}' says no value: write {name}=VALUE")
+            raise SweepError(f"'{assignment}' has no value: write {name}=VALUE")
         variable = subject.input(name.strip())
         known[variable.name] = None if text.strip() == UNKNOWN else value_of(variable, text.strip())
     return known
 
 
-def varied(subject: Subject, said: str, steps: int) -> tuple[Variable, tuple[Value, ...]]:
+def varied(subject: Subject, assignment: str, steps: int) -> tuple[Variable, tuple[Value, ...]]:
     """Return an input and the values that it takes.
 
     Args:
-        subject: whose input it is.
-        said: `NAME`, `NAME=FROM..TO` or `NAME=VALUE,VALUE,...`; by its name alone it takes its whole range.
-        steps: between both ends of a range.
+        subject: the loops with the input.
+        assignment: `NAME`, `NAME=FROM..TO` or `NAME=VALUE,VALUE,...`; a name alone means the full range.
+        steps: the number of steps between both ends of a range.
 
     Raises:
-        SweepError: if it says something that cannot be.
+        SweepError: if the text has an impossible value.
     """
-    name, equals, text = _parted(said)
+    name, equals, text = _split(assignment)
     variable = subject.input(name.strip())
     if not equals:
         return variable, _all_values(variable, steps)
     first, dots, last = text.partition("..")
     if dots and variable.type.kind in (Kind.FLOAT, Kind.INT):
         return variable, _between(variable, _number(variable, first), _number(variable, last), steps)
-    return variable, tuple(value_of(variable, each.strip()) for each in text.split(","))
+    return variable, tuple(value_of(variable, part.strip()) for part in text.split(","))
 
 
-def _parted(said: str) -> tuple[str, str, str]:
-    """Part `NAME=VALUE`; the name of a comparison with poses holds such a sign itself, as in `<=`."""
-    name, equals, text = _NAME_AND_VALUE.fullmatch(said).groups()  # type: ignore[union-attr]  # any text matches
+def _split(assignment: str) -> tuple[str, str, str]:
+    """Split `NAME=VALUE`; the name of a comparison of poses can contain the sign itself, as in `<=`."""
+    name, equals, text = _NAME_AND_VALUE.fullmatch(assignment).groups()  # type: ignore[union-attr]  # any text matches
     return name, equals, text
 
 
@@ -175,15 +179,15 @@ def _spread(low: int, high: int, steps: int) -> Iterator[int]:
 
 
 def _tidy(number: float) -> float:
-    """Return a number without the last digits, that are of the division: 0.3 and not 0.30000000000000004."""
+    """Return a number without the rounding error of the division: 0.3, not 0.30000000000000004."""
     return float(f"{number:.12g}")
 
 
 def value_of(variable: Variable, text: str) -> Value:
-    """Return the value that a text says of a variable: a number, with a unit or in the variable's own, or a member.
+    """Return the value of a variable that a text states: a number (by default in the variable's unit), or a member.
 
     Raises:
-        SweepError: if it says none that the variable can have.
+        SweepError: if the variable cannot have such a value.
     """
     if variable.type.kind not in (Kind.BOOL, Kind.ENUM):
         return _number(variable, text)
@@ -197,13 +201,13 @@ def value_of(variable: Variable, text: str) -> Value:
 
 
 def _number(variable: Variable, text: str) -> float:
-    found = _quantity(variable, text.strip())
-    if variable.type.kind is Kind.INT and found != int(found):
+    number = _quantity(variable, text.strip())
+    if variable.type.kind is Kind.INT and number != int(number):
         raise SweepError(f"'{variable.name}' is a whole number, not {text}")
-    if variable.type.range is not None and not variable.type.range[0] <= found <= variable.type.range[1]:
+    if variable.type.range is not None and not variable.type.range[0] <= number <= variable.type.range[1]:
         low, high = variable.type.range
-        raise SweepError(f"'{variable.name}' is from {low:g} to {high:g}{_unit(variable)}, not {found:g}")
-    return int(found) if variable.type.kind is Kind.INT else found
+        raise SweepError(f"'{variable.name}' is from {low:g} to {high:g}{_unit(variable)}, not {number:g}")
+    return int(number) if variable.type.kind is Kind.INT else number
 
 
 def _quantity(variable: Variable, text: str) -> float:
@@ -217,7 +221,7 @@ def _quantity(variable: Variable, text: str) -> float:
     quantity = parse_quantity(text)
     own = None if variable.type.unit is None else parse_unit(variable.type.unit)
     if quantity is None:
-        raise SweepError(f"'{text}' is no number: write {variable.name}=1.5, or FROM..TO to vary it")
+        raise SweepError(f"'{text}' is not a number: write {variable.name}=1.5, or FROM..TO to vary it")
     if own is None or quantity.unit.dimension != own.dimension:
         fitting = f"in {variable.type.unit}" if own is not None else "without a unit"
         raise SweepError(f"'{variable.name}' is a number {fitting}, not '{text}'")
@@ -229,12 +233,12 @@ def _unit(variable: Variable) -> str:
 
 
 def inputs_text(subject: Subject) -> str:
-    """Return a table of the inputs: what each can be, and its terms."""
+    """Return a table of the inputs with their possible values and terms."""
     lines = []
     for variable in subject.inputs.values():
         model = subject.terms(variable.name)
         terms = [] if model is None or model.members else list(model.terms)
-        lines.append((variable.name, _can_be(variable), f"terms {', '.join(terms)}" if terms else ""))
+        lines.append((variable.name, _possible_values(variable), f"terms {', '.join(terms)}" if terms else ""))
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
     rows = ("  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip() for line in lines)
     return "".join(f"{row}\n" for row in rows)
@@ -242,10 +246,10 @@ def inputs_text(subject: Subject) -> str:
 
 def inputs_json(subject: Subject) -> str:
     """Return the inputs as JSON in one line."""
-    told = []
+    inputs = []
     for variable in subject.inputs.values():
         model, span = subject.terms(variable.name), variable.type.range
-        told.append(
+        inputs.append(
             {
                 "variable": variable.name,
                 "type": str(variable.type.kind),
@@ -255,21 +259,21 @@ def inputs_json(subject: Subject) -> str:
                 "terms": [] if model is None or model.members else list(model.terms),
             }
         )
-    return _json({"spec": subject.name, "inputs": told})
+    return _json({"spec": subject.name, "inputs": inputs})
 
 
-def sweep_json(found: Sweep) -> str:
+def sweep_json(result: Sweep) -> str:
     """Return a sweep as JSON in one line."""
-    told = dataclasses.asdict(found)
-    told["trends"] = {name: str(way) for name, way in found.trends.items()}
-    return _json(told)
+    data = dataclasses.asdict(result)
+    data["trends"] = {name: str(way) for name, way in result.trends.items()}
+    return _json(data)
 
 
-def _json(told: Mapping[str, object]) -> str:
-    return json.dumps(told, ensure_ascii=False, allow_nan=False) + "\n"
+def _json(data: Mapping[str, object]) -> str:
+    return json.dumps(data, ensure_ascii=False, allow_nan=False) + "\n"
 
 
-def _can_be(variable: Variable) -> str:
+def _possible_values(variable: Variable) -> str:
     if variable.type.kind in (Kind.BOOL, Kind.ENUM):
         return ", ".join(members(variable))
     if variable.type.range is None:

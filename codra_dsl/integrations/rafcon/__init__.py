@@ -1,10 +1,15 @@
 """RAFCON, the engine of P1's main execution: states that decide on context.
 
-A state says what it has to do with context in its semantic data, under `codra`: that it is a skill, that it acts, what
-it expects next, or that it looks for what a decision needs and so need not run when context knows. A state machine
-that is run without a bridge does what it always did. The library `codra` has states to decide, expect and set.
+The semantic data of a state, under `codra`, declares its relation to context: it is a skill, it is the acting part of
+a skill, it expects skills, or it looks for the value of a decision. A state that looks does not run if context knows
+the value. A state machine without a bridge runs as before. The library `codra` has states to decide, expect and set.
 
-Of RAFCON it needs the core alone: neither GTK nor a screen.
+Annotations take effect around the `run` of a state, so an existing state machine needs no other change, and the
+declarations of a state are withdrawn even if it aborts or is preempted. For the same reason the library has no states
+that begin and end a skill: the withdrawal must not depend on a transition.
+
+This package needs only the core of RAFCON, without GTK and without a screen. RAFCON has a virtual environment of its
+own on top of `.venv`, because its requirements include a GUI and pin old libraries.
 """
 
 from __future__ import annotations

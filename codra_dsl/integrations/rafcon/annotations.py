@@ -1,4 +1,4 @@
-"""What a state says in its semantic data, under `codra`."""
+"""Annotations of states: their semantic data under `codra`."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ _OF_DECISIONS = ("outcomes", "wait_up_to_s", "max_age_s")
 
 
 class AnnotationError(ValueError):
-    """States say what the spec does not know, or what makes no sense. All of it is told at once."""
+    """Annotations of states contradict the spec or make no sense. The message lists all of them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Annotation:
-    """What one state has to do with context.
+    """The annotation of one state.
 
     Attributes:
-        skill: that the state is, from its start to its end; empty if none.
-        acting: the skill of which the state is the acting part; empty if none.
+        skill: the skill that the state is, from its start to its end; empty if none.
+        acting: the skill whose acting part the state is; empty if none.
         expect: skills that come next.
         decide: the variable that the state looks for; empty if none.
         outcomes: the state's outcome for each value of that variable, as text.
         wait_up_to_s: how long the decision waits for observers before the state looks.
-        max_age_s: older evidence does not do.
+        max_age_s: older evidence counts as unknown.
     """
 
     skill: str = ""
@@ -46,18 +46,18 @@ class Annotation:
     max_age_s: float = math.inf
 
     def outcome_of(self, value: object) -> str:
-        """Return the name of the outcome that says that the variable has a value."""
+        """Return the name of the outcome for a value of the variable."""
         text = value_text(value)
         return self.outcomes.get(text, text)
 
 
 def value_text(value: object) -> str:
-    """Return a value as outcomes and semantic data say it: `true`, `false`, a member, a number."""
+    """Return a value as text in outcomes and semantic data: `true`, `false`, a member, a number."""
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def states_within(state: State) -> Iterator[State]:
-    """Yield a state and all that it consists of, into libraries."""
+    """Yield a state and all states within it, including those of libraries."""
     yield state
     if isinstance(state, LibraryState):
         yield from states_within(state.state_copy)
@@ -67,60 +67,60 @@ def states_within(state: State) -> Iterator[State]:
 
 
 def annotated(root: State, codra: ContextManager[Any, Any]) -> list[tuple[State, Annotation]]:
-    """Return the states below a root that say something, and what.
+    """Return the annotated states below a root, with their annotations.
 
     Raises:
-        AnnotationError: if what they say is wrong.
+        AnnotationError: if annotations are wrong.
     """
-    found: list[tuple[State, Annotation]] = []
+    annotations: list[tuple[State, Annotation]] = []
     mistakes: list[str] = []
     for state in states_within(root):
-        said = state.semantic_data.get(KEY)
-        if said:
+        data = state.semantic_data.get(KEY)
+        if data:
             try:
-                annotation = _read(said)
+                annotation = _read(data)
                 _check(state, annotation, codra)
-                found.append((state, annotation))
+                annotations.append((state, annotation))
             except (AnnotationError, UnknownNameError) as error:
                 mistakes.append(f"{state.get_path()} ({state.name}): {error}")
     if mistakes:
         raise AnnotationError("\n".join(mistakes))
-    return found
+    return annotations
 
 
-def _read(said: object) -> Annotation:
-    if not isinstance(said, Mapping):
-        raise AnnotationError(f"'{KEY}' holds keys and values, not {said!r}")
-    unknown = [key for key in said if key not in _KEYS]
+def _read(data: object) -> Annotation:
+    if not isinstance(data, Mapping):
+        raise AnnotationError(f"'{KEY}' holds keys and values, not {data!r}")
+    unknown = [key for key in data if key not in _KEYS]
     if unknown:
         raise AnnotationError(f"unknown key {unknown[0]!r}: there are {', '.join(_KEYS)}")
-    lost = [key for key in _OF_DECISIONS if key in said and not said.get("decide")]
-    if lost:
-        raise AnnotationError(f"{lost[0]!r} is for a state that decides: add 'decide'")
+    misplaced = [key for key in _OF_DECISIONS if key in data and not data.get("decide")]
+    if misplaced:
+        raise AnnotationError(f"{misplaced[0]!r} is for a state that decides: add 'decide'")
     return Annotation(
-        skill=str(said.get("skill", "")),
-        acting=str(said.get("acting", "")),
-        expect=_names(said.get("expect", "")),
-        decide=str(said.get("decide", "")),
-        outcomes={str(value): str(name) for value, name in said.get("outcomes", {}).items()},
-        wait_up_to_s=_seconds(said, "wait_up_to_s", 0.0),
-        max_age_s=_seconds(said, "max_age_s", math.inf),
+        skill=str(data.get("skill", "")),
+        acting=str(data.get("acting", "")),
+        expect=_names(data.get("expect", "")),
+        decide=str(data.get("decide", "")),
+        outcomes={str(value): str(name) for value, name in data.get("outcomes", {}).items()},
+        wait_up_to_s=_seconds(data, "wait_up_to_s", 0.0),
+        max_age_s=_seconds(data, "max_age_s", math.inf),
     )
 
 
-def _names(said: str | Sequence[str]) -> tuple[str, ...]:
-    """Return names out of a list, or out of a text with commas, as RAFCON's editor has it."""
-    names = said.split(",") if isinstance(said, str) else said
+def _names(names_text: str | Sequence[str]) -> tuple[str, ...]:
+    """Return names from a list, or from a text with commas, which RAFCON's editor writes."""
+    names = names_text.split(",") if isinstance(names_text, str) else names_text
     return tuple(stripped for name in names if (stripped := name.strip()))
 
 
-def _seconds(said: Mapping[str, Any], key: str, default: float) -> float:
+def _seconds(data: Mapping[str, Any], key: str, default: float) -> float:
     try:
-        seconds = float(said.get(key, default))
+        seconds = float(data.get(key, default))
     except (TypeError, ValueError):
         seconds = math.nan
     if not seconds >= 0:
-        raise AnnotationError(f"{key!r} is a number of seconds, not {said[key]!r}")
+        raise AnnotationError(f"{key!r} is a number of seconds, not {data[key]!r}")
     return seconds
 
 
@@ -130,7 +130,7 @@ def _check(state: State, annotation: Annotation, codra: ContextManager[Any, Any]
         if name and name not in skills:
             raise AnnotationError(f"the spec has no skill {name!r}; it has {', '.join(map(repr, skills)) or 'none'}")
     if annotation.acting and annotation.acting not in _skills_around(state):
-        raise AnnotationError(f"it acts for {annotation.acting!r}, and no state around it has that as 'skill'")
+        raise AnnotationError(f"it acts for {annotation.acting!r}, but no state around it has this 'skill'")
     if annotation.decide:
         _check_decision(state, annotation, codra)
 
@@ -138,21 +138,21 @@ def _check(state: State, annotation: Annotation, codra: ContextManager[Any, Any]
 def _check_decision(state: State, annotation: Annotation, codra: ContextManager[Any, Any]) -> None:
     codra.get(annotation.decide)  # raises if the spec lacks it
     if annotation.skill or annotation.acting:
-        raise AnnotationError("it decides, and may be left out: then it can be neither skill nor action")
+        raise AnnotationError("it decides, so it may be skipped: it cannot also be a skill or an action")
     if state.output_data_ports:
         names = ", ".join(repr(port.name) for port in state.output_data_ports.values())
-        raise AnnotationError(f"it may be left out, and then nobody makes its output {names}: decide in another state")
+        raise AnnotationError(f"it may be skipped, and then its output {names} is missing: decide in another state")
     named = {outcome.name for outcome in state.outcomes.values()}
     wanted = tuple(annotation.outcomes.values()) or ("true", "false")
     missing = [name for name in wanted if name not in named]
     if missing:
-        raise AnnotationError(f"it has no outcome {missing[0]!r}: add it, or say in 'outcomes' which means what")
+        raise AnnotationError(f"it has no outcome {missing[0]!r}: add it, or map values to outcomes in 'outcomes'")
 
 
 def _skills_around(state: State) -> Iterator[str]:
     parent = state.parent
     while isinstance(parent, State):
-        said = parent.semantic_data.get(KEY)
-        if isinstance(said, Mapping) and said.get("skill"):
-            yield str(said["skill"])
+        data = parent.semantic_data.get(KEY)
+        if isinstance(data, Mapping) and data.get("skill"):
+            yield str(data["skill"])
         parent = parent.parent

@@ -1,4 +1,4 @@
-"""Between the states of a state machine and the context manager."""
+"""The bridge between the states of a state machine and the context manager."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from codra_dsl.runtime import Clock, ContextManager, DecisionState, PendingDecis
 Result = TypeVar("Result")
 
 _SLICE_S = 0.1
-"""A decision that waits looks so often whether its state was preempted."""
+"""The interval at which a waiting decision checks whether its state was preempted."""
 
 _ABORTED = -1
 _PREEMPTED = -2
@@ -30,20 +30,20 @@ class Answers(StrEnum):
     """How decisions are answered."""
 
     CONTEXT = "context"
-    """From context, or else by the state that looks."""
+    """From context; if context does not know, by the state that looks."""
     SHADOW = "shadow"
-    """By the state that looks, in any case; the record says whether context agrees, and nothing is kept."""
+    """Always by the state that looks; the event log records whether context agrees, and the value is not kept."""
 
 
 def directly(function: Callable[[], Result]) -> Result:
-    """Run a function here and now, in the thread of the state."""
+    """Call a function immediately, in the thread of the state."""
     return function()
 
 
 class Bridge:
-    """What states ask of the context manager.
+    """Gives states access to the context manager.
 
-    While a state machine is `attached`, its annotated states declare, act and decide by themselves, and scripts find
+    While a state machine is `attached`, its annotated states declare, act and decide automatically, and scripts can use
     the bridge as the global variable `codra`.
     """
 
@@ -58,10 +58,10 @@ class Bridge:
         """Bridge to a context manager.
 
         Args:
-            codra: which.
-            clock: the one that it was started with.
+            codra: the context manager.
+            clock: the clock of the context manager.
             answers: how decisions are answered.
-            do: runs whatever touches the context manager or the clock; in simulated time in the clock's thread.
+            do: runs each use of the context manager or the clock; in simulated time in the clock's thread.
         """
         self._codra = codra
         self._clock = clock
@@ -77,21 +77,21 @@ class Bridge:
         Raises:
             AnnotationError: if the semantic data of its states is wrong.
         """
-        found = annotated(machine.root_state, self._codra)
-        for state, annotation in found:
+        annotations = annotated(machine.root_state, self._codra)
+        for state, annotation in annotations:
             self._wrap(state, annotation)
         global_variable_manager.set_variable(KEY, self, per_reference=True)
         try:
             yield
         finally:
             global_variable_manager.delete_variable(KEY)
-            for state, _ in found:
+            for state, _ in annotations:
                 del state.run
 
-    # What states of the library ask
+    # For states of the library
 
     def expect(self, *skills: str) -> None:
-        """Say which skills come next."""
+        """Announce the skills that come next."""
         self._do(lambda: self._codra.expect(*skills))
 
     def set(self, variable: str, value: object) -> None:
@@ -101,24 +101,24 @@ class Bridge:
     def decide(
         self, state: State, variable: str, *, wait_up_to_s: float = 0.0, max_age_s: float = math.inf
     ) -> str | None:
-        """Return the value from context as text, or None: then the state machine goes on to look.
+        """Return the value from context as text, or None; then the state machine should look.
 
         Args:
-            state: that asks; it stops waiting when it is preempted.
-            variable: whose value it needs.
+            state: the state that needs the value; the wait ends when it is preempted.
+            variable: the context-variable.
             wait_up_to_s: how long it waits for observers.
-            max_age_s: older evidence does not do.
+            max_age_s: older evidence counts as unknown.
         """
-        question = self._asked(state, variable, wait_up_to_s, max_age_s)
-        if question.step is DecisionState.ANSWERED:
-            return value_text(question.value)
-        self._do(lambda: question.abandon("preempted") if _is_preempted(state) else question.found(None))
+        pending = self._pending_decision(state, variable, wait_up_to_s, max_age_s)
+        if pending.step is DecisionState.ANSWERED:
+            return value_text(pending.value)
+        self._do(lambda: pending.abandon("preempted") if _is_preempted(state) else pending.found(None))
         return None
 
-    # What annotated states do
+    # For annotated states
 
     def _wrap(self, state: State, annotation: Annotation) -> None:
-        """Put what a state says around its `run`, which its thread calls."""
+        """Wrap the `run` of a state, which its thread calls, with the effects of its annotation."""
         run = state.run
 
         def bridged() -> None:
@@ -129,10 +129,10 @@ class Bridge:
                 with ExitStack() as stack:
                     self._begin(annotation, stack)
                     if annotation.decide:
-                        self._look_unless_known(state, annotation, run)
+                        self._run_unless_known(state, annotation, run)
                     else:
                         run()
-            except Exception as error:  # noqa: BLE001 - as RAFCON treats what a script raises
+            except Exception as error:  # noqa: BLE001 - RAFCON treats errors of scripts the same way
                 state.output_data["error"] = error
                 self._finish(state, _ABORTED)
 
@@ -153,7 +153,7 @@ class Bridge:
 
     def _enter_action(self, name: str, stack: ExitStack) -> None:
         if name not in self._begun:
-            raise RuntimeError(f"skill {name!r} is not under way: attach the bridge before it begins")
+            raise RuntimeError(f"skill {name!r} is not running: attach the bridge before it begins")
         skill, under_way = self._begun[name], ExitStack()
 
         def end() -> None:
@@ -163,30 +163,33 @@ class Bridge:
         self._do(lambda: under_way.enter_context(skill.acting()))
         stack.callback(self._do, end)
 
-    def _look_unless_known(self, state: State, annotation: Annotation, look: Callable[[], None]) -> None:
-        state.preempted = False  # as it was left by an earlier run; `run` itself begins so
+    def _run_unless_known(self, state: State, annotation: Annotation, look: Callable[[], None]) -> None:
+        state.preempted = False  # an earlier run may have set it; `run` itself begins with this too
         state.state_execution_status = StateExecutionStatus.ACTIVE
-        question = self._asked(state, annotation.decide, annotation.wait_up_to_s, annotation.max_age_s)
-        if question.step is DecisionState.ANSWERED:
-            self._leave_out(state, annotation.outcome_of(question.value))
+        pending = self._pending_decision(state, annotation.decide, annotation.wait_up_to_s, annotation.max_age_s)
+        if pending.step is DecisionState.ANSWERED:
+            self._skip(state, annotation.outcome_of(pending.value))
             return
         if _is_preempted(state):
-            self._do(lambda: question.abandon("preempted"))
+            self._do(lambda: pending.abandon("preempted"))
             self._finish(state, _PREEMPTED)
             return
         look()
         seen = self._seen(state, annotation)
-        self._do(lambda: question.found(seen))
+        self._do(lambda: pending.found(seen))
 
     def _seen(self, state: State, annotation: Annotation) -> object:
-        """Return the value that a state's outcome says; None if it says none."""
+        """Return the value that the outcome of a state means; None if it means no value."""
         values = {name: value for value, name in annotation.outcomes.items()} or {"true": "true", "false": "false"}
         text = values.get(state.final_outcome.name)
         return {"true": True, "false": False}.get(text, text) if text is not None else None
 
-    def _asked(self, state: State, variable: str, wait_up_to_s: float, max_age_s: float) -> PendingDecision:
-        """Ask a decision and wait for it; what was seen before the end of an action that changes it does not count."""
-        question: PendingDecision = self._do(
+    def _pending_decision(self, state: State, variable: str, wait_up_to_s: float, max_age_s: float) -> PendingDecision:
+        """Start a decision and wait for it.
+
+        Evidence from before the end of an action that changes the variable does not count.
+        """
+        pending: PendingDecision = self._do(
             lambda: self._codra.ask(
                 variable,
                 since_s=self._acted_s.get(variable, -math.inf),
@@ -195,19 +198,21 @@ class Bridge:
                 shadow=self._answers is Answers.SHADOW,
             )
         )
-        while question.step is DecisionState.WAITING and not _is_preempted(state):
-            self._do(lambda: question.wait(_SLICE_S))
-        return question
+        while pending.step is DecisionState.WAITING and not _is_preempted(state):
+            self._do(lambda: pending.wait(_SLICE_S))
+        return pending
 
-    def _leave_out(self, state: State, outcome: str) -> None:
-        """Let a state end with an outcome, by name, as if it had run."""
+    def _skip(self, state: State, outcome: str) -> None:
+        """End a state with an outcome, given by name, as if it had run."""
         state.setup_run()
         if isinstance(state, ContainerState):
             state.execution_history.push_call_history_item(state, CallType.CONTAINER, state, state.input_data)
             state.execution_history.push_return_history_item(state, CallType.CONTAINER, state, state.output_data)
-        numbers = [number for number, each in state.outcomes.items() if each.name == outcome]
+        numbers = [number for number, state_outcome in state.outcomes.items() if state_outcome.name == outcome]
         if not numbers:
-            raise ValueError(f"context says {outcome!r}, for which {state.name!r} has no outcome")
+            raise ValueError(
+                f"the value from context needs the outcome {outcome!r}, which {state.name!r} does not have"
+            )
         self._finish(state, numbers[0])
 
     def _finish(self, state: State, outcome: int) -> None:
@@ -216,6 +221,6 @@ class Bridge:
 
 
 def _is_preempted(state: State) -> bool:
-    """Return whether a state is to stop, or one around it: RAFCON tells those that begin just then nothing."""
+    """Return whether a state or one around it should stop: RAFCON does not notify states that are just starting."""
     around = state.parent
     return bool(state.preempted) or (isinstance(around, State) and _is_preempted(around))

@@ -1,4 +1,4 @@
-"""Running a state machine by RAFCON's engine, in real or in simulated time."""
+"""Run a state machine with RAFCON's engine, in real or in simulated time."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ from codra_dsl.integrations.rafcon.hand_over import HandOver
 from codra_dsl.runtime import Clock, ContextManager
 
 LIBRARIES: Mapping[str, Path] = {"codra": Path(__file__).parent / "libraries" / "codra"}
-"""Folders of libraries by their root keys, as RAFCON's setting LIBRARY_PATHS wants them."""
+"""Folders of libraries by their root keys, in the form of RAFCON's setting LIBRARY_PATHS."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ended:
-    """How a state machine ended.
+    """The end of a state machine.
 
     Attributes:
         outcome: the name of its root state's outcome; `aborted` and `preempted` are RAFCON's own.
-        error: what a state raised, if that is why it was aborted.
+        error: the exception of a state that aborted it; None without one.
     """
 
     outcome: str
@@ -45,11 +45,11 @@ class Ended:
 
 @contextmanager
 def opened(folder: Path, libraries: Mapping[str, Path] = LIBRARIES) -> Iterator[StateMachine]:
-    """Load a state machine that RAFCON saved, and forget it at the end of the `with` statement.
+    """Load a state machine that RAFCON saved, and remove it from RAFCON at the end of the `with` statement.
 
     Args:
-        folder: that holds `statemachine.json`.
-        libraries: that the state machine uses.
+        folder: the folder with `statemachine.json`.
+        libraries: the libraries that the state machine uses.
     """
     register(libraries)
     with entered(load_state_machine_from_path(str(folder))) as machine:
@@ -58,7 +58,7 @@ def opened(folder: Path, libraries: Mapping[str, Path] = LIBRARIES) -> Iterator[
 
 @contextmanager
 def entered(machine: StateMachine) -> Iterator[StateMachine]:
-    """Make a state machine that was not loaded one that can be run, until the end of the `with` statement."""
+    """Register a state machine with RAFCON, so that it can run, until the end of the `with` statement."""
     state_machine_manager.add_state_machine(machine)
     try:
         yield machine
@@ -67,7 +67,7 @@ def entered(machine: StateMachine) -> Iterator[StateMachine]:
 
 
 def register(libraries: Mapping[str, Path] = LIBRARIES) -> None:
-    """Tell RAFCON of libraries, and of no others, by their root keys: then states of them can be made and loaded."""
+    """Register exactly these libraries with RAFCON, by their root keys, so that their states can be made and loaded."""
     setup_environment()
     global_config.set_config_value("LIBRARY_PATHS", {key: str(path) for key, path in libraries.items()})
     library_manager.initialize()
@@ -84,15 +84,15 @@ def run_in_real_time(
     """Run a state machine whose states decide on context, each in its own thread; return when it has ended.
 
     Args:
-        machine: an `opened` or `entered` one.
-        codra: what its states ask.
-        clock: the one that `codra` was started with.
-        handles: what scripts find as global variables, by name: the robot, for instance.
+        machine: an `opened` or `entered` state machine.
+        codra: the context manager that its states use.
+        clock: the clock of `codra`.
+        handles: global variables for scripts, by name: the robot, for instance.
         answers: how decisions are answered.
 
     Raises:
         AnnotationError: if the semantic data of its states is wrong.
-        RuntimeError: if another state machine runs: RAFCON has one engine a process.
+        RuntimeError: if another state machine is running: RAFCON has one engine per process.
     """
     _check_idle()
     with Bridge(codra, clock, answers=answers).attached(machine), _handed(handles or {}):
@@ -114,20 +114,20 @@ def run_in_simulated_time(
     handles: Mapping[str, object] | None = None,
     answers: Answers = Answers.CONTEXT,
 ) -> Ended:
-    """Run a state machine in the time of the thread that calls this; the same seed gives the same record.
+    """Run a state machine in simulated time, in the calling thread; the same seed gives the same event log.
 
-    Whatever states ask of the context manager, and every call of a handle's method, runs in this thread, one after the
+    Every use of the context manager by states, and every method call of a handle, runs in this thread, one after the
     other. The arguments are those of `run_in_real_time`.
 
     Raises:
         AnnotationError: if the semantic data of its states is wrong.
-        ValueError: if states of the machine run side by side.
-        RuntimeError: if another state machine runs.
+        ValueError: if states of the machine run concurrently.
+        RuntimeError: if another state machine is running.
     """
-    side_by_side = [state for state in states_within(machine.root_state) if isinstance(state, ConcurrencyState)]
-    if side_by_side:
-        path = side_by_side[0].get_path()
-        raise ValueError(f"{path} runs states side by side, and simulated time has one thread: use run_in_real_time")
+    concurrent = [state for state in states_within(machine.root_state) if isinstance(state, ConcurrencyState)]
+    if concurrent:
+        path = concurrent[0].get_path()
+        raise ValueError(f"{path} runs states concurrently, but simulated time has one thread: use run_in_real_time")
     _check_idle()
     hand_over = HandOver()
     handed = {name: hand_over.of(handle) for name, handle in (handles or {}).items()}
@@ -158,7 +158,9 @@ def _handed(handles: Mapping[str, object]) -> Iterator[None]:
 
 def _check_idle() -> None:
     if not state_machine_execution_engine.finished_or_stopped():
-        raise RuntimeError("RAFCON runs another state machine, and has one engine a process: let that one end first")
+        raise RuntimeError(
+            "RAFCON is running another state machine, and has one engine per process: wait for its end first"
+        )
 
 
 def _end_when_done(hand_over: HandOver) -> None:

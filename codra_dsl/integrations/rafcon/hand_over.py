@@ -1,7 +1,8 @@
-"""One thread at a time: calls of other threads are run by the one that serves them.
+"""Calls from other threads that are run by one serving thread.
 
 RAFCON runs each state in a thread of its own, and simulated time belongs to one thread. While a state waits for its
-call, nothing else of a hierarchy runs, so the order of calls is that of the state machine.
+call, no other state of a hierarchy runs, so the order of calls is that of the state machine. Concurrent states are
+refused in simulated time, because the operating system would determine the order of their calls.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ Result = TypeVar("Result")
 
 
 class _Call:
-    """A call, from the thread that asks for it to the one that runs it and back."""
+    """A call: it passes from the calling thread to the serving thread, and its result back."""
 
     def __init__(self, function: Callable[[], Any]) -> None:
         self._function = function
@@ -24,10 +25,10 @@ class _Call:
         self._error: BaseException | None = None
 
     def run(self) -> None:
-        """Call the function in this thread; what it raises is raised where it was asked for."""
+        """Call the function in this thread; its exception is raised in the calling thread."""
         try:
             self._result = self._function()
-        except Exception as error:  # noqa: BLE001 - it is raised in the thread that asked
+        except Exception as error:  # noqa: BLE001 - it is raised in the calling thread
             self._error = error
         except BaseException as error:
             self._error = RuntimeError(f"the run was interrupted: {type(error).__name__}")
@@ -36,12 +37,12 @@ class _Call:
             self._done.set()
 
     def refuse(self) -> None:
-        """Let who asked know that nobody will call it."""
-        self._error = RuntimeError("nobody serves calls any more: the run is over")
+        """End the call with an error, because it will not be served."""
+        self._error = RuntimeError("calls are not served any more: the run is over")
         self._done.set()
 
     def result(self) -> Any:
-        """Wait, and return what the function returned, or raise what it raised."""
+        """Wait, and return the result of the function, or raise its exception."""
         self._done.wait()
         if self._error is not None:
             raise self._error
@@ -49,7 +50,7 @@ class _Call:
 
 
 class HandOver:
-    """Lets other threads run functions in the one that calls `serve`."""
+    """Lets other threads run functions in the thread that calls `serve`."""
 
     def __init__(self) -> None:
         self._calls: queue.SimpleQueue[_Call | None] = queue.SimpleQueue()
@@ -58,10 +59,10 @@ class HandOver:
         self._server = -1
 
     def call(self, function: Callable[[], Result]) -> Result:
-        """Return what a function returns, or raise what it raises, when it was run by the thread that serves.
+        """Run a function in the serving thread, and return its result or raise its exception.
 
         Raises:
-            RuntimeError: if nobody serves any more.
+            RuntimeError: if calls are not served any more.
         """
         if threading.get_ident() == self._server:
             return function()
@@ -80,24 +81,24 @@ class HandOver:
             call.run()
 
     def end(self) -> None:
-        """Serve what was asked so far, and refuse what is asked from now on."""
+        """Serve all earlier calls, and refuse later ones."""
         with self._lock:
             self._is_open = False
             self._calls.put(None)
 
     def refuse(self) -> None:
-        """Refuse what was asked and is not done, and what is asked from now on."""
+        """Refuse all calls that are not done yet, and later ones."""
         self.end()
         while (call := self._calls.get()) is not None:
             call.refuse()
 
     def of(self, handle: object) -> Any:
-        """Return a handle whose methods are run by the thread that serves."""
+        """Return a handle whose methods run in the serving thread."""
         return _Handed(handle, self)
 
 
 class _Handed:
-    """A handle of one thread, for others."""
+    """A handle of the serving thread, for use in other threads."""
 
     def __init__(self, handle: object, hand_over: HandOver) -> None:
         self._handle = handle

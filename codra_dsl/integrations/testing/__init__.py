@@ -1,4 +1,4 @@
-"""The test kit: pytest runs a robot's observers and its main execution in a world that a timeline tells.
+"""The test kit: pytest runs a robot's observers and its main execution in a world that a timeline describes.
 
-`plugin` is what pytest loads in every project, so nothing is imported here.
+pytest loads `plugin` in every project, so this module imports nothing.
 """

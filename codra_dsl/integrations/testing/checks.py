@@ -1,4 +1,8 @@
-"""What must be so in a story, compared with what was recorded, and what a failure says."""
+"""The checks of a story against the event log, and the messages of failures.
+
+Because checks read only the event log, they do not change the run, and the run of a program is checked like a story
+with its own main execution.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +20,7 @@ from codra_dsl.runtime.why.values import instant, shown
 from codra_dsl.tooling.report.findings import visible_lines
 
 _NEARLY = 1e-9
-_SAID = {
+_OUTCOME_TEXTS = {
     "answered": "answered from context",
     "fell_back": "made by looking",
     "shadowed": "made by looking in shadow mode",
@@ -25,11 +29,11 @@ _SAID = {
 
 @dataclass(frozen=True, slots=True)
 class Failure:
-    """Something that is not as a timeline says.
+    """A failed check.
 
     Attributes:
-        place: where it says so.
-        why: the explanation, in lines; empty if there is none.
+        place: the place of the check in the timeline.
+        why: the explanation, in lines; empty without one.
     """
 
     place: Place
@@ -40,14 +44,14 @@ class Failure:
 def failures_of(
     moment: Moment, at_s: float, now_s: float, codra: ContextManager[Any, Any], record: EventLog
 ) -> Iterator[Failure]:
-    """Yield what was not as a moment says.
+    """Yield the failed checks of a moment.
 
     Args:
-        moment: of the story.
-        at_s: when it was, on the clock.
-        now_s: how far the clock has come.
-        codra: explains.
-        record: of the run.
+        moment: the moment of the story.
+        at_s: its instant on the clock.
+        now_s: the present instant of the clock.
+        codra: the context manager, for explanations.
+        record: the event log of the run.
     """
     if moment.checks and at_s > now_s:
         yield Failure(moment.place, f"the run was over at {instant(now_s)}, before this moment")
@@ -59,9 +63,9 @@ def failures_of(
 
 
 def rendered(failures: Sequence[Failure], source: Source) -> str:
-    """Return failures as people read them: the place, the line, what was meant, what is, and why."""
+    """Return failures as text: the place, the line, the expected and the actual state, and the explanation."""
     lines = source.text.splitlines()
-    return "\n\n".join(_rendered(each, lines) for each in failures)
+    return "\n\n".join(_rendered(failure, lines) for failure in failures)
 
 
 def _rendered(failure: Failure, lines: Sequence[str]) -> str:
@@ -87,7 +91,7 @@ def _failure(check: Check, at_s: float, codra: ContextManager[Any, Any], record:
             wanted = _wanted(check, why)
             if wanted is None:
                 return None
-            message = f"at {instant(at_s)} {check.variable} should be {wanted}, and it is {_state(why)}"
+            message = f"at {instant(at_s)} {check.variable} should be {wanted}, but it is {_state(why)}"
             return Failure(check.place, message, str(why))
         case Running():
             return _failure_of_observer(check, at_s, record)
@@ -96,7 +100,7 @@ def _failure(check: Check, at_s: float, codra: ContextManager[Any, Any], record:
 
 
 def _wanted(check: Belief, why: Why) -> str | None:
-    """Return in words what should be so, or None if it is."""
+    """Return the expected state in words, or None if the check passes."""
     if check.is_unknown:
         wanted = "unknown" if check.reason is None else f"unknown ({check.reason})"
         fits = not why.known and check.reason in (None, why.reading.reason)
@@ -112,14 +116,14 @@ def _wanted(check: Belief, why: Why) -> str | None:
 
 
 def _is_value(check: Belief, why: Why) -> bool:
-    meant, found = check.value, why.reading.content
+    expected, actual = check.value, why.reading.content
     if not check.is_stated:
         return True
-    if isinstance(meant, float) and isinstance(found, int | float):
-        return math.isclose(meant, found, rel_tol=_NEARLY, abs_tol=max(check.within or 0.0, _NEARLY))
-    if check.within is not None and isinstance(meant, int) and isinstance(found, int):
-        return abs(meant - found) <= check.within
-    return meant == found
+    if isinstance(expected, float) and isinstance(actual, int | float):
+        return math.isclose(expected, actual, rel_tol=_NEARLY, abs_tol=max(check.within or 0.0, _NEARLY))
+    if check.within is not None and isinstance(expected, int) and isinstance(actual, int):
+        return abs(expected - actual) <= check.within
+    return expected == actual
 
 
 def _state(why: Why) -> str:
@@ -136,22 +140,26 @@ def _failure_of_observer(check: Running, at_s: float, record: EventLog) -> Failu
     wanted = "should run" if check.is_running else "should not run"
     state = "it has not run" if last is None else f"it {last.what} at {instant(last.instant_s)}"
     needed = sorted(name for name, event in record.latest_events(at_s).declared.items() if event.what == "declared")
-    why = f"declared: {', '.join(needed) or 'nothing'}"
-    return Failure(check.place, f"at {instant(at_s)} observer {check.observer} {wanted}, and {state}", why)
+    why = f"declared: {', '.join(needed) or 'none'}"
+    return Failure(check.place, f"at {instant(at_s)} observer {check.observer} {wanted}, but {state}", why)
 
 
 def _failure_of_decision(
     check: Outcome, at_s: float, codra: ContextManager[Any, Any], record: EventLog
 ) -> Failure | None:
-    asked = [each for each in record.of(Kind.DECISION) if each.name == check.variable and each.instant_s <= at_s]
-    if asked and asked[-1].what == check.how:
+    decisions = [
+        event for event in record.of(Kind.DECISION) if event.name == check.variable and event.instant_s <= at_s
+    ]
+    if decisions and decisions[-1].what == check.how:
         return None
-    meant = f"by {instant(at_s)} the decision on {check.variable} should be {_SAID[check.how]}"
-    if not asked:
-        return Failure(check.place, f"{meant}, and nobody has asked for it")
-    then_s = asked[-1].instant_s
+    expected = f"by {instant(at_s)} the decision on {check.variable} should be {_OUTCOME_TEXTS[check.how]}"
+    if not decisions:
+        return Failure(check.place, f"{expected}, but there was no such decision")
+    then_s = decisions[-1].instant_s
     why = str(codra.why(check.variable, at_s=then_s))
-    return Failure(check.place, f"{meant}, and at {instant(then_s)} it was {_SAID[asked[-1].what]}", why)
+    return Failure(
+        check.place, f"{expected}, but at {instant(then_s)} it was {_OUTCOME_TEXTS[decisions[-1].what]}", why
+    )
 
 
 def _spaced(unit: str) -> str:

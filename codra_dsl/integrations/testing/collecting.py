@@ -1,4 +1,4 @@
-"""Timelines as pytest sees them: a file of stories, each an item that runs."""
+"""Timelines in pytest: a file is a collector, and each of its stories is a test item."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ from codra_dsl.tooling.report.findings import render_full
 
 
 class TimelineFile(pytest.File):
-    """A file whose name says that it is a timeline."""
+    """A file that is a timeline by its name."""
 
     def collect(self) -> Iterable[pytest.Item]:
         """Yield its stories.
 
         Raises:
-            CollectError: if something in it is wrong; all findings are told.
+            CollectError: if something in it is wrong; the message contains all findings.
         """
         timeline, package, findings = read_timeline(self.path)
         if timeline is None or package is None:
-            raise self.CollectError(_told(findings, self.path))
+            raise self.CollectError(_findings_text(findings, self.path))
         for story in timeline.stories:
             yield StoryItem.from_parent(self, name=story.name, story=story, timeline=timeline, package=package)
 
 
 class StoryItem(pytest.Item):
-    """One story of a timeline, with the main execution that it tells."""
+    """One story of a timeline, with the main execution that it describes."""
 
     def __init__(self, *, story: Story, timeline: Timeline, package: Package, **about: Any) -> None:
         super().__init__(**about)
@@ -48,7 +48,7 @@ class StoryItem(pytest.Item):
         Run(self._timeline, self._package, self._story, clock=SimClock(), resources={}).play()
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
-        """Return what a failed story says, or what is missing to run it; anything else with its traceback."""
+        """Return the message of a failed story or of a missing function; other exceptions with their traceback."""
         if isinstance(excinfo.value, StoryFailed | CallError):
             return str(excinfo.value)
         return super().repr_failure(excinfo, style)
@@ -66,23 +66,23 @@ def opened(path: Path, story: str | None, *, clock: SimClock, resources: Mapping
     """
     timeline, package, findings = read_timeline(path)
     if timeline is None or package is None:
-        raise ValueError(f"\n{_told(findings, path)}")
+        raise ValueError(f"\n{_findings_text(findings, path)}")
     return Run(timeline, package, _chosen(timeline, story), clock=clock, resources=resources)
 
 
 def _chosen(timeline: Timeline, name: str | None) -> Story:
-    stories = {each.name: each for each in timeline.stories}
+    stories = {candidate.name: candidate for candidate in timeline.stories}
     if name is None and len(stories) == 1:
         return timeline.stories[0]
     if name in stories:
         return stories[name]
     near = suggest(name or "", stories)
     hint = f": did you mean {near!r}?" if near else f": there is {', '.join(map(repr, stories))}"
-    asked = "say which story" if name is None else f"{timeline.source.file} has no story {name!r}"
+    asked = "choose a story by its name" if name is None else f"{timeline.source.file} has no story {name!r}"
     raise ValueError(f"{asked}{hint}")
 
 
-def _told(findings: Iterable[Diagnostic], path: Path) -> str:
+def _findings_text(findings: Iterable[Diagnostic], path: Path) -> str:
     root = root_of(path)
 
     def text_of(file: str) -> str | None:

@@ -1,4 +1,4 @@
-"""Handles of resources: made anew for each story, and changed as it goes on."""
+"""Handles of resources: made for each story, and changed during the story."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ _PLAIN = (bool, int, float, str, type(None))
 
 
 def made(maker: Maker, clock: Clock) -> object:
-    """Return what a maker makes.
+    """Return the handle that a maker makes.
 
     Raises:
-        CallError: if it cannot be imported, or takes other arguments.
+        CallError: if its class or function cannot be imported, or has other parameters.
     """
     try:
         make = _imported(maker.call)
@@ -35,17 +35,17 @@ def alter(handle: object, change: Alteration) -> None:
         CallError: if there is no handle, or it has no such attribute.
     """
     if handle is None:
-        message = f"nothing makes the handle {change.resource!r}: say so under the key `resources` of the file"
+        message = f"there is no handle {change.resource!r}: add it under the key `resources` of the file"
         raise CallError(f"{_at(change.place)}: {message}")
     _set(handle, change.attributes, f"{_at(change.place)}: {change.resource}")
 
 
 def _imported(call: str) -> Callable[..., object]:
     module, _, path = call.partition(":")
-    found: Any = importlib.import_module(module)
+    target: Any = importlib.import_module(module)
     for name in path.split("."):
-        found = getattr(found, name)
-    function: Callable[..., object] = found
+        target = getattr(target, name)
+    function: Callable[..., object] = target
     return function
 
 

@@ -1,4 +1,4 @@
-"""One moment of a timeline: nodes -> changes, steps and checks, compared with the compiled spec."""
+"""Read one moment of a timeline: nodes -> changes, steps and checks, validated against the compiled spec."""
 
 from __future__ import annotations
 
@@ -38,10 +38,10 @@ _ANY = "any"
 
 
 class MomentReader:
-    """Reads moments of one file."""
+    """Reads the moments of one file."""
 
     def __init__(self, package: Package, subject: Subject, findings: Findings) -> None:
-        """Read for a compiled spec; findings are about `subject`."""
+        """Read moments for a compiled spec; findings refer to `subject`."""
         self._no = f"spec {shown(package.model.name)} has no"
         self._package = package
         self._subject = subject
@@ -49,7 +49,7 @@ class MomentReader:
         self._place = subject.origin.of
 
     def read(self, at_s: float, key: ScalarNode, node: YamlNode, *steps: str) -> Moment:
-        """Return a moment, as far as it can be read; `steps` lead to it."""
+        """Return the readable parts of a moment; `steps` is its path in the file."""
         sections = {name: value for name, (_, value) in node.entries.items()} if isinstance(node, MappingNode) else {}
 
         def of(name: str, read: Callable[..., Iterable[Any]]) -> tuple[Any, ...]:
@@ -72,23 +72,23 @@ class MomentReader:
             ),
         )
 
-    # What changes
+    # Changes of the world
 
     def _alterations(self, node: YamlNode, steps: tuple[str, ...]) -> Iterator[Change]:
         for key, value in self._known(node, self._package.handles, f"{self._no} handle", steps):
             if isinstance(value, MappingNode):
                 reader = self._reader(value)
                 attributes = {
-                    name: read_anything(reader, each, *steps, key.text, name)
-                    for name, (_, each) in value.entries.items()
+                    name: read_anything(reader, attribute, *steps, key.text, name)
+                    for name, (_, attribute) in value.entries.items()
                 }
                 yield Alteration(resource=key.text, attributes=attributes, place=self._place(key))
 
     def _sayings(self, node: YamlNode, steps: tuple[str, ...]) -> Iterator[Change]:
         for key, value in self._known(node, self._package.agents, f"{self._no} agent", steps):
             if isinstance(value, MappingNode):
-                names = [name for name, each in self._package.variables.items() if key.text in each.sources]
-                problem = f"agent '{key.text}' is no source of"
+                names = [name for name, variable in self._package.variables.items() if key.text in variable.sources]
+                problem = f"agent '{key.text}' is not a source of"
                 yield Saying(agent=key.text, values=dict(self._values(value, names, problem, (*steps, key.text))))
             elif not value.reported:
                 yield Saying(agent=key.text, values=None)
@@ -119,24 +119,24 @@ class MomentReader:
         if not isinstance(node, MappingNode):
             return None
         declared = self._package.algorithms[algorithm].returns
-        found: dict[str, Literal | None] = {}
+        returned: dict[str, Literal | None] = {}
         for key, value in self._known(node, declared, f"'{algorithm}' returns no", (*steps, "returns")):
             is_absent = isinstance(value, ScalarNode) and value.data is None and not value.reported
             if is_absent and declared[key.text].optional:
-                found[key.text] = None
+                returned[key.text] = None
             else:
-                found[key.text] = read_value(self._reader(node), value, declared[key.text], *steps, key.text)
-        return found
+                returned[key.text] = read_value(self._reader(node), value, declared[key.text], *steps, key.text)
+        return returned
 
     def _evidence(self, reader: Reader, node: YamlNode | None, steps: tuple[str, ...]) -> tuple[float, float] | None:
         if node is None or node.reported:
             return None
         ends = node.items if isinstance(node, SequenceNode) else [node]
-        found = [parse_duration(each.text) if isinstance(each, ScalarNode) else None for each in ends]
+        durations = [parse_duration(end.text) if isinstance(end, ScalarNode) else None for end in ends]
         wrong = next(
-            (each for each, end_s in zip(ends, found, strict=True) if end_s is None or end_s == math.inf), None
+            (end for end, end_s in zip(ends, durations, strict=True) if end_s is None or end_s == math.inf), None
         )
-        instants = [end_s for end_s in found if end_s is not None]
+        instants = [end_s for end_s in durations if end_s is not None]
         if wrong is not None:
             reader.fail("duration", "'evidence' must be durations", wrong, "such as '0 s' or [0 s, 100 ms]", *steps)
             return None
@@ -149,7 +149,7 @@ class MomentReader:
         garbage = node.value("garbage")
         kinds = [key for key in ("raises", "hangs", "garbage") if key in node.entries]
         if len(kinds) > 1:
-            message = f"{listed(kinds)}: only one of them can be"
+            message = f"{listed(kinds)}: only one of them is possible"
             reader.fail("misplaced-key", message, reader.origin.of(node.entries[kinds[1]][0]), "remove the others")
         if not kinds and "late" not in node.entries:
             if "jobs" in node.entries:
@@ -164,7 +164,7 @@ class MomentReader:
             jobs=reader.number("jobs", 0) or math.inf,
         )
 
-    # What the main execution does
+    # Steps of the main execution
 
     def _steps(self, node: YamlNode, steps: tuple[str, ...]) -> Iterator[Step]:
         for key, value in entries(node):
@@ -181,7 +181,7 @@ class MomentReader:
     def _step(self, verb: Verb, node: SequenceNode, steps: tuple[str, ...]) -> Step:
         skills = [skill.name for skill in self._package.model.skills]
         names, noun = (skills, "skill") if verb in _OF_SKILLS else (self._package.variables, "context-variable")
-        known = tuple(each.text for each in self._listed(node, names, f"{self._no} {noun}", steps))
+        known = tuple(name.text for name in self._listed(node, names, f"{self._no} {noun}", steps))
         return Step(verb=verb, names=known, place=self._place(node))
 
     def _decisions(self, node: YamlNode, steps: tuple[str, ...]) -> Iterator[Step]:
@@ -201,7 +201,7 @@ class MomentReader:
             shadow=shadow is not None and shadow.data is True,
         )
 
-    # What must be so
+    # Checks
 
     def _beliefs(self, node: YamlNode, steps: tuple[str, ...]) -> Iterator[Check]:
         for key, value in self._known(node, self._package.variables, f"{self._no} context-variable", steps):
@@ -216,11 +216,11 @@ class MomentReader:
         reader = self._reader(node)
         stated, within = node.value("is"), node.value("within")
         unknown = reader.text("unknown", "") if "unknown" in node.entries else None
-        about_value = [each for each in ("is", "within", "source") if each in node.entries]
+        about_value = [key_name for key_name in ("is", "within", "source") if key_name in node.entries]
         if unknown is not None and about_value:
             place = reader.origin.of(node.entries[about_value[0]][0])
             reader.fail("misplaced-key", f"'{about_value[0]}' is about a value, and it is unknown", place, "remove it")
-        reasons = {str(each): each for each in Reason}
+        reasons = {str(reason): reason for reason in Reason}
         return Belief(
             variable=key.text,
             place=self._at(key, node),
@@ -235,8 +235,8 @@ class MomentReader:
 
     def _running(self, node: YamlNode, steps: tuple[str, ...], *, is_running: bool) -> Iterator[Check]:
         names = [observer.name for observer in self._package.model.observers]
-        for each in self._listed(node, names, f"{self._no} observer", steps):
-            yield Running(observer=each.text, is_running=is_running, place=self._place(each))
+        for name in self._listed(node, names, f"{self._no} observer", steps):
+            yield Running(observer=name.text, is_running=is_running, place=self._place(name))
 
     def _outcomes(self, node: YamlNode, steps: tuple[str, ...]) -> Iterator[Check]:
         for key, value in self._known(node, self._package.variables, f"{self._no} context-variable", steps):
@@ -255,7 +255,7 @@ class MomentReader:
     def _known(
         self, node: YamlNode, names: Iterable[str], problem: str, steps: tuple[str, ...]
     ) -> Iterator[tuple[ScalarNode, YamlNode]]:
-        """Yield the entries whose keys are among some names; report the others."""
+        """Yield the entries whose keys are among the names; report the others."""
         allowed = list(names)
         for key, value in entries(node):
             if key.text in allowed:
@@ -266,15 +266,15 @@ class MomentReader:
     def _listed(
         self, node: YamlNode, names: Iterable[str], problem: str, steps: tuple[str, ...]
     ) -> Iterator[ScalarNode]:
-        """Yield the items that are among some names; report the others."""
+        """Yield the items that are among the names; report the others."""
         allowed = list(names)
-        for each in node.items if isinstance(node, SequenceNode) else ():
-            if not isinstance(each, ScalarNode) or each.reported:
+        for name_node in node.items if isinstance(node, SequenceNode) else ():
+            if not isinstance(name_node, ScalarNode) or name_node.reported:
                 continue
-            if each.text in allowed:
-                yield each
+            if name_node.text in allowed:
+                yield name_node
             else:
-                self._unknown("unknown-value", each, allowed, problem, steps)
+                self._unknown("unknown-value", name_node, allowed, problem, steps)
 
     def _unknown(self, rule: str, node: ScalarNode, names: Iterable[str], problem: str, steps: tuple[str, ...]) -> None:
         allowed = list(names)

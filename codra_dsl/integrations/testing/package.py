@@ -1,4 +1,7 @@
-"""The compiled spec that a timeline is about: names and types to check it by, and what runs."""
+"""The compiled spec of a timeline: names and types for its checks, and the code that runs.
+
+A timeline is checked against the compiled spec, not against the YAML file, so it tests the code that runs on the robot.
+"""
 
 from __future__ import annotations
 
@@ -24,11 +27,11 @@ _OWN_SOURCES = ("main_execution", "observer")
 
 
 class PackageError(Exception):
-    """There is no compiled spec of that name, or it cannot be imported.
+    """There is no compiled spec of this name, or it cannot be imported.
 
     Attributes:
         message: what is wrong.
-        help: what to do.
+        help: how to fix it.
     """
 
     def __init__(self, message: str, help: str) -> None:
@@ -43,8 +46,8 @@ class Package:
 
     Attributes:
         build: makes its context manager.
-        algorithms: that its observers run, by name.
-        knowledge: what the spec says of a graph, if it does.
+        algorithms: the algorithms that its observers run, by name.
+        knowledge: the knowledge graph of the spec; None without one.
     """
 
     model: ContextModel
@@ -71,16 +74,16 @@ class Package:
 
 @cache
 def load_package(root: Path, name: str) -> Package:
-    """Import a compiled spec as programs in the project's root do: `from generated import NAME`.
+    """Import a compiled spec like programs in the project's root: `from generated import NAME`.
 
-    It is done once in a process, and the spec is compiled for it once more: what is tested is what the spec says.
+    This happens once per process. The spec is compiled once more for it, to make sure that the package is up to date.
 
     Args:
-        root: of the project; from here on Python looks for modules there, too.
-        name: of the spec.
+        root: the root of the project; Python searches modules there from now on.
+        name: the name of the spec.
 
     Raises:
-        PackageError: if that is not possible.
+        PackageError: if this is not possible.
     """
     _require(root, name)
     _require_fresh(root, name)
@@ -90,14 +93,14 @@ def load_package(root: Path, name: str) -> Package:
         module = importlib.import_module(f"{FOLDER}.{name}")
     except Exception as error:
         message = f"'{FOLDER}/{name}' cannot be imported: {type(error).__name__}: {error}"
-        raise PackageError(message, "compile it anew: codra compile") from error
+        raise PackageError(message, "compile it again: codra compile") from error
     if not Path(str(module.__file__)).resolve().is_relative_to(root.resolve()):
         raise PackageError(f"Python finds '{FOLDER}.{name}' in another project", "run pytest in each project by itself")
     return _package(module)
 
 
 def _require(root: Path, name: str) -> None:
-    present = sorted(each.parent.name for each in (root / FOLDER).glob("*/manifest.json"))
+    present = sorted(manifest.parent.name for manifest in (root / FOLDER).glob("*/manifest.json"))
     if name not in present:
         near = suggest(name, present)
         help = f"did you mean '{near}'?" if near else "compile the spec first: codra compile"
@@ -105,7 +108,7 @@ def _require(root: Path, name: str) -> None:
 
 
 def _require_fresh(root: Path, name: str) -> None:
-    """Require that the spec, if it is there, says what was compiled."""
+    """Require that the package is up to date with the spec, if the spec exists."""
     manifest = manifest_of(root / FOLDER / name)
     file = root / str(manifest.get("spec", ""))
     if not file.is_file():
@@ -114,22 +117,24 @@ def _require_fresh(root: Path, name: str) -> None:
     if not plans:
         raise PackageError(f"'{manifest['spec']}' has errors", f"see: codra lint {manifest['spec']}")
     if model_digest(plans[0]) != manifest.get("model"):
-        message = f"'{FOLDER}/{name}' is not what '{manifest['spec']}' says any more"
+        message = f"'{FOLDER}/{name}' is out of date: '{manifest['spec']}' has changed"
         raise PackageError(message, f"compile it: codra compile {manifest['spec']}")
 
 
 def _package(module: ModuleType) -> Package:
-    """Build a forest of it once, which tells its algorithms; nothing of it runs."""
+    """Build the forest once to collect its algorithms; no tree is ticked."""
     model: ContextModel = module.MODEL
-    classes = [each for each in vars(module).values() if isinstance(each, type) and issubclass(each, ContextManager)]
-    build = next(each for each in classes if each is not ContextManager)
+    classes = [
+        value for value in vars(module).values() if isinstance(value, type) and issubclass(value, ContextManager)
+    ]
+    build = next(class_ for class_ in classes if class_ is not ContextManager)
     algorithms: dict[str, Algorithm] = {}
 
-    def note(algorithm: Algorithm) -> Callable[..., object]:
+    def add(algorithm: Algorithm) -> Callable[..., object]:
         algorithms[algorithm.name] = algorithm
-        return note
+        return add
 
     handles = {resource.name: None for resource in model.resources if resource.slots is None}
-    build(model, clock=SimClock(), resources=handles, find=note).close()
+    build(model, clock=SimClock(), resources=handles, find=add).close()
     knowledge: KnowledgeModel | None = getattr(module, "KNOWLEDGE", None)
     return Package(model=model, build=build, algorithms=algorithms, knowledge=knowledge)

@@ -1,6 +1,6 @@
-"""What pytest finds by itself: timelines are tests, and fixtures open them.
+"""The pytest plugin: it collects timelines as tests, and has fixtures that open them.
 
-It is loaded by every pytest where codra is installed, so whatever costs time is imported when it is needed.
+Every pytest loads it if codra is installed, so slow imports are made only when they are needed.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from codra_dsl.runtime import SimClock
 
 ENDINGS = (".timeline.yaml", ".timeline.yml")
-"""Files that are tests by themselves."""
+"""The endings of files that pytest collects as tests."""
 
 
 def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Collector | None:
@@ -30,7 +30,7 @@ def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Col
 
 @pytest.fixture
 def codra_clock() -> SimClock:
-    """A simulated clock that stands at 0 s; the stories of `codra_story` run on it."""
+    """Return a simulated clock at 0 s; the stories of `codra_story` run on it."""
     from codra_dsl.runtime import SimClock
 
     return SimClock()
@@ -38,7 +38,10 @@ def codra_clock() -> SimClock:
 
 @pytest.fixture
 def codra_story(request: pytest.FixtureRequest, codra_clock: SimClock) -> OpenStory:
-    """Open stories in which a program runs: `with` one of them, call the program with its `codra` and `clock`."""
+    """Return a function that opens stories.
+
+    Inside `with` such a story, call your program with its `codra` and `clock`.
+    """
     from codra_dsl.integrations.testing.collecting import opened
 
     folder = request.path.parent

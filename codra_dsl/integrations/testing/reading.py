@@ -1,6 +1,6 @@
-"""A file -> (Timeline | None, findings): with the care of specs, and nothing that it names is imported or run.
+"""Read a file -> (Timeline | None, findings): with the same checks as specs, without importing or running its names.
 
-Only the compiled spec that it is about is imported, for its names and types.
+Only the compiled spec of the timeline is imported, for its names and types.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ _CALL_HELP = "write 'module:name', for example 'door_world:Camera'"
 def read_timeline(
     path: Path, texts: Mapping[str, bytes] = AS_ON_DISK
 ) -> tuple[Timeline | None, Package | None, tuple[Diagnostic, ...]]:
-    """Return the timeline in a file with the compiled spec that it is about, or findings where it is none.
+    """Return the timeline of a file with its compiled spec, or findings if it is not a valid timeline.
 
-    `texts` has files, named from the project's root, that are not read from disk.
+    `texts` contains files that are not read from disk, by their paths from the project's root.
     """
     findings = Findings()
     root = root_of(path)
@@ -46,9 +46,9 @@ def read_timeline(
             help = "begin it with 'codra: 1' and 'timeline: NAME'"
             findings.add("not-a-spec", "the file holds no keys", file_place(relative(path, root)), help=help)
         return None, None, findings.all()
-    found = _read(source, node, root, findings)
-    told = in_file_order(findings.all())
-    return (None, None, told) if found is None or has_errors(told) else (*found, told)
+    result = _read(source, node, root, findings)
+    ordered = in_file_order(findings.all())
+    return (None, None, ordered) if result is None or has_errors(ordered) else (*result, ordered)
 
 
 def _read(source: Source, node: MappingNode, root: Path, findings: Findings) -> tuple[Timeline, Package] | None:
@@ -69,7 +69,7 @@ def _read(source: Source, node: MappingNode, root: Path, findings: Findings) -> 
 
 
 class _Reading:
-    """One file of the right shape."""
+    """Reads one file of the right shape."""
 
     def __init__(
         self, source: Source, package: Package, subject: Subject, node: MappingNode, findings: Findings
@@ -82,7 +82,7 @@ class _Reading:
         self._moments = MomentReader(package, subject, findings)
 
     def timeline(self, name: str) -> Timeline:
-        """Return the whole file."""
+        """Return the complete timeline."""
         reader = Reader(self._subject, self._node, self._findings)
         return Timeline(
             source=self._source,
@@ -100,7 +100,9 @@ class _Reading:
             if call is None:
                 continue
             if not all(part.isidentifier() for part in call.text.replace(":", ".").split(".")) or ":" not in call.text:
-                reader.fail("call", f"{shown(call.text)} names no class or function", call, _CALL_HELP, "resources")
+                reader.fail(
+                    "call", f"{shown(call.text)} is not the name of a class or function", call, _CALL_HELP, "resources"
+                )
             literals = {
                 name.text: read_literal(reader, value, "resources", key.text, name.text)
                 for name, value in entries(node.value("with"))
@@ -141,27 +143,27 @@ class _Reading:
             at_s = parse_duration(key.text)
             place, path = self._subject.origin.of(key), f"stories.{story}.{key.text}"
             if at_s is None or not 0 <= at_s < math.inf:
-                message = f"{shown(key.text)} is no instant of a story"
+                message = f"{shown(key.text)} is not an instant of a story"
                 help = duration_help(key.text) if at_s is None else "write a duration since its beginning: '12 s'"
                 self._findings.add("duration", message, place, help=help, path=path)
                 at_s = last_s
             elif at_s < last_s or (last and at_s == last_s):
-                message = f"{shown(key.text)} does not come after {shown(last)}"
+                message = f"{shown(key.text)} is not later than {shown(last)}"
                 self._findings.add("duration", message, place, help="write moments in order, each once", path=path)
                 at_s = last_s
             last_s, last = at_s, key.text
             yield self._moments.read(at_s, key, value, "stories", story, key.text)
 
     def _check_skills(self, story: Story) -> None:
-        """Report skills that act or end and have not begun, and those that begin twice."""
+        """Report skills that act or end without having begun, and skills that begin twice."""
         begun: set[str] = set()
         for step in (step for moment in story.moments for step in moment.steps):
             for name in step.names if step.verb in (Verb.BEGIN, Verb.ACT, Verb.ACTED, Verb.END) else ():
                 if (name in begun) is (step.verb is Verb.BEGIN):
                     state, help = (
-                        ("is under way already", "end it first")
+                        ("is already running", "end it first")
                         if name in begun
-                        else ("is not under way", "begin it first")
+                        else ("is not running", "begin it first")
                     )
                     self._findings.add("misplaced-key", f"skill {shown(name)} {state}", step.place, help=help)
                 if step.verb is Verb.BEGIN:
@@ -170,17 +172,21 @@ class _Reading:
                     begun.discard(name)
 
     def _check_behaviours(self, story: Story) -> None:
-        """Report algorithms of which it is not said what they return."""
-        said: dict[str, set[str]] = {}
-        for each in (each for moment in story.moments for each in moment.changes if isinstance(each, Behaviour)):
-            if each.returns is not None:
-                known = said.setdefault(each.algorithm, set())
-                known.update(each.returns)
-                declared = self._package.algorithms[each.algorithm].returns
+        """Report algorithms whose returned values are not stated."""
+        stated: dict[str, set[str]] = {}
+        for behaviour in (
+            change for moment in story.moments for change in moment.changes if isinstance(change, Behaviour)
+        ):
+            if behaviour.returns is not None:
+                known = stated.setdefault(behaviour.algorithm, set())
+                known.update(behaviour.returns)
+                declared = self._package.algorithms[behaviour.algorithm].returns
                 missing = [name for name, type_ in declared.items() if not type_.optional and name not in known]
                 if missing:
-                    message = f"{each.algorithm!r} returns {listed(missing)} as well"
-                    self._findings.add("missing-key", message, each.place, help="add it under 'returns'")
-            elif each.algorithm not in said and (each.takes_s is not None or each.evidence_s is not None):
-                message = f"it is not said what {each.algorithm!r} returns, so its own function is called"
-                self._findings.add("misplaced-key", message, each.place, help="add 'returns', or only faults")
+                    message = f"{behaviour.algorithm!r} also returns {listed(missing)}"
+                    self._findings.add("missing-key", message, behaviour.place, help="add it under 'returns'")
+            elif behaviour.algorithm not in stated and (
+                behaviour.takes_s is not None or behaviour.evidence_s is not None
+            ):
+                message = f"the results of {behaviour.algorithm!r} are not stated, so its own function is called"
+                self._findings.add("misplaced-key", message, behaviour.place, help="add 'returns', or only faults")

@@ -1,4 +1,4 @@
-"""A story as it runs: in simulated time, by its own main execution or by a program."""
+"""The run of a story: in simulated time, with its own main execution or with a program."""
 
 from __future__ import annotations
 
@@ -29,34 +29,34 @@ from codra_dsl.runtime import ContextManager, EventLog, SimClock
 __all__ = ["OpenStory", "Run", "StoryFailed"]
 
 
-class StoryFailed(AssertionError):  # noqa: N818 - it is what a test says when it fails
-    """Something in a story is not so; the message shows what was meant, what is, and why."""
+class StoryFailed(AssertionError):  # noqa: N818 - a failed test shows this name
+    """A check of a story failed; the message shows the expected value, the actual value, and the reason."""
 
 
 class OpenStory(Protocol):
-    """What the fixture `codra_story` gives."""
+    """The type of the fixture `codra_story`."""
 
     def __call__(self, path: str, story: str | None = None, *, resources: Mapping[str, object] | None = None) -> Run:
         """Return a story, ready to run.
 
         Args:
-            path: of a timeline, from the folder of the test.
-            story: its name; may be left out where the timeline has one only.
-            resources: handles, in place of those that the timeline makes.
+            path: the path of a timeline, from the folder of the test.
+            story: its name; not needed if the timeline has only one.
+            resources: handles that replace those of the timeline.
         """
         ...
 
 
 class Run:
-    """A story that a program runs in: `with codra_story("carry.yaml") as run: program(run.codra, run.clock)`.
+    """A story in which a program runs: `with codra_story("carry.yaml") as run: program(run.codra, run.clock)`.
 
-    At the end of the `with` statement time goes on to the last moment, and everything that must be so is looked at.
+    At the end of the `with` statement time passes until the last moment, and all checks are made.
 
     Attributes:
         codra: the context manager.
-        clock: on which the story runs.
+        clock: the clock on which the story runs.
         resources: the handles, by resource.
-        record: what happened.
+        record: the event log of the run.
     """
 
     codra: ContextManager[Any, Any]
@@ -96,26 +96,26 @@ class Run:
         seed: int | None = None,
         record: EventLog | None = None,
     ) -> ContextManager[Any, Any]:
-        """Start the observers in the story's world: what a program calls in place of the generated `start`.
+        """Start the observers in the story's world. A program calls this instead of the generated `start`.
 
         Args:
-            clock: the story begins now, on this clock.
-            resources: handles by name, for perception functions that the timeline does not speak for.
-            seed: of chance; the timeline's, if None.
-            record: takes what happens; by default one of its own, without limit.
+            clock: the story begins at the present instant of this clock.
+            resources: handles by name, for perception functions that the timeline does not script.
+            seed: the seed of random numbers; the timeline's, if None.
+            record: the event log; by default a new one without limit.
 
         Raises:
-            TypeError: if the clock is none of simulated time.
-            ValueError: if the timeline tells what the main execution does after the beginning, which is the program's.
-            CallError: as the generated `start` does.
+            TypeError: if the clock is not a simulated one.
+            ValueError: if the timeline has a main execution after the beginning, because that is the program's part.
+            CallError: for the same reasons as the generated `start`.
         """
         if not isinstance(clock, SimClock):
             raise TypeError("a story runs in simulated time: give it a SimClock")
-        later = next((each for each in self._story.moments if each.at_s > 0 and each.steps), None)
+        later = next((moment for moment in self._story.moments if moment.at_s > 0 and moment.steps), None)
         if later is not None:
             span = later.steps[0].place.span
             raise ValueError(
-                f"{span.file}:{span.line}: a program is the main execution here: after 0 s it does nothing else"
+                f"{span.file}:{span.line}: a program is the main execution here: remove 'main_execution' after 0 s"
             )
         codra = self._begin(clock, resources, self._timeline.seed if seed is None else seed, record)
         for moment in self._story.moments:
@@ -131,25 +131,25 @@ class Run:
         self.clock.sleep(0.0)
 
     def check(self) -> None:
-        """Look at everything that must be so.
+        """Make all checks.
 
         Raises:
-            StoryFailed: if something is not.
+            StoryFailed: if a check fails.
         """
         __tracebackhide__ = True
         failures: list[Failure] = []
         for index, moment in enumerate(self._story.moments):
             at_s = self._played_s.get(index, self._begun_s + moment.at_s)
             failures += failures_of(moment, at_s, self.clock.now_s(), self.codra, self.record)
-        failures += [_unsaid(self._story.place, name, at_s) for name, at_s in self._script.unsaid.items()]
+        failures += [_unscripted(self._story.place, name, at_s) for name, at_s in self._script.unscripted.items()]
         if failures:
             raise StoryFailed(rendered(failures, self._timeline.source))
 
     def play(self) -> None:
-        """Run the story with the main execution that it tells, and look at everything that must be so.
+        """Run the story with the main execution that it describes, and make all checks.
 
         Raises:
-            StoryFailed: if something is not, or cannot be done.
+            StoryFailed: if a check fails, or an action of the main execution is not possible.
         """
         __tracebackhide__ = True
         self._make_handles()
@@ -163,7 +163,7 @@ class Run:
             self.clock.sleep(0.0)
             self.check()
 
-    # Within
+    # Internals
 
     def _begin(
         self, clock: SimClock, resources: Mapping[str, object], seed: int, record: EventLog | None
@@ -185,19 +185,20 @@ class Run:
         speakers = Speakers(self.codra, clock, self._timeline.every_s)
         for moment in self._story.moments:
             if moment.at_s > 0:
+                # The world changes after everything else of an instant: a look sees the state at its start.
                 clock.call_last_at(self._begun_s + moment.at_s, partial(self._change, moment, speakers))
             else:
                 self._change(moment, speakers)
         return self.codra
 
     def _make_handles(self) -> None:
-        """Make the handles that nobody gave."""
+        """Make the handles that were not passed."""
         for resource, maker in self._timeline.makers.items():
             if resource not in self.resources:
                 self.resources[resource] = made(maker, self.clock)
 
     def _change(self, moment: Moment, speakers: Speakers) -> None:
-        """Let the world change."""
+        """Apply the changes of the world at a moment."""
         for change in moment.changes:
             match change:
                 case Saying():
@@ -208,7 +209,7 @@ class Run:
                     alter(self.resources.get(change.resource), change)
 
     def _do(self, step: Step) -> None:
-        """Do what the main execution does."""
+        """Perform a step of the main execution."""
         __tracebackhide__ = True
         try:
             if step.verb is Verb.DECIDE:
@@ -251,21 +252,21 @@ class Run:
 
 
 class _Skill:
-    """A skill under way."""
+    """A running skill."""
 
     def __init__(self, codra: ContextManager[Any, Any], name: str) -> None:
         self.acting = ExitStack()
-        self._whole = ExitStack()
-        self._skill = self._whole.enter_context(codra.skill(name))
+        self._context = ExitStack()
+        self._skill = self._context.enter_context(codra.skill(name))
 
     def act(self) -> None:
         self.acting.enter_context(self._skill.acting())
 
     def end(self) -> None:
         self.acting.close()
-        self._whole.close()
+        self._context.close()
 
 
-def _unsaid(place: Place, algorithm: str, at_s: float) -> Failure:
-    message = f"{algorithm} looked at {at_s:g} s, and nobody says what it returns"
-    return Failure(place, message, "say it under `perception`, or make the handles that it reads under `resources`")
+def _unscripted(place: Place, algorithm: str, at_s: float) -> Failure:
+    message = f"{algorithm} looked at {at_s:g} s, but the values that it returns are not stated"
+    return Failure(place, message, "add them under `perception`, or make the handles that it reads under `resources`")

@@ -1,4 +1,4 @@
-"""The world of a story: how perception algorithms behave, and what agents say."""
+"""The world of a story: the behavior of perception algorithms, and the values that agents write."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from codra_dsl.runtime.values.model import Algorithm
 _SOUND = Fault()
 
 
-class UnsaidError(Exception):
-    """An algorithm was asked, and the timeline does not say what it returns."""
+class UnscriptedError(Exception):
+    """An algorithm was called, but the timeline does not state the values that it returns."""
 
 
 @dataclass(slots=True)
 class _Part:
-    """How one algorithm behaves now.
+    """The present behavior of one algorithm.
 
     Attributes:
-        values: that it returns; empty as long as nothing is said.
-        jobs_left: for how many jobs the fault still is.
+        values: the values that it returns; empty until they are stated.
+        jobs_left: the number of jobs that the fault still affects.
     """
 
     values: dict[str, Literal | None] = field(default_factory=dict)
@@ -51,39 +51,40 @@ class _Part:
 
 
 class Script:
-    """Stands in for perception functions, or for what fails in them.
+    """Replaces perception functions, or adds faults to them.
 
     Attributes:
-        unsaid: the algorithms that were asked in vain, each with the first instant.
+        unscripted: the algorithms that were called without stated values, with the instant of the first call.
     """
 
     def __init__(self, scripted: Collection[str], handles: Collection[str]) -> None:
-        """Speak for some algorithms; others are called if the handles that they read are there."""
-        self.unsaid: dict[str, float] = {}
+        """Script some algorithms; others are called if the handles that they read exist."""
+        self.unscripted: dict[str, float] = {}
         self._scripted = scripted
         self._handles = handles
         self._parts: dict[str, _Part] = {}
 
     def change(self, behaviour: Behaviour) -> None:
-        """Let an algorithm behave otherwise from here on."""
+        """Change the behavior of an algorithm from now on."""
         self._part(behaviour.algorithm).change(behaviour)
 
     def function(self, algorithm: Algorithm) -> Function:
-        """Return what is run in place of an algorithm's function.
+        """Return the function or class that runs in place of an algorithm's own.
 
         Raises:
             CallError: if its own function is needed and cannot be imported.
         """
         part = self._part(algorithm.name)
+        # A scripted algorithm is never imported, so tests also run without its libraries.
         is_called = algorithm.name not in self._scripted and all(name in self._handles for name in algorithm.handles)
         own = imported(algorithm) if is_called else None
 
         def around(function: Function | None) -> Function:
             def perceive(*, job: Job, **arguments: Any) -> object:
-                heard = _Heard(job)
-                said = self._usual(algorithm.name, part, heard)
-                usual = said if function is None else lambda: function(**arguments, job=heard)
-                return _with_fault(part.take_fault(), usual, heard)
+                evidence_job = _JobWithEvidence(job)
+                scripted = self._usual(algorithm.name, part, evidence_job)
+                usual = scripted if function is None else lambda: function(**arguments, job=evidence_job)
+                return _with_fault(part.take_fault(), usual, evidence_job)
 
             return perceive
 
@@ -92,18 +93,18 @@ class Script:
     def _part(self, name: str) -> _Part:
         return self._parts.setdefault(name, _Part())
 
-    def _usual(self, name: str, part: _Part, job: _Heard) -> Callable[[], object]:
+    def _usual(self, name: str, part: _Part, job: _JobWithEvidence) -> Callable[[], object]:
         def say() -> object:
             if not part.values:
-                self.unsaid.setdefault(name, job.now_s())
-                raise UnsaidError("the timeline does not say what it returns")
+                self.unscripted.setdefault(name, job.now_s())
+                raise UnscriptedError("the timeline does not state the values that it returns")
             return _scripted(part, job)
 
         return say
 
 
 def _class_around(own: type[Any], around: Callable[[Function], Function]) -> type[Any]:
-    """Return a class whose objects perceive as those of another, with faults; its `setup` and `close` are the same."""
+    """Return a subclass whose `perceive` is wrapped with faults; `setup` and `close` stay the same."""
 
     def perceive(self: Any, **arguments: Any) -> object:
         return around(partial(own.perceive, self))(**arguments)
@@ -111,32 +112,32 @@ def _class_around(own: type[Any], around: Callable[[Function], Function]) -> typ
     return type(own.__name__, (own,), {"perceive": perceive})
 
 
-class _Heard:
-    """The `job` of a function, which remembers whether it was told of evidence."""
+class _JobWithEvidence:
+    """The `job` of a function, which records whether evidence was reported."""
 
     def __init__(self, job: Job) -> None:
         self._job = job
         self._start_s = job.now_s()
-        self._is_told = False
+        self._has_evidence = False
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._job, name)
 
     def evidence(self, start_s: float, stamp_s: float) -> None:
-        """Say when the evidence was taken."""
+        """Report when the evidence was taken."""
         self._job.evidence(start_s, stamp_s)
-        self._is_told = True
+        self._has_evidence = True
 
     def delay(self, late_s: float) -> None:
-        """Let the result come later, though its evidence was taken as if it did not."""
+        """Delay the result, with the evidence of the time without the delay."""
         if late_s > 0:
-            if not self._is_told:
+            if not self._has_evidence:
                 self.evidence(self._start_s, self._job.now_s())
             self._job.sleep(late_s)
 
 
-def _scripted(part: _Part, job: _Heard) -> Mapping[str, Literal | None]:
-    """Do a job as it is told: its evidence is told as soon as it is taken."""
+def _scripted(part: _Part, job: _JobWithEvidence) -> Mapping[str, Literal | None]:
+    """Run a job as scripted; its evidence is reported as soon as it is taken."""
     start_s, values, takes_s = job.now_s(), dict(part.values), part.takes_s
     if part.evidence_s is not None:
         begun_s, stamp_s = part.evidence_s
@@ -147,51 +148,51 @@ def _scripted(part: _Part, job: _Heard) -> Mapping[str, Literal | None]:
     return values
 
 
-def _with_fault(fault: Fault, usual: Callable[[], object], job: _Heard) -> object:
+def _with_fault(fault: Fault, usual: Callable[[], object], job: _JobWithEvidence) -> object:
     if fault.hangs:
         job.sleep(math.inf)
         return None
     if fault.raises is not None:
         job.delay(fault.late_s)
         raise RuntimeError(fault.raises)
-    found = _garbled(fault.garbage[0], usual) if fault.garbage else usual()
+    result = _garbled(fault.garbage[0], usual) if fault.garbage else usual()
     job.delay(fault.late_s)
-    return found
+    return result
 
 
 def _garbled(garbage: object, usual: Callable[[], object]) -> object:
-    """Return garbage; a mapping lies over what would be returned otherwise."""
+    """Return garbage; a mapping replaces only its keys in the usual result."""
     if not isinstance(garbage, Mapping):
         return garbage
-    found = usual()
-    return {**found, **garbage} if isinstance(found, Mapping) else garbage
+    result = usual()
+    return {**result, **garbage} if isinstance(result, Mapping) else garbage
 
 
 class Speakers:
-    """The agents of a story: they write, repeat what they said last, and fall silent."""
+    """The agents of a story: they write values, repeat their last values, and fall silent."""
 
     def __init__(self, codra: ContextManager[Any, Any], clock: Clock, every_s: Mapping[str, float]) -> None:
-        """Speak to a context manager; `every_s` tells how often each agent repeats itself."""
+        """Write to a context manager; `every_s` has the interval at which each agent repeats its values."""
         self._codra = codra
         self._types = {variable.name: variable.type for variable in codra.model.variables}
         self._clock = clock
         self._every_s = every_s
-        self._said: dict[str, dict[str, Literal | None]] = {}
+        self._last_values: dict[str, dict[str, Literal | None]] = {}
         self._next: dict[str, Timer] = {}
 
     def say(self, saying: Saying) -> None:
-        """Let an agent write, or fall silent."""
+        """Let an agent write values, or fall silent."""
         agent = saying.agent
         if agent in self._next:
             self._next.pop(agent).cancel()
         if saying.values is not None:
-            self._said.setdefault(agent, {}).update(saying.values)
+            self._last_values.setdefault(agent, {}).update(saying.values)
             self._write(agent, saying.values)
 
     def _write(self, agent: str, values: Mapping[str, Literal | None]) -> None:
-        """Write for an agent: a story speaks for it, whether or not the program holds its handle."""
+        """Write for an agent; this is possible whether or not the program holds the agent's handle."""
         for name, value in values.items():
             self._codra.commands.write(name, self._types[name].convert(value), agent, None)
         if agent in self._every_s:
             then_s = self._clock.now_s() + self._every_s[agent]
-            self._next[agent] = self._clock.call_at(then_s, lambda: self._write(agent, self._said[agent]))
+            self._next[agent] = self._clock.call_at(then_s, lambda: self._write(agent, self._last_values[agent]))

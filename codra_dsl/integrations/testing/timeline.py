@@ -1,4 +1,4 @@
-"""What a timeline says, as frozen values: stories, each a row of moments."""
+"""The model of a timeline, as frozen values: stories, each a sequence of moments."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from codra_dsl.runtime import Reason
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Maker:
-    """What makes the handle of a resource, anew for each story.
+    """Makes the handle of a resource for each story.
 
     Attributes:
         call: `module:name` of a class or function.
-        arguments: literals that it is called with.
+        arguments: the literals that are its arguments.
     """
 
     call: str
@@ -29,7 +29,7 @@ class Maker:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Saying:
-    """What an agent writes; None stands for silence."""
+    """The values that an agent writes; None means silence."""
 
     agent: str
     values: Mapping[str, Literal | None] | None
@@ -37,14 +37,14 @@ class Saying:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fault:
-    """How an algorithm fails.
+    """A fault of an algorithm.
 
     Attributes:
         raises: the text of the error that it raises.
         hangs: whether it never returns.
-        garbage: what it returns whatever the spec says, alone in a tuple; empty if that is not the fault.
-        late_s: how much later its result comes.
-        jobs: how many jobs it is for.
+        garbage: the result that it returns in spite of the spec, in a tuple of one; empty without this fault.
+        late_s: the delay of its result.
+        jobs: the number of jobs that the fault affects.
     """
 
     raises: str | None = None
@@ -56,13 +56,13 @@ class Fault:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Behaviour:
-    """How an algorithm behaves from here on; what is None stays as it was.
+    """The behavior of an algorithm from now on; an attribute that is None stays unchanged, except the fault.
 
     Attributes:
-        returns: values that change.
+        returns: the returned values that change.
         takes_s: how long a job takes.
         evidence_s: when its evidence is taken, from start to stamp, counted from the start of the job.
-        fault: how it fails; none, if it does not.
+        fault: the fault of the algorithm; None if it works.
     """
 
     algorithm: str
@@ -83,11 +83,11 @@ class Alteration:
 
 
 Change = Saying | Behaviour | Alteration
-"""Something that changes in the world."""
+"""A change in the world."""
 
 
 class Verb(StrEnum):
-    """What a main execution can do; each is a key of `main_execution`."""
+    """The actions of a main execution; each is a key of `main_execution`."""
 
     DECLARE = "declare"
     WITHDRAW = "withdraw"
@@ -102,7 +102,7 @@ class Verb(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Asked:
-    """What a decision asks, and what the robot finds when it looks itself; `since_s` counts from the beginning."""
+    """The arguments of a decision; `otherwise` is the value that the robot itself sees; `since_s` counts from 0 s."""
 
     otherwise: Literal | None = None
     max_age_s: float = math.inf
@@ -113,12 +113,12 @@ class Asked:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Step:
-    """Something that the main execution does.
+    """A step of the main execution.
 
     Attributes:
-        names: of variables or skills.
-        value: what it sets.
-        asked: what it decides on.
+        names: the names of variables or skills.
+        value: the value that it sets.
+        asked: the arguments of its decision.
     """
 
     verb: Verb
@@ -130,14 +130,14 @@ class Step:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Belief:
-    """What must be known of a variable.
+    """A check of a variable.
 
     Attributes:
-        is_unknown: whether it must be unknown; with `reason`, for that reason.
-        value: that it must have, if `is_stated`.
-        within: how far a number may be from it; None if nearly equal is meant.
-        source: who must have written it; empty for anybody.
-        because: words that must occur in why it is so.
+        is_unknown: whether it must be unknown; with `reason`, for this reason.
+        value: the value that it must have, if `is_stated`.
+        within: the tolerance for a number; None for equality up to rounding.
+        source: the required writer; empty for any.
+        because: a text that must occur in the explanation of `why`.
     """
 
     variable: str
@@ -153,7 +153,7 @@ class Belief:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Running:
-    """Whether an observer must run."""
+    """A check whether an observer runs."""
 
     observer: str
     is_running: bool
@@ -162,7 +162,7 @@ class Running:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
-    """How the last decision on a variable must have been answered: `answered`, `fell_back` or `shadowed`."""
+    """A check how the last decision on a variable was answered: `answered`, `fell_back` or `shadowed`."""
 
     variable: str
     how: str
@@ -170,12 +170,12 @@ class Outcome:
 
 
 Check = Belief | Running | Outcome
-"""Something that must be so."""
+"""A check of a moment."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Moment:
-    """One instant, counted from the beginning: what changes, what the main execution does, what must be so."""
+    """One instant, counted from the beginning: changes of the world, steps of the main execution, and checks."""
 
     at_s: float
     place: Place
@@ -186,7 +186,7 @@ class Moment:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Story:
-    """A row of moments; the first has what holds from the beginning of every story."""
+    """A sequence of moments; the first one is the common beginning of all stories, if the timeline has one."""
 
     name: str
     place: Place
@@ -199,20 +199,22 @@ class Story:
 
     @property
     def scripted(self) -> frozenset[str]:
-        """Return the algorithms that the story speaks for; others are called."""
+        """Return the algorithms that the story scripts; others are called."""
         changes = (change for moment in self.moments for change in moment.changes)
-        return frozenset(each.algorithm for each in changes if isinstance(each, Behaviour) and each.returns is not None)
+        return frozenset(
+            change.algorithm for change in changes if isinstance(change, Behaviour) and change.returns is not None
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Timeline:
-    """A whole file.
+    """A complete file.
 
     Attributes:
         spec: the name of the spec that is tested.
-        seed: of the chance that jobs see.
-        makers: of handles, by resource.
-        every_s: how often an agent repeats what it said last, by agent.
+        seed: the seed of the random numbers that jobs use.
+        makers: the makers of handles, by resource.
+        every_s: the interval at which an agent repeats its last values, by agent.
     """
 
     source: Source

@@ -1,4 +1,4 @@
-"""Values in a timeline: of the type and in the unit that the compiled spec says."""
+"""Values in a timeline, with the types and units of the compiled spec."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _WORDS = ("enum", "str")
 
 
 def read_value(reader: Reader, node: YamlNode, type_: ValueType, *steps: str) -> Literal | None:
-    """Return a value of a type, in its unit; None, and a finding, where it is none."""
+    """Return a value of a type, in its unit; None with a finding if it is not such a value."""
     if node.reported or not isinstance(node, ScalarNode):
         return None
     given = _given(reader, node, type_, *steps)
@@ -31,12 +31,12 @@ def read_value(reader: Reader, node: YamlNode, type_: ValueType, *steps: str) ->
 
 def read_difference(reader: Reader, node: YamlNode, type_: ValueType, *steps: str) -> float | None:
     """Return a distance between two numbers of a type, in its unit."""
-    found = read_value(reader, node, ValueType(kind="float", unit=type_.unit), *steps)
-    return float(found) if isinstance(found, int | float) else None
+    difference = read_value(reader, node, ValueType(kind="float", unit=type_.unit), *steps)
+    return float(difference) if isinstance(difference, int | float) else None
 
 
 def read_anything(reader: Reader, node: YamlNode, *steps: str) -> object:
-    """Return plain data for a handle; quantities are turned to SI."""
+    """Return plain data for a handle; quantities are converted to SI."""
     if isinstance(node, MappingNode):
         return {key: read_anything(reader, value, *steps, key) for key, (_, value) in node.entries.items()}
     if isinstance(node, SequenceNode):
@@ -45,7 +45,7 @@ def read_anything(reader: Reader, node: YamlNode, *steps: str) -> object:
 
 
 def _given(reader: Reader, node: ScalarNode, type_: ValueType, *steps: str) -> object:
-    """Return what is written, a quantity in the type's unit; None, and a finding, where units do not fit."""
+    """Return the written value, with a quantity in the type's unit; None with a finding if units do not match."""
     if type_.kind in _WORDS and not isinstance(node.data, bool) and node.data is not None:
         return node.text
     unit = None if type_.unit is None else parse_unit(type_.unit)
@@ -55,8 +55,8 @@ def _given(reader: Reader, node: ScalarNode, type_: ValueType, *steps: str) -> o
     if quantity is not None:
         if unit is not None and quantity.unit.dimension == unit.dimension:
             return convert(quantity.value, quantity.unit, unit)
-        said = f"is in {type_.unit}" if unit is not None else "has no unit"
-        message = f"{shown(steps[-1])} {said}, not in {quantity.unit}"
+        unit_text = f"is in {type_.unit}" if unit is not None else "has no unit"
+        message = f"{shown(steps[-1])} {unit_text}, not in {quantity.unit}"
         reader.fail("unit", message, node, _wanted(type_), *steps)
         return None
     if unit is not None and isinstance(node.data, int | float) and not isinstance(node.data, bool) and node.data != 0:

@@ -1,4 +1,8 @@
-"""Read and check the trees that a spec names."""
+"""Read and check the trees that a spec names.
+
+This happens between `load` and `check`, so that neither of them depends on the format of tree files. Findings are
+reported at the lines of these files.
+"""
 
 from __future__ import annotations
 

@@ -62,7 +62,7 @@ def spelt_out(tree: Node) -> Node:
 
 
 def reads_of(name: str) -> tuple[str, str, str]:
-    """Return what a name in a condition reads, as (function, first name, second name); missing parts are empty.
+    """Return the function and the two names that a name in a condition reads; missing parts are empty.
 
     `a.b` gives ("", "a", "b"), `distance(a, b)` gives ("distance", "a", "b"), `c` gives ("", "", "c").
     """

@@ -78,6 +78,7 @@ class SlipError(Exception):
 _UNIT_LIKE = UNIT_TEXT.replace("[A-Za-z]+", r"[^\W\d]\w*")
 """Matches valid and invalid units alike, so that messages can name an invalid one in full."""
 
+# A unit has no blanks inside: `5 m/s` is a speed, but `5 m / s` divides 5 m by the variable `s`.
 _TOKEN = re.compile(
     rf"""(?P<blank>[ \t\r\n]+)
     | (?P<word>[^\W\d]\w*)

@@ -1,4 +1,8 @@
-"""The two forms of an engine's arithmetic: with numbers, and with bounds."""
+"""The two forms of an engine's arithmetic: with numbers, and with bounds.
+
+One code generator writes both functions of an engine and differs only in the dialect, so properties that are proven for
+one function also hold for the other.
+"""
 
 from __future__ import annotations
 

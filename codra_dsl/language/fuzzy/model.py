@@ -102,7 +102,7 @@ class OutputVariable:
     Attributes:
         is_locked: whether a value outside of the range is moved to its nearest end.
         keeps_previous: whether it keeps its previous value if no rule acts.
-        default: the value if there is no other.
+        default: the fallback value.
     """
 
     name: str

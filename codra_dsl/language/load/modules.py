@@ -137,7 +137,7 @@ class Modules:
         return _has_python(inner) or any(_has_python(self._list(subfolder) or ()) for subfolder in below)
 
     def _list(self, folder: Path) -> frozenset[str] | None:
-        """Return the names in a folder of the project; None if there is no such folder, or it has too many entries."""
+        """Return the names in a folder of the project; None if the folder is missing or has too many entries."""
         if folder not in self._listed:
             self._listed[folder] = self._listed_names(folder)
         return self._listed[folder]

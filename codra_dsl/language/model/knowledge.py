@@ -111,7 +111,7 @@ class StartingValue:
     """The initial value of an attribute; a number with a unit keeps the unit.
 
     Attributes:
-        unit: as written; None if there is none.
+        unit: as written, or None.
         place: of the value; `key` is the place of the attribute's name.
     """
 
@@ -237,9 +237,9 @@ class Conduct:
     """How an agent participates in knowledge.
 
     Attributes:
-        wakes: each of these patterns alone wakes it; if there are none it is always active.
-        owns: what it may write besides the elements that name it as `source`.
-        reads: what it reads besides the names in its rules and `wakes`.
+        wakes: each of these patterns alone wakes it; without any it is always active.
+        owns: further elements that it may write, besides those that name it as `source`.
+        reads: further elements that it reads, besides the names in its rules and `wakes`.
         places: by key; also `name`.
     """
 

@@ -15,46 +15,46 @@ from codra_dsl.runtime.behavior_trees.scope import equal, number_in
 
 
 class _After(Enum):
-    """What a sequence or fallback does when a child ends it."""
+    """The behaviour of a sequence or fallback after a child has ended it."""
 
     RESTART = auto()
     TICK_AGAIN = auto()
 
 
 class _Steps(Enum):
-    """Whether it goes on to the next child in the same tick when a child completed in one."""
+    """Whether the next child is ticked in the same tick after a child that completed within one tick."""
 
     SAME_TICK = auto()
     ONE_A_TICK = auto()
 
 
 def sequence() -> Kind:
-    """Tick children in order as long as they succeed; go on with the running one; restart after a failure."""
+    """Tick children in order while they succeed; continue with the running child; restart after a failure."""
     return _InOrder(Result.SUCCESS, _After.RESTART, _Steps.SAME_TICK)
 
 
 def async_sequence() -> Kind:
-    """As `sequence`, but can be halted between any two children: it yields when a child completed in one tick."""
+    """As `sequence`, but it can be halted between any two children: it yields after a child completed in one tick."""
     return _InOrder(Result.SUCCESS, _After.RESTART, _Steps.ONE_A_TICK)
 
 
 def sequence_with_memory() -> Kind:
-    """As `sequence`, but a child that failed is ticked again, not those before it; halting changes nothing of that."""
+    """As `sequence`, but after a failure or a halt it continues with the same child instead of the first one."""
     return _InOrder(Result.SUCCESS, _After.TICK_AGAIN, _Steps.ONE_A_TICK)
 
 
 def fallback() -> Kind:
-    """Tick children in order as long as they fail; go on with the running one."""
+    """Tick children in order while they fail; continue with the running child."""
     return _InOrder(Result.FAILURE, _After.RESTART, _Steps.SAME_TICK)
 
 
 def async_fallback() -> Kind:
-    """As `fallback`, but can be halted between any two children."""
+    """As `fallback`, but it can be halted between any two children."""
     return _InOrder(Result.FAILURE, _After.RESTART, _Steps.ONE_A_TICK)
 
 
 def reactive_sequence() -> Kind:
-    """Tick all children from the first at each tick; whatever ran beside the running one is halted."""
+    """Tick the children from the first one at each tick; halt all others when one is running."""
     return _Reactive(Result.SUCCESS)
 
 
@@ -64,63 +64,63 @@ def reactive_fallback() -> Kind:
 
 
 class _InOrder(Kind):
-    """A sequence or a fallback that remembers which child is its turn."""
+    """A sequence or a fallback that remembers the next child."""
 
-    def __init__(self, goes_on: Result, after: _After, steps: _Steps) -> None:
-        self._goes_on = goes_on
+    def __init__(self, continue_on: Result, after: _After, steps: _Steps) -> None:
+        self._continue_on = continue_on
         self._after = after
         self._steps = steps
-        self._turn = 0
+        self._index = 0
         self._skipped = 0
 
     def tick(self, node: Node) -> Result:
-        """Tick from the child whose turn it is."""
+        """Tick the children from the remembered one."""
         if not node.is_running:
             self._skipped = 0
         count = len(node.nodes)
-        while self._turn < count:
-            child = node.nodes[self._turn]
+        while self._index < count:
+            child = node.nodes[self._index]
             was_idle = child.result is Result.IDLE
             result = child.execute()
             if result is Result.RUNNING:
                 return result
-            if result.is_completed and result is not self._goes_on:
-                return self._ended(node, result)
-            self._turn += 1
+            if result.is_completed and result is not self._continue_on:
+                return self._end(node, result)
+            self._index += 1
             self._skipped += result is Result.SKIPPED
             one_a_tick = self._steps is _Steps.ONE_A_TICK and was_idle and result is not Result.SKIPPED
-            if one_a_tick and self._turn < count:
+            if one_a_tick and self._index < count:
                 node.wake()
                 return Result.RUNNING
-        return self._finished(node)
+        return self._complete(node)
 
     def halt(self, node: Node) -> None:  # noqa: ARG002
-        """Begin anew the next time, unless it has a memory."""
+        """Restart with the first child the next time, unless the node has a memory."""
         if self._after is _After.RESTART:
-            self._turn = self._skipped = 0
+            self._index = self._skipped = 0
 
-    def _ended(self, node: Node, result: Result) -> Result:
-        first = self._turn if self._after is _After.TICK_AGAIN else 0
+    def _end(self, node: Node, result: Result) -> Result:
+        first = self._index if self._after is _After.TICK_AGAIN else 0
         for child in node.nodes[first:]:
             child.reset()
-        self._turn = first
+        self._index = first
         return result
 
-    def _finished(self, node: Node) -> Result:
+    def _complete(self, node: Node) -> Result:
         all_skipped = self._skipped == len(node.nodes)
         node.reset_children()
-        self._turn = self._skipped = 0
-        return Result.SKIPPED if all_skipped else self._goes_on
+        self._index = self._skipped = 0
+        return Result.SKIPPED if all_skipped else self._continue_on
 
 
 class _Reactive(Kind):
-    """A sequence or a fallback that asks all children before the running one at each tick."""
+    """A sequence or a fallback that ticks all children before the running one at each tick."""
 
-    def __init__(self, goes_on: Result) -> None:
-        self._goes_on = goes_on
+    def __init__(self, continue_on: Result) -> None:
+        self._continue_on = continue_on
 
     def tick(self, node: Node) -> Result:
-        """Tick from the first child."""
+        """Tick the children from the first one."""
         all_skipped = True
         for child in node.nodes:
             result = child.execute()
@@ -130,27 +130,27 @@ class _Reactive(Kind):
                     if other is not child:
                         other.reset()
                 return result
-            if result.is_completed and result is not self._goes_on:
+            if result.is_completed and result is not self._continue_on:
                 node.reset_children()
                 return result
         node.reset_children()
-        return Result.SKIPPED if all_skipped else self._goes_on
+        return Result.SKIPPED if all_skipped else self._continue_on
 
 
 class Parallel(Kind):
-    """Ticks all children that have not completed, until enough of them succeeded or failed; then halts the others."""
+    """Ticks all children that have not completed, until enough of them succeed or fail; then halts the others."""
 
     def __init__(self, *, success_count: Setting = "-1", failure_count: Setting = "1") -> None:
-        """Complete after some successes or failures; -1 is as many as there are children, -2 one less, and so on."""
+        """Set the numbers of successes and failures that complete it; -1 means all children, -2 one less, and so on."""
         self._success_count = success_count
         self._failure_count = failure_count
         self._completed: dict[int, Result] = {}
 
     def tick(self, node: Node) -> Result:
-        """Tick children in order; what is decided on the way is decided for the rest."""
-        given = node.whole(self._success_count)
-        needed = _threshold(given, node, "succeed")
-        allowed = _threshold(node.whole(self._failure_count), node, "fail")
+        """Tick the children in order; once the result is certain, the remaining children are not ticked."""
+        success_count = node.integer(self._success_count)
+        needed = _threshold(success_count, node, "succeed")
+        allowed = _threshold(node.integer(self._failure_count), node, "fail")
         count, skipped = len(node.nodes), 0
         for index, child in enumerate(node.nodes):
             if index not in self._completed:
@@ -158,9 +158,9 @@ class Parallel(Kind):
                 skipped += result is Result.SKIPPED
                 if result.is_completed:
                     self._completed[index] = result
-            ended = list(self._completed.values())
-            succeeded, failed = ended.count(Result.SUCCESS), ended.count(Result.FAILURE)
-            if succeeded >= needed or (given < 0 and succeeded + skipped >= needed):
+            results = list(self._completed.values())
+            succeeded, failed = results.count(Result.SUCCESS), results.count(Result.FAILURE)
+            if succeeded >= needed or (success_count < 0 and succeeded + skipped >= needed):
                 return self._end(node, Result.SUCCESS)
             if count - failed < needed or failed >= allowed:
                 return self._end(node, Result.FAILURE)
@@ -177,16 +177,16 @@ class Parallel(Kind):
 
 
 class ParallelAll(Kind):
-    """Ticks all children until each has completed, whatever they come to, then counts the failures."""
+    """Ticks all children until every one has completed, then counts the failures."""
 
     def __init__(self, *, max_failures: Setting = "1") -> None:
-        """Fail with so many failures; -1 is as many as there are children."""
+        """Set the number of failures with which it fails; -1 means all children."""
         self._max_failures = max_failures
         self._completed: dict[int, Result] = {}
 
     def tick(self, node: Node) -> Result:
-        """Tick those that have not completed."""
-        allowed = _threshold(node.whole(self._max_failures), node, "fail")
+        """Tick the children that have not completed."""
+        allowed = _threshold(node.integer(self._max_failures), node, "fail")
         skipped = 0
         for index, child in enumerate(node.nodes):
             if index in self._completed:
@@ -209,26 +209,26 @@ class ParallelAll(Kind):
         self._completed.clear()
 
 
-def _threshold(given: int, node: Node, verb: str) -> int:
+def _threshold(limit: int, node: Node, verb: str) -> int:
     count = len(node.nodes)
-    if given > count:
-        raise TreeError(f"{node.name!r} has {count} children: {given} of them can never {verb}")
-    return max(count + given + 1, 0) if given < 0 else given
+    if limit > count:
+        raise TreeError(f"{node.name!r} has {count} children: {limit} of them can never {verb}")
+    return max(count + limit + 1, 0) if limit < 0 else limit
 
 
 class IfThenElse(Kind):
-    """Asks its first child once, then ticks the second or the third until it completes."""
+    """Ticks its first child as a condition, once, then the second or the third child until it completes."""
 
     def __init__(self) -> None:
         self._branch: int | None = None
 
     def tick(self, node: Node) -> Result:
-        """Ask the condition, unless it was answered, and tick the branch."""
+        """Tick the condition, unless it has completed, then the branch."""
         if self._branch is None:
-            asked = node.nodes[0].execute()
-            if asked in (Result.RUNNING, Result.SKIPPED):
-                return asked
-            self._branch = 1 if asked is Result.SUCCESS else 2
+            condition = node.nodes[0].execute()
+            if condition in (Result.RUNNING, Result.SKIPPED):
+                return condition
+            self._branch = 1 if condition is Result.SUCCESS else 2
         missing = self._branch == len(node.nodes)
         result = Result.FAILURE if missing else node.nodes[self._branch].execute()
         if result is not Result.RUNNING:
@@ -237,21 +237,21 @@ class IfThenElse(Kind):
         return result
 
     def halt(self, node: Node) -> None:  # noqa: ARG002
-        """Ask again the next time."""
+        """Tick the condition again the next time."""
         self._branch = None
 
 
 class WhileDoElse(Kind):
-    """Asks its first child at each tick; a branch that runs is halted when the answer changes."""
+    """Ticks its first child as a condition at each tick; halts a running branch when the result changes."""
 
     def tick(self, node: Node) -> Result:
-        """Ask the condition and tick the branch."""
-        asked = node.nodes[0].execute()
-        if asked is Result.RUNNING:
-            return asked
+        """Tick the condition, then the branch."""
+        condition = node.nodes[0].execute()
+        if condition is Result.RUNNING:
+            return condition
         result: Result = Result.SKIPPED
-        if asked is not Result.SKIPPED:
-            branch, other = (1, 2) if asked is Result.SUCCESS else (2, 1)
+        if condition is not Result.SKIPPED:
+            branch, other = (1, 2) if condition is Result.SUCCESS else (2, 1)
             for child in node.nodes[other : other + 1]:
                 child.reset()
             result = node.nodes[branch].execute() if branch < len(node.nodes) else Result.FAILURE
@@ -261,7 +261,7 @@ class WhileDoElse(Kind):
 
 
 class Switch(Kind):
-    """Ticks the child of the first case that equals a variable, and the last child if none does."""
+    """Ticks the child of the first case that equals a variable, or the last child as the default."""
 
     def __init__(self, variable: Setting, *cases: Setting, enums: Sequence[tuple[str, int]] = ()) -> None:
         """Compare a variable with cases, as texts, as numbers, or as names of numbers."""
@@ -271,7 +271,7 @@ class Switch(Kind):
         self._running: Node | None = None
 
     def tick(self, node: Node) -> Result:
-        """Choose at each tick; a child that runs is halted when another is chosen."""
+        """Choose a child at each tick; a running child is halted when another one is chosen."""
         child = node.nodes[self._chosen(node)]
         if self._running is not None and self._running is not child:
             self._running.reset()
@@ -282,7 +282,7 @@ class Switch(Kind):
         return result
 
     def halt(self, node: Node) -> None:  # noqa: ARG002
-        """Choose anew the next time."""
+        """Forget the running child."""
         self._running = None
 
     def _chosen(self, node: Node) -> int:

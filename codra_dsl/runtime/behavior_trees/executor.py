@@ -1,4 +1,4 @@
-"""What ticks a tree."""
+"""The executor that ticks a tree."""
 
 from __future__ import annotations
 
@@ -8,20 +8,24 @@ from codra_dsl.runtime.behavior_trees.scope import Scope
 from codra_dsl.runtime.clock import Clock
 
 MAX_PASSES = 10_000
-"""How often a tree is ticked within one `tick` at most: a loop without end must not stop the robot's program."""
+"""The maximum number of ticks within one `tick`, so that an endless loop cannot block the robot's program."""
 
 
 class Tree:
-    """A tree that can be ticked: its nodes, bound to entries, a clock and the robot's actions."""
+    """A tree that can be ticked: its nodes, bound to entries, a clock and the robot's actions.
+
+    The clock is read only when the tree is ticked. A node that waits reports its instant, and the tree returns the
+    earliest one as `due_s`.
+    """
 
     def __init__(self, root: Node, *, leaves: Leaves, clock: Clock, scope: Scope | None = None) -> None:
         """Bind all nodes.
 
         Args:
-            root: of nodes that belong to no other tree.
-            leaves: gives each leaf its action.
-            clock: for delays, timeouts and sleeps.
-            scope: the entries of the tree; new ones, if None.
+            root: the root; its nodes must not belong to another tree.
+            leaves: provides the actions of the leaves.
+            clock: the clock for delays, timeouts and sleeps.
+            scope: the entries of the tree; None for a new scope.
 
         Raises:
             TreeError: if the robot lacks an action.
@@ -34,7 +38,7 @@ class Tree:
 
     @property
     def due_s(self) -> float | None:
-        """Return the earliest instant for which a node waits since the last tick, or None."""
+        """Return the earliest instant for which a node has waited since the last tick, or None."""
         return self._pulse.due_s
 
     def tick_exactly_once(self) -> Result:
@@ -52,7 +56,7 @@ class Tree:
         return result
 
     def tick(self) -> Result:
-        """Tick the root, and again as long as a node has only yielded between two of its steps (`tickOnce`)."""
+        """Tick the root, and again while a node has only yielded between two of its steps (`tickOnce`)."""
         result = self.tick_exactly_once()
         passes = 1
         while result is Result.RUNNING and self._pulse.awake and passes < MAX_PASSES:
@@ -61,7 +65,7 @@ class Tree:
         return result
 
     def run(self, period_s: float, *, timeout_s: float = float("inf")) -> Result:
-        """Tick until the tree does not run any more (`tickWhileRunning`): at each period, and when a node is due.
+        """Tick until the tree is not running (`tickWhileRunning`): in every period, and when a node is due.
 
         Args:
             period_s: the time between two ticks.
@@ -80,11 +84,11 @@ class Tree:
         return result
 
     def halt(self) -> None:
-        """Halt the tree if it runs (`haltTree`)."""
+        """Halt the tree if it is running (`haltTree`)."""
         self.root.reset()
 
     def _halt_all(self) -> None:
-        """Halt whatever runs after an action or a script has failed in the midst of a tick."""
+        """Halt all running nodes after an action or a script has raised an error within a tick."""
         pending = [self.root]
         while pending:
             node = pending.pop()

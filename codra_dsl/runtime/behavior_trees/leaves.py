@@ -1,4 +1,4 @@
-"""Nodes without children: those that every tree has, and the robot's own."""
+"""Nodes without children: the built-in ones, and the robot's actions and conditions."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ _S_PER_MS = 0.001
 
 def always_success() -> Kind:
     """Succeed."""
-    return _At(lambda _: True)
+    return _Immediate(lambda _: True)
 
 
 def always_failure() -> Kind:
     """Fail."""
-    return _At(lambda _: False)
+    return _Immediate(lambda _: False)
 
 
 def script_condition(condition: Script) -> Kind:
-    """Succeed where a condition holds, else fail."""
-    return _At(lambda node: is_true(condition(node.scope)))
+    """Succeed if a condition holds, otherwise fail."""
+    return _Immediate(lambda node: is_true(condition(node.scope)))
 
 
 def unset_blackboard(key: str) -> Kind:
@@ -34,7 +34,7 @@ def unset_blackboard(key: str) -> Kind:
         node.scope.unset(key)
         return True
 
-    return _At(unset)
+    return _Immediate(unset)
 
 
 def set_blackboard(value: Setting, output_key: str) -> Kind:
@@ -44,7 +44,7 @@ def set_blackboard(value: Setting, output_key: str) -> Kind:
         node.scope.create(output_key, node.read(value))
         return True
 
-    return _At(write)
+    return _Immediate(write)
 
 
 def script(*statements: Assignment) -> Kind:
@@ -55,11 +55,11 @@ def script(*statements: Assignment) -> Kind:
             statement.run(node.scope)
         return True
 
-    return _At(run)
+    return _Immediate(run)
 
 
-class _At(Kind):
-    """Completes at each tick."""
+class _Immediate(Kind):
+    """Completes within every tick."""
 
     def __init__(self, succeeds: Callable[[Node], bool]) -> None:
         self._succeeds = succeeds
@@ -70,20 +70,20 @@ class _At(Kind):
 
 
 class WasEntryUpdated(Kind):
-    """Succeeds when an entry was written since it was last asked about, else fails."""
+    """Succeeds if an entry was written since the last check, otherwise fails."""
 
     def __init__(self, entry: str) -> None:
         self._entry = entry
         self._seen = 0
 
     def tick(self, node: Node) -> Result:
-        """Look at the entry."""
+        """Check the entry."""
         seen, self._seen = self._seen, node.scope.writes(self._entry)
         return Result.FAILURE if self._seen == seen else Result.SUCCESS
 
 
 class Sleep(Kind):
-    """Runs for some time, then succeeds."""
+    """Runs for a given time, then succeeds."""
 
     def __init__(self, msec: Setting) -> None:
         self._msec = msec
@@ -92,7 +92,7 @@ class Sleep(Kind):
     def tick(self, node: Node) -> Result:
         """Wait."""
         if self._due_s is None:
-            self._due_s = node.now_s + node.whole(self._msec) * _S_PER_MS
+            self._due_s = node.now_s + node.integer(self._msec) * _S_PER_MS
         if node.now_s < self._due_s:
             node.tick_context.pulse.wait_for(self._due_s)
             return Result.RUNNING
@@ -100,15 +100,15 @@ class Sleep(Kind):
         return Result.SUCCESS
 
     def halt(self, node: Node) -> None:  # noqa: ARG002
-        """Wait anew the next time."""
+        """Start a new wait the next time."""
         self._due_s = None
 
 
-# The robot's own
+# The robot's actions and conditions
 
 
 class Ports:
-    """What a leaf of a robot reads and writes."""
+    """The input and output ports of a robot's leaf."""
 
     def __init__(self, name: str, scope: Scope, inputs: Mapping[str, Setting], outputs: Mapping[str, Entry]) -> None:
         self._name = name
@@ -120,13 +120,13 @@ class Ports:
         return port in self._inputs
 
     def value(self, port: str) -> Any:
-        """Return what an input is given: a text, or the value of its entry.
+        """Return the value of an input: its text, or the value of its entry.
 
         Raises:
-            TreeError: if it is given nothing, or its entry is not there.
+            TreeError: if the input is not set, or its entry does not exist.
         """
         if port not in self._inputs:
-            raise TreeError(f"{self._name!r} is given no input {port!r}: it has {_listed(self._inputs)}")
+            raise TreeError(f"{self._name!r} has no input {port!r}: its inputs are {_listed(self._inputs)}")
         setting = self._inputs[port]
         return self._scope.get(setting.key) if isinstance(setting, Entry) else setting
 
@@ -138,7 +138,7 @@ class Ports:
         """Return an input as a number.
 
         Raises:
-            TreeError: if it is none, and says none.
+            TreeError: if it is neither a number nor the text of one.
         """
         number = number_in(self.value(port))
         if number is None:
@@ -146,11 +146,11 @@ class Ports:
         return float(number)
 
     def truth(self, port: str) -> bool:
-        """Return an input as a truth."""
+        """Return an input as a boolean."""
         return is_true(self.value(port))
 
     def set(self, port: str, value: object) -> None:
-        """Write an output; one that no entry is given for is dropped.
+        """Write an output; the value is dropped if the output has no entry.
 
         Raises:
             TreeError: if its entry has a value of another type.
@@ -167,50 +167,50 @@ class Action(Protocol):
     """One activity of a robot, for one leaf of a tree."""
 
     def start(self, ports: Ports) -> Result:
-        """Begin; return RUNNING, or what it came to at once."""
+        """Begin; return RUNNING, or the result if it completes at once."""
         ...
 
     def go_on(self, ports: Ports) -> Result:
-        """Return whether it still runs, or what it came to."""
+        """Return RUNNING, or the result."""
         ...
 
     def halt(self, ports: Ports) -> None:
-        """Stop it while it runs."""
+        """Stop the running activity."""
         ...
 
 
 class Robot:
-    """The actions and conditions of a robot, by the names that trees call them."""
+    """The actions and conditions of a robot, by their names in trees."""
 
     def __init__(self) -> None:
         self._makers: dict[str, Callable[[], Action]] = {}
 
     def can(self, name: str, make: Callable[[], Action]) -> None:
-        """Say how an action is made: called once for each leaf.
+        """Register a factory of an action, which is called once per leaf.
 
         Raises:
-            ValueError: if the name has one.
+            ValueError: if the name is already registered.
         """
         if name in self._makers:
-            raise ValueError(f"there is an action {name!r} already")
+            raise ValueError(f"the action {name!r} already exists")
         self._makers[name] = make
 
     def does(self, name: str, function: Callable[[Ports], bool | Result]) -> None:
-        """Say which function a condition or an action is that completes at once; it may also return RUNNING."""
-        self.can(name, lambda: _Done(name, function))
+        """Register a function as a condition or an action that completes at once; it may also return RUNNING."""
+        self.can(name, lambda: _FunctionAction(name, function))
 
     def of(self, name: str) -> Action:
         """Return an action for a leaf.
 
         Raises:
-            TreeError: if the robot has none of this name.
+            TreeError: if the robot has no action of this name.
         """
         if name not in self._makers:
             raise TreeError(f"the robot has no action {name!r}: it has {_listed(self._makers)}")
         return self._makers[name]()
 
 
-class _Done(Action):
+class _FunctionAction(Action):
     """A function as an action."""
 
     def __init__(self, name: str, function: Callable[[Ports], bool | Result]) -> None:
@@ -227,11 +227,11 @@ class _Done(Action):
         return Result.SUCCESS if result else Result.FAILURE
 
     def go_on(self, ports: Ports) -> Result:
-        """Call the function again, which said that it runs."""
+        """Call the function again after it has returned RUNNING."""
         return self.start(ports)
 
     def halt(self, ports: Ports) -> None:
-        """Do nothing: there is nothing between calls."""
+        """Do nothing, because the function does not run between calls."""
 
 
 class Leaf(Kind):
@@ -246,21 +246,23 @@ class Leaf(Kind):
         self._bound: tuple[Action, Ports] | None = None
 
     def bind(self, node: Node, tick_context: TickContext) -> TickContext:  # noqa: ARG002
-        """Make the action."""
+        """Create the action and its ports."""
         ports = Ports(self._name, tick_context.scope, self._inputs, self._outputs)
         self._bound = tick_context.leaves.of(self._name), ports
         return tick_context
 
     def entries(self) -> Iterable[Entry]:
-        """Return the entries that its ports name."""
+        """Return the entries of its ports."""
         return (setting for setting in (*self._inputs.values(), *self._outputs.values()) if isinstance(setting, Entry))
 
     def tick(self, node: Node) -> Result:
-        """Start the action, or ask how it goes on."""
+        """Start the action, or continue it."""
         action, ports = self._action()
         result = action.go_on(ports) if node.is_running else action.start(ports)
         if result is Result.IDLE:
-            raise TreeError(f"the action {self._name!r} came to nothing: it must run, succeed, fail or be skipped")
+            raise TreeError(
+                f"the action {self._name!r} returned IDLE: it must return RUNNING, SUCCESS, FAILURE or SKIPPED"
+            )
         return result
 
     def halt(self, node: Node) -> None:  # noqa: ARG002
@@ -270,5 +272,5 @@ class Leaf(Kind):
 
     def _action(self) -> tuple[Action, Ports]:
         if self._bound is None:
-            raise TreeError(f"the leaf {self._name!r} is not bound: it is ticked as part of a Tree")
+            raise TreeError(f"the leaf {self._name!r} is not bound: tick it as part of a Tree")
         return self._bound

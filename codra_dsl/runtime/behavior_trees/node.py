@@ -1,9 +1,11 @@
-"""A node of a tree as BehaviorTree.CPP version 4 understands it, in a shape that py_trees can tick and draw.
+"""A node of a tree with the semantics of BehaviorTree.CPP version 4, which py_trees can tick and draw.
 
-py_trees' own composites cannot keep that meaning: they know no SKIPPED, their `Sequence` and `Selector` stop what ran
-before by another rule, their `Parallel` ticks again what has ended, their decorators tick a child once a tick and no
-more, and none has conditions around its tick. So a `Node` is a `Behaviour` for whoever looks at it from outside, and
-its `Kind` decides what a tick means.
+The composites of py_trees cannot implement these semantics: they have no SKIPPED, their `Sequence` and `Selector` stop
+running children by another rule, their `Parallel` ticks completed children again, their decorators tick a child only
+once per tick, and none of them has conditions around its tick.
+
+So there is one class `Node`, which is a `Behaviour` of py_trees, and its `Kind` is a value that implements its
+tick. Conditions around a tick, SKIPPED and halting are thereby implemented once, and generated code reads like the XML.
 """
 
 from __future__ import annotations
@@ -26,13 +28,13 @@ Script = Callable[[Scope], Any]
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """A port's value that stands on the blackboard: `{key}`."""
+    """An entry of the blackboard as the value of a port: `{key}`."""
 
     key: str
 
 
 Setting = str | Entry
-"""What a port is given: a text, or an entry."""
+"""The value of a port in a tree: a text, or an entry."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,9 +42,9 @@ class Assignment:
     """One statement of a script.
 
     Attributes:
-        entry: that is written.
-        value: what is written.
-        creates: whether the entry need not be there (`:=`).
+        entry: the entry that is written.
+        value: the expression whose value is written.
+        creates: whether the statement creates a missing entry (`:=`).
     """
 
     entry: str
@@ -67,13 +69,18 @@ def assign(entry: str, value: Script) -> Assignment:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Conditions:
-    """What is asked before a node's tick and done after it.
+    """The conditions before a node's tick and the scripts after it.
 
     Attributes:
-        failure_if: and the two that follow, in this order: asked of an idle node, decide in place of its tick.
-        while_true: asked before each tick; where it does not hold, a running node is halted, and it is skipped.
-        on_success: and the two that follow: done when the node completes, `post` after the others.
-        on_halted: done when the node was halted while it ran.
+        failure_if: evaluated on an idle node, before `success_if` and `skip_if`; the first one that holds decides the
+            result in place of a tick.
+        success_if: see `failure_if`.
+        skip_if: see `failure_if`.
+        while_true: evaluated before each tick. If it does not hold, the node is skipped, and halted if it is running.
+        on_success: run after a success.
+        on_failure: run after a failure.
+        post: run after a success or a failure, following `on_success` or `on_failure`.
+        on_halted: run when the running node was halted.
     """
 
     failure_if: Script | None = None
@@ -90,20 +97,20 @@ UNCONDITIONAL = Conditions()
 
 
 class Leaves(Protocol):
-    """What gives each leaf of a robot its action."""
+    """Provides the actions of a robot's leaves."""
 
     def of(self, name: str) -> Any:
-        """Return what makes the action of a name."""
+        """Return a new action with a name."""
         ...
 
 
 @dataclass(slots=True)
 class Pulse:
-    """What the nodes of a tree tell about one tick.
+    """The reports of a tree's nodes about one tick.
 
     Attributes:
-        visited: the nodes that were ticked, in the order in which they ended.
-        awake: whether a node wants the tree ticked again at once.
+        visited: the ticked nodes, in the order in which their ticks ended.
+        awake: whether a node needs another tick of the tree at once.
         due_s: the earliest instant for which a node waits.
     """
 
@@ -112,13 +119,13 @@ class Pulse:
     due_s: float | None = None
 
     def wait_for(self, instant_s: float) -> None:
-        """Say that a node waits for an instant."""
+        """Report that a node waits for an instant."""
         self.due_s = instant_s if self.due_s is None else min(self.due_s, instant_s)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TickContext:
-    """What the nodes of a tree share."""
+    """The services that the nodes of a tree share during ticks."""
 
     scope: Scope
     clock: Clock
@@ -127,21 +134,21 @@ class TickContext:
 
 
 class Kind(ABC):
-    """What a tick of a node means."""
+    """The behaviour of a node during a tick."""
 
     @abstractmethod
     def tick(self, node: Node) -> Result:
-        """Tick children as it sees fit and return what the node comes to: anything but IDLE."""
+        """Tick children as needed and return the result of the node, which is never IDLE."""
 
-    def halt(self, node: Node) -> None:  # noqa: B027 - most kinds have nothing to forget
-        """Forget what a running node remembers; its children are halted after that."""
+    def halt(self, node: Node) -> None:  # noqa: B027 - most kinds have no state
+        """Clear the state of a running node; its children are halted after that."""
 
     def bind(self, node: Node, tick_context: TickContext) -> TickContext:  # noqa: ARG002
-        """Take what it needs from the surroundings, and return those of its children."""
+        """Bind the kind to a tick context, and return the tick context for the children."""
         return tick_context
 
     def entries(self) -> Iterable[Entry]:
-        """Return the entries that its ports name."""
+        """Return the entries of its ports."""
         return (setting for setting in vars(self).values() if isinstance(setting, Entry))
 
 
@@ -149,13 +156,14 @@ class Node(Behaviour):
     """One node, with its children."""
 
     def __init__(self, name: str, kind: Kind, *children: Node, conditions: Conditions = UNCONDITIONAL) -> None:
-        """Make a node that is not bound yet.
+        """Create a node that is not bound yet.
 
         Args:
-            name: as trees are drawn with it.
-            kind: what its tick means; one of its own, which no other node has.
-            children: in order.
-            conditions: around its tick.
+            name: the name in drawings of the tree.
+            kind: the behaviour. It has state, so every node needs a kind of its own. For the same reason, generated
+                functions build a new tree at every call, and two uses of a subtree share no node.
+            children: the children, in order.
+            conditions: the conditions and scripts around its tick.
         """
         super().__init__(name)
         self.children = list(children)
@@ -168,7 +176,7 @@ class Node(Behaviour):
         self._tick_context: TickContext | None = None
 
     def bind(self, tick_context: TickContext) -> None:
-        """Give the node and all below it what they need to be ticked."""
+        """Bind the node and all its descendants to a tick context."""
         self._tick_context = tick_context
         for entry in self._kind.entries():
             tick_context.scope.declare(entry.key)
@@ -180,14 +188,14 @@ class Node(Behaviour):
 
     @property
     def tick_context(self) -> TickContext:
-        """Return what it is bound to."""
+        """Return the tick context of the bound node."""
         if self._tick_context is None:
-            raise TreeError(f"the node {self.name!r} is not bound: it is ticked as part of a Tree")
+            raise TreeError(f"the node {self.name!r} is not bound: tick it as part of a Tree")
         return self._tick_context
 
     @property
     def scope(self) -> Scope:
-        """Return the entries that it sees."""
+        """Return the scope with the node's entries."""
         return self.tick_context.scope
 
     @property
@@ -197,31 +205,31 @@ class Node(Behaviour):
 
     @property
     def is_running(self) -> bool:
-        """Return whether its last tick left it running."""
+        """Return whether the node is running since its last tick."""
         return self.result is Result.RUNNING
 
     def read(self, setting: Setting) -> Any:
-        """Return what a port is given: its text, or the value of its entry."""
+        """Return the value of a port: its text, or the value of its entry."""
         return self.scope.get(setting.key) if isinstance(setting, Entry) else setting
 
-    def whole(self, setting: Setting) -> int:
-        """Return what a port is given as a whole number."""
+    def integer(self, setting: Setting) -> int:
+        """Return the value of a port as an integer."""
         value = number_in(self.read(setting))
         if value is None or value != int(value):
             raise TreeError(f"{self.name!r} needs a whole number, not {self.read(setting)!r}")
         return int(value)
 
     def wake(self) -> None:
-        """Ask for another tick at once: the node has yielded between two of its steps."""
+        """Request another tick at once, because the node has yielded between two of its steps."""
         self.tick_context.pulse.awake = True
 
     def reset_children(self) -> None:
-        """Make all children idle; those that run are halted, the first one first."""
+        """Make all children idle; running ones are halted in order."""
         errors: list[Exception] = []
         for child in self.nodes:
             try:
                 child.reset()
-            except Exception as error:  # noqa: BLE001 - the others are halted whatever an action raises
+            except Exception as error:  # noqa: BLE001 - the others are halted in any case
                 errors.append(error)
         if errors:
             raise errors[0]
@@ -229,64 +237,64 @@ class Node(Behaviour):
     # Ticking
 
     def execute(self) -> Result:
-        """Tick it, with its conditions, and return what it comes to."""
-        result = self._decided() or self._kind.tick(self)
+        """Tick the node, with its conditions, and return its result."""
+        result = self._result_of_conditions() or self._kind.tick(self)
         if result.is_completed:
             self._run(self._conditions.on_success if result is Result.SUCCESS else self._conditions.on_failure)
             self._run(self._conditions.post)
-        self._become(Result.IDLE if result is Result.SKIPPED else result)
+        self._set_result(Result.IDLE if result is Result.SKIPPED else result)
         self.tick_context.pulse.visited.append(self)
         return result
 
     def reset(self) -> None:
-        """Make it idle: halted if it runs, and without a result otherwise."""
+        """Make the node idle; halt it if it is running."""
         if self.is_running:
             self.halt()
-        self._become(Result.IDLE)
+        self._set_result(Result.IDLE)
 
     def halt(self) -> None:
-        """Stop it while it runs: what it remembers, then its children, then what is to be done when it was halted."""
+        """Halt the running node: clear its state, halt its children, then run `on_halted`."""
         try:
             self._kind.halt(self)
         finally:
             try:
                 self.reset_children()
             finally:
-                self._become(Result.IDLE)
+                self._set_result(Result.IDLE)
         self._run(self._conditions.on_halted)
 
-    def _decided(self) -> Result | None:
-        """Return what the conditions before the tick decide, or None."""
-        asked, scope = self._conditions, self.scope
+    def _result_of_conditions(self) -> Result | None:
+        """Return the result that the conditions decide before the tick, or None."""
+        conditions, scope = self._conditions, self.scope
         if self.is_running:
-            if asked.while_true is None or is_true(asked.while_true(scope)):
+            if conditions.while_true is None or is_true(conditions.while_true(scope)):
                 return None
             self.halt()
             return Result.SKIPPED
         if self.result is not Result.IDLE:
             return None
         for condition, result in (
-            (asked.failure_if, Result.FAILURE),
-            (asked.success_if, Result.SUCCESS),
-            (asked.skip_if, Result.SKIPPED),
+            (conditions.failure_if, Result.FAILURE),
+            (conditions.success_if, Result.SUCCESS),
+            (conditions.skip_if, Result.SKIPPED),
         ):
             if condition is not None and is_true(condition(scope)):
                 return result
-        holds = asked.while_true is None or is_true(asked.while_true(scope))
+        holds = conditions.while_true is None or is_true(conditions.while_true(scope))
         return None if holds else Result.SKIPPED
 
     def _run(self, script: tuple[Assignment, ...]) -> None:
         for statement in script:
             statement.run(self.scope)
 
-    def _become(self, result: Result) -> None:
+    def _set_result(self, result: Result) -> None:
         self.result = result
         self.status = result.status
 
-    # As py_trees knows it
+    # The interface of py_trees
 
     def tick(self) -> Iterator[Behaviour]:
-        """Tick it once and yield all nodes that were ticked, children first."""
+        """Tick the node once and yield all ticked nodes, children first."""
         visited = self.tick_context.pulse.visited
         visited.clear()
         if self.result.is_completed:
@@ -295,11 +303,11 @@ class Node(Behaviour):
         yield from tuple(visited)
 
     def update(self) -> Status:
-        """Tick it once, for who asks a single behaviour."""
+        """Tick the node once and return its status in py_trees."""
         return self.execute().status
 
     def stop(self, new_status: Status) -> None:
-        """Halt it: py_trees calls this when a tree is interrupted."""
+        """Halt the node; py_trees calls this when a tree is interrupted."""
         self.reset()
         self.status = new_status
         self.iterator = self.tick()

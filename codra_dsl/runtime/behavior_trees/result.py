@@ -1,4 +1,4 @@
-"""What a node of a tree comes to, and what is wrong when a tree cannot go on."""
+"""The results of a node, and the error of a tree that cannot go on."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from py_trees.common import Status
 
 
 class Result(StrEnum):
-    """The states of a node: those of py_trees, and SKIPPED, which py_trees does not know.
+    """The states of a node: those of py_trees, and SKIPPED, which py_trees does not have.
 
-    A node is IDLE before it is ticked and after it was halted or skipped; SKIPPED is only ever told to its parent.
+    A node is IDLE before it is ticked and after it was halted or skipped; SKIPPED is only returned to its parent.
     """
 
     IDLE = "idle"
@@ -21,12 +21,12 @@ class Result(StrEnum):
 
     @property
     def is_completed(self) -> bool:
-        """Return whether it is a success or a failure."""
+        """Return whether the result is a success or a failure."""
         return self is Result.SUCCESS or self is Result.FAILURE
 
     @property
     def status(self) -> Status:
-        """Return it as py_trees says it; idle and skipped are both INVALID there."""
+        """Return the status in py_trees, where idle and skipped are both INVALID."""
         return _STATUSES[self]
 
 
@@ -40,4 +40,4 @@ _STATUSES = {
 
 
 class TreeError(RuntimeError):
-    """Something that a tree asks for and that cannot be done: an entry that is not there, a value that does not fit."""
+    """A tree cannot go on, for example because an entry is missing or a value has the wrong type."""

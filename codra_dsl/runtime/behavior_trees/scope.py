@@ -1,6 +1,6 @@
-"""The blackboard of one tree: entries with a type, of its own or remapped to those of the tree around it.
+"""The blackboard of one tree: typed entries, its own or remapped to entries of the outer tree.
 
-It is not py_trees' Blackboard, which is one for the whole process and lets any value take any other's place.
+The Blackboard of py_trees is not used, because it is global in the process and has no types.
 """
 
 from __future__ import annotations
@@ -13,37 +13,37 @@ from typing import Any
 from codra_dsl.runtime.behavior_trees.result import TreeError
 
 GLOBAL = "@"
-"""An entry whose name begins so is that of the outermost tree."""
+"""The prefix for entries of the outermost tree."""
 
 _EQUAL = 2.0**-23
-"""Numbers that differ by less are equal in scripts."""
+"""The maximum difference of two numbers that are equal in scripts."""
 
 PRIVATE = "_"
-"""An entry whose name begins so is never remapped by `_autoremap`."""
+"""The prefix of entries that `_autoremap` never remaps."""
 
 
 @dataclass(slots=True)
 class _Entry:
-    """A value, and how often it was written."""
+    """A value, with the number of its writes."""
 
     value: object
     writes: int = 1
 
 
 class Scope:
-    """The entries that the nodes of one tree see."""
+    """The entries of one tree, as its nodes name them."""
 
     def __init__(
-        self, around: Scope | None = None, *, remapped: Mapping[str, str] | None = None, remaps_all: bool = False
+        self, outer: Scope | None = None, *, remapped: Mapping[str, str] | None = None, remaps_all: bool = False
     ) -> None:
         """Begin without entries.
 
         Args:
-            around: the scope of the tree that has this one as a subtree.
-            remapped: names in here, and what the same entries are called around.
-            remaps_all: whether names that are not remapped are those around, unless they are private (`_autoremap`).
+            outer: the scope of the tree that has this one as a subtree.
+            remapped: the names of entries in the outer scope, by their names in this scope.
+            remaps_all: whether all other names, unless private, are those of the outer scope (`_autoremap`).
         """
-        self._around = around
+        self._outer = outer
         self._remapped = dict(remapped or {})
         self._remaps_all = remaps_all
         self._constants: set[str] = set()
@@ -51,7 +51,7 @@ class Scope:
         self._entries: dict[str, _Entry] = {}
 
     def within(self, remapped: Mapping[str, str], constants: Mapping[str, str], *, remaps_all: bool) -> Scope:
-        """Return the scope of a subtree; constants are entries of its own from the start."""
+        """Return the scope of a subtree; constants are initial entries of its own."""
         inner = Scope(self, remapped=remapped, remaps_all=remaps_all)
         inner._constants.update(constants)
         for name, value in constants.items():
@@ -62,34 +62,36 @@ class Scope:
         """Return the value of an entry.
 
         Raises:
-            TreeError: if there is none.
+            TreeError: if it does not exist.
         """
         entry = self._find(name)
         if entry is None:
-            raise TreeError(f"there is no entry {name!r} yet: entries are {', '.join(sorted(self.names())) or 'none'}")
+            raise TreeError(
+                f"the entry {name!r} does not exist yet: entries are {', '.join(sorted(self.names())) or 'none'}"
+            )
         return entry.value
 
     def has(self, name: str) -> bool:
-        """Return whether there is such an entry."""
+        """Return whether the entry exists."""
         return self._find(name) is not None
 
     def names(self) -> Iterator[str]:
-        """Yield the names by which entries can be read here, those that `_autoremap` brings left out."""
+        """Yield the names of readable entries, except those of `_autoremap`."""
         yield from self._entries
         yield from (name for name in self._remapped if self.has(name))
 
     def writes(self, name: str) -> int:
-        """Return how often an entry was written: 0 if there is none."""
+        """Return how often an entry was written: 0 if it does not exist."""
         entry = self._find(name)
         return 0 if entry is None else entry.writes
 
     def declare(self, name: str) -> None:
-        """Say that a port names an entry: it can be assigned to from then on, though it has no value yet."""
+        """Declare an entry of a port: it can be assigned from then on, even if it has no value yet."""
         owner, own_name = self._owner(name)
         owner._declared.add(own_name)
 
     def create(self, name: str, value: object) -> None:
-        """Write an entry, which need not be there (`:=`).
+        """Write an entry, and create it if it does not exist (`:=`).
 
         Raises:
             TreeError: if the entry has a value of another type: its first value decides.
@@ -98,10 +100,10 @@ class Scope:
         owner._write(own_name, value)
 
     def assign(self, name: str, value: object) -> None:
-        """Write an entry that is there, or that a port names (`=`).
+        """Write an entry that exists or is declared by a port (`=`).
 
         Raises:
-            TreeError: if it is neither, or has another type.
+            TreeError: if the entry neither exists nor is declared, or has another type.
         """
         owner, own_name = self._owner(name)
         if own_name not in owner._declared:
@@ -109,13 +111,13 @@ class Scope:
         self.create(name, value)
 
     def unset(self, name: str) -> None:
-        """Remove an entry, if it is there."""
+        """Remove an entry, if it exists."""
         owner, own_name = self._owner(name)
         owner._entries.pop(own_name, None)
         owner._declared.discard(own_name)
 
     def __getitem__(self, name: str) -> Any:
-        """Return the value of an entry as scripts compute with it."""
+        """Return the value of an entry for computations in scripts."""
         return Operand(self.get(name))
 
     def _find(self, name: str) -> _Entry | None:
@@ -123,14 +125,14 @@ class Scope:
         return owner._entries.get(own_name)
 
     def _owner(self, name: str) -> tuple[Scope, str]:
-        """Return the scope that holds an entry, and what it is called there."""
-        scope, own = self, name
-        while scope._around is not None:
-            outer = scope._outer_name(own)
-            if outer is None:
+        """Return the scope that holds an entry, and the entry's name there."""
+        scope, own_name = self, name
+        while scope._outer is not None:
+            outer_name = scope._outer_name(own_name)
+            if outer_name is None:
                 break
-            scope, own = scope._around, outer
-        return scope, own.removeprefix(GLOBAL)
+            scope, own_name = scope._outer, outer_name
+        return scope, own_name.removeprefix(GLOBAL)
 
     def _outer_name(self, name: str) -> str | None:
         if name.startswith(GLOBAL):
@@ -144,7 +146,7 @@ class Scope:
     def _write(self, name: str, value: object) -> None:
         entry = self._entries.get(name)
         if value is None:
-            raise TreeError(f"the entry {name!r} cannot be written with None: unset it")
+            raise TreeError(f"the entry {name!r} cannot have the value None: unset the entry instead")
         if entry is None:
             self._entries[name] = _Entry(value)
             return
@@ -153,7 +155,7 @@ class Scope:
 
 
 def _fitting(name: str, present: object, value: object) -> object:
-    """Return a value for an entry that has one; a text that says a number is one where a number stands."""
+    """Return a new value for an entry; for an entry that holds a number, the text of a number becomes a number."""
     if _family(present) == _family(value):
         return value
     number = number_in(value) if _family(present) == NUMBER and isinstance(value, str) else None
@@ -172,7 +174,7 @@ def _family(value: object) -> str:
 
 
 def number_in(value: object) -> int | float | None:
-    """Return the number that a value is or that a text says, or None."""
+    """Return a value as a number, also from the text of a number, or None."""
     if isinstance(value, bool | int | float):
         return value
     if not isinstance(value, str):
@@ -186,22 +188,22 @@ def number_in(value: object) -> int | float | None:
 
 
 def plain(value: object) -> Any:
-    """Return a value as entries hold it, whether or not scripts computed with it."""
+    """Return a value as entries hold it, without `Operand`."""
     return value.value if isinstance(value, Operand) else value
 
 
 def equal(left: object, right: object) -> bool:
-    """Return whether two values are equal; numbers are if they differ by less than a `float` of C++ can tell from 1."""
+    """Return whether two values are equal; numbers may differ by the precision of a `float` in C++ (2**-23)."""
     if isinstance(left, int | float) and isinstance(right, int | float):
         return left == right or abs(left - right) <= _EQUAL
     return left == right
 
 
 def is_true(value: object) -> bool:
-    """Return what a value means as a condition: a number other than 0 is true.
+    """Return a value as a condition: a number other than 0 is true.
 
     Raises:
-        TreeError: if it is neither a number nor a truth.
+        TreeError: if it is neither a number nor a boolean.
     """
     number = number_in(plain(value))
     if number is None:
@@ -210,10 +212,14 @@ def is_true(value: object) -> bool:
 
 
 class Operand:
-    """A value that scripts compute with: numbers are one kind, a text that says a number compares as one."""
+    """A value in the computations of scripts. All numbers have one type, and the text of a number compares as a number.
+
+    Scripts use Python's operators on operands, which behave as in BehaviorTree.CPP: `'42' == 42` is true, and `1 / 0`
+    is infinite as in C++.
+    """
 
     __slots__ = ("value",)
-    __hash__ = None  # type: ignore[assignment]  # it compares with what hashes otherwise
+    __hash__ = None  # type: ignore[assignment]  # it equals values with other hashes
 
     def __init__(self, value: object) -> None:
         self.value = value
@@ -270,7 +276,7 @@ class Operand:
         return 0 - self
 
     def _pair(self, other: object) -> tuple[Any, Any]:
-        """Return both values, as numbers where one is a number and the other says one."""
+        """Return both values, as numbers if one is a number and the other the text of one."""
         left, right = self.value, plain(other)
         if _family(left) == _family(right):
             return left, right
@@ -288,7 +294,7 @@ class Operand:
 def _numbers(sign: str, left: object, right: object) -> tuple[int | float, int | float]:
     values = plain(left), plain(right)
     if _family(values[0]) != NUMBER or _family(values[1]) != NUMBER:
-        raise TreeError(f"{values[0]!r} {sign} {values[1]!r}: only numbers can be computed with")
+        raise TreeError(f"{values[0]!r} {sign} {values[1]!r}: this operator needs two numbers")
     return values
 
 
@@ -300,7 +306,7 @@ def _sum(left: object, right: object) -> Operand:
 
 
 def _by_zero(left: float, right: float) -> float:
-    """Return what a division by zero comes to for a `double` of C++."""
+    """Return the result of a division by zero for a `double` in C++."""
     if left == 0 or math.isnan(left):
         return math.nan
     return math.copysign(math.inf, left) * math.copysign(1.0, right)

@@ -9,15 +9,15 @@ from codra_dsl.runtime.behavior_trees.result import Result
 from codra_dsl.runtime.knowledge import AgentHandle, ConflictError, Knowledge, Request, Stage
 
 UNSEEN = "unseen"
-"""The reason of a task that ended between two ticks and was asked for again by another requester."""
+"""The reason of a task that ended between two ticks and was requested again by another agent."""
 
 
 class Task(Action):
     """A task of the graph as an action: requested, acknowledged, running, finished or aborted; halting aborts it.
 
-    A task that somebody else has asked for is waited for. One that was aborted, by its requester or by a deadline,
-    fails; one that was finished succeeds with some results and fails with the others. The result, and the reason of an
-    abortion, go to the output ports `result` and `reason`.
+    If another agent has requested the task, the action waits until it has ended. The action fails if its task was
+    aborted, by the requester or by a deadline. If the task has finished, the action succeeds or fails depending on the
+    result. The result and the reason of an abortion are written to the output ports `result` and `reason`.
     """
 
     def __init__(
@@ -46,7 +46,7 @@ class Task(Action):
         self._request: Request | None = None
 
     def start(self, ports: Ports) -> Result:
-        """Ask for the task, or wait until it can be asked for."""
+        """Request the task, or wait until it can be requested."""
         if self._knowledge.snapshot().handover(self._task).is_open:
             return Result.RUNNING
         values = {name: ports.value(name) for name in self._values if name in ports}
@@ -57,11 +57,11 @@ class Task(Action):
         return Result.RUNNING
 
     def go_on(self, ports: Ports) -> Result:
-        """Return how far the task is."""
+        """Return the result of the task, or RUNNING."""
         if self._request is None:
             return self.start(ports)
         handover = self._knowledge.snapshot().handover(self._task)
-        if handover.request != self._request:  # it has ended, and somebody else has asked since: nobody knows with what
+        if handover.request != self._request:  # it has ended, and a newer request hides its result
             self._request = None
             ports.set("reason", UNSEEN)
             return Result.FAILURE
@@ -82,5 +82,5 @@ class Task(Action):
             return
         try:
             self._agent.abort(request)
-        except ConflictError:  # it has ended meanwhile, and nobody asks with what
+        except ConflictError:  # it has ended meanwhile; its result is not needed
             return

@@ -1,4 +1,4 @@
-"""Writers beside the observers and the main execution: devices, people and programs that report what they know."""
+"""Writers other than observers and the main execution: devices, people and programs that report values."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ if TYPE_CHECKING:
 VariableName_contra = TypeVar("VariableName_contra", bound=str, contravariant=True)
 GraphT_co = TypeVar("GraphT_co", covariant=True)
 
-NO_KNOWLEDGE = "says nothing of knowledge: declare `knowledge` in it, and compile it"
-"""What the error tells where there is no graph."""
+NO_KNOWLEDGE = "declares no knowledge graph: add `knowledge` to it, and compile it"
+"""The message of the error when there is no graph."""
 
 
 class Agent(Generic[VariableName_contra, GraphT_co]):
-    """The handle of one agent; what it writes carries its name.
+    """The handle of one agent, which is the source of what it writes.
 
     Attributes:
-        name: of the agent.
+        name: the name of the agent.
     """
 
     __slots__ = ("_handle", "_knowledge", "_shared", "_write", "name")
@@ -33,13 +33,13 @@ class Agent(Generic[VariableName_contra, GraphT_co]):
         knowledge: Knowledge | None = None,
         shared: SharedAcquisition | None = None,
     ) -> None:
-        """Write as one agent.
+        """Open the handle of an agent.
 
         Args:
-            name: of the agent.
-            write: writes a variable: its name, the value, the writer, and when its evidence was taken.
-            knowledge: the graph that the agent writes as well, if there is one.
-            shared: declares what wakes the agent and observers identify.
+            name: the name of the agent.
+            write: writes a variable; called with its name, the value, the writer, and when its evidence was taken.
+            knowledge: the graph, which the agent writes as well, if there is one.
+            shared: declares the observed variables in the `wakes` patterns of the agent.
 
         Raises:
             UnknownNameError: if the graph has no such agent.
@@ -56,20 +56,20 @@ class Agent(Generic[VariableName_contra, GraphT_co]):
         """Return the handle by which the agent writes the knowledge graph.
 
         Raises:
-            LookupError: if the spec says nothing of knowledge.
+            LookupError: if the spec declares no knowledge graph.
         """
         if self._handle is None:
             raise LookupError(f"the spec {NO_KNOWLEDGE}")
         return cast("GraphT_co", self._handle)
 
     def on_wake(self, callback: Callable[[Change], object]) -> Subscription:
-        """Call back when what wakes the agent comes to hold in the knowledge graph; see `AgentHandle.on_wake`.
+        """Call back when a `wakes` pattern of the agent becomes true in the knowledge graph; see `AgentHandle.on_wake`.
 
-        The agent is taken until that is unsubscribed or its handle closed, also if nobody holds this object any more.
-        Until then, what of it observers identify is declared, as `agent NAME`.
+        The agent stays taken until the subscription or the handle is closed, even if this object is no longer
+        referenced. While the agent waits, the observed variables in its `wakes` patterns are declared, as `agent NAME`.
 
         Raises:
-            LookupError: if the spec says nothing of knowledge.
+            LookupError: if the spec declares no knowledge graph.
         """
         handle = cast("AgentHandle", self.graph)
         subscription = handle.on_wake(callback)
@@ -79,21 +79,21 @@ class Agent(Generic[VariableName_contra, GraphT_co]):
         return subscription
 
     def close(self) -> None:
-        """Write no more with this handle; where there is a knowledge graph, the agent can be taken again."""
+        """Close the handle; with a knowledge graph, the agent can be taken again."""
         if self._handle is not None:
             self._handle.close()
 
     def set(self, name: VariableName_contra, value: object, *, evidence_s: float | None = None) -> None:
-        """Write a variable of which this agent is a source; whether it is declared does not matter.
+        """Write a variable of which this agent is a source, declared or not.
 
         Args:
             name: the variable.
-            value: what the agent knows of it.
-            evidence_s: when the evidence was taken; now, if None. A value with newer evidence stays.
+            value: its value.
+            evidence_s: when the evidence was taken; now, if None. A value with newer evidence is kept.
 
         Raises:
             NotASourceError: if the variable does not name the agent as `source`.
-            NotOfTypeError: if the value is not what the spec declares.
+            NotOfTypeError: if the value does not have the declared type.
             ValueError: if the evidence lies in the future.
         """
         if self._handle is not None:

@@ -1,7 +1,11 @@
-"""All that reaches the context manager from outside, one step each: calls of programs, told to the journal and done.
+"""The commands that programs give to the context manager; each one is a step, recorded before it is executed.
 
-What observers, jobs and timers do follows from these inputs, from what perception returned, and from time. A journal
-that holds both can therefore be replayed: the same inputs, taken at the same places, give the same events.
+Every input from outside is a command. The actions of observers, jobs and timers follow from the commands, from the
+results of perception, and from time. So a journal of commands and results can be replayed: the same inputs at the same
+places give the same events.
+
+In simulated time a perception function runs within the step that begins its job, so a command that it gives belongs to
+that step. Such a command is recorded with the number of the job, and a replay repeats it at this place.
 """
 
 from __future__ import annotations
@@ -27,11 +31,11 @@ from codra_dsl.runtime.values.model import SkillModel, VariableModel
 
 
 class NotDeclaredError(PermissionError):
-    """The main execution wrote a variable that is not its own and that it has not declared."""
+    """The main execution wrote a variable of another source that it has not declared."""
 
 
 class Commands:
-    """What programs ask of the context manager, on names and values that have been checked. Nothing here waits."""
+    """The commands of programs, with names and values that are already checked. No command waits."""
 
     def __init__(
         self,
@@ -46,18 +50,18 @@ class Commands:
         skills: Mapping[str, SkillModel],
         explain: Callable[[Reading[Value]], Reading[Value]],
     ) -> None:
-        """Take inputs for the parts of a context manager.
+        """Execute commands on the parts of a context manager.
 
         Args:
-            clock: makes each input a step.
-            event_writer: is told each input.
+            clock: makes each command a step.
+            event_writer: records each command.
             store: holds the variables.
             forest: starts and stops observers.
-            slots: of shared resources.
-            expectations: judge what skills expect.
-            event_triggers: knows what is worth another look.
-            skills: by name.
-            explain: adds to an unknown reading what keeps the variable from being observed now.
+            slots: the slots of shared resources.
+            expectations: judges the expectations of skills.
+            event_triggers: decides when to look on events.
+            skills: the skills by name.
+            explain: adds to an unknown reading what prevents the observation of the variable now.
         """
         self._clock = clock
         self._event_writer = event_writer
@@ -82,38 +86,38 @@ class Commands:
         self._tickets: dict[int, Ticket] = {}
         self._slots_asked = 0
 
-    # What the main execution declares (P1, Equation 4)
+    # Declarations of the main execution (P1, Equation 4)
 
     def declare(self, name: str, party: str = MAIN) -> None:
-        """Take a variable into C_E(t).
+        """Add a variable to C_E(t).
 
         Raises:
-            RuntimeError: if the context manager is closed; so do `expect` and `begin`.
+            RuntimeError: if the context manager is closed; the same holds for `expect` and `begin`.
         """
         with self._clock:
             self._check_open()
-            self._tell("declare", party, variable=name)
+            self._record("declare", party, variable=name)
             self.declarations.add(party, name)
 
     def withdraw(self, name: str, party: str = MAIN) -> None:
-        """Take back what `declare` said."""
+        """Undo `declare`."""
         with self._clock:
-            self._tell("withdraw", party, variable=name)
+            self._record("withdraw", party, variable=name)
             self.declarations.remove(party, name)
 
     def expect(self, skills: Iterable[str], party: str = MAIN) -> None:
-        """Let these skills of a main execution come next, and no others."""
+        """Set the skills that a main execution expects next."""
         with self._clock:
             self._check_open()
             expected = list(skills)
-            self._tell("expect", party, skills=expected)
+            self._record("expect", party, skills=expected)
             self._hold_expected(expected, party)
 
     def begin(self, name: str, party: str = MAIN) -> int:
-        """Begin a skill; return its number, by which it ends."""
+        """Begin a skill; return its number, which the other methods take."""
         with self._clock:
             self._check_open()
-            self._tell("begin", party, skill=name)
+            self._record("begin", party, skill=name)
             self._skills_begun += 1
             number, skill = self._skills_begun, self._skills[name]
             self._begun[number] = (party, skill)
@@ -124,16 +128,16 @@ class Commands:
             return number
 
     def act(self, number: int) -> None:
-        """Make unknown what a skill changes, and count from now on what it expects.
+        """Make the variables that a skill changes unknown, and start its expectations.
 
         Raises:
             RuntimeError: if the skill has ended.
         """
         with self._clock:
             if number not in self._begun:
-                raise RuntimeError("a skill that has ended cannot act: begin it anew")
+                raise RuntimeError("a skill that has ended cannot act: begin it again")
             _party, skill = self._begun[number]
-            self._tell("act", number=number)
+            self._record("act", number=number)
             for variable in skill.changes:
                 self._store.invalidate(variable, skill.name, MAIN)
             self._event_triggers.act(number, skill.changes)
@@ -142,7 +146,7 @@ class Commands:
     def acted(self, number: int) -> None:
         """End the acting of a skill."""
         with self._clock:
-            self._tell("acted", number=number)
+            self._record("acted", number=number)
             self._expectations.acted(number)
             self._event_triggers.acted(number, self._clock.now_s())
             self._forest.look_again()
@@ -150,13 +154,13 @@ class Commands:
     def finish(self, number: int) -> None:
         """End a skill."""
         with self._clock:
-            self._tell("finish", number=number)
+            self._record("finish", number=number)
             self._finish(number)
 
     def leave(self, party: str) -> None:
-        """Withdraw all that a main execution declares: it has left, or nothing is heard of it any more."""
+        """Withdraw all declarations of a main execution that has left or no longer responds."""
         with self._clock:
-            self._tell("leave", party)
+            self._record("leave", party)
             for number in [number for number, (whose, _) in self._begun.items() if whose == party]:
                 self._finish(number)
             self._hold_expected([], party)
@@ -166,20 +170,20 @@ class Commands:
     def close(self) -> None:
         """Withdraw everything."""
         with self._clock:
-            self._tell("close")
+            self._record("close")
             self.is_closed = True
             self._expected.clear()
             for holder in self.declarations.holders():
                 self.declarations.hold(holder, ())
 
-    # What programs know
+    # Values from programs
 
     def write(self, name: str, content: Value | None, writer: str, evidence_s: float | None) -> None:
         """Write a variable as the main execution or an agent.
 
         Raises:
-            NotDeclaredError: if it is for others to write and is not declared.
-            NotASourceError: if an agent writes what is for others to write.
+            NotDeclaredError: if the variable has other sources and is not declared.
+            NotASourceError: if the agent is not a source of the variable.
             ValueError: if the evidence lies in the future.
         """
         evidence_s = None if evidence_s is None else float(evidence_s)
@@ -188,11 +192,11 @@ class Commands:
                 self._event_writer.write_input(writer, "write", variable=name, value=content, evidence_s=evidence_s)
             model = self._store.variables[name]
             if model.posed is not None:
-                raise NotASourceError(f"{name!r} follows from poses: nobody writes it")
+                raise NotASourceError(f"{name!r} follows from poses and cannot be written")
             if writer == MAIN and not (MAIN in model.sources or name in self.declarations):
                 raise NotDeclaredError(
                     f"{name!r} is for {' or '.join(model.sources)} to write: "
-                    f"the main execution may only while it has declared it{_way_of_agents(model)}"
+                    f"the main execution may write it only while it is declared{_agent_help(model)}"
                 )
             if writer != MAIN and writer not in model.sources:
                 self._event_writer.write(Kind.VARIABLE, name, "refused", value=content, source=writer)
@@ -200,27 +204,27 @@ class Commands:
             self._store_reading(model, content, writer, evidence_s)
 
     def adapt(self, agent: str, name: str, what: str, details: Mapping[str, object]) -> None:
-        """Tell what a loop has done.
+        """Record an action of a loop.
 
         Args:
-            agent: who answers for it.
-            name: of the loop, course, parameter or tree.
-            what: it did.
-            details: plain values, without any that is None.
+            agent: the agent that is responsible for it.
+            name: the name of the loop, course, parameter or tree.
+            what: the action.
+            details: plain values; none of them is None.
         """
         with self._clock:
             if self._event_writer.takes_inputs:
-                told = json_text({"name": name, "what": what, "details": details})
-                self._event_writer.write_input(agent, "adapt", told=told)
+                text = json_text({"name": name, "what": what, "details": details})
+                self._event_writer.write_input(agent, "adapt", told=text)
             self._event_writer.write(Kind.ADAPTATION, name, what, agent=agent, **details)
 
     # Decisions
 
     def ask(self, request: DecisionRequest) -> Decision:
-        """Ask whether context answers a decision."""
+        """Return a decision, answered from context if possible."""
         with self._clock:
             self._decisions_asked += 1
-            self._tell("decide", number=self._decisions_asked, **_stated(request))
+            self._record("decide", number=self._decisions_asked, **_stated(request))
             now_s, reading = self._clock.now_s(), self._store.reading(request.variable)
             decision = Decision(number=self._decisions_asked, request=request, asked_s=now_s, reading=reading)
             self._look_up(decision)
@@ -231,63 +235,66 @@ class Commands:
             return decision
 
     def resume(self, decision: Decision) -> None:
-        """Ask again, after waiting."""
+        """Look the decision up again, after waiting."""
         with self._clock:
-            self._tell("waited", number=decision.number)
+            self._record("waited", number=decision.number)
             self._urgencies.answer(decision.number)
             self._look_up(decision)
             self._settle(decision)
 
-    def conclude(self, decision: Decision, found: Value | None, raised: str | None = None) -> None:
-        """Take what the main execution found when it looked itself, or the name of the error that looking raised."""
+    def conclude(self, decision: Decision, content: Value | None, raised: str | None = None) -> None:
+        """Take the value that the main execution found itself, or the name of the error that its look raised.
+
+        The value is kept as evidence of the main execution, if the main execution may write the variable.
+        """
         name, shadow = decision.request.variable, decision.request.shadow
         with self._clock:
-            self._tell("found", number=decision.number, value=found, raised=raised)
-            self._urgencies.answer(decision.number)  # it may have been given up while it waited
+            self._record("found", number=decision.number, value=content, raised=raised)
+            self._urgencies.answer(decision.number)  # it may have been abandoned while it waited
             what = "shadowed" if decision.met else "fell_back"
             marks = {"shadow": True} if shadow and not decision.met else {}
             if raised is not None:
                 self._decided(what, decision, raised=raised, **marks)
                 return
             is_void = decision.looked_s < self._store.cells[name].invalidated_s  # a skill has acted meanwhile
-            keeps = not shadow and found is not None and not is_void and self._may_write(name)
-            about: dict[str, object] = {"found": found}
+            keeps = not shadow and content is not None and not is_void and self._may_write(name)
+            about: dict[str, object] = {"found": content}
             if not decision.met:
                 about |= {"kept": keeps, **marks}
-            elif found is not None:
-                about["agrees"] = found == decision.reading.content
+            elif content is not None:
+                about["agrees"] = content == decision.reading.content
             self._decided(what, decision, **about)
             if keeps:
-                self._store_reading(self._store.variables[name], found, MAIN, None, decision.looked_s)
+                self._store_reading(self._store.variables[name], content, MAIN, None, decision.looked_s)
 
     # Slots
 
     def urgency(self, observer: str) -> Urgency:
-        """Return how soon the main execution needs what an observer identifies."""
+        """Return how urgently the main execution needs the variables of an observer."""
         return self._urgencies.of(observer, self.declarations)
 
     def request_slots(self, resources: tuple[str, ...], grant: Callable[[], None]) -> int:
-        """Queue the main execution for slots; return the number by which they are given back."""
+        """Request slots for the main execution; return the number with which they are released."""
         with self._clock:
-            self._tell("request", resources=list(resources))
+            self._record("request", resources=list(resources))
             self._slots_asked += 1
             self._tickets[self._slots_asked] = self._slots.request(resources, _first, grant)
             return self._slots_asked
 
     def release_slots(self, number: int) -> None:
-        """Give slots back, or leave the queue."""
+        """Release slots, or cancel their request."""
         with self._clock:
-            self._tell("release", number=number)
+            self._record("release", number=number)
             self._slots.release(self._tickets.pop(number))
 
-    # Within
+    # Internal
 
     def _check_open(self) -> None:
-        """Refuse what would start observers after the end; within a step, so that no other thread closes meanwhile."""
+        """Refuse to start observers after the end; called within a step, so no other thread closes it meanwhile."""
         if self.is_closed:
-            raise RuntimeError("the context manager is closed: start() makes a new one")
+            raise RuntimeError("the context manager is closed: start() creates a new one")
 
-    def _tell(self, what: str, party: str = MAIN, /, **details: object) -> None:
+    def _record(self, what: str, party: str = MAIN, /, **details: object) -> None:
         self._event_writer.write_input(party, what, **details)
 
     def _finish(self, number: int) -> None:
@@ -295,7 +302,7 @@ class Commands:
         self._expectations.finish(number)
         self._event_triggers.finish(number, skill.monitor)
         self.declarations.hold(under_way(skill.name, number), ())
-        self._forest.look_again()  # it may have acted to its very end
+        self._forest.look_again()  # it may have acted until its end
 
     def _hold_expected(self, skills: list[str], party: str) -> None:
         self._expected[party] = skills
@@ -347,7 +354,7 @@ class Commands:
         decision.met = decision.request.is_met(decision.reading, self._clock.now_s())
 
     def _settle(self, decision: Decision) -> None:
-        """Answer a decision from context, or let the main execution look."""
+        """Answer a decision from context, or note that the main execution looks."""
         if decision.is_answered:
             self._decided("answered", decision)
         else:
@@ -358,7 +365,7 @@ class Commands:
         reading = decision.reading
         why = {"reason": reading.reason, "detail": reading.detail}
         about = {"value": reading.content, **why, "asked_s": decision.asked_s, "source": reading.source}
-        if self._begun:  # the skill that was begun last
+        if self._begun:  # the last skill that began
             about["skill"] = next(reversed(self._begun.values()))[1].name
         self._event_writer.write(Kind.DECISION, reading.name, what, **about, **details)
 
@@ -368,19 +375,19 @@ def _first() -> tuple[float, int]:
 
 
 def _stated(request: DecisionRequest) -> dict[str, object]:
-    """Return what a decision asks beyond what all ask."""
-    told: dict[str, object] = {"variable": request.variable}
+    """Return the fields of a request that differ from the defaults, and the variable."""
+    fields: dict[str, object] = {"variable": request.variable}
     if request.max_age_s < math.inf:
-        told["max_age_s"] = request.max_age_s
+        fields["max_age_s"] = request.max_age_s
     if request.since_s > -math.inf:
-        told["since_s"] = request.since_s
+        fields["since_s"] = request.since_s
     if request.wait_up_to_s > 0:
-        told["wait_up_to_s"] = request.wait_up_to_s
+        fields["wait_up_to_s"] = request.wait_up_to_s
     if request.shadow:
-        told["shadow"] = True
-    return told
+        fields["shadow"] = True
+    return fields
 
 
-def _way_of_agents(model: VariableModel) -> str:
+def _agent_help(model: VariableModel) -> str:
     agents = [source for source in model.sources if source not in (MAIN, OBSERVER)]
     return f", and an agent writes with agent({agents[0]!r}).set" if agents else ""

@@ -1,4 +1,4 @@
-"""What a context manager is made of, put together: each part gets the others that it works with."""
+"""The parts of a context manager, and their connections."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ class Components:
     """The parts of a context manager.
 
     Attributes:
-        lock: held by whoever changes something.
-        time: real or simulated; it holds no lock while events happen.
-        clock: the same, whose events are steps.
-        skills: by name.
+        lock: held during each change.
+        time: real or simulated time; it holds no lock while events run.
+        clock: the same time; its events are steps under the lock.
+        skills: the skills by name.
     """
 
     def __init__(
@@ -47,7 +47,7 @@ class Components:
         seed: int,
         find: Callable[[Algorithm], Function],
     ) -> None:
-        """Put all parts together, from what `ContextManager` was given; it raises what that does."""
+        """Create and connect all parts, with the arguments of `ContextManager` and the same errors."""
         self.lock = threading.RLock()
         self.time = clock
         self.clock = LockedClock(clock, self.lock)
@@ -85,14 +85,14 @@ class Components:
             event_triggers=self.event_triggers,
             event_writer=self.event_writer,
             clock=self.clock,
-            urgency=lambda observer: self.commands.urgency(observer),  # noqa: PLW0108 - inputs come later
+            urgency=lambda observer: self.commands.urgency(observer),  # noqa: PLW0108 - `commands` is set later
             is_asked_for=lambda variable: self.forest.is_asked_for(variable, self.commands.declarations),
         )
 
     def with_knowledge(self, model: KnowledgeModel) -> Knowledge:
         """Return the knowledge graph that shares these variables, steps and journal."""
         context_link = ContextLink(
-            variables=tuple(each for each in self.store.variables.values() if each.posed is None),
+            variables=tuple(variable for variable in self.store.variables.values() if variable.posed is None),
             steps=self.clock,
             event_writer=self.event_writer,
             write=self.store.write,
@@ -103,25 +103,25 @@ class Components:
         return knowledge
 
     def obstacle(self, name: str) -> str:
-        """Return what keeps a variable from being observed now, known or not; empty if an algorithm can look."""
+        """Return what prevents the observation of a variable now, known or not; empty if an algorithm can look."""
         obstacle, variable = self.forest.obstacle(name), self.store.variables[name]
         if variable.posed is not None:
             return "it follows from poses"
         return f"for {' or '.join(variable.sources)} to write" if obstacle is None else obstacle
 
     def explained(self, reading: Reading[Value]) -> Reading[Any]:
-        """Return a reading; one that nobody has renewed tells what keeps it from being observed now."""
+        """Return a reading; if never observed or stale, its detail is what prevents the observation now."""
         if reading.reason not in (Reason.NEVER_OBSERVED, Reason.STALE) or reading.detail:
             return reading
         return replace(reading, detail=self.obstacle(reading.name))
 
     def changed(self, name: str, is_renewed: bool) -> None:
-        """Tell all who read a variable that it has another reading."""
+        """Notify all readers of a variable of another reading."""
         self.forest.changed(name, is_renewed)
         self.expectations.changed(name)
         self.subscriptions.changed(name, self.store.reading)
         self.time.notify()
 
     def observer_stopped(self, observer: Observer) -> None:
-        """Forget what is to be forgotten when nobody looks."""
+        """Forget the variables of a stopped observer that are declared with `forget`."""
         self.store.forget(observer.model.identifies, observer.name)

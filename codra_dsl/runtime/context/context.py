@@ -1,4 +1,4 @@
-"""The context manager M (P1, sections 3.2 and 3.3): the one place where context is declared, kept and asked for."""
+"""The context manager M (P1, sections 3.2 and 3.3): it declares, stores and returns context."""
 
 from __future__ import annotations
 
@@ -48,13 +48,13 @@ __all__ = ["MAIN", "ContextManager", "NotDeclaredError", "Skill", "UnknownNameEr
 class ContextManager(Generic[VariableName, SkillName]):
     """M of P1: keeps C_M(t), controls the observers, and answers the main execution.
 
-    Use it as a Python context manager, so that all observers stop in the end. `get` never waits for anybody.
+    Use it as a Python context manager, so that all observers stop in the end. `get` never waits.
 
     Attributes:
-        record: what happened.
-        clock: the one that it was given.
-        model: what the spec was compiled to.
-        commands: takes, one step each, what programs ask; for sessions, and for whoever replays a run.
+        record: the event log.
+        clock: the clock from the arguments.
+        model: the compiled spec.
+        commands: executes the commands of programs, one step each; for sessions and replays.
         knowledge: the graph, if the spec declares one.
     """
 
@@ -70,19 +70,19 @@ class ContextManager(Generic[VariableName, SkillName]):
         find: Callable[[Algorithm], Function] = imported,
         knowledge: KnowledgeModel | None = None,
     ) -> None:
-        """Build the forest; nothing runs before something is declared.
+        """Build the forest; no observer runs before a variable is declared.
 
         Args:
-            model: what a spec was compiled to.
+            model: the compiled spec.
             clock: real or simulated time.
             resources: the handle of each resource without slots, by name.
-            seed: of the chance that jobs see as `job.random`.
-            record: takes every change; by default one of its own.
+            seed: the seed of `job.random` in jobs.
+            record: the event log for every change; by default a new one.
             find: returns the perception function of an algorithm; by default the one that its `call` names.
-            knowledge: what the spec says of a knowledge graph and its agents; None if there is none.
+            knowledge: the knowledge graph and its agents in the spec; None if it declares no graph.
 
         Raises:
-            CallError: if a perception function cannot be imported, or a handle is missing or of no use.
+            CallError: if a perception function cannot be imported, or a handle is missing or not usable.
         """
         check_handles(model.resources, resources)
         self.record = EventLog() if record is None else record
@@ -97,7 +97,7 @@ class ContextManager(Generic[VariableName, SkillName]):
         self._slots_held = MainExecutionSlots(parts.slots, self.commands, self._clock)
         self._parties = itertools.count(2)
         self._nodes = {} if knowledge is None else nodes_of_variables(knowledge, model.variables)
-        with self._clock:  # so that the graph begins at the instant at which the journal does
+        with self._clock:  # so that the graph begins at the same instant as the journal
             self.record.begin(lambda: self._head(seed))
             self._knowledge = None if knowledge is None else parts.with_knowledge(knowledge)
 
@@ -108,10 +108,10 @@ class ContextManager(Generic[VariableName, SkillName]):
         self.close()
 
     def close(self) -> None:
-        """Withdraw everything, stop all observers and cancel their jobs; nothing can be declared any more.
+        """Withdraw everything, stop all observers and cancel their jobs; after that nothing can be declared.
 
-        A decision that waits for an observer in another thread waits no longer. Once the interpreter is going down it
-        does nothing: threads that held the lock are gone, and whatever runs in processes of its own ends with them.
+        A decision that waits for an observer in another thread stops waiting. While the interpreter shuts down, this
+        does nothing: threads that held the lock are gone, and processes of isolated algorithms end by themselves.
         """
         if sys.is_finalizing():
             return
@@ -123,17 +123,17 @@ class ContextManager(Generic[VariableName, SkillName]):
                 self._subscriptions.wake()
         self._perception.close()
 
-    # What the main execution declares (P1, Equation 4)
+    # Declarations of the main execution (P1, Equation 4)
 
     def declare(self, name: VariableName, value: Any = None) -> None:
-        """Take a variable into C_E(t), until it is withdrawn; declaring twice changes nothing.
+        """Add a variable to C_E(t) until it is withdrawn; declaring it twice has no effect.
 
         Args:
             name: the variable.
-            value: what the main execution knows of it already; None if nothing.
+            value: its value, if the main execution knows it already; otherwise None.
 
         Raises:
-            NotOfTypeError: if the value is not what the spec declares; then the variable is not declared.
+            NotOfTypeError: if the value does not have the declared type; then the variable is not declared.
             RuntimeError: if the context manager is closed.
         """
         model = self._model(name)
@@ -144,19 +144,19 @@ class ContextManager(Generic[VariableName, SkillName]):
                 self.commands.write(name, content, MAIN, None)
 
     def withdraw(self, name: VariableName) -> None:
-        """Take back what `declare` said; what a skill declares stays declared."""
+        """Undo `declare`; a variable that a skill declares stays declared."""
         self._model(name)
         self.commands.withdraw(name)
 
     def expect(self, *skills: SkillName) -> None:
-        """Say which skills come next: what each previews is declared until it begins or others are expected."""
+        """Set the skills that come next: their previews are declared until they begin or others are expected."""
         for name in skills:
             self._skill(name)
         self.commands.expect(skills)
 
     @contextmanager
     def skill(self, name: SkillName) -> Iterator[Skill]:
-        """Run a skill: what it previews and monitors is declared until it ends; its expectation is fulfilled."""
+        """Run a skill: its previews and monitored variables are declared until it ends; it is no longer expected."""
         model = self._skill(name)
         number = self.commands.begin(name)
         try:
@@ -170,11 +170,11 @@ class ContextManager(Generic[VariableName, SkillName]):
         return tuple(self._store.variables)
 
     def skills(self) -> Mapping[str, SkillModel]:
-        """Return what the spec says of each skill, by name."""
+        """Return the declared skills, by name."""
         return MappingProxyType(self._skills)
 
     def declared(self) -> frozenset[str]:
-        """Return C_E(t), what the main execution declares now."""
+        """Return C_E(t), the variables that the main execution declares now."""
         with self._lock:
             return self.commands.declarations.names()
 
@@ -184,13 +184,13 @@ class ContextManager(Generic[VariableName, SkillName]):
             return self._forest.running()
 
     def in_force(self) -> frozenset[str]:
-        """Return C_M(t), what is declared or needed by a running observer (P1, Equation 8)."""
+        """Return C_M(t), the variables that are declared or needed by a running observer (P1, Equation 8)."""
         with self._lock:
             needed = {need for name in self._forest.running() for need in self._forest.observers[name].needs()}
             return self.commands.declarations.names() | needed
 
     def spent(self) -> Mapping[str, Cost]:
-        """Return what each observer has spent and brought so far, by its name."""
+        """Return the cost and the results of each observer so far, by its name."""
         with self._lock:
             observers = self._forest.observers.items()
             return {
@@ -198,12 +198,12 @@ class ContextManager(Generic[VariableName, SkillName]):
                 for name, observer in observers
             }
 
-    # What is known
+    # Values
 
     def get(self, name: VariableName) -> Reading[Any]:
-        """Return what is known of a variable now; it never waits.
+        """Return the reading of a variable now, without waiting.
 
-        Of a variable that was never observed, or that is stale, `detail` tells what keeps it from being observed now.
+        If it was never observed or is stale, `detail` is what prevents the observation now.
         """
         try:
             reading = self._cells[name].reading
@@ -214,47 +214,47 @@ class ContextManager(Generic[VariableName, SkillName]):
         return reading if reading.reason is None else self._parts.explained(reading)
 
     def readings(self, names: Iterable[VariableName]) -> Mapping[str, Reading[Any]]:
-        """Return what is known of several variables at one instant."""
+        """Return the readings of several variables at one instant."""
         with self._lock:
             return {name: self._reading(name) for name in names}
 
     def obstacle(self, name: VariableName) -> str:
-        """Return what keeps a variable from being observed now, known or not; empty if an algorithm can look.
+        """Return what prevents the observation of a variable now, known or not; empty if an algorithm can look.
 
-        It is the first condition that does not hold, of each algorithm if there are alternatives, or that the observer
-        does not run, or whose the variable is to write if none observes it.
+        This is the first condition of each algorithm that does not hold, or that the observer does not run, or the
+        sources of the variable if no observer identifies it.
         """
         self._model(name)
         return self._parts.obstacle(name)
 
     def why(self, name: VariableName | str, *, at_s: float | None = None) -> Why:
-        """Return why a variable is what it is: from its value to the evidence, or from unknown to what is missing.
+        """Return the explanation of a variable: its value and the evidence, or the reason why it is unknown.
 
         Args:
-            name: the variable; also a course, a parameter or an action of a loop, or a part of knowledge.
-            at_s: an instant of the past that the record still holds; now, if None.
+            name: the variable; also a course, a parameter or an action of a loop, or an element of knowledge.
+            at_s: a past instant that the event log still covers; now, if None.
 
         Raises:
-            UnknownNameError: if there is none of this name, and nothing had become of one by then.
-            ValueError: if the instant lies in the future, or before what the record holds.
+            UnknownNameError: if the spec does not declare the name, and no event up to the instant has it.
+            ValueError: if the instant lies in the future, or before the start of the event log.
         """
         with self._lock:
             now_s, record = self._clock.now_s(), self.record.copy()
         if at_s is not None and not at_s <= now_s:
-            raise ValueError(f"it is {now_s} now: what is at {at_s} is not known yet")
-        return explain(self._outlined(), record.latest_events, name, now_s if at_s is None else at_s)
+            raise ValueError(f"it is {now_s} now: {at_s} lies in the future")
+        return explain(self._spec_summary(), record.latest_events, name, now_s if at_s is None else at_s)
 
     def set(self, name: VariableName, value: Any, *, evidence_s: float | None = None) -> None:
         """Write a variable as the main execution.
 
         Args:
             name: the variable.
-            value: what the main execution knows of it.
-            evidence_s: when the evidence was taken; now, if None. A value with newer evidence stays.
+            value: its value.
+            evidence_s: when the evidence was taken; now, if None. A value with newer evidence is kept.
 
         Raises:
-            NotDeclaredError: if it is for others to write and is not declared.
-            NotOfTypeError: if the value is not what the spec declares.
+            NotDeclaredError: if it has other sources and is not declared.
+            NotOfTypeError: if the value does not have the declared type.
             ValueError: if the evidence lies in the future.
         """
         try:
@@ -264,14 +264,14 @@ class ContextManager(Generic[VariableName, SkillName]):
         self.commands.write(name, content, MAIN, evidence_s)
 
     def agent(self, name: str) -> Agent[VariableName, AgentHandle]:
-        """Return the handle by which an outside writer writes the variables that name it as `source`.
+        """Return the handle with which an agent writes the variables that name it as `source`.
 
-        Where there is a knowledge graph, the agents are those of the graph, and nobody else gets a handle of the same
-        name while this one is open. The main execution is one of them if it is a source or asks for tasks.
+        With a knowledge graph, the agents are those of the graph, and only one handle per agent can be open. The main
+        execution is one of them if it is a source or requests tasks.
 
         Raises:
-            UnknownNameError: if no variable does, and the graph has no such agent.
-            AgentTakenError: if a handle of the agent is open, where there is a knowledge graph.
+            UnknownNameError: if no variable names it as `source`, and the graph has no such agent.
+            AgentTakenError: if there is a knowledge graph and a handle of the agent is open.
         """
         if self._knowledge is not None:
             woken_by = declaring(self.commands, f"agent {name}", self._woken_by(name, self._knowledge.model))
@@ -282,25 +282,25 @@ class ContextManager(Generic[VariableName, SkillName]):
         return Agent(name, self._write_as)
 
     def _woken_by(self, agent: str, model: KnowledgeModel) -> list[str]:
-        """Return what observers identify among what wakes an agent."""
-        wakes = (pattern for each in model.agents if each.name == agent for pattern in each.wakes)
+        """Return the observed variables in the `wakes` patterns of an agent."""
+        wakes = (pattern for declared in model.agents if declared.name == agent for pattern in declared.wakes)
         read = {name for pattern in wakes if isinstance(pattern, Term) for name in pattern.variables()}
-        identified = {name for each in self.model.observers for name in each.identifies}
+        identified = {name for observer in self.model.observers for name in observer.identifies}
         return sorted(name for name in identified if f"{self._nodes[name]}.{name}" in read)
 
     @property
     def knowledge(self) -> Knowledge:
-        """Return the knowledge graph, of whose nodes the context-variables are attributes.
+        """Return the knowledge graph; the context-variables are attributes of its nodes.
 
         Raises:
-            LookupError: if the spec says nothing of knowledge.
+            LookupError: if the spec declares no knowledge graph.
         """
         if self._knowledge is None:
             raise LookupError(f"the spec {self.model.name!r} {NO_KNOWLEDGE}")
         return self._knowledge
 
     def history(self, name: VariableName) -> tuple[Reading[Any], ...]:
-        """Return the kept readings of a variable, by the instant of their evidence."""
+        """Return the stored readings of a variable, in the order of their evidence."""
         self._model(name)
         with self._lock:
             return self._store.cells[name].history()
@@ -319,63 +319,64 @@ class ContextManager(Generic[VariableName, SkillName]):
 
         Args:
             name: the variable that the decision needs.
-            otherwise: looks as the robot did without observers. It returns a value of the variable, or None if it found
-                none. What it finds is kept as evidence if the main execution may `set` the variable.
-            max_age_s: evidence that is older does not do.
-            since_s: evidence that began to be taken before this instant does not do, e.g. before an action ended.
+            otherwise: looks as the robot did without observers. It returns a value of the variable, or None. The value
+                is kept as evidence of the main execution if the main execution may `set` the variable.
+            max_age_s: the largest permitted age of the evidence.
+            since_s: the evidence must have begun to be taken at or after this instant, e.g. the end of an action.
             wait_up_to_s: how long to wait for observers before falling back.
-            shadow: look in any case, return what was found, and record whether the context agrees; nothing is kept, so
-                that the context goes on as if nobody had looked.
+            shadow: look in any case, return the value of the look, and record whether the context agrees. The value is
+                not stored, so the look does not affect the context.
 
         Returns:
-            The value from context, or what `otherwise` returned.
+            The value from context, or the return value of `otherwise`.
 
         Raises:
-            NotOfTypeError: if `otherwise` returns what is no value of the variable.
+            NotOfTypeError: if `otherwise` returns a value of another type.
         """
         pending = self.ask(name, max_age_s=max_age_s, since_s=since_s, wait_up_to_s=wait_up_to_s, shadow=shadow)
         try:
             if pending.wait(math.inf) is DecisionState.ANSWERED:
                 return pending.value
-            found = otherwise()
+            seen = otherwise()
         except BaseException as error:
             pending.abandon(type(error).__name__)
             raise
-        pending.found(found)
-        return found
+        pending.found(seen)
+        return seen
 
     def shadow_report(self) -> ShadowReport:
-        """Return how often context agreed with what the robot saw in shadow mode, as far as the record goes back."""
+        """Return how often context agreed with the robot's looks in shadow mode, over the recorded events."""
         return shadow_report(self.record)
 
     def subscribe(
         self, names: VariableName | Iterable[VariableName], callback: Callable[[Reading[Any]], object]
     ) -> Subscription:
-        """Call back with what a variable, or each of several, is now, and with each change of it.
+        """Call back with the present reading of one or several variables, and with each change.
 
-        A change is another value, that the value is lost, or another reason; newer evidence for the same is none.
-        Subscribing declares nothing.
+        A change is another value, the loss of the value, or another reason; newer evidence for the same value is not a
+        change. Subscribing does not declare the variable.
 
-        The callback runs without any lock, one call at a time, in the order of the changes: in real time in a thread of
-        its own, in simulated time as an event at the instant of the change, which must not wait. What it raises is
-        logged. If it is slow the oldest of 1,000 changes that wait is dropped, as `Subscription.dropped` counts.
+        The callback runs without any lock, one call at a time, in the order of the changes: in real time in a separate
+        thread, in simulated time as an event at the instant of the change, which must not wait. Its exceptions are
+        logged. At most 1,000 changes wait for a slow callback; beyond that the oldest is dropped and counted in
+        `Subscription.dropped`.
         """
         wanted = dict.fromkeys([names] if isinstance(names, str) else names)
-        with self._lock:  # no step: it changes nothing that a journal tells
+        with self._lock:  # not a step: it changes nothing that a journal records
             return self._subscriptions.subscribe([self._reading(name) for name in wanted], callback)
 
     def follow(self, name: VariableName, callback: Callable[[], object]) -> Subscription:
-        """Call back, as `subscribe` does, whenever there is newer evidence or another reading of a variable."""
+        """Call back, like `subscribe`, for each newer evidence or other reading of a variable."""
         self._model(name)
         with self._lock:
             return self._subscriptions.follow(name, callback)
 
     def wait_for(self, condition: VariableName | Term, timeout_s: float) -> bool:
-        """Wait until a variable is known, or a condition over variables holds; return whether that came true.
+        """Wait until a variable is known, or a condition over variables holds; return whether it does.
 
         Args:
-            condition: a variable, or a condition in the words of `codra_dsl.runtime.values.conditions`.
-            timeout_s: how long to wait at most. Waiting declares nothing.
+            condition: a variable, or a condition built with `codra_dsl.runtime.values.conditions`.
+            timeout_s: the longest wait. Waiting does not declare variables.
         """
         term = condition if isinstance(condition, Term) else known(condition)
         for name in sorted(term.variables()):
@@ -391,9 +392,9 @@ class ContextManager(Generic[VariableName, SkillName]):
         wait_up_to_s: float = 0.0,
         shadow: bool = False,
     ) -> PendingDecision:
-        """Ask a decision step by step: `decide` for a main execution that may not wait inside one call.
+        """Return a decision in steps: `decide` for a main execution that must not block in one call.
 
-        Its arguments are those of `decide`; the main execution looks, if it must, between two steps.
+        The arguments are those of `decide`. If a look is necessary, the main execution looks between two steps.
         """
         model = self._model(name)
         request = DecisionRequest(
@@ -413,24 +414,24 @@ class ContextManager(Generic[VariableName, SkillName]):
 
     @contextmanager
     def slot(self, *resources: str) -> Iterator[None]:
-        """Use slots of shared resources as the main execution: it goes before every observer.
+        """Use slots of shared resources as the main execution, which goes before every observer.
 
-        It waits for the job that has the slot, for the longest timeout of those at most. Within it the same thread may
-        ask for the same slots again: it has them.
+        It waits for the jobs that have the slots, at most for their longest timeout. Inside the `with` block the same
+        thread may request the same slots again, without effect.
 
         Raises:
-            UnknownNameError: if the spec has no such resource, or one without slots.
-            RuntimeError: if the thread has slots, and asks for others: two threads could wait for each other for ever.
-                Or if the clock was closed before the slots were free.
+            UnknownNameError: if the spec has no such resource, or the resource has no slots.
+            RuntimeError: if the thread has slots and requests others, because two threads could wait for each other
+                forever; or if the clock was closed before the slots were free.
         """
         with self._slots_held.hold(resources):
             yield
 
     def next_party(self) -> str:
-        """Return the name under which one more main execution declares: another name at each call."""
+        """Return the name for the declarations of another main execution; it is new at each call."""
         return f"{MAIN} {next(self._parties)}"
 
-    # Within
+    # Internal
 
     def _skill_under_way(self, model: SkillModel, number: int) -> Skill:
         return Skill(
@@ -444,19 +445,19 @@ class ContextManager(Generic[VariableName, SkillName]):
         )
 
     def _head(self, seed: int) -> RunHeader:
-        """Return what a journal says of this run."""
+        """Return the header of this run for a journal."""
         manifest = manifest_of(package_folder(self))
-        return RunHeader.of_run(self._outlined(), manifest, seed=seed, start_s=self._clock.now_s())
+        return RunHeader.of_run(self._spec_summary(), manifest, seed=seed, start_s=self._clock.now_s())
 
-    def _outlined(self) -> SpecSummary:
-        found = summarised(
+    def _spec_summary(self) -> SpecSummary:
+        summary = summarised(
             self.model.name,
             self._store.variables.values(),
             self._forest.observers.values(),
             self._skills.values(),
             package_folder(self),
         )
-        return replace(found, nodes=self._nodes)
+        return replace(summary, nodes=self._nodes)
 
     def _reading(self, name: str) -> Reading[Value]:
         try:
@@ -480,5 +481,5 @@ class ContextManager(Generic[VariableName, SkillName]):
             self.commands.write(name, content, writer, evidence_s)
         except NotASourceError as error:
             if self._knowledge is not None:
-                self._knowledge.take_down(writer, str(error))
+                self._knowledge.audit_refusal(writer, str(error))
             raise

@@ -1,4 +1,4 @@
-"""A decision of the main execution, from its question to its answer (P1, section 3.3)."""
+"""Decisions of the main execution: the request and its state (P1, section 3.3)."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from codra_dsl.runtime.values.cell import Reading
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DecisionRequest:
-    """What a decision asks of context.
+    """A request for the value of a variable.
 
     Attributes:
-        variable: whose value it needs.
-        max_age_s: evidence that is older does not do.
-        since_s: evidence that began to be taken before this instant does not do.
-        wait_up_to_s: how long it waits for observers.
+        variable: the variable.
+        max_age_s: the largest permitted age of the evidence.
+        since_s: the evidence must have begun to be taken at or after this instant.
+        wait_up_to_s: the longest wait for observers.
         shadow: whether the main execution looks in any case.
     """
 
@@ -38,9 +38,9 @@ class Decision:
 
     Attributes:
         number: counted from 1 in a run.
-        asked_s: when it was asked.
-        reading: what context held last when it was looked up for this decision.
-        met: whether that answers it.
+        asked_s: when it was requested.
+        reading: the last reading of the variable that was looked up for this decision.
+        met: whether this reading answers it.
         looked_s: when the main execution began to look itself.
     """
 

@@ -1,4 +1,4 @@
-"""What generated code declares as a whole: the modelled context C_M and the forest F (P1, Equations 3, 11)."""
+"""The model of a complete spec in generated code: the context C_M and the forest F (P1, Equations 3, 11)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from codra_dsl.runtime.values.model import ResourceModel, SkillModel, VariableMo
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ContextModel:
-    """A whole compiled spec."""
+    """A complete compiled spec."""
 
     name: str
     variables: tuple[VariableModel, ...]

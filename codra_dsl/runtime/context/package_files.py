@@ -1,4 +1,4 @@
-"""The files beside generated code: the manifest of a package, and where all of it stands in the spec."""
+"""The files beside generated code: the manifest of a package, and the places of its elements in the spec."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from codra_dsl.runtime.journal.spec_summary import Place, place_of
+from codra_dsl.runtime.journal.spec_summary import Place, place_from_data
 
 MANIFEST = "manifest.json"
 SOURCES = "sources.json"
@@ -16,7 +16,7 @@ _MANIFEST_FORMAT = "codra-manifest"
 
 
 def package_folder(manager: object) -> Path | None:
-    """Return the folder of the generated package whose context manager this is; None if it was put together by hand."""
+    """Return the folder of the generated package of a context manager; None if it does not come from a package."""
     for cls in type(manager).__mro__:
         file = getattr(sys.modules.get(cls.__module__), "__file__", None)
         if file is not None and manifest_of(Path(file).parent):
@@ -25,7 +25,7 @@ def package_folder(manager: object) -> Path | None:
 
 
 def manifest_of(folder: Path | None) -> Mapping[str, Any]:
-    """Return the manifest of a generated package, empty if the folder is none."""
+    """Return the manifest of a generated package; empty if the folder is not a generated package."""
     if folder is None:
         return {}
     manifest = _json(folder / MANIFEST)
@@ -34,18 +34,18 @@ def manifest_of(folder: Path | None) -> Mapping[str, Any]:
 
 def _json(path: Path) -> Mapping[str, Any]:
     try:
-        found = json.loads(path.read_text("utf-8"))
+        content = json.loads(path.read_text("utf-8"))
     except (OSError, ValueError, RecursionError):
         return {}
-    return found if isinstance(found, dict) else {}
+    return content if isinstance(content, dict) else {}
 
 
 def places_in(folder: Path | None, name: str) -> Mapping[str, Place]:
-    """Return where all of a spec stands, by what it is and its name; nothing if there is no generated package.
+    """Return the places of the elements of a spec, by kind and name; empty if there is no generated package.
 
     Args:
-        folder: of the package.
-        name: of the spec.
+        folder: the folder of the package.
+        name: the name of the spec.
     """
-    found = {} if folder is None else _json(folder / SOURCES)
-    return {key.removeprefix(f"{name}/"): place for key, about in found.items() if (place := place_of(about))}
+    sources = {} if folder is None else _json(folder / SOURCES)
+    return {key.removeprefix(f"{name}/"): place for key, about in sources.items() if (place := place_from_data(about))}

@@ -1,4 +1,4 @@
-"""A decision asked step by step, by a main execution that may not wait inside one call: a tree between two ticks."""
+"""Decisions in steps, for a main execution that must not block in one call, such as a behaviour tree."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ from codra_dsl.runtime.values.model import NotOfTypeError
 
 
 class DecisionState(StrEnum):
-    """How far a decision has come."""
+    """The state of a decision."""
 
     WAITING = "waiting"
-    """For observers; `poll` again, or `wait`."""
+    """The decision waits for observers: call `poll` again, or `wait`."""
     ANSWERED = "answered"
-    """From context: `value` holds the answer."""
+    """Context has answered: `value` is the answer."""
     LOOKING = "looking"
-    """The main execution looks itself, then says what it `found`."""
+    """The main execution looks itself, then calls `found` with the result."""
     DONE = "done"
-    """The main execution has said what it found."""
+    """The main execution has reported its result."""
 
 
 class PendingDecision:
-    """One decision: answered from context, or by what the main execution finds (P1, section 3.3).
+    """One decision: answered from context, or by a look of the main execution (P1, section 3.3).
 
-    `ContextManager.ask` makes it. It is used by one thread at a time.
+    `ContextManager.ask` creates it. Only one thread at a time may use it.
 
     Attributes:
-        step: how far it has come.
+        step: its state.
     """
 
     def __init__(
@@ -45,14 +45,14 @@ class PendingDecision:
         read: Callable[[], Reading[Value]],
         convert: Callable[[object], Value | None],
     ) -> None:
-        """Go on with a decision that was asked just now.
+        """Continue a decision that was just requested.
 
         Args:
-            decision: as `commands.ask` returned it.
-            commands: takes the further steps.
-            clock: measures how long it waits.
-            read: returns what is known of the variable now; takes no lock.
-            convert: makes what was found a value of the variable, or raises `NotOfTypeError`.
+            decision: the return value of `commands.ask`.
+            commands: executes the further steps.
+            clock: measures the wait.
+            read: returns the reading of the variable now; takes no lock.
+            convert: converts a found value to the type of the variable, or raises `NotOfTypeError`.
         """
         self._decision = decision
         self._commands = commands
@@ -64,12 +64,12 @@ class PendingDecision:
 
     @property
     def number(self) -> int:
-        """Return the number of the decision among all of the run."""
+        """Return the number of the decision in the run."""
         return self._decision.number
 
     @property
     def reading(self) -> Reading[Value]:
-        """Return what context held when it was asked last."""
+        """Return the last reading that was looked up in the context."""
         return self._decision.reading
 
     @property
@@ -84,27 +84,29 @@ class PendingDecision:
         return self._decision.reading.content
 
     def poll(self) -> DecisionState:
-        """Go on, if context can answer by now or the time to wait is over; return the step reached."""
-        if self.step is DecisionState.WAITING and (self._need_wait_no_more() or self._left_s() <= 0):
+        """Continue if context can answer now or the wait is over; return the state."""
+        if self.step is DecisionState.WAITING and (self._is_wait_over() or self._left_s() <= 0):
             self._commands.resume(self._decision)
             self.step = self._settled()
         return self.step
 
     def wait(self, longest_s: float) -> DecisionState:
-        """Let time pass until the next step, for `longest_s` at most; return the step reached."""
+        """Wait until the state changes, for at most `longest_s`; return the state."""
         if self.poll() is DecisionState.WAITING:
-            self._clock.wait_until(self._need_wait_no_more, min(longest_s, self._left_s()))
+            self._clock.wait_until(self._is_wait_over, min(longest_s, self._left_s()))
         return self.poll()
 
     def found(self, value: object) -> None:
-        """Say what the main execution found; None if it found nothing.
+        """Report the value that the main execution found; None if it found none.
 
         Raises:
-            NotOfTypeError: if it is no value of the variable.
-            RuntimeError: if nobody was to look.
+            NotOfTypeError: if it is not a value of the type of the variable.
+            RuntimeError: if the state is not `LOOKING`.
         """
         if self.step is not DecisionState.LOOKING:
-            raise RuntimeError(f"nobody was to look for {self._decision.request.variable!r}: the step is {self.step}")
+            raise RuntimeError(
+                f"no look was requested for {self._decision.request.variable!r}: the step is {self.step}"
+            )
         try:
             content = None if value is None else self._convert(value)
         except NotOfTypeError as error:
@@ -114,7 +116,7 @@ class PendingDecision:
         self._commands.conclude(self._decision, content)
 
     def abandon(self, why: str) -> None:
-        """Give up waiting or looking, e.g. because something more urgent came; harmless when it is over."""
+        """Stop waiting or looking, for example because of a more urgent task; no effect once it is over."""
         if self.step in (DecisionState.WAITING, DecisionState.LOOKING):
             self.step = DecisionState.DONE
             self._commands.conclude(self._decision, None, raised=why)
@@ -125,7 +127,7 @@ class PendingDecision:
     def _is_met(self) -> bool:
         return self._decision.request.is_met(self._read(), self._clock.now_s())
 
-    def _need_wait_no_more(self) -> bool:
+    def _is_wait_over(self) -> bool:
         return self._commands.is_closed or self._is_met()
 
     def _left_s(self) -> float:

@@ -1,4 +1,4 @@
-"""How often context agrees with the perception that it is to replace: what decisions in shadow mode came to."""
+"""Shadow mode: how often context agrees with the perception that it is to replace."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from codra_dsl.runtime.journal.events import Event, Kind
 from codra_dsl.runtime.why.values import instant, shown
 
 MOST_SHOWN = 5
-"""Disagreements that the text tells of one decision; the newest."""
+"""The largest number of disagreements per decision in the text; the newest are shown."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Disagreement:
-    """A decision for which context held something else than what the robot saw.
+    """A decision for which the value in context differed from the value that the robot saw.
 
     Attributes:
         instant_s: when the robot had looked.
-        held: what context held.
-        seen: what the robot saw.
-        source: where what context held came from.
+        held: the value in context.
+        seen: the value that the robot saw.
+        source: the source of the value in context.
     """
 
     instant_s: float
@@ -36,11 +36,13 @@ class Shadowed:
     """All decisions in shadow mode on one variable within one skill.
 
     Attributes:
-        skill: that was under way; empty if none was.
-        agreed: how often context held what the robot saw.
-        disagreements: when it held something else.
-        unknown: how often it had no answer, by reason; an answer that was too old for the decision counts as `too_old`.
-        unseen: how often the robot found nothing when it looked, though context had an answer.
+        variable: the variable of the decisions.
+        skill: the skill that was under way; empty if there was none.
+        agreed: how often context had the value that the robot saw.
+        disagreements: the decisions for which it had another value.
+        unknown: how often context had no answer, by reason; an answer that was too old for the decision counts as
+            `too_old`.
+        unseen: how often the look of the robot gave no value although context had an answer.
     """
 
     variable: str
@@ -52,7 +54,7 @@ class Shadowed:
 
     @property
     def decisions(self) -> int:
-        """Return how many decisions there were."""
+        """Return the number of decisions."""
         return self.compared + self.unseen + sum(self.unknown.values())
 
     @property
@@ -62,27 +64,27 @@ class Shadowed:
 
     @property
     def agreement(self) -> float | None:
-        """Return the share of answers that agree, from 0 to 1; None if there was nothing to compare."""
+        """Return the share of answers that agree, from 0 to 1; None if no answers were compared."""
         return self.agreed / self.compared if self.compared else None
 
     @property
     def largest_difference(self) -> float | None:
-        """Return by how much numbers differ at most; None for what is no number, or where none differ."""
+        """Return the largest difference between numbers; None if there are no numbers that differ."""
         numbers = (
-            abs(each.held - each.seen)
-            for each in self.disagreements
-            if isinstance(each.held, (int, float)) and isinstance(each.seen, (int, float))
-            if not isinstance(each.held, bool)
+            abs(disagreement.held - disagreement.seen)
+            for disagreement in self.disagreements
+            if isinstance(disagreement.held, (int, float)) and isinstance(disagreement.seen, (int, float))
+            if not isinstance(disagreement.held, bool)
         )
         return max(numbers, default=None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ShadowReport:
-    """What decisions in shadow mode came to; `str` of it is a text for people.
+    """The results of decisions in shadow mode; `str` returns them as readable text.
 
     Attributes:
-        rows: one for each variable and skill, in the order in which they first came.
+        rows: one row per variable and skill, in the order of their first decisions.
     """
 
     rows: tuple[Shadowed, ...]
@@ -92,7 +94,7 @@ class ShadowReport:
 
 
 def shadow_report(events: Iterable[Event]) -> ShadowReport:
-    """Return what decisions in shadow mode came to, from the events of a run."""
+    """Return the results of decisions in shadow mode, from the events of a run."""
     groups: dict[tuple[str, str], list[Event]] = {}
     for event in events:
         if event.kind is Kind.DECISION and (event.what == "shadowed" or event.details.get("shadow")):
@@ -139,9 +141,9 @@ def _lines(rows: Iterable[Shadowed]) -> Iterator[str]:
         left = len(row.disagreements) - MOST_SHOWN
         if left > 0:
             yield f"  {left} earlier disagreements"
-        for each in row.disagreements[-MOST_SHOWN:]:
-            held = f"context held {shown(each.held)} ({each.source})"
-            yield f"  {instant(each.instant_s)}: {held}, the robot saw {shown(each.seen)}"
+        for disagreement in row.disagreements[-MOST_SHOWN:]:
+            held = f"context held {shown(disagreement.held)} ({disagreement.source})"
+            yield f"  {instant(disagreement.instant_s)}: {held}, the robot saw {shown(disagreement.seen)}"
 
 
 def _not_compared(row: Shadowed) -> Iterator[str]:

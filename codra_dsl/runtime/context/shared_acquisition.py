@@ -1,4 +1,4 @@
-"""What is taken for as long as somebody follows something, from whatever threads that begins and ends."""
+"""Acquisition of a shared resource while it has at least one user, in any thread."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ Act = Callable[[], None]
 
 
 class SharedAcquisition:
-    """Takes something at the first beginning and gives it back at the last end.
+    """Calls `take` at the first `begin` and `give_back` at the last `end`.
 
-    Beginnings and ends are counted, so that an end that overtakes its beginning leaves nothing taken.
+    The calls are counted, so that an `end` before its `begin` leaves nothing acquired.
     """
 
     def __init__(self, take: Act, give_back: Act) -> None:
@@ -22,14 +22,14 @@ class SharedAcquisition:
         self._count = 0
 
     def begin(self) -> None:
-        """Begin once more."""
+        """Add a user."""
         with self._lock:
             self._count += 1
             if self._count == 1:
                 self._take()
 
     def end(self) -> None:
-        """End what has begun once."""
+        """Remove a user."""
         with self._lock:
             self._count -= 1
             if self._count == 0:
@@ -37,19 +37,19 @@ class SharedAcquisition:
 
 
 class Declaring(Protocol):
-    """Where is declared what observers are to look at."""
+    """The commands that declare variables for observation."""
 
     def declare(self, name: str, party: str) -> None:
-        """Take a variable into C_E(t)."""
+        """Add a variable to C_E(t)."""
         ...
 
     def leave(self, party: str) -> None:
-        """Withdraw all that a party declares."""
+        """Withdraw all declarations of a party."""
         ...
 
 
 def declaring(commands: Declaring, party: str, names: Sequence[str]) -> SharedAcquisition:
-    """Return what declares some variables for a party while it follows them (P1, Equation 4)."""
+    """Return the shared acquisition that declares some variables for a party while it has users (P1, Equation 4)."""
 
     def take() -> None:
         for name in names:

@@ -1,4 +1,4 @@
-"""A skill under way, as the main execution holds it."""
+"""The handle of a skill under way."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from codra_dsl.runtime.observers.expectations import Expectations, Verdict, Veri
 from codra_dsl.runtime.values.model import SkillModel
 
 Look = Callable[[str], object]
-"""Looks for a variable as the robot did without observers: returns its value, or None if it found none."""
+"""A function that looks for a variable as the robot did without observers; it returns the value or None."""
 
 
 class Skill:
-    """A skill under way: what it previews and monitors is declared until it ends.
+    """A skill under way: the variables that it previews and monitors are declared until it ends.
 
     Attributes:
-        model: what the spec says of it.
+        model: its declaration in the spec.
     """
 
     def __init__(
@@ -33,16 +33,16 @@ class Skill:
         decide: Callable[[str, Callable[[], object]], object],
         subscribe: Callable[[Callable[[Verdict], None]], Subscription],
     ) -> None:
-        """Hold a skill that has begun.
+        """Create the handle of a skill that has begun.
 
         Args:
-            model: what the spec says of it.
-            number: among all that have begun.
-            commands: take what it does.
-            expectations: judge what it expects.
-            clock: in which it waits.
+            model: its declaration in the spec.
+            number: its number among the skills that have begun.
+            commands: executes its commands.
+            expectations: judges its expectations.
+            clock: the clock on which it waits.
             decide: answers a decision about a variable from context, or by a look.
-            subscribe: calls back with what comes of its expectations.
+            subscribe: calls back with the outcomes of its expectations.
         """
         self.model = model
         self._number = number
@@ -54,7 +54,9 @@ class Skill:
 
     @contextmanager
     def acting(self) -> Iterator[None]:
-        """Act: from here what the skill changes is unknown, only newer evidence counts, and so do its expectations.
+        """Act: the variables that the skill changes become unknown, and its expectations start.
+
+        Only evidence from now on counts for these variables.
 
         Raises:
             RuntimeError: if the skill has ended.
@@ -66,16 +68,16 @@ class Skill:
             self._commands.acted(self._number)
 
     def verify(self, otherwise: Look | None = None, *, wait_up_to_s: float = 0.0) -> Verification:
-        """Return what came of all that the skill expects, counted from `acting`.
+        """Return the outcomes of all expectations of the skill since `acting`.
 
         Args:
-            otherwise: looks for a variable of which nothing is known that decides, given its name; it returns a value
-                or None. What it finds is kept as evidence, and judged. Without it nobody looks.
-            wait_up_to_s: how long to wait until everything has an outcome, before falling back.
+            otherwise: looks for a variable whose unknown value leaves an expectation open. It gets the name and returns
+                a value or None. The value is kept as evidence, and judged. Without it there is no look.
+            wait_up_to_s: how long to wait for all outcomes before falling back.
 
         Raises:
             RuntimeError: if the skill has not acted yet, or has ended.
-            NotOfTypeError: if `otherwise` returns what is no value of the variable.
+            NotOfTypeError: if `otherwise` returns a value of another type.
         """
         verification = self._verification()
         if wait_up_to_s > 0:
@@ -88,9 +90,9 @@ class Skill:
         return self._verification()
 
     def subscribe(self, callback: Callable[[Verdict], None]) -> Subscription:
-        """Call back with what comes of each expectation, when it is clear: also while the skill acts.
+        """Call back with the outcome of each expectation as soon as it is decided, also while the skill acts.
 
-        The callback runs as those of `ContextManager.subscribe` do.
+        The callback runs like those of `ContextManager.subscribe`.
         """
         return self._subscribe(callback)
 

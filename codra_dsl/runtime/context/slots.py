@@ -1,4 +1,4 @@
-"""Slots in the hands of the main execution: it goes before every observer, and waits for the jobs under way."""
+"""Slots for the main execution: it goes before every observer, and waits for the jobs under way."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from codra_dsl.runtime.perception.slots import Slots
 
 
 class MainExecutionSlots:
-    """Which thread of the main execution has which slots."""
+    """The slots that each thread of the main execution holds."""
 
     def __init__(self, slots: Slots, commands: Commands, clock: Clock) -> None:
-        """Hold nothing.
+        """Start without slots.
 
         Args:
-            slots: of shared resources.
-            commands: take requests.
-            clock: in which a thread waits.
+            slots: the slots of shared resources.
+            commands: executes requests.
+            clock: the clock on which a thread waits.
         """
         self._slots = slots
         self._commands = commands
@@ -31,12 +31,12 @@ class MainExecutionSlots:
 
     @contextmanager
     def hold(self, resources: tuple[str, ...]) -> Iterator[None]:
-        """Hold slots; those that the thread has already, it has.
+        """Hold slots; no effect for those that the thread has already.
 
         Raises:
-            UnknownNameError: if the spec has no such resource, or one without slots.
-            RuntimeError: if the thread has slots, and asks for others: two threads could wait for each other for ever.
-                Or if the clock was closed before the slots were free.
+            UnknownNameError: if the spec has no such resource, or the resource has no slots.
+            RuntimeError: if the thread has slots and requests others, because two threads could wait for each other
+                forever; or if the clock was closed before the slots were free.
         """
         for resource in resources:
             self._check(resource)
@@ -47,7 +47,7 @@ class MainExecutionSlots:
             return
         if held:
             together = ", ".join(repr(name) for name in (*sorted(held), *wanted))
-            raise RuntimeError(f"slots are taken together, lest two threads wait for each other: slot({together})")
+            raise RuntimeError(f"slots are taken together, so that threads never wait for each other: slot({together})")
         granted = threading.Event()
 
         def grant() -> None:
@@ -66,7 +66,7 @@ class MainExecutionSlots:
             self._commands.release_slots(number)
 
     def _held(self) -> dict[str, None]:
-        """Return the resources of which this thread has a slot."""
+        """Return the resources whose slots this thread has."""
         if not hasattr(self._of_thread, "held"):
             self._of_thread.held = {}
         held: dict[str, None] = self._of_thread.held
@@ -77,5 +77,5 @@ class MainExecutionSlots:
             raise unknown("resource", resource, self._slots.resources)
         if self._slots.resources[resource] == math.inf:
             raise UnknownNameError(
-                f"resource {resource!r} has no slots: use its handle, or say `slots: 1` where the spec declares it"
+                f"resource {resource!r} has no slots: use its handle, or declare `slots: 1` for it in the spec"
             )

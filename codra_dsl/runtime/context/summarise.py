@@ -1,4 +1,4 @@
-"""The outline of a spec, made from the forest that runs."""
+"""The summary of a spec, built from the forest that runs."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 
 from codra_dsl.logic import Term
 from codra_dsl.runtime.context.package_files import places_in
-from codra_dsl.runtime.journal.spec_summary import AlgorithmOutline, ObserverOutline, Place, Rule, SpecSummary
+from codra_dsl.runtime.journal.spec_summary import AlgorithmSummary, ObserverSummary, Place, Rule, SpecSummary
 from codra_dsl.runtime.observers.branch import Branch
 from codra_dsl.runtime.observers.observer import Observer, ObserverModel
 from codra_dsl.runtime.values.model import SkillModel, VariableModel
@@ -22,14 +22,14 @@ def summarised(
     skills: Iterable[SkillModel],
     folder: Path | None,
 ) -> SpecSummary:
-    """Return the outline of a spec whose forest is built.
+    """Return the summary of a spec whose forest is built.
 
     Args:
-        name: of the spec.
+        name: the name of the spec.
         variables: C_M.
-        observers: with their trees.
-        skills: of the main execution.
-        folder: of the generated package, which tells where all of it stands in the spec.
+        observers: the observers with their trees.
+        skills: the skills of the main execution.
+        folder: the folder of the generated package, with the places of all elements in the spec.
     """
     places = places_in(folder, name)
     branches = [(observer.model, branch) for observer in observers for branch in observer.branches]
@@ -37,17 +37,17 @@ def summarised(
         name=name,
         variables={variable.name: variable for variable in variables},
         observers={
-            model.name: _observer_outline(model, [each for other, each in branches if other is model], places)
+            model.name: _observer_summary(model, [branch for other, branch in branches if other is model], places)
             for model, _ in branches
         },
-        algorithms={branch.algorithm.name: _algorithm_outline(branch, places) for _, branch in branches},
+        algorithms={branch.algorithm.name: _algorithm_summary(branch, places) for _, branch in branches},
         skills={skill.name: skill for skill in skills},
         places={key: place for key, place in places.items() if key.split("/")[0] in _PLACED},
     )
 
 
-def _observer_outline(model: ObserverModel, branches: Sequence[Branch], places: Mapping[str, Place]) -> ObserverOutline:
-    return ObserverOutline(
+def _observer_summary(model: ObserverModel, branches: Sequence[Branch], places: Mapping[str, Place]) -> ObserverSummary:
+    return ObserverSummary(
         name=model.name,
         identifies=model.identifies,
         algorithms=tuple(branch.algorithm.name for branch in branches),
@@ -56,14 +56,14 @@ def _observer_outline(model: ObserverModel, branches: Sequence[Branch], places: 
     )
 
 
-def _algorithm_outline(branch: Branch, places: Mapping[str, Place]) -> AlgorithmOutline:
+def _algorithm_summary(branch: Branch, places: Mapping[str, Place]) -> AlgorithmSummary:
     algorithm = branch.algorithm
     key = f"perception/{algorithm.name}"
     identifies = {
         variable: Rule(python=repr(term), place=places.get(f"{key}/identifies/{variable}"))
         for variable, term in branch.tells.items()
     }
-    return AlgorithmOutline(
+    return AlgorithmSummary(
         name=algorithm.name,
         conditions=_condition_rules(branch, key, places),
         accepts=_rules(branch.accepts, f"{key}/accept_when", places),
@@ -75,20 +75,22 @@ def _algorithm_outline(branch: Branch, places: Mapping[str, Place]) -> Algorithm
 
 
 def _condition_rules(branch: Branch, key: str, places: Mapping[str, Place]) -> tuple[Rule, ...]:
-    """Return the preconditions of a branch; those that `given` brings stand where the algorithm does."""
+    """Return the preconditions of a branch; those from `given` have the place of the algorithm."""
     given = {f"known({name})" for name in branch.algorithm.given}
     own = [(text, term) for text, term in branch.conditions if text not in given]
-    rules = {rule.said: rule for rule in _rules(own, f"{key}/observable_when", places)}
+    rules = {rule.source_text: rule for rule in _rules(own, f"{key}/observable_when", places)}
     return tuple(
-        rules.get(text, Rule(said=text, python=repr(term), place=places.get(key))) for text, term in branch.conditions
+        rules.get(text, Rule(source_text=text, python=repr(term), place=places.get(key)))
+        for text, term in branch.conditions
     )
 
 
 def _rules(conditions: Sequence[tuple[str, Term]], key: str, places: Mapping[str, Place]) -> tuple[Rule, ...]:
-    """Return conditions with their places, if the places are those of as many conditions."""
-    found = [places.get(f"{key}/{number}") for number in range(len(conditions))]
+    """Return conditions with their places, unless the number of places differs from the number of conditions."""
+    own = [places.get(f"{key}/{number}") for number in range(len(conditions))]
     if f"{key}/{len(conditions)}" in places:
-        found = [None] * len(conditions)
+        own = [None] * len(conditions)
     return tuple(
-        Rule(said=text, python=repr(term), place=place) for (text, term), place in zip(conditions, found, strict=True)
+        Rule(source_text=text, python=repr(term), place=place)
+        for (text, term), place in zip(conditions, own, strict=True)
     )

@@ -30,7 +30,7 @@ from codra_dsl.runtime.journal.file_lock import MAGIC, is_being_written
 from codra_dsl.runtime.journal.mcap_file import OPEN_CHUNK, RECORD, kept_records
 from codra_dsl.runtime.journal.run_header import FORMAT, FORMAT_VERSION, RunHeader
 from codra_dsl.runtime.journal.schemas import kind_of
-from codra_dsl.runtime.journal.spec_summary_data import outline_of
+from codra_dsl.runtime.journal.spec_summary_data import summary_from_data
 from codra_dsl.runtime.journal.writer import OUTLINE
 
 __all__ = [
@@ -131,7 +131,7 @@ class JournalReader:
         try:
             if int(about["format_version"]) > FORMAT_VERSION:
                 raise JournalError(f"{self.path} was written by codra {about['codra']}, which is newer than this one")
-            return RunHeader.of(about, outline_of(json.loads(self.files[OUTLINE])))
+            return RunHeader.of(about, summary_from_data(json.loads(self.files[OUTLINE])))
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
             raise JournalError(f"{self.path} has no readable run header: {type(error).__name__}: {error}") from error
 

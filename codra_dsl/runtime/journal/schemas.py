@@ -13,9 +13,19 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from codra_dsl.runtime.values.cell import Reason
+from codra_dsl.runtime.journal.fields import (
+    BOUNDS,
+    JUDGED,
+    Field,
+    event_schema,
+    field_schema,
+    list_schema,
+    parts_schema,
+    reason_schema,
+    unit_text,
+)
 
 if TYPE_CHECKING:
     from codra_dsl.runtime.journal.spec_summary import Place, SpecSummary
@@ -31,8 +41,6 @@ RULE_EVENTS = {
 """The changes of an agent's rule, by the `what` of their event."""
 
 _JSON_TYPES = {"bool": "boolean", "int": "integer", "float": "number", "str": "string", "enum": "string"}
-
-Field = dict[str, Any]
 
 
 class Kind(StrEnum):
@@ -140,15 +148,15 @@ def _nowhere(_name: str, _summary: SpecSummary) -> Place | None:
 def run_schema() -> tuple[str, Field]:
     """Return the schema of the message that describes the run."""
     fields = {
-        "format": _field("string", "The format of the file."),
-        "format_version": _field("integer", "The version of the format."),
-        "spec": _field("string", "The name of the spec."),
-        "file": _field("string", "The spec's file, relative to its project; empty if there is none."),
-        "model": _field("string", "A digest of the spec's content, as in manifest.json; empty if there is none."),
-        "seed": _field("integer", "The seed of the random numbers that perception functions draw."),
-        "start_s": _field("number", "The reading of the run's clock at the start."),
-        "codra": _field("string", "The version of codra that ran the spec."),
-        "python": _field("string", "The version of Python that ran the spec."),
+        "format": field_schema("string", "The format of the file."),
+        "format_version": field_schema("integer", "The version of the format."),
+        "spec": field_schema("string", "The name of the spec."),
+        "file": field_schema("string", "The spec's file, relative to its project; empty if there is none."),
+        "model": field_schema("string", "A digest of the spec's content, as in manifest.json; empty if there is none."),
+        "seed": field_schema("integer", "The seed of the random numbers that perception functions draw."),
+        "start_s": field_schema("number", "The reading of the run's clock at the start."),
+        "codra": field_schema("string", "The version of codra that ran the spec."),
+        "python": field_schema("string", "The version of Python that ran the spec."),
     }
     return "codra.Run", {
         "type": "object",
@@ -161,7 +169,7 @@ def run_schema() -> tuple[str, Field]:
 
 def _of_variable(name: str, summary: SpecSummary) -> tuple[str, Field]:
     kind = summary.variables[name].type.kind
-    return f"codra.Variable.{kind}", _event(
+    return f"codra.Variable.{kind}", event_schema(
         "A reading of a context-variable, or a value that was not accepted.",
         "The variable.",
         {
@@ -170,30 +178,31 @@ def _of_variable(name: str, summary: SpecSummary) -> tuple[str, Field]:
             "too_old": "a value did not count, because its evidence was taken before an action",
             "refused": "an agent without permission tried to write it",
         },
-        value=_field(_JSON_TYPES[kind], "The value; left out when unknown."),
-        reason=_reason("Why it is unknown; left out when known."),
-        detail=_field("string", "The cause of an unknown value."),
-        evidence_s=_field("number", "When the evidence was taken; if unknown, since when it is unknown."),
-        source=_field("string", "The source of the value: an algorithm, an agent or the main execution."),
-        present=_field("boolean", "Whether this is the present reading; false if there is newer evidence."),
+        value=field_schema(_JSON_TYPES[kind], "The value; left out when unknown."),
+        reason=reason_schema("Why it is unknown; left out when known."),
+        detail=field_schema("string", "The cause of an unknown value."),
+        evidence_s=field_schema("number", "When the evidence was taken; if unknown, since when it is unknown."),
+        source=field_schema("string", "The source of the value: an algorithm, an agent or the main execution."),
+        present=field_schema("boolean", "Whether this is the present reading; false if there is newer evidence."),
     )
 
 
 def _of_observer(_name: str, _summary: SpecSummary) -> tuple[str, Field]:
-    return "codra.Observer", _event(
+    return "codra.Observer", event_schema(
         "A start, stop or failure of an observer.",
         "The observer.",
         {"started": "it runs", "stopped": "it no longer runs", "failed": "its tree raised an error"},
-        message=_field("string", "The error of the tree."),
+        message=field_schema("string", "The error of the tree."),
     )
 
 
 def _of_job(name: str, summary: SpecSummary) -> tuple[str, Field]:
     algorithm = summary.algorithms[name]
     returns = {
-        key: _field(_JSON_TYPES[returned.kind], _unit(returned.unit)) for key, returned in algorithm.returns.items()
+        key: field_schema(_JSON_TYPES[returned.kind], unit_text(returned.unit))
+        for key, returned in algorithm.returns.items()
     }
-    return f"codra.Job.{name}", _event(
+    return f"codra.Job.{name}", event_schema(
         "A change in the state of a job of a perception algorithm.",
         "The algorithm.",
         {
@@ -205,24 +214,24 @@ def _of_job(name: str, summary: SpecSummary) -> tuple[str, Field]:
             "cancelled": "its result is no longer needed",
             "stuck": "it was cancelled and does not end",
         },
-        index=_field("integer", "The number of the job among those of its algorithm."),
+        index=field_schema("integer", "The number of the job among those of its algorithm."),
         values={
             "type": "object",
             "description": "The result, without the quantities that were not measured.",
             "properties": returns,
             "additionalProperties": False,
         },
-        evidence_s=_list("number", "When the evidence was taken: start and end."),
-        variables=_list("string", "The variables that receive no value."),
-        reason=_reason("Why they receive none."),
-        message=_field("string", "The error, or the condition that the result does not meet."),
-        condition=_field("string", "The precondition that did not hold."),
+        evidence_s=list_schema("number", "When the evidence was taken: start and end."),
+        variables=list_schema("string", "The variables that receive no value."),
+        reason=reason_schema("Why they receive none."),
+        message=field_schema("string", "The error, or the condition that the result does not meet."),
+        condition=field_schema("string", "The precondition that did not hold."),
     )
 
 
 def _of_decision(name: str, summary: SpecSummary) -> tuple[str, Field]:
     kind = summary.variables[name].type.kind
-    return f"codra.Decision.{kind}", _event(
+    return f"codra.Decision.{kind}", event_schema(
         "How a decision of the main execution was answered.",
         "The variable that the decision reads.",
         {
@@ -230,32 +239,32 @@ def _of_decision(name: str, summary: SpecSummary) -> tuple[str, Field]:
             "fell_back": "by the main execution's own acquisition",
             "shadowed": "from context, although the main execution acquired the value as well",
         },
-        value=_field(_JSON_TYPES[kind], "The value in context; left out when unknown."),
-        reason=_reason("Why it was unknown; left out when known."),
-        detail=_field("string", "Why it was unknown, or why it could not be observed."),
-        source=_field("string", "The source of the value in context."),
-        asked_s=_field("number", "When the decision was requested."),
-        found=_field(_JSON_TYPES[kind], "The value that the main execution acquired itself."),
-        kept=_field("boolean", "Whether that value was kept as evidence."),
-        agrees=_field("boolean", "Whether it equals the value in context; left out if nothing was acquired."),
-        shadow=_field("boolean", "Whether the main execution would have looked in any case."),
-        skill=_field("string", "The skill in progress that began last; left out if none."),
-        raised=_field("string", "The error that the acquisition raised, or why the decision was abandoned."),
+        value=field_schema(_JSON_TYPES[kind], "The value in context; left out when unknown."),
+        reason=reason_schema("Why it was unknown; left out when known."),
+        detail=field_schema("string", "Why it was unknown, or why it could not be observed."),
+        source=field_schema("string", "The source of the value in context."),
+        asked_s=field_schema("number", "When the decision was requested."),
+        found=field_schema(_JSON_TYPES[kind], "The value that the main execution acquired itself."),
+        kept=field_schema("boolean", "Whether that value was kept as evidence."),
+        agrees=field_schema("boolean", "Whether it equals the value in context; left out if nothing was acquired."),
+        shadow=field_schema("boolean", "Whether the main execution would have looked in any case."),
+        skill=field_schema("string", "The skill in progress that began last; left out if none."),
+        raised=field_schema("string", "The error that the acquisition raised, or why the decision was abandoned."),
     )
 
 
 def _of_declaration(_name: str, _summary: SpecSummary) -> tuple[str, Field]:
-    return "codra.Declaration", _event(
+    return "codra.Declaration", event_schema(
         "A declaration by the main execution that it needs a variable, or the withdrawal of one.",
         "The variable.",
         {"declared": "it is needed", "withdrawn": "it is no longer needed"},
-        holder=_field("string", "On whose behalf: main_execution, expected, or a skill."),
+        holder=field_schema("string", "On whose behalf: main_execution, expected, or a skill."),
     )
 
 
 def _of_expectation(name: str, summary: SpecSummary) -> tuple[str, Field]:
     kind = summary.variables[name].type.kind
-    return f"codra.Expectation.{kind}", _event(
+    return f"codra.Expectation.{kind}", event_schema(
         "The result of a skill's expectation.",
         "The variable that the expectation is about.",
         {
@@ -263,18 +272,18 @@ def _of_expectation(name: str, summary: SpecSummary) -> tuple[str, Field]:
             "violated": "it did not become or stay true",
             "not_seen": "it has not been observed yet",
         },
-        skill=_field("string", "The skill."),
-        expected=_field("string", "The expectation, as written in the spec."),
-        acting_s=_field("number", "Since when the expectation counts."),
-        value=_field(_JSON_TYPES[kind], "The value of the variable; left out when unknown."),
-        reason=_reason("Why it is unknown; left out when known."),
-        detail=_field("string", "The cause of an unknown value."),
-        source=_field("string", "The source of the value."),
+        skill=field_schema("string", "The skill."),
+        expected=field_schema("string", "The expectation, as written in the spec."),
+        acting_s=field_schema("number", "Since when the expectation counts."),
+        value=field_schema(_JSON_TYPES[kind], "The value of the variable; left out when unknown."),
+        reason=reason_schema("Why it is unknown; left out when known."),
+        detail=field_schema("string", "The cause of an unknown value."),
+        source=field_schema("string", "The source of the value."),
     )
 
 
 def _of_input(_name: str, _summary: SpecSummary) -> tuple[str, Field]:
-    return "codra.Input", _event(
+    return "codra.Input", event_schema(
         "An input to the context manager from outside. Replay starts from inputs and from the results of jobs.",
         "The sender: main_execution, with a number if there are several, an agent, an algorithm, or the clock.",
         {
@@ -302,33 +311,33 @@ def _of_input(_name: str, _summary: SpecSummary) -> tuple[str, Field]:
             "rule": "the state of an agent's rule changed",
             "adapt": "a loop reports an adaptation",
         },
-        step=_field("integer", "The number of clock events before this input."),
-        work=_field("integer", "In simulated time, the number, among all jobs, of the job that makes this call."),
-        variable=_field("string", "The variable."),
-        value=_field("string", "The value, as JSON."),
-        evidence_s=_list("number", "When the evidence was taken: its end, or start and end."),
-        skill=_field("string", "The skill."),
-        skills=_list("string", "The skills."),
-        number=_field("integer", "The number of the skill, decision or slot request, counted from 1."),
-        max_age_s=_field("number", "The maximum age of usable evidence."),
-        since_s=_field("number", "The earliest instant of usable evidence."),
-        wait_up_to_s=_field("number", "How long the decision waits for observers."),
-        shadow=_field("boolean", "Whether the main execution looks in any case."),
-        raised=_field("string", "The error that the acquisition raised, or why the decision was abandoned."),
-        resources=_list("string", "The resources whose slots are requested."),
-        index=_field("integer", "The number of the job."),
-        told_s=_field("number", "When the job reported it."),
-        message=_field("string", "The error."),
-        operations=_field("string", "The change, as JSON: a list of operations with their arguments."),
-        rule=_field("string", "The rule of the agent."),
-        became=_field("string", "The new state of the rule."),
-        told=_field("string", "The report of the loop, as JSON: the name and what of an event, and its details."),
-        subject=_field("string", "The target of the refused write: a node, an attribute, an edge, or a task."),
+        step=field_schema("integer", "The number of clock events before this input."),
+        work=field_schema("integer", "In simulated time, the number, among all jobs, of the job that makes this call."),
+        variable=field_schema("string", "The variable."),
+        value=field_schema("string", "The value, as JSON."),
+        evidence_s=list_schema("number", "When the evidence was taken: its end, or start and end."),
+        skill=field_schema("string", "The skill."),
+        skills=list_schema("string", "The skills."),
+        number=field_schema("integer", "The number of the skill, decision or slot request, counted from 1."),
+        max_age_s=field_schema("number", "The maximum age of usable evidence."),
+        since_s=field_schema("number", "The earliest instant of usable evidence."),
+        wait_up_to_s=field_schema("number", "How long the decision waits for observers."),
+        shadow=field_schema("boolean", "Whether the main execution looks in any case."),
+        raised=field_schema("string", "The error that the acquisition raised, or why the decision was abandoned."),
+        resources=list_schema("string", "The resources whose slots are requested."),
+        index=field_schema("integer", "The number of the job."),
+        told_s=field_schema("number", "When the job reported it."),
+        message=field_schema("string", "The error."),
+        operations=field_schema("string", "The change, as JSON: a list of operations with their arguments."),
+        rule=field_schema("string", "The rule of the agent."),
+        became=field_schema("string", "The new state of the rule."),
+        told=field_schema("string", "The report of the loop, as JSON: the name and what of an event, and its details."),
+        subject=field_schema("string", "The target of the refused write: a node, an attribute, an edge, or a task."),
     )
 
 
 def _of_knowledge(_name: str, _summary: SpecSummary) -> tuple[str, Field]:
-    return "codra.Knowledge", _event(
+    return "codra.Knowledge", event_schema(
         "A change of the knowledge graph, or a refused one.",
         "A node, node.attribute, an edge as origin -type-> target, a task, or agent.rule.",
         {
@@ -345,85 +354,97 @@ def _of_knowledge(_name: str, _summary: SpecSummary) -> tuple[str, Field]:
             "refused": "an agent tried a write or a begin that its permissions or its rule do not allow",
             **{what: f"the agent's rule: {meaning}" for what, meaning in RULE_EVENTS.items()},
         },
-        agent=_field("string", "The agent that made the change; empty at the start and for the graph's own changes."),
-        version=_field("integer", "The number of the change of the graph; its events became visible at once."),
-        type=_field("string", "The type of the node or edge."),
-        label=_field("string", "The label of the edge."),
-        value=_field("string", "The value of the attribute, as JSON; left out when unknown."),
-        unit=_field("string", "The unit of the value."),
-        reason=_reason("Why it is unknown; left out when known."),
-        evidence_s=_field("number", "When the evidence was taken, or the pose was measured."),
-        expires_s=_field("number", "When the value stops being valid; left out if never."),
-        translation_m=_list("number", "The translation of the pose: x, y, z."),
-        rotation=_list("number", "The rotation of the pose: a unit quaternion w, x, y, z."),
-        request=_field("integer", "The number of the request, counted from 1."),
-        requester=_field("string", "The agent that requested the task."),
-        result=_field("string", "The result of a finished task."),
-        since_s=_field("number", "Since when the task is at this stage."),
-        deadline_s=_field("number", "When the task is aborted unless it reaches its next stage; left out if never."),
-        rule=_field("string", "The rule of the agent."),
-        message=_field("string", "Who may write it, why a task was aborted, or which part of a rule does not hold."),
+        agent=field_schema(
+            "string", "The agent that made the change; empty at the start and for the graph's own changes."
+        ),
+        version=field_schema("integer", "The number of the change of the graph; its events became visible at once."),
+        type=field_schema("string", "The type of the node or edge."),
+        label=field_schema("string", "The label of the edge."),
+        value=field_schema("string", "The value of the attribute, as JSON; left out when unknown."),
+        unit=field_schema("string", "The unit of the value."),
+        reason=reason_schema("Why it is unknown; left out when known."),
+        evidence_s=field_schema("number", "When the evidence was taken, or the pose was measured."),
+        expires_s=field_schema("number", "When the value stops being valid; left out if never."),
+        translation_m=list_schema("number", "The translation of the pose: x, y, z."),
+        rotation=list_schema("number", "The rotation of the pose: a unit quaternion w, x, y, z."),
+        request=field_schema("integer", "The number of the request, counted from 1."),
+        requester=field_schema("string", "The agent that requested the task."),
+        result=field_schema("string", "The result of a finished task."),
+        since_s=field_schema("number", "Since when the task is at this stage."),
+        deadline_s=field_schema(
+            "number", "When the task is aborted unless it reaches its next stage; left out if never."
+        ),
+        rule=field_schema("string", "The rule of the agent."),
+        message=field_schema(
+            "string", "Who may write it, why a task was aborted, or which part of a rule does not hold."
+        ),
     )
 
 
 def _of_adaptation(_name: str, _summary: SpecSummary) -> tuple[str, Field]:
-    return "codra.Adaptation", _event(
+    return "codra.Adaptation", event_schema(
         "A decision or action of a loop, with its chain of causes.",
         "The loop, course, parameter or tree.",
         _ADAPTATIONS,
-        loop=_field("string", "The loop that did it or reports it."),
-        adapts=_list("string", "The courses and parameters of the loop that runs."),
-        course=_field("string", "For a branch, the course that it belongs to."),
-        agent=_field("string", "The responsible agent."),
-        variable=_field("string", "The variable that holds the course or parameter; left out if none."),
-        action=_field("string", "The action that is now the course; for a branch, the action that it belongs to."),
-        before=_field("string", "The action that was left; left out if none."),
-        because=_field("string", "first, leads, worse, hard_rule, nothing_known or planner; for a parameter, changed."),
-        rule=_field("string", "The hard rule that decided, or the parameter's target, as written in the spec."),
-        place=_field("string", "The place of that rule or target in the spec."),
-        value=_field("string", "The value of the parameter, as JSON."),
-        branch=_field("string", "The value of the tree's entry that selects the branch."),
-        result=_field("string", "How the branch ended: halted, success, failure, idle, or failed with an error."),
-        took_s=_field("number", "How long ending the branch has taken."),
-        tasks=_list("string", "The unfinished tasks."),
-        message=_field("string", "The error."),
-        since_s=_field("number", "Since when the previous course or value had been set."),
-        dwell_until_s=_field("number", "Until when it would have been kept without a hard rule or a worse metric."),
-        readings=_parts(
+        loop=field_schema("string", "The loop that did it or reports it."),
+        adapts=list_schema("string", "The courses and parameters of the loop that runs."),
+        course=field_schema("string", "For a branch, the course that it belongs to."),
+        agent=field_schema("string", "The responsible agent."),
+        variable=field_schema("string", "The variable that holds the course or parameter; left out if none."),
+        action=field_schema(
+            "string", "The action that is now the course; for a branch, the action that it belongs to."
+        ),
+        before=field_schema("string", "The action that was left; left out if none."),
+        because=field_schema(
+            "string", "first, leads, worse, hard_rule, nothing_known or planner; for a parameter, changed."
+        ),
+        rule=field_schema("string", "The hard rule that decided, or the parameter's target, as written in the spec."),
+        place=field_schema("string", "The place of that rule or target in the spec."),
+        value=field_schema("string", "The value of the parameter, as JSON."),
+        branch=field_schema("string", "The value of the tree's entry that selects the branch."),
+        result=field_schema("string", "How the branch ended: halted, success, failure, idle, or failed with an error."),
+        took_s=field_schema("number", "How long ending the branch has taken."),
+        tasks=list_schema("string", "The unfinished tasks."),
+        message=field_schema("string", "The error."),
+        since_s=field_schema("number", "Since when the previous course or value had been set."),
+        dwell_until_s=field_schema(
+            "number", "Until when it would have been kept without a hard rule or a worse metric."
+        ),
+        readings=parts_schema(
             "The readings that were used.",
-            variable=_field("string", "The variable."),
-            value=_field("string", "Its value, as JSON; left out when unknown."),
-            evidence_s=_field("number", "When its evidence was taken."),
-            because=_field("string", "Why it is unknown."),
+            variable=field_schema("string", "The variable."),
+            value=field_schema("string", "Its value, as JSON; left out when unknown."),
+            evidence_s=field_schema("number", "When its evidence was taken."),
+            because=field_schema("string", "Why it is unknown."),
         ),
-        degrees=_parts(
+        degrees=parts_schema(
             "The degree of membership of each input in each of its terms.",
-            variable=_field("string", "The input."),
-            term=_field("string", "The term of the input."),
-            **_BOUNDS,
+            variable=field_schema("string", "The input."),
+            term=field_schema("string", "The term of the input."),
+            **BOUNDS,
         ),
-        rules=_parts(
+        rules=parts_schema(
             "The strength of each rule; for an analysis, only rules that act.",
-            text=_field("string", "The rule."),
-            concludes=_list("string", "The outputs that the rule concludes about."),
-            place=_field("string", "The place of the rule in the spec."),
-            **_BOUNDS,
+            text=field_schema("string", "The rule."),
+            concludes=list_schema("string", "The outputs that the rule concludes about."),
+            place=field_schema("string", "The place of the rule in the spec."),
+            **BOUNDS,
         ),
-        metrics=_parts("The metrics.", **_JUDGED),
-        weights=_parts(
+        metrics=parts_schema("The metrics.", **JUDGED),
+        weights=parts_schema(
             "The weights of the actions, and the state of the filter.",
-            **_JUDGED,
-            smoothed=_field("number", "The smoothed value, which decides."),
-            leads_since_s=_field("number", "Since when it leads the course that was left."),
-            cooldown_until_s=_field("number", "Until when it cannot be chosen again."),
+            **JUDGED,
+            smoothed=field_schema("number", "The smoothed value, which decides."),
+            leads_since_s=field_schema("number", "Since when it leads the course that was left."),
+            cooldown_until_s=field_schema("number", "Until when it cannot be chosen again."),
         ),
-        kept_by=_parts(
+        kept_by=parts_schema(
             "Single changes that would have kept the course: the smallest change of each kind.",
-            kind=_field("string", "The kind of the change: of an input, or of a weight."),
-            name=_field("string", "The variable, or the action."),
-            value=_field("string", "The actual value, as JSON; left out when unknown."),
-            other=_field("string", "The value that would have kept the course, as JSON."),
-            share=_field("number", "The size of the change, as a share of the range."),
+            kind=field_schema("string", "The kind of the change: of an input, or of a weight."),
+            name=field_schema("string", "The variable, or the action."),
+            value=field_schema("string", "The actual value, as JSON; left out when unknown."),
+            other=field_schema("string", "The value that would have kept the course, as JSON."),
+            share=field_schema("number", "The size of the change, as a share of the range."),
         ),
     )
 
@@ -439,62 +460,6 @@ _ADAPTATIONS: Mapping[str, str] = {
     "set": "the parameter has a new value",
     "failed": "an error occurred; the loop continues",
 }
-
-_BOUNDS: Mapping[str, Field] = {
-    "low": {"type": "number", "description": "The lowest possible value; left out when unknown."},
-    "high": {"type": "number", "description": "The highest possible value."},
-}
-
-_JUDGED: Mapping[str, Field] = {
-    "name": {"type": "string", "description": "The metric or action."},
-    **_BOUNDS,
-    "value": {"type": "number", "description": "The resulting value; left out when unknown."},
-    "evidence_s": {"type": "number", "description": "When the evidence of the oldest input was taken."},
-    "variable": {"type": "string", "description": "For an analysis, the variable that holds the value."},
-    "reads": {
-        "type": "array",
-        "items": {"type": "string"},
-        "description": "For an analysis, its input variables.",
-    },
-}
-
-
-def _parts(description: str, **properties: Field) -> Field:
-    item = {"type": "object", "properties": properties, "additionalProperties": False}
-    return {"type": "array", "items": item, "description": description}
-
-
-def _event(description: str, name: str, whats: Mapping[str, str], **details: Field) -> Field:
-    meanings = ", ".join(f"{what}: {meaning}" for what, meaning in whats.items())
-    return {
-        "type": "object",
-        "description": description,
-        "properties": {
-            "instant_s": _field("number", "When, in seconds of the run's clock; log_time is the same in nanoseconds."),
-            "name": _field("string", name),
-            "what": {"type": "string", "enum": list(whats), "description": f"What happened ({meanings})."},
-            **details,
-        },
-        "required": ["instant_s", "name", "what"],
-        "additionalProperties": False,
-    }
-
-
-def _field(kind: str, description: str) -> Field:
-    return {"type": kind, "description": description}
-
-
-def _list(kind: str, description: str) -> Field:
-    return {"type": "array", "items": {"type": kind}, "description": description}
-
-
-def _reason(description: str) -> Field:
-    return {"type": "string", "enum": [str(reason) for reason in Reason], "description": description}
-
-
-def _unit(unit: str | None) -> str:
-    return f"In {unit}." if unit else "As the spec's `returns` declares it."
-
 
 TOPICS: Mapping[Kind, Topic] = {
     Kind.VARIABLE: Topic(

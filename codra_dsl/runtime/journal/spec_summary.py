@@ -1,7 +1,7 @@
-"""What a spec says, as far as a question about a run needs it, in a form that a file can hold.
+"""The summary of a spec: the parts that explain a run, in a form that can be written to a file.
 
-It comes from the forest that runs and from `sources.json` beside the generated code. A journal keeps it, so that `why`
-needs neither the package nor the spec.
+The summary is made from the running forest and from `sources.json` beside the generated code. A journal contains it, so
+`why` needs neither the package nor the spec.
 """
 
 from __future__ import annotations
@@ -11,16 +11,16 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from codra_dsl.logic import Term
-from codra_dsl.runtime.values.condition_text import spoken, term_of
+from codra_dsl.runtime.values.condition_text import format_condition, parse_condition
 from codra_dsl.runtime.values.model import SkillModel, ValueType, VariableModel
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Place:
-    """Where something stands in a spec.
+    """A place in a spec.
 
     Attributes:
-        use: where the template that it stands in is used.
+        use: where the template is used; None if the place is not in a template.
     """
 
     file: str
@@ -37,34 +37,34 @@ class Rule:
     """A condition of the spec.
 
     Attributes:
-        python: the text that builds it.
-        said: as the spec says it, where that is known.
+        python: the Python expression that builds the condition.
+        source_text: the text in the spec; None if it is not known.
     """
 
     python: str
-    said: str | None = None
+    source_text: str | None = None
     place: Place | None = None
 
     @property
     def term(self) -> Term:
-        """Return the condition itself."""
-        return term_of(self.python)
+        """Return the parsed condition."""
+        return parse_condition(self.python)
 
     @property
     def text(self) -> str:
-        """Return it as the spec says it, or nearly so."""
-        return spoken(self.python) if self.said is None else self.said
+        """Return the text in the spec; if it is not known, a text formatted from `python`."""
+        return format_condition(self.python) if self.source_text is None else self.source_text
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AlgorithmOutline:
-    """A perception algorithm: when it can be trusted, and what its results tell.
+class AlgorithmSummary:
+    """A perception algorithm: its preconditions and how its results are evaluated.
 
     Attributes:
         conditions: its observability preconditions.
-        accepts: what a result must be to be good enough.
-        identifies: by variable, what a result says of it.
-        returns: the type of each value of its result.
+        accepts: the conditions that a result must meet to be accepted.
+        identifies: by variable, the condition or value that is computed from a result.
+        returns: the type of each value in its result.
     """
 
     name: str
@@ -77,8 +77,8 @@ class AlgorithmOutline:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ObserverOutline:
-    """An observer, with its algorithms by rank."""
+class ObserverSummary:
+    """An observer; its algorithms are sorted by rank."""
 
     name: str
     identifies: tuple[str, ...]
@@ -89,27 +89,27 @@ class ObserverOutline:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SpecSummary:
-    """A whole spec.
+    """The summary of a complete spec.
 
     Attributes:
-        places: of variables and skills, by `context/NAME` and `skill/NAME`; of knowledge, likewise.
-        nodes: by variable, the node of the knowledge graph of which it is an attribute; empty if there is no graph.
+        places: the places of variables and skills, by `context/NAME` and `skill/NAME`; those of knowledge likewise.
+        nodes: by variable, the graph node that has the variable as an attribute; empty without a knowledge graph.
     """
 
     name: str
     variables: Mapping[str, VariableModel]
-    observers: Mapping[str, ObserverOutline]
-    algorithms: Mapping[str, AlgorithmOutline]
+    observers: Mapping[str, ObserverSummary]
+    algorithms: Mapping[str, AlgorithmSummary]
     skills: Mapping[str, SkillModel]
     places: Mapping[str, Place]
     nodes: Mapping[str, str] = field(default_factory=dict)
 
-    def observer_of(self, variable: str) -> ObserverOutline | None:
-        """Return the observer of a variable, if it has one."""
-        return next((each for each in self.observers.values() if variable in each.identifies), None)
+    def observer_of(self, variable: str) -> ObserverSummary | None:
+        """Return the observer of a variable; None if it has none."""
+        return next((observer for observer in self.observers.values() if variable in observer.identifies), None)
 
-    def algorithms_of(self, variable: str) -> tuple[AlgorithmOutline, ...]:
-        """Return the algorithms that identify a variable, by rank."""
+    def algorithms_of(self, variable: str) -> tuple[AlgorithmSummary, ...]:
+        """Return the algorithms that identify a variable, sorted by rank."""
         observer = self.observer_of(variable)
         if observer is None:
             return ()
@@ -118,8 +118,8 @@ class SpecSummary:
         )
 
 
-def place_of(about: Any) -> Place | None:
-    """Return the place that plain data tells; None if it tells none."""
-    if not isinstance(about, Mapping) or "file" not in about:
+def place_from_data(data: Any) -> Place | None:
+    """Return the place in plain data; None if the data contains no place."""
+    if not isinstance(data, Mapping) or "file" not in data:
         return None
-    return Place(file=str(about["file"]), line=int(about["line"]), use=place_of(about.get("use")))
+    return Place(file=str(data["file"]), line=int(data["line"]), use=place_from_data(data.get("use")))

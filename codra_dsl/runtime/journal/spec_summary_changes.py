@@ -1,4 +1,4 @@
-"""What two versions of a spec say otherwise, as far as it decides what happens in a run."""
+"""The differences between two versions of a spec that can change what happens in a run."""
 
 from __future__ import annotations
 
@@ -6,17 +6,19 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import zip_longest
 
-from codra_dsl.runtime.journal.spec_summary import AlgorithmOutline, Place, Rule, SpecSummary
+from codra_dsl.runtime.journal.spec_summary import AlgorithmSummary, Place, Rule, SpecSummary
 from codra_dsl.runtime.values.model import ValueType
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Change:
-    """Something that a spec says otherwise now; None stands for what it does not say.
+    """A setting that differs between the spec of a run and the present spec.
 
     Attributes:
-        owner: what it is said of: a variable, algorithm, observer or skill.
-        what: which of its settings it is, as a spec has it.
+        owner: the variable, algorithm, observer or skill that has the setting.
+        what: the setting, named as in a spec.
+        before: the setting in the spec of the run; None if that spec does not have it.
+        now: the setting in the present spec; None if that spec does not have it.
     """
 
     owner: str
@@ -25,63 +27,63 @@ class Change:
     now: Rule | None
 
     def __str__(self) -> str:
-        return f"{self.owner}, {self.what}: {_shown(self.now)}, where it ran with {_shown(self.before)}"
+        return f"{self.owner}, {self.what}: {_shown(self.now)}; the run had {_shown(self.before)}"
 
 
-def _shown(said: Rule | None) -> str:
-    if said is None:
-        return "nothing"
-    return said.text if said.place is None else f"{said.text} [{said.place}]"
+def _shown(rule: Rule | None) -> str:
+    if rule is None:
+        return "none"
+    return rule.text if rule.place is None else f"{rule.text} [{rule.place}]"
 
 
 def changes_near(names: Iterable[str], before: SpecSummary, now: SpecSummary) -> tuple[Change, ...]:
-    """Return what two versions say otherwise, first what is nearest to some variables, algorithms or observers.
+    """Return the differences between two versions; those nearest to some variables, algorithms or observers come first.
 
-    Near is what it is identified by, then what that needs, and so on up the dependency graph.
+    The nearest are those of the algorithms that identify a variable, then those of the variables that these algorithms
+    need, and so on up the dependency graph.
     """
-    found = tuple(changes(before, now))
     order = {owner: number for number, owner in enumerate(_upstream(names, before, now))}
-    return tuple(sorted(found, key=lambda change: order.get(change.owner, len(order))))
+    return tuple(sorted(changes(before, now), key=lambda change: order.get(change.owner, len(order))))
 
 
 def changes(before: SpecSummary, now: SpecSummary) -> Iterator[Change]:
-    """Yield what two versions say otherwise."""
-    old, new = _said(before), _said(now)
+    """Yield the differences between two versions."""
+    old, new = _settings(before), _settings(now)
     for key in dict.fromkeys((*new, *old)):
         yield from _changed(*key, old.get(key, ()), new.get(key, ()))
 
 
 def _changed(owner: str, what: str, old: Sequence[Rule], new: Sequence[Rule]) -> Iterator[Change]:
-    meant, means = {rule.python for rule in old}, {rule.python for rule in new}
-    gone = [rule for rule in old if rule.python not in means]
-    come = [rule for rule in new if rule.python not in meant]
-    for was, is_now in zip_longest(gone, come):
+    old_texts, new_texts = {rule.python for rule in old}, {rule.python for rule in new}
+    removed = [rule for rule in old if rule.python not in new_texts]
+    added = [rule for rule in new if rule.python not in old_texts]
+    for was, is_now in zip_longest(removed, added):
         yield Change(owner=owner, what=what, before=was, now=is_now)
 
 
-def _said(summary: SpecSummary) -> Mapping[tuple[str, str], Sequence[Rule]]:
-    """Return all that decides what happens, by what it is said of and which setting it is."""
-    said: dict[tuple[str, str], Sequence[Rule]] = {}
+def _settings(summary: SpecSummary) -> Mapping[tuple[str, str], Sequence[Rule]]:
+    """Return all settings that decide what happens in a run, by owner and setting."""
+    settings: dict[tuple[str, str], Sequence[Rule]] = {}
     for algorithm in summary.algorithms.values():
-        said |= {(algorithm.name, what): rules for what, rules in _said_of(algorithm).items()}
+        settings |= {(algorithm.name, what): rules for what, rules in _algorithm_settings(algorithm).items()}
     for variable in summary.variables.values():
         place = summary.places.get(f"context/{variable.name}")
-        said[variable.name, "type"] = _plain(_type(variable.type), place)
-        said[variable.name, "source"] = _plain(" or ".join(variable.sources), place)
-        said[variable.name, "valid_for"] = _plain(f"{variable.valid_for_s:g} s", place)
-        said[variable.name, "when_unobservable"] = _plain(str(variable.when_unobservable), place)
+        settings[variable.name, "type"] = _plain(_type(variable.type), place)
+        settings[variable.name, "source"] = _plain(" or ".join(variable.sources), place)
+        settings[variable.name, "valid_for"] = _plain(f"{variable.valid_for_s:g} s", place)
+        settings[variable.name, "when_unobservable"] = _plain(str(variable.when_unobservable), place)
     for observer in summary.observers.values():
-        said[observer.name, "algorithms"] = _plain(", ".join(observer.algorithms), observer.place)
-        said[observer.name, "period"] = _plain(f"{observer.period_s:g} s", observer.place)
+        settings[observer.name, "algorithms"] = _plain(", ".join(observer.algorithms), observer.place)
+        settings[observer.name, "period"] = _plain(f"{observer.period_s:g} s", observer.place)
     for skill in summary.skills.values():
         place = summary.places.get(f"skill/{skill.name}")
-        said[skill.name, "preview"] = _plain(", ".join(map(str, skill.preview)), place)
-        said[skill.name, "monitor"] = _plain(", ".join(map(str, skill.monitor)), place)
-        said[skill.name, "changes"] = _plain(", ".join(map(str, skill.changes)), place)
-    return said
+        settings[skill.name, "preview"] = _plain(", ".join(map(str, skill.preview)), place)
+        settings[skill.name, "monitor"] = _plain(", ".join(map(str, skill.monitor)), place)
+        settings[skill.name, "changes"] = _plain(", ".join(map(str, skill.changes)), place)
+    return settings
 
 
-def _said_of(algorithm: AlgorithmOutline) -> Mapping[str, Sequence[Rule]]:
+def _algorithm_settings(algorithm: AlgorithmSummary) -> Mapping[str, Sequence[Rule]]:
     return {
         "observable_when": algorithm.conditions,
         "accept_when": algorithm.accepts,
@@ -92,7 +94,7 @@ def _said_of(algorithm: AlgorithmOutline) -> Mapping[str, Sequence[Rule]]:
 
 
 def _plain(text: str, place: Place | None) -> Sequence[Rule]:
-    return (Rule(python=text, said=text, place=place),)
+    return (Rule(python=text, source_text=text, place=place),)
 
 
 def _type(declared: ValueType) -> str:
@@ -101,12 +103,12 @@ def _type(declared: ValueType) -> str:
     return f"{'optional ' if declared.optional else ''}{declared.kind}{unit}{ends}{members and f' of {members}'}"
 
 
-def _upstream(names: Iterable[str], *outlines: SpecSummary) -> Sequence[str]:
-    """Return what variables, algorithms or observers come from, the nearest first."""
-    met = list(names)
-    for each in met:
-        met.extend(source for summary in outlines for source in _sources(each, summary) if source not in met)
-    return met
+def _upstream(names: Iterable[str], *summaries: SpecSummary) -> Sequence[str]:
+    """Return the variables, algorithms and observers that some names depend on, the nearest first."""
+    visited = list(names)
+    for name in visited:
+        visited.extend(source for summary in summaries for source in _sources(name, summary) if source not in visited)
+    return visited
 
 
 def _sources(name: str, summary: SpecSummary) -> Iterator[str]:

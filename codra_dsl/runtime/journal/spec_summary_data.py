@@ -1,4 +1,4 @@
-"""An outline as plain data, as a file can hold it, and back."""
+"""Conversion of spec summaries to plain data for a file, and back."""
 
 from __future__ import annotations
 
@@ -6,37 +6,44 @@ import math
 from collections.abc import Mapping
 from typing import Any, cast
 
-from codra_dsl.runtime.journal.spec_summary import AlgorithmOutline, ObserverOutline, Place, Rule, SpecSummary, place_of
+from codra_dsl.runtime.journal.spec_summary import (
+    AlgorithmSummary,
+    ObserverSummary,
+    Place,
+    Rule,
+    SpecSummary,
+    place_from_data,
+)
 from codra_dsl.runtime.values.model import Kind, SkillModel, ValueType, VariableModel
 
 
-def plain_outline(summary: SpecSummary) -> dict[str, Any]:
-    """Return an outline as JSON can hold it."""
+def summary_to_data(summary: SpecSummary) -> dict[str, Any]:
+    """Return a summary as data that can be written as JSON."""
     return {
         "name": summary.name,
-        "variables": {name: _plain_variable(each) for name, each in summary.variables.items()},
+        "variables": {name: _variable_to_data(variable) for name, variable in summary.variables.items()},
         "observers": {
             name: {
-                "identifies": list(each.identifies),
-                "algorithms": list(each.algorithms),
-                "period_s": each.period_s,
-                "place": _plain_place(each.place),
+                "identifies": list(observer.identifies),
+                "algorithms": list(observer.algorithms),
+                "period_s": observer.period_s,
+                "place": _place_to_data(observer.place),
             }
-            for name, each in summary.observers.items()
+            for name, observer in summary.observers.items()
         },
-        "algorithms": {name: _plain_algorithm(each) for name, each in summary.algorithms.items()},
+        "algorithms": {name: _algorithm_to_data(algorithm) for name, algorithm in summary.algorithms.items()},
         "skills": {
-            name: {"preview": list(each.preview), "monitor": list(each.monitor), "changes": list(each.changes)}
-            for name, each in summary.skills.items()
+            name: {"preview": list(skill.preview), "monitor": list(skill.monitor), "changes": list(skill.changes)}
+            for name, skill in summary.skills.items()
         },
-        "places": {key: _plain_place(place) for key, place in summary.places.items()},
+        "places": {key: _place_to_data(place) for key, place in summary.places.items()},
         **({"nodes": dict(summary.nodes)} if summary.nodes else {}),
     }
 
 
-def _plain_variable(variable: VariableModel) -> dict[str, Any]:
+def _variable_to_data(variable: VariableModel) -> dict[str, Any]:
     return {
-        **_plain_type(variable.type),
+        **_type_to_data(variable.type),
         "label": variable.label,
         "sources": list(variable.sources),
         "valid_for_s": _finite(variable.valid_for_s),
@@ -44,7 +51,7 @@ def _plain_variable(variable: VariableModel) -> dict[str, Any]:
     }
 
 
-def _plain_type(declared: ValueType) -> dict[str, Any]:
+def _type_to_data(declared: ValueType) -> dict[str, Any]:
     return {
         "type": declared.kind,
         "unit": declared.unit,
@@ -54,25 +61,25 @@ def _plain_type(declared: ValueType) -> dict[str, Any]:
     }
 
 
-def _plain_algorithm(algorithm: AlgorithmOutline) -> dict[str, Any]:
+def _algorithm_to_data(algorithm: AlgorithmSummary) -> dict[str, Any]:
     return {
-        "observable_when": [_plain_rule(rule) for rule in algorithm.conditions],
-        "accept_when": [_plain_rule(rule) for rule in algorithm.accepts],
-        "identifies": {name: _plain_rule(rule) for name, rule in algorithm.identifies.items()},
-        "returns": {name: _plain_type(each) for name, each in algorithm.returns.items()},
+        "observable_when": [_rule_to_data(rule) for rule in algorithm.conditions],
+        "accept_when": [_rule_to_data(rule) for rule in algorithm.accepts],
+        "identifies": {name: _rule_to_data(rule) for name, rule in algorithm.identifies.items()},
+        "returns": {name: _type_to_data(returned) for name, returned in algorithm.returns.items()},
         "timeout_s": _finite(algorithm.timeout_s),
-        "place": _plain_place(algorithm.place),
+        "place": _place_to_data(algorithm.place),
     }
 
 
-def _plain_rule(rule: Rule) -> dict[str, Any]:
-    return {"text": rule.said, "python": rule.python, "place": _plain_place(rule.place)}
+def _rule_to_data(rule: Rule) -> dict[str, Any]:
+    return {"text": rule.source_text, "python": rule.python, "place": _place_to_data(rule.place)}
 
 
-def _plain_place(place: Place | None) -> dict[str, Any] | None:
+def _place_to_data(place: Place | None) -> dict[str, Any] | None:
     if place is None:
         return None
-    use = {} if place.use is None else {"use": _plain_place(place.use)}
+    use = {} if place.use is None else {"use": _place_to_data(place.use)}
     return {"file": place.file, "line": place.line, **use}
 
 
@@ -80,77 +87,77 @@ def _finite(number: float) -> float | None:
     return number if math.isfinite(number) else None
 
 
-def outline_of(plain: Mapping[str, Any]) -> SpecSummary:
-    """Return the outline that plain data holds.
+def summary_from_data(data: Mapping[str, Any]) -> SpecSummary:
+    """Return the summary in plain data.
 
     Raises:
-        ValueError: if it holds none; KeyError, TypeError and AttributeError likewise.
+        ValueError: if the data is not a summary; KeyError, TypeError and AttributeError likewise.
     """
     return SpecSummary(
-        name=str(plain["name"]),
-        variables={name: _variable_of(name, about) for name, about in plain["variables"].items()},
+        name=str(data["name"]),
+        variables={name: _variable_from_data(name, entry) for name, entry in data["variables"].items()},
         observers={
-            name: ObserverOutline(
+            name: ObserverSummary(
                 name=name,
-                identifies=tuple(about["identifies"]),
-                algorithms=tuple(about["algorithms"]),
-                period_s=float(about["period_s"]),
-                place=place_of(about["place"]),
+                identifies=tuple(entry["identifies"]),
+                algorithms=tuple(entry["algorithms"]),
+                period_s=float(entry["period_s"]),
+                place=place_from_data(entry["place"]),
             )
-            for name, about in plain["observers"].items()
+            for name, entry in data["observers"].items()
         },
-        algorithms={name: _algorithm_of(name, about) for name, about in plain["algorithms"].items()},
+        algorithms={name: _algorithm_from_data(name, entry) for name, entry in data["algorithms"].items()},
         skills={
             name: SkillModel(
                 name=name,
-                preview=tuple(about["preview"]),
-                monitor=tuple(about["monitor"]),
-                changes=tuple(about["changes"]),
+                preview=tuple(entry["preview"]),
+                monitor=tuple(entry["monitor"]),
+                changes=tuple(entry["changes"]),
             )
-            for name, about in plain["skills"].items()
+            for name, entry in data["skills"].items()
         },
-        places={key: place for key, about in plain["places"].items() if (place := place_of(about))},
-        nodes={str(name): str(node) for name, node in plain.get("nodes", {}).items()},
+        places={key: place for key, entry in data["places"].items() if (place := place_from_data(entry))},
+        nodes={str(name): str(node) for name, node in data.get("nodes", {}).items()},
     )
 
 
-def _variable_of(name: str, about: Mapping[str, Any]) -> VariableModel:
+def _variable_from_data(name: str, data: Mapping[str, Any]) -> VariableModel:
     return VariableModel(
         name=name,
-        type=_type_of(about),
-        label=about["label"],
-        sources=tuple(about["sources"]),
-        valid_for_s=_bound(about["valid_for_s"], math.inf),
-        when_unobservable=about["when_unobservable"],
+        type=_type_from_data(data),
+        label=data["label"],
+        sources=tuple(data["sources"]),
+        valid_for_s=_bound(data["valid_for_s"], math.inf),
+        when_unobservable=data["when_unobservable"],
     )
 
 
-def _type_of(about: Mapping[str, Any]) -> ValueType:
-    ends = about["range"]
+def _type_from_data(data: Mapping[str, Any]) -> ValueType:
+    ends = data["range"]
     return ValueType(
-        kind=cast("Kind", about["type"]),
-        unit=about["unit"],
+        kind=cast("Kind", data["type"]),
+        unit=data["unit"],
         range=None if ends is None else (_bound(ends[0], -math.inf), _bound(ends[1], math.inf)),
-        members=tuple(about["values"]),
-        optional=bool(about["optional"]),
+        members=tuple(data["values"]),
+        optional=bool(data["optional"]),
     )
 
 
-def _bound(number: float | None, instead: float) -> float:
-    return instead if number is None else float(number)
+def _bound(number: float | None, default: float) -> float:
+    return default if number is None else float(number)
 
 
-def _algorithm_of(name: str, about: Mapping[str, Any]) -> AlgorithmOutline:
-    return AlgorithmOutline(
+def _algorithm_from_data(name: str, data: Mapping[str, Any]) -> AlgorithmSummary:
+    return AlgorithmSummary(
         name=name,
-        conditions=tuple(map(_rule_of, about["observable_when"])),
-        accepts=tuple(map(_rule_of, about["accept_when"])),
-        identifies={variable: _rule_of(rule) for variable, rule in about["identifies"].items()},
-        returns={key: _type_of(each) for key, each in about["returns"].items()},
-        timeout_s=_bound(about["timeout_s"], math.inf),
-        place=place_of(about["place"]),
+        conditions=tuple(map(_rule_from_data, data["observable_when"])),
+        accepts=tuple(map(_rule_from_data, data["accept_when"])),
+        identifies={variable: _rule_from_data(rule) for variable, rule in data["identifies"].items()},
+        returns={key: _type_from_data(returned) for key, returned in data["returns"].items()},
+        timeout_s=_bound(data["timeout_s"], math.inf),
+        place=place_from_data(data["place"]),
     )
 
 
-def _rule_of(about: Mapping[str, Any]) -> Rule:
-    return Rule(said=about["text"], python=str(about["python"]), place=place_of(about["place"]))
+def _rule_from_data(data: Mapping[str, Any]) -> Rule:
+    return Rule(source_text=data["text"], python=str(data["python"]), place=place_from_data(data["place"]))

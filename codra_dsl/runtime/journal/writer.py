@@ -9,11 +9,12 @@ from typing import BinaryIO
 
 from codra_dsl.runtime.journal.encoding import json_text, message_of
 from codra_dsl.runtime.journal.events import Event, Kind
+from codra_dsl.runtime.journal.fields import Field
 from codra_dsl.runtime.journal.mcap_file import McapFile
 from codra_dsl.runtime.journal.run_header import FORMAT, RunHeader
-from codra_dsl.runtime.journal.schemas import RUN_TOPIC, TOPICS, Field, about, run_schema, schema_of, topic_of
+from codra_dsl.runtime.journal.schemas import RUN_TOPIC, TOPICS, about, run_schema, schema_of, topic_of
 from codra_dsl.runtime.journal.spec_summary import SpecSummary
-from codra_dsl.runtime.journal.spec_summary_data import plain_outline
+from codra_dsl.runtime.journal.spec_summary_data import summary_to_data
 
 OUTLINE = "outline.json"
 
@@ -42,7 +43,7 @@ class JournalWriter:
             header: the run header.
         """
         plain = header.plain()
-        summary = json.dumps(plain_outline(header.summary), ensure_ascii=False, allow_nan=False).encode()
+        summary = json.dumps(summary_to_data(header.summary), ensure_ascii=False, allow_nan=False).encode()
         metadata = {FORMAT: {key: str(value) for key, value in plain.items()}}
         self._file = McapFile(stream, metadata, {OUTLINE: summary})
         self._summary: SpecSummary = header.summary

@@ -1,4 +1,4 @@
-"""Writing the graph: through a handle that carries one agent's name, one step at a time or several as one."""
+"""Write the graph as one agent, operation by operation or in transactions."""
 
 from __future__ import annotations
 
@@ -18,15 +18,16 @@ from codra_dsl.runtime.knowledge.state import Request
 from codra_dsl.runtime.knowledge.watches import Change
 
 Apply = Callable[[Verb, tuple[Any, ...]], Any]
-"""Does what a verb says with what is given, and returns what the agent is told."""
+"""Executes the operation of a verb with its arguments, and returns the operation's result."""
 
 
 class Writer:
-    """What an agent can write. Whatever it may not write is refused, with who may, and found in the audit.
+    """The operations by which an agent writes the graph.
 
-    All of these raise `NotASourceError` for what is for others to write, `OutrankedError` for what an agent that goes
-    before this one has written, `UnknownNameError` for types, attributes and tasks that are not declared, `AbsentError`
-    for nodes and edges that are not there, and `NotOfTypeError` for values that are not what is declared.
+    A write without permission is refused: the error names the permitted agents, and the audit records the refusal.
+    Every operation raises `NotASourceError` if only other agents may write the subject, `OutrankedError` if an agent of
+    higher priority wrote it, `UnknownNameError` for types, attributes and tasks that are not declared, `AbsentError`
+    for nodes and edges that do not exist, and `NotOfTypeError` for values that do not have the declared type.
     """
 
     __slots__ = ("_apply",)
@@ -38,22 +39,22 @@ class Writer:
         """Insert a node, with values of some of its attributes.
 
         Raises:
-            PresentError: if there is a node of this name.
+            PresentError: if a node of this name exists.
         """
         self._apply(INSERT_NODE, (name, type, values))
 
     def delete_node(self, name: str) -> None:
-        """Delete a node, and all edges to and from it, whoever wrote them."""
+        """Delete a node and all edges to and from it, including the edges of other agents."""
         self._apply(Verb.DELETE_NODE, (name,))
 
     def set(self, name: str, attribute: str, value: object, *, evidence_s: float | None = None) -> None:
         """Write an attribute of a node.
 
         Args:
-            name: of the node.
-            attribute: its name.
-            value: what the agent knows of it; None makes it unknown.
-            evidence_s: when the evidence was taken; now, if None. A value with newer evidence stays.
+            name: the name of the node.
+            attribute: the name of the attribute.
+            value: the value; None makes the attribute unknown.
+            evidence_s: when the evidence was taken; None means now. It does not replace a value with newer evidence.
 
         Raises:
             ValueError: if the evidence lies in the future.
@@ -61,73 +62,75 @@ class Writer:
         self._apply(SET, (name, attribute, value, evidence_s))
 
     def insert_edge(self, origin: str, type: str, target: str, /, **values: object) -> None:
-        """Insert an edge, or write attributes of the one that is there.
+        """Insert an edge, or write attributes of an existing one.
 
         Raises:
-            ValueError: if edges of this type have a pose: these are placed.
+            ValueError: if edges of this type have a pose; use `place` for them.
         """
         self._apply(INSERT_EDGE, (origin, type, target, values))
 
     def delete_edge(self, origin: str, type: str, target: str) -> None:
-        """Delete an edge. A node that stood in another by it stands nowhere from now on."""
+        """Delete an edge. If it held the pose of its target, the target has no pose from now on."""
         self._apply(Verb.DELETE_EDGE, (origin, type, target))
 
     def set_of_edge(
         self, origin: str, type: str, target: str, attribute: str, value: object, *, evidence_s: float | None = None
     ) -> None:
-        """Write an attribute of an edge, as `set` does of a node."""
+        """Write an attribute of an edge, as `set` does for a node."""
         self._apply(Verb.SET_OF_EDGE, (origin, type, target, attribute, value, evidence_s))
 
     def place(self, origin: str, type: str, target: str, pose: Pose, *, stamp_s: float | None = None) -> None:
-        """Say where a node stands in another, from an instant on.
+        """Set the pose of a node in another node, from an instant on.
 
-        The edge between the two is there from then on, and the one by which the node stood in something else is not.
+        This inserts the edge between the two nodes, and removes the edge that held the earlier pose of the target in
+        another node.
 
         Args:
-            origin: the node in which the other stands.
-            type: of the edge, which has a motion.
-            target: the node that stands there.
-            pose: of the target in the origin.
-            stamp_s: when that was so; now, if None. Instants may come in any order.
+            origin: the parent node.
+            type: the type of the edge; it must declare a motion.
+            target: the child node.
+            pose: the pose of the target in the origin.
+            stamp_s: when the pose was measured; None means now. Stamps may come in any order.
 
         Raises:
-            FrameError: if the origin stands in the target at that time.
-            ValueError: if the stamp lies in the future, the pose is no rigid motion, or the type of edges has none.
+            FrameError: if the target is an ancestor of the origin at that instant.
+            ValueError: if the stamp lies in the future, the pose is not a rigid motion, or edges of this type have no
+                pose.
         """
         self._apply(Verb.PLACE, (origin, type, target, pose, stamp_s))
 
     # Tasks (P2, section 3.2)
 
     def request(self, task: str, /, **values: object) -> Request:
-        """Ask for a task, with values of attributes such as its goal; its executor is to acknowledge.
+        """Request a task, with values of attributes such as its goal. Its executor then acknowledges it.
 
         Raises:
-            ConflictError: if it was asked for and has not ended.
+            ConflictError: if the task was requested before and has not ended.
         """
         request: Request = self._apply(Verb.REQUEST, (task, values))
         return request
 
     def acknowledge(self, request: Request) -> None:
-        """Say, as its executor, that a task has begun.
+        """Acknowledge a task as its executor: it has begun.
 
         Raises:
-            ConflictError: if the request is not the present one, or not one that waits.
+            ConflictError: if the request is not the latest one, or does not wait for an acknowledgement.
         """
         self._apply(Verb.ACKNOWLEDGE, (request,))
 
     def finish(self, request: Request, result: str) -> None:
-        """End a task, as its executor, with one of its results.
+        """End a task as its executor, with one of the declared results.
 
         Raises:
-            ConflictError: if the request is not the present one, or the task has not begun or has ended.
+            ConflictError: if the request is not the latest one, or the task has not begun or has ended.
         """
         self._apply(Verb.FINISH, (request, result))
 
     def abort(self, request: Request) -> None:
-        """End a task, as who asked for it.
+        """Abort a task as its requester.
 
         Raises:
-            ConflictError: if the request is not the present one, or the task has ended.
+            ConflictError: if the request is not the latest one, or the task has ended.
         """
         self._apply(Verb.ABORT, (request,))
 
@@ -135,33 +138,34 @@ class Writer:
 class Transaction(Writer):
     """Changes that become visible together, or not at all.
 
-    What is written is checked at once, on the graph as it was when the transaction began and what was written in it so
-    far. If the graph has changed by the end, it is all done again on what is there then.
+    Each write is checked at once, against the graph at the beginning of the transaction with the transaction's earlier
+    writes. If the graph has changed by the end, all operations are applied again to the graph of that moment.
     """
 
-    __slots__ = ("_attempt", "_done", "_error", "_is_over", "_turn")
+    __slots__ = ("_applied", "_attempt", "_error", "_is_over", "_turn")
 
     def __init__(self, attempt: Callable[[Operation], Any], turn: AbstractContextManager[object]) -> None:
-        """Begin with no change.
+        """Begin without changes.
 
         Args:
-            attempt: applies an operation to a draft that nobody else sees; who calls it has the turn.
-            turn: of the graph. The transaction ends in it as well, so nothing is written while it becomes visible.
+            attempt: applies an operation to a private change set; the caller holds the turn.
+            turn: the lock of the graph. The transaction ends while it holds the turn, so no other write comes in
+                between.
         """
         super().__init__(self._do)
         self._attempt = attempt
         self._turn = turn
         self._is_over = False
-        self._done: list[tuple[Operation, Any]] = []
+        self._applied: list[tuple[Operation, Any]] = []
         self._error: BaseException | None = None
 
     @property
     def operations(self) -> tuple[Operation, ...]:
-        """Return what has been done in it so far."""
-        return tuple(operation for operation, _ in self._done)
+        """Return the operations applied so far."""
+        return tuple(operation for operation, _ in self._applied)
 
-    def _do(self, verb: Verb, given: tuple[Any, ...]) -> Any:
-        operation = Operation(verb, given)
+    def _do(self, verb: Verb, arguments: tuple[Any, ...]) -> Any:
+        operation = Operation(verb, arguments)
         with self._turn:
             if self._is_over:
                 raise PermissionError("this transaction is over: begin another")
@@ -170,32 +174,34 @@ class Transaction(Writer):
             except BaseException as error:
                 self._error = error
                 raise
-            self._done.append((operation, result))
+            self._applied.append((operation, result))
         return result
 
     def end(self) -> None:
-        """Take no more changes."""
+        """Accept no more changes."""
         with self._turn:
             self._is_over = True
 
     def check(self) -> None:
-        """Raise what a change raised, though the program may have caught it: then nothing becomes visible."""
+        """Raise the error of a failed change, even if the program has caught it: then no change becomes visible."""
         if self._error is not None:
             raise self._error
 
-    def again(self, change_set: ChangeSet) -> None:
-        """Make all changes in another draft.
+    def reapply(self, change_set: ChangeSet) -> None:
+        """Apply all operations to another change set.
 
         Raises:
-            ConflictError: if that gives another result than the program was told.
+            ConflictError: if an operation returns another result than it returned to the program.
         """
-        for operation, result in self._done:
+        for operation, result in self._applied:
             if operation.apply(change_set) != result:
-                raise ConflictError("the task was handed over otherwise while the transaction was made")
+                raise ConflictError(
+                    "the task was requested again while this transaction was open: begin another transaction"
+                )
 
 
-def closed(name: str) -> NoReturn:
-    """Tell that a handle is closed.
+def raise_closed(name: str) -> NoReturn:
+    """Raise the error for a closed handle.
 
     Raises:
         PermissionError: always.
@@ -203,42 +209,42 @@ def closed(name: str) -> NoReturn:
     raise PermissionError(f"this handle of the agent {name!r} is closed")
 
 
-def _closed(name: str, _verb: Verb, _given: tuple[Any, ...]) -> NoReturn:
-    closed(name)
+def _raise_closed(name: str, _verb: Verb, _arguments: tuple[Any, ...]) -> NoReturn:
+    raise_closed(name)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AgentPort:
-    """By what the handle of an agent does its work.
+    """The functions of the graph that one agent's handle calls.
 
     Attributes:
-        commit: does something as this agent, which a handle that is closed asks no more.
+        commit: applies an operation as this agent. A closed handle does not call it any more.
         transact: begins a transaction of this agent.
-        wake: calls back when the agent is to wake, and keeps the handle until that ends.
-        act: returns the action of a rule, by its name.
-        close: is called when the handle is not used any more.
-        check_open: raises `PermissionError` from then on.
+        wake: subscribes a callback to the agent's wakes; the subscription keeps the handle alive.
+        execute_rule: returns the execution of a rule, by the rule's name.
+        close: closes the handle.
+        check_open: raises `PermissionError` after `close`.
     """
 
     commit: Apply
     transact: Callable[[], AbstractContextManager[Transaction]]
     wake: Callable[[AgentHandle, Callable[[Change], object]], Subscription]
-    act: Callable[[str], RuleExecution[Transaction]]
+    execute_rule: Callable[[str], RuleExecution[Transaction]]
     close: Callable[[], None]
     check_open: Callable[[], None]
 
 
 class AgentHandle(Writer):
-    """The handle of one agent: what it writes carries its name, and no other handle of this name is open."""
+    """The only open handle of one agent; its writes carry the agent's name."""
 
     __slots__ = ("__weakref__", "_name", "_port")
 
     def __init__(self, name: str, port: AgentPort) -> None:
-        """Write for an agent.
+        """Open the handle.
 
         Args:
-            name: of the agent.
-            port: by which it does so.
+            name: the name of the agent.
+            port: the functions of the graph for this agent.
         """
         super().__init__(port.commit)
         self._name = name
@@ -256,38 +262,44 @@ class AgentHandle(Writer):
         self.close()
 
     def close(self) -> None:
-        """Write no more with this handle, and be woken no more; the agent can be taken again."""
+        """Close the handle: it writes no more and its wakes end. `as_agent` can then return a new handle."""
         self._port.close()
-        self._apply = partial(_closed, self._name)
+        self._apply = partial(_raise_closed, self._name)
 
     def check_open(self) -> None:
-        """Do nothing while the handle is open.
+        """Check that the handle is open.
 
         Raises:
-            PermissionError: once it is closed.
+            PermissionError: if it is closed.
         """
         self._port.check_open()
 
     def transaction(self) -> AbstractContextManager[Transaction]:
-        """Begin changes that become visible together at the end of the `with` statement; none does if one fails."""
+        """Begin changes that become visible together at the end of the `with` statement.
+
+        If one of them fails, none becomes visible.
+        """
         return self._port.transact()
 
     def on_wake(self, callback: Callable[[Change], object]) -> Subscription:
-        """Call back when what wakes this agent comes to hold, and first if it holds now; else once, at once.
+        """Call back whenever a pattern in the agent's `wakes` begins to hold, first for those that hold now.
+
+        An agent without `wakes` is called once, immediately.
 
         The callback runs without any lock, one call at a time: in real time in a thread of its own, in simulated time
-        as an event at the instant of the change, which must not wait. What it raises is logged. While it runs the graph
-        may change; it is then called once more, with how things are.
+        as an event at the instant of the change, which must not wait. Its exceptions are logged. If the graph changes
+        while it runs, it is called once more with the graph of that moment.
 
-        Until it is unsubscribed, or the handle closed, the handle is held: nobody else gets the agent meanwhile.
+        The subscription keeps the handle alive until it is unsubscribed or the handle is closed. No other handle of
+        the agent can be opened meanwhile.
         """
         return self._port.wake(self, callback)
 
     def acting(self, rule: str) -> RuleExecution[Transaction]:
-        """Begin, by a `with` statement, an action of which a rule of this agent tells.
+        """Return the execution of one of this agent's rules, to be used in a `with` statement around the action.
 
         Raises:
             UnknownNameError: if the agent has no such rule.
-            RuleError: at the beginning of the statement, if what must hold before does not.
+            RuleError: at the beginning of the statement, if a `before` pattern does not hold.
         """
-        return self._port.act(rule)
+        return self._port.execute_rule(rule)

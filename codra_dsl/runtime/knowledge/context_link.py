@@ -1,4 +1,4 @@
-"""What a graph shares with the context manager that it belongs to: variables, steps, and the journal."""
+"""The link of a graph to its context manager: shared variables, steps, and the journal."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from codra_dsl.runtime.values.cell import Reading
 from codra_dsl.runtime.values.model import NotOfTypeError, VariableModel
 
 
-class Refused(NamedTuple):
-    """A write that was refused, as a journal tells it.
+class RefusedWrite(NamedTuple):
+    """A refused write, as a journal records it.
 
     Attributes:
-        subject: what it was about.
-        why: who may.
-        variable: the context-variable that it was about; empty if it was about none.
-        value: of the variable; None if it was none of its values.
+        subject: the subject of the write.
+        why: the message of the error.
+        variable: the context-variable, if the subject is one; otherwise empty.
+        value: the new value of the variable; None if it does not have the variable's type.
     """
 
     subject: str
@@ -33,16 +33,17 @@ class Refused(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ContextLink:
-    """What a graph shares with a context manager.
+    """The interface of a context manager that its graph uses.
 
-    A context-variable is an attribute of a node: both sides have the same readings. Whoever writes either holds the
-    one lock of the steps, so there is no order of locks to keep.
+    Each context-variable is an attribute of a node, and both sides hold the same reading objects. The graph's map is
+    changed first, then the cell, in one step. Every writer of either side holds the single lock of the steps, so no
+    order of two locks must be kept.
 
     Attributes:
-        variables: of the context.
-        steps: make each write a step, and let deadlines be events.
-        event_writer: tells the journal.
-        write: takes readings of variables, and gives them back to the graph's `mirror`.
+        variables: the variables of the context.
+        steps: makes each write a step, and each deadline an event.
+        event_writer: writes the journal.
+        write: writes a reading of a variable to the context, which passes it to the graph's `mirror`.
     """
 
     variables: Sequence[VariableModel]
@@ -51,19 +52,22 @@ class ContextLink:
     write: Callable[[Reading[Value]], None]
 
     def write_input(self, agent: str, operations: Sequence[Operation]) -> None:
-        """Tell the journal what an agent does, before anybody can see it."""
+        """Record an agent's operations in the journal, before their effects become visible."""
         if operations and self.event_writer.takes_inputs:
             self.event_writer.write_input(agent, "graph", operations=operations_text(operations))
 
     def commit(self, change_set: ChangeSet, version: int) -> None:
-        """Let the context have what was written of its variables, and tell what else was done."""
-        for reading in change_set.shared:
+        """Write the readings of context-variables to the context, and record all other changes in the journal."""
+        for reading in change_set.context_readings:
             self.write(reading)
-        for name, what, details in change_set.notes or ():
+        for name, what, details in change_set.records or ():
             self.event_writer.write(Kind.KNOWLEDGE, name, what, version=version, **details)
 
-    def refuse(self, agent: str, refused: Refused) -> None:
-        """Tell that a write was refused; of a context-variable, among what became of that as well."""
+    def refuse(self, agent: str, refused: RefusedWrite) -> None:
+        """Record a refused write; for a context-variable, also among the events of that variable.
+
+        The refusal is an input: a replay takes it from the journal and does not derive it again.
+        """
         subject, why, variable, value = refused
         if self.event_writer.takes_inputs:
             about = {"variable": variable, "value": value} if variable else {}
@@ -73,27 +77,29 @@ class ContextLink:
             self.event_writer.write(Kind.VARIABLE, variable, "refused", value=value, source=agent)
 
     def write_rule(self, agent: str, rule: str, became: str, message: str) -> None:
-        """Tell what became of a rule of an agent."""
+        """Record the new state of an agent's rule."""
         about = {"rule": rule, "message": message or None}
         self.event_writer.write_input(agent, "rule", became=became, **about)
         self.event_writer.write(Kind.KNOWLEDGE, f"{agent}.{rule}", became, agent=agent, **about)
 
-    def refused(self, operation: Operation, why: str, nodes: Mapping[str, str]) -> Refused:
-        """Return what is told of an operation that was refused.
+    def refused(self, operation: Operation, why: str, nodes: Mapping[str, str]) -> RefusedWrite:
+        """Return the record of a refused operation.
 
         Args:
-            operation: what was refused.
-            why: what the error says.
-            nodes: by context-variable.
+            operation: the refused operation.
+            why: the message of the error.
+            nodes: the nodes of the context-variables, by variable.
         """
         if operation.verb is not Verb.SET:
-            return Refused(operation.subject, why)
-        node, name, given, _ = operation.given
-        variable = next((each for each in self.variables if each.name == name and nodes[name] == node), None)
+            return RefusedWrite(operation.subject, why)
+        node, name, value, _ = operation.arguments
+        variable = next(
+            (candidate for candidate in self.variables if candidate.name == name and nodes[name] == node), None
+        )
         if variable is None:
-            return Refused(operation.subject, why)
+            return RefusedWrite(operation.subject, why)
         try:
-            content = None if given is None else variable.type.convert(given)
+            content = None if value is None else variable.type.convert(value)
         except NotOfTypeError:
             content = None
-        return Refused(operation.subject, why, name, content)
+        return RefusedWrite(operation.subject, why, name, content)

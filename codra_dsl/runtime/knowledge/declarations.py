@@ -1,8 +1,8 @@
-"""What generated code declares of knowledge and agents, as frozen values (P2, sections 3.1 to 3.3).
+"""The declarations of knowledge and agents in generated code, as frozen values (P2, sections 3.1 to 3.3).
 
-The graph's own words are here: what nodes and edges there can be, who may write what, what is there from the start,
-which tasks are handed over on edges, and which agents there are with their rules. Terms in rules read attributes as
-`node.attribute`, and poses through `distance` and `in_view`.
+They describe a graph: the types of its nodes and edges, the permitted writers, the initial nodes and edges, the tasks
+that are handed over on edges, and the agents with their rules. Terms in rules read attributes as `node.attribute`, and
+poses through `distance` and `in_view`.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ RT = "RT"
 """The label of edges that hold rigid motions."""
 
 TASK = "task"
-"""The type of nodes that tasks bring along."""
+"""The type of the nodes of tasks."""
 
 
 CONTEXT = "context"
-"""The node whose attributes context-variables are that say no other."""
+"""The node of all context-variables that no other node declares as an attribute."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,8 +32,8 @@ class Writer:
     """An agent that may write something.
 
     Attributes:
-        agent: its name.
-        priority: what a writer with a larger one has written stands, while it is valid, against one with a smaller one.
+        agent: the name of the agent.
+        priority: while a value is valid, no writer with a lower priority can replace it.
     """
 
     agent: str
@@ -41,12 +41,12 @@ class Writer:
 
 
 def by(*agents: str) -> tuple[Writer, ...]:
-    """Return writers of equal priority: of what they write the newest evidence wins."""
+    """Return writers of equal priority: among their values the one with the newest evidence wins."""
     return tuple(Writer(agent=agent) for agent in agents)
 
 
 def ranked(*agents: str) -> tuple[Writer, ...]:
-    """Return writers of which each goes before those that follow it."""
+    """Return writers in descending priority."""
     return tuple(Writer(agent=agent, priority=len(agents) - rank) for rank, agent in enumerate(agents, 1))
 
 
@@ -55,10 +55,10 @@ class AttributeModel:
     """A property of a node or an edge, such as the level of a battery.
 
     Attributes:
-        type: with unit, range or members.
-        sources: who may write it; nobody if empty: then only what is there from the start has it.
-        valid_for_s: how long evidence stands; then the attribute is unknown.
-        history: how many readings are kept.
+        type: the type of its values, with unit, range or members.
+        sources: the agents that may write it. If empty, only initial nodes and edges can have a value.
+        valid_for_s: how long a value is valid after its evidence; then the attribute is unknown.
+        history: the number of readings that are kept.
     """
 
     name: str
@@ -71,13 +71,13 @@ class AttributeModel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ViewModel:
-    """What a camera sees: a pyramid about its optical axis z, x to the right and y down.
+    """The field of view of a camera: a pyramid about its optical axis z, with x to the right and y down.
 
     Attributes:
-        horizontal_rad: the whole angle of view from left to right, below pi.
-        vertical_rad: the whole angle of view from top to bottom, below pi.
-        nearest_m: along the optical axis.
-        farthest_m: along the optical axis.
+        horizontal_rad: the angle of view from left to right, below pi.
+        vertical_rad: the angle of view from top to bottom, below pi.
+        nearest_m: the minimum distance along the optical axis.
+        farthest_m: the maximum distance along the optical axis.
     """
 
     horizontal_rad: float
@@ -91,9 +91,9 @@ class NodeTypeModel:
     """A type of nodes.
 
     Attributes:
-        sources: who may insert and delete nodes of the type; nobody if empty.
-        attributes: of each node of the type.
-        view: of a camera: what `in_view` asks.
+        sources: the agents that may insert and delete nodes of the type; empty if there are only initial nodes.
+        attributes: the attributes of every node of the type.
+        view: the field of view for `in_view`, if the nodes are cameras.
     """
 
     name: str
@@ -105,16 +105,17 @@ class NodeTypeModel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EdgeTypeModel:
-    """A type of edges. Between two nodes there is at most one edge of each label.
+    """A type of edges. Two nodes have at most one edge per label and direction.
 
     Attributes:
-        name: of the type.
-        label: that edges of the type carry; `RT` for rigid motions, by default the name of the type.
+        name: the name of the type.
+        label: the label of the edges; `RT` for rigid motions, by default the name of the type.
         origins: types of nodes, or single nodes, from which an edge may go.
         targets: types of nodes, or single nodes, to which an edge may go.
-        sources: who may insert, change and delete edges of the type.
-        attributes: of each edge of the type.
-        motion: how the target moves in the origin; None for a symbol.
+        sources: the agents that may insert, change and delete edges of the type.
+        attributes: the attributes of every edge of the type.
+        motion: how the target moves in the origin; None for edges without a pose. Motion belongs to the edge and not to
+            the node, so an object can be static while it is carried and not static after it is put down.
     """
 
     name: str
@@ -128,12 +129,12 @@ class EdgeTypeModel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NodeModel:
-    """A node that is there from the start.
+    """An initial node.
 
     Attributes:
         type: the name of its type.
-        attributes: that this node alone has, beside those of its type.
-        values: of attributes, known from the start.
+        attributes: attributes of this node only, beside those of its type.
+        values: initial values of attributes.
     """
 
     name: str
@@ -145,14 +146,14 @@ class NodeModel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EdgeModel:
-    """An edge that is there from the start.
+    """An initial edge.
 
     Attributes:
         origin: the name of a node.
         type: the name of the type of the edge.
         target: the name of a node.
-        values: of attributes, known from the start.
-        pose: of the target in the origin, if the edge holds a rigid motion.
+        values: initial values of attributes.
+        pose: the pose of the target in the origin, if the edge holds a rigid motion.
     """
 
     origin: str
@@ -166,18 +167,20 @@ class EdgeModel:
 class TaskModel:
     """A node and the edge on which a task is handed over (P2, section 3.2).
 
-    A requester draws `wants` (P2's `starts`), the executor acknowledges by turning it into `is`, and ends it with a
-    result as `finished`; the requester may turn `wants` and `is` into `aborted`, and so do deadlines.
+    A requester inserts the edge `wants` (P2's `starts`). The executor acknowledges by turning it into `is`, and ends
+    the task by turning it into `finished` with a result. The requester, or a deadline, may turn `wants` and `is` into
+    `aborted`.
 
     Attributes:
-        name: of the task, and of its node, whose type is `task`.
-        origin: the node that does it, from which the edge goes.
-        by: the agent that executes it.
-        requesters: agents that may ask for it, of which the newest request must wait until the task has ended.
-        acknowledge_s: how long a request may go unacknowledged.
-        finish_s: how long an acknowledged task may take.
-        results: with which it can finish.
-        attributes: of its node, such as the goal of a drive; its requesters write them unless they name their sources.
+        name: the name of the task, and of its node, whose type is `task`.
+        origin: the node that does the task, from which the edge goes.
+        by: the agent that executes the task.
+        requesters: the agents that may request the task. A new request must wait until the task has ended.
+        results: the possible results of a finished task.
+        acknowledge_s: the maximum time until a request is acknowledged.
+        finish_s: the maximum time that an acknowledged task may take.
+        attributes: the attributes of its node, such as the goal of a drive. The requesters write them, unless an
+            attribute declares its own sources.
     """
 
     name: str
@@ -200,12 +203,12 @@ class Direction(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Place:
-    """A node on a path: a certain one, some one of a type, or any.
+    """A node on a path: a named node, some node of a type, or any node.
 
     Attributes:
-        name: of the certain node; any if empty.
-        type: which it must have; any if empty.
-        called: what a match calls it; places with one such name are one node. Without, a place has no name of its own.
+        name: the name of the node; any node if empty.
+        type: the required type; any type if empty.
+        called: the name of this place in a match; places of the same name match the same node. Empty if it needs none.
     """
 
     name: str = ""
@@ -219,7 +222,7 @@ class Link:
 
     Attributes:
         edge: the name of its type, or its label.
-        direction: in which the path follows it.
+        direction: the direction in which the path follows the edge.
     """
 
     edge: str
@@ -231,7 +234,8 @@ class Path:
     """Nodes with an edge between each and the next, such as `robot -wants-> detecting`.
 
     Attributes:
-        places: one more than there are links.
+        places: the nodes, one more than links.
+        links: the edges.
     """
 
     places: tuple[Place, ...]
@@ -248,7 +252,7 @@ class Path:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Absence:
-    """That there is nothing that matches a path."""
+    """The condition that no part of the graph matches a path."""
 
     path: Path
 
@@ -257,7 +261,7 @@ class Absence:
 
 
 Pattern = Path | Absence | Term
-"""What can be asked of the graph: a path, that there is none, or a condition over attributes and poses."""
+"""A pattern of the graph: a path, its absence, or a condition over attributes and poses."""
 
 
 def some(type: str, *, called: str = "") -> Place:
@@ -271,34 +275,34 @@ def anything(*, called: str = "") -> Place:
 
 
 def backward(edge: str) -> Link:
-    """Return an edge that a path follows against its direction."""
+    """Return a link that follows an edge against its direction."""
     return Link(edge=edge, direction=Direction.BACKWARD)
 
 
 def path(first: str | Place, *rest: str | Place | Link) -> Path:
-    """Return a path: a node, an edge, a node, and so on; names of nodes and edges stand for them.
+    """Return a path of nodes and edges in turn; a text is the name of a node or edge.
 
     Raises:
-        ValueError: if it does not end with a node, or an edge stands where a node does, or the other way round.
+        ValueError: if it does not end with a node, or if nodes and edges do not alternate.
     """
     if len(rest) % 2:
-        raise ValueError("a path ends with a node")
+        raise ValueError("a path must end with a node")
     links = tuple(_link(edge) for edge in rest[::2])
     return Path(places=(_place(first), *(_place(place) for place in rest[1::2])), links=links)
 
 
 def absent(first: str | Place, *rest: str | Place | Link) -> Absence:
-    """Return that there is no such path."""
+    """Return the absence of a path."""
     return Absence(path=path(first, *rest))
 
 
 def distance(a: str, b: str) -> Term:
-    """Return how far apart the origins of two nodes are, in metres; unknown if one stands nowhere, or did too long."""
+    """Return the distance between the origins of two nodes, in metres; unknown without a pose, or if one is stale."""
     return value(f"distance({a}, {b})")
 
 
 def in_view(node: str, camera: str) -> Term:
-    """Return whether a camera sees the origin of a node; unknown if one stands nowhere, or did too long."""
+    """Return whether a camera sees the origin of a node; unknown without a pose, or if one is stale."""
     return value(f"in_view({node}, {camera})")
 
 
@@ -313,7 +317,7 @@ class RuleModel:
 
 
 class Phase(StrEnum):
-    """What an agent is in a loop (P2, Figure 4)."""
+    """The role of an agent in a loop (P2, Figure 4)."""
 
     MONITOR = "monitor"
     ANALYSE = "analyse"
@@ -323,13 +327,13 @@ class Phase(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AgentModel:
-    """A declared writer of knowledge.
+    """A declared agent.
 
     Attributes:
-        phase: what it is in a loop; None if in none.
-        wakes: what wakes it, each for itself; if empty it is always active.
-        owns: what it may write, as `type`, `type.attribute`, `node.attribute`, or the name of a type of edges.
-        reads: what its rules and wakes read, named in the same way.
+        phase: its role in a loop, if any.
+        wakes: the patterns that wake it, independently of each other. If empty, the agent is always active.
+        owns: the subjects that it writes: `type`, `type.attribute`, `node.attribute`, or the name of a type of edges.
+        reads: the subjects that its rules and wakes read, in the same notation.
     """
 
     name: str
@@ -343,7 +347,7 @@ class AgentModel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KnowledgeModel:
-    """All that a spec says of its graph."""
+    """All declarations of a spec about its graph."""
 
     name: str
     node_types: tuple[NodeTypeModel, ...] = ()
@@ -356,13 +360,13 @@ class KnowledgeModel:
 
 def _place(place: str | Place | Link) -> Place:
     if isinstance(place, Link):
-        raise ValueError(f"the edge {place.edge!r} stands where a path has a node")
+        raise ValueError(f"expected a node in a path, not the edge {place.edge!r}")
     return Place(name=place) if isinstance(place, str) else place
 
 
 def _link(edge: str | Place | Link) -> Link:
     if isinstance(edge, Place):
-        raise ValueError(f"{_place_text(edge)!r} stands where a path has an edge")
+        raise ValueError(f"expected an edge in a path, not the node {_place_text(edge)!r}")
     return Link(edge=edge) if isinstance(edge, str) else edge
 
 

@@ -1,6 +1,6 @@
-"""What a graph is made of: nodes and edges, whose attributes are readings with a past.
+"""The nodes and edges of a graph, with histories of readings for their attributes.
 
-Histories become longer. To whoever sees one version of the graph, none of it ever changes.
+Histories grow, but every version of the graph keeps its own readings and never changes.
 """
 
 from __future__ import annotations
@@ -19,19 +19,19 @@ from codra_dsl.runtime.values.cell import Reading, Reason, known_reading
 from codra_dsl.runtime.values.model import NotOfTypeError
 
 _MOST_DROPPED = 64
-"""Readings in front of the past that a history holds at least until there is another without them."""
+"""The minimum number of outdated readings that a history holds before a new history without them replaces it."""
 
 _ALWAYS = -1
-"""Comes before the version of every graph."""
+"""A version before that of every graph."""
 
 
 @dataclass(frozen=True, slots=True)
 class Attribute:
-    """An attribute as it is declared, and who may write it.
+    """The declaration of an attribute, with its permissions.
 
     Attributes:
-        convert: as `ValueType.convert`.
-        variable: the context-variable that it is; empty if it is none.
+        convert: converts a value, as `ValueType.convert` does.
+        variable: the name of the context-variable that the attribute is; empty for other attributes.
     """
 
     model: AttributeModel
@@ -41,43 +41,47 @@ class Attribute:
 
 
 class History:
-    """An attribute's readings, by the instant of their evidence, and with which version of the graph each came.
+    """An attribute's readings, ordered by the instant of their evidence, each with its first version of the graph.
 
-    Versions share it: newer evidence is appended, and who looks for an earlier version passes that over. Evidence that
-    is older, or too many readings, make another history, for the versions from then on. Whoever appends holds the turn
-    of the graph; looking needs no lock.
+    Versions of the graph share a history. Newer evidence is appended, and readers of an earlier version skip it, so
+    writing an attribute copies no node. Older evidence, or too many readings, create a new history for the versions
+    from then on. Appending requires the turn of the graph; reading needs no lock.
 
     Attributes:
         declared: the attribute.
-        subject: how errors call it.
-        name: of the readings.
+        subject: the name of the attribute in error messages.
+        name: the name of the readings.
     """
 
-    __slots__ = ("_room", "_told", "declared", "name", "subject")
+    __slots__ = ("_capacity", "_versioned", "declared", "name", "subject")
 
     def __init__(self, declared: Attribute, subject: str) -> None:
-        """Know nothing yet; nobody but a draft has such a history."""
-        self._told: list[tuple[int, Reading[Value]]] = []
+        """Create an empty history; only change sets hold empty histories."""
+        self._versioned: list[tuple[int, Reading[Value]]] = []
         self.declared = declared
         self.subject = subject
         self.name = declared.variable or subject
-        self._room = 2 * declared.model.history + _MOST_DROPPED
+        self._capacity = 2 * declared.model.history + _MOST_DROPPED
 
     def present(self, version: int) -> Reading[Value]:
         """Return the present reading of a version."""
-        told = self._told
-        came, reading = told[-1]
-        return reading if came <= version else told[bisect_right(told, version, key=_came) - 1][1]
+        versioned = self._versioned
+        first_version, reading = versioned[-1]
+        return (
+            reading
+            if first_version <= version
+            else versioned[bisect_right(versioned, version, key=_first_version) - 1][1]
+        )
 
     def all(self, version: int) -> tuple[Reading[Value], ...]:
         """Return the readings of a version, the oldest first."""
-        end = bisect_right(self._told, version, key=_came)
-        return tuple(reading for _, reading in self._told[max(0, end - self.declared.model.history) : end])
+        end = bisect_right(self._versioned, version, key=_first_version)
+        return tuple(reading for _, reading in self._versioned[max(0, end - self.declared.model.history) : end])
 
-    def written(
+    def new_reading(
         self, agent: str, now_s: float, value: object, evidence_s: float | None, version: int
     ) -> Reading[Value]:
-        """Return what an agent writes, if it may after what a version has; None and NaN are unknown."""
+        """Return the reading of an agent's value, after a rank check against a version; None and NaN are unknown."""
         declared = self.declared
         try:
             content = None if value is None else declared.convert(value)
@@ -89,7 +93,7 @@ class History:
             raise ValueError(f"evidence for {self.subject} was taken at {now_s} at the latest, not at {evidence_s}")
         else:
             evidence_s = float(evidence_s)
-        if declared.permissions.is_ranked and self._told:
+        if declared.permissions.is_ranked and self._versioned:
             before = self.present(version)
             if before.source != agent and before.at(now_s).known:
                 declared.permissions.check_rank(agent, before.source, self.subject)
@@ -106,34 +110,34 @@ class History:
         return known_reading(self.name, content, evidence_s, evidence_s, now_s, expires_s, agent)
 
     def with_reading(self, reading: Reading[Value], version: int) -> History:
-        """Return the history that has one more reading from a version on: this one, if it can be appended here."""
-        told = self._told
-        if not told or (reading.evidence_s >= told[-1][1].evidence_s and len(told) < self._room):
-            told.append((version, reading))
+        """Return the history with one more reading from a version on: this one, if the reading can be appended."""
+        versioned = self._versioned
+        if not versioned or (reading.evidence_s >= versioned[-1][1].evidence_s and len(versioned) < self._capacity):
+            versioned.append((version, reading))
             return self
         most = max(1, self.declared.model.history)
         longer = History(self.declared, self.subject)
-        longer._told = [(_ALWAYS, each) for _, each in told[-most:]]
-        insort_right(longer._told, (_ALWAYS, reading), key=_evidence_s)
-        del longer._told[:-most]
+        longer._versioned = [(_ALWAYS, reading_before) for _, reading_before in versioned[-most:]]
+        insort_right(longer._versioned, (_ALWAYS, reading), key=_evidence_s)
+        del longer._versioned[:-most]
         return longer
 
-    def cut(self, reading: Reading[Value]) -> None:
-        """Forget a reading, which came with a version that will never be the present one."""
-        self._told = [each for each in self._told if each[1] is not reading]
+    def remove(self, reading: Reading[Value]) -> None:
+        """Remove a reading of a version that will never be the present one."""
+        self._versioned = [entry for entry in self._versioned if entry[1] is not reading]
 
 
 class Node(NamedTuple):
-    """A node, as it was at one time.
+    """A node in one version of the graph.
 
     Attributes:
-        name: of the node.
+        name: the name of the node.
         type: the name of its type.
-        number: nodes and edges are numbered in the order in which they came.
-        histories: of its attributes that were ever known, by name.
-        writer: the agent that inserted it; empty if it was there from the start.
+        number: its number; nodes and edges are numbered in the order of their insertion.
+        histories: the histories of its attributes that were ever written, by name.
+        writer: the agent that inserted it; empty for an initial node.
         since_s: when it was inserted.
-        version: of the graph in which it is seen.
+        version: the version of the graph.
     """
 
     name: str
@@ -155,18 +159,18 @@ class Node(NamedTuple):
 
 
 class Edge(NamedTuple):
-    """An edge, as it was at one time.
+    """An edge in one version of the graph.
 
     Attributes:
         origin: the name of a node.
-        label: between two nodes there is at most one edge of each.
+        label: its label; two nodes have at most one edge per label and direction.
         target: the name of a node.
         type: the name of its type.
-        number: nodes and edges are numbered in the order in which they came.
-        histories: of its attributes that were ever known, by name.
-        writer: the agent that wrote it last; empty if it was there from the start.
+        number: its number; nodes and edges are numbered in the order of their insertion.
+        histories: the histories of its attributes that were ever written, by name.
+        writer: the agent that wrote it last; empty for an initial edge.
         since_s: when it was inserted.
-        version: of the graph in which it is seen.
+        version: the version of the graph.
     """
 
     origin: str
@@ -181,7 +185,7 @@ class Edge(NamedTuple):
 
     @property
     def key(self) -> EdgeKey:
-        """Return what tells it from all other edges."""
+        """Return the key that identifies the edge."""
         return (self.origin, self.label, self.target)
 
     def with_history(self, history: History) -> Self:
@@ -206,31 +210,33 @@ ElementT = TypeVar("ElementT", Node, Edge)
 NO_HISTORIES: Mapping[str, History] = MappingProxyType({})
 
 
-def seen(element: ElementT, version: int) -> ElementT:
-    """Return a node or edge as it is seen in a version of the graph that has it."""
-    return made(type(element), (*element[:-1], version)) if element.histories else element
+def at_version(element: ElementT, version: int) -> ElementT:
+    """Return a node or edge for a version of the graph that contains it."""
+    return new_tuple(type(element), (*element[:-1], version)) if element.histories else element
 
 
-def present(element: Node | Edge, name: str, attribute: str) -> Reading[Value]:
-    """Return the present reading of an attribute of a node or edge that is called so."""
+def present_reading(element: Node | Edge, name: str, attribute: str) -> Reading[Value]:
+    """Return the present reading of an attribute of a node or edge with a given name."""
     history = element.histories.get(attribute)
-    return never(name, attribute) if history is None else history.present(element.version)
+    return never_observed(name, attribute) if history is None else history.present(element.version)
 
 
-def never(name: str, attribute: str) -> Reading[Value]:
+def never_observed(name: str, attribute: str) -> Reading[Value]:
     """Return the reading of an attribute that was never written."""
     return Reading(name=f"{name}.{attribute}", reason=Reason.NEVER_OBSERVED)
 
 
 def _readings(histories: Mapping[str, History], version: int) -> Mapping[str, Reading[Any]]:
-    return MappingProxyType({name: cast("Reading[Any]", each.present(version)) for name, each in histories.items()})
+    return MappingProxyType(
+        {name: cast("Reading[Any]", history.present(version)) for name, history in histories.items()}
+    )
 
 
-made = tuple.__new__
-"""Makes a named tuple of all its fields, in half the time that calling its class takes."""
+new_tuple = tuple.__new__
+"""Creates a named tuple from all its fields, in half the time of a call of its class."""
 
-_came = itemgetter(0)
+_first_version = itemgetter(0)
 
 
-def _evidence_s(told: tuple[int, Reading[Value]]) -> float:
-    return told[1].evidence_s
+def _evidence_s(entry: tuple[int, Reading[Value]]) -> float:
+    return entry[1].evidence_s

@@ -1,4 +1,4 @@
-"""Where nodes and edges are found: by the type of a node, and by the ends of an edge."""
+"""Index of nodes by type, and of edges by their ends."""
 
 from __future__ import annotations
 
@@ -8,39 +8,40 @@ from collections.abc import Iterable
 from codra_dsl.runtime.knowledge.elements import Edge, EdgeKey, Node
 from codra_dsl.runtime.values.persistent import PersistentMap
 
-_LEAST = 1_000
-"""What is added at least until it is looked whether much of it is gone."""
+_MIN_ADDED = 1_000
+"""The minimum number of additions before the index is checked for deleted entries."""
 
 
 class GraphIndex:
-    """Names and keys of all that may be in a state. What is in the state is in here; not all that is here is there.
+    """Names and keys of all nodes and edges of a state, and possibly of others.
 
-    States share one: what a later one has is passed over by whoever looks for an earlier one's, and so is what was
-    deleted or never came to be. So to insert is to add here, and to delete is nothing. Once most of it is gone the next
-    state has a directory of its own. Whoever adds holds the turn of the graph; looking needs no lock.
+    States share one index. A reader skips the entries that its state does not contain: entries of later states, and of
+    nodes and edges that were deleted or never committed. An insertion therefore adds an entry, and a deletion does
+    nothing. Once most entries are obsolete, the next state gets an index of its own. Adding requires the turn of the
+    graph; reading needs no lock.
 
     Attributes:
-        added: how often something was added.
-        most: how often that may be until it is time to look what is gone.
+        added: the number of additions.
+        compact_at: the number of additions at which the index is next checked for obsolete entries.
     """
 
-    __slots__ = ("_into", "_of_type", "_out", "added", "most")
+    __slots__ = ("_into", "_of_type", "_out", "added", "compact_at")
 
     def __init__(self) -> None:
-        """Know of nothing."""
+        """Create an empty index."""
         self._of_type: defaultdict[str, dict[str, None]] = defaultdict(dict)
         self._out: defaultdict[str, dict[EdgeKey, None]] = defaultdict(dict)
         self._into: defaultdict[str, dict[EdgeKey, None]] = defaultdict(dict)
         self.added = 0
-        self.most = _LEAST
+        self.compact_at = _MIN_ADDED
 
     def add_node(self, name: str, type_name: str) -> None:
-        """Let a node be found."""
+        """Add a node."""
         self._of_type[type_name][name] = None
         self.added += 1
 
     def add_edge(self, key: EdgeKey) -> None:
-        """Let an edge be found."""
+        """Add an edge."""
         self._out[key[0]][key] = None
         self._into[key[2]][key] = None
         self.added += 1
@@ -57,15 +58,15 @@ class GraphIndex:
         """Return the keys of edges that may go to a node."""
         return tuple(self._into.get(name, ()))
 
-    def renewed(self, nodes: PersistentMap[str, Node], edges: PersistentMap[EdgeKey, Edge]) -> GraphIndex:
-        """Return a directory for a state of these: the same, unless most of it is gone."""
+    def compacted(self, nodes: PersistentMap[str, Node], edges: PersistentMap[EdgeKey, Edge]) -> GraphIndex:
+        """Return an index for a state of these nodes and edges: this one, unless most of its entries are obsolete."""
         if self.added <= 2 * (len(nodes) + len(edges)):
-            self.most = 2 * self.added
+            self.compact_at = 2 * self.added
             return self
-        made = GraphIndex()
+        index = GraphIndex()
         for node in nodes.values():
-            made.add_node(node.name, node.type)
+            index.add_node(node.name, node.type)
         for edge in edges.values():
-            made.add_edge(edge.key)
-        made.most = 2 * made.added + _LEAST
-        return made
+            index.add_edge(edge.key)
+        index.compact_at = 2 * index.added + _MIN_ADDED
+        return index

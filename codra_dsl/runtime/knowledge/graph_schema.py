@@ -1,4 +1,4 @@
-"""The words of one graph, looked up from its declarations: types, attributes, tasks, and who may write them."""
+"""The schema of one graph: types, attributes, tasks and permissions of its declarations, by name."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from codra_dsl.runtime.values.model import VariableModel, integer, member, text
 
 
 class Stage(StrEnum):
-    """How far a task is: the label of the edge that leads to it (P2, section 3.2)."""
+    """The stage of a task: the label of the edge that leads to it (P2, section 3.2)."""
 
     WANTS = "wants"
     IS = "is"
@@ -37,7 +37,7 @@ class Stage(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class NodeType:
-    """A type of nodes as it is declared, and who may insert and delete them."""
+    """The declaration of a type of nodes, with the permissions to insert and delete them."""
 
     model: NodeTypeModel
     permissions: Permissions
@@ -46,7 +46,7 @@ class NodeType:
 
 @dataclass(frozen=True, slots=True)
 class EdgeType:
-    """A type of edges as it is declared, and who may insert and delete them."""
+    """The declaration of a type of edges, with the permissions to insert and delete them."""
 
     model: EdgeTypeModel
     label: str
@@ -56,35 +56,35 @@ class EdgeType:
     targets: frozenset[str]
 
     def fits(self, origin: Node, target: Node) -> bool:
-        """Return whether there may be such an edge from one node to another."""
+        """Return whether an edge of this type may go from one node to another."""
         return (origin.type in self.origins or origin.name in self.origins) and (
             target.type in self.targets or target.name in self.targets
         )
 
 
 class GraphSchema:
-    """What the declarations say, by name.
+    """The declarations of a graph, by name.
 
     Attributes:
-        model: what is declared, with the node of the context-variables that say no other.
-        tasks: by name.
-        agents: the names of all that are declared or that may write something; the main execution is one where it may.
-        variables: by name, the node of which a context-variable is an attribute.
+        model: the declarations, with the node `context` if a context-variable needs it.
+        tasks: the tasks, by name.
+        agents: the names of all agents that are declared or may write something, such as the main execution.
+        variables: the nodes whose attributes context-variables are, by the variable's name.
         nodes_of_context: these nodes.
     """
 
     def __init__(self, model: KnowledgeModel, variables: Sequence[VariableModel] = ()) -> None:
-        """Look up all that a spec says of its graph.
+        """Build the schema of a spec's graph.
 
         Args:
-            model: what is declared of it.
-            variables: those of the context. Each is an attribute of the node that declares one of the same name as its
-                own, or else of the node `context`.
+            model: the declarations.
+            variables: the context-variables. Each is an attribute of the node that declares an attribute of the same
+                name, or else of the node `context`.
 
         Raises:
-            ValueError: if a name is declared twice, or is one that tasks bring along.
+            ValueError: if a name is declared twice, or is reserved for tasks.
         """
-        variables = [each for each in variables if each.posed is None]  # the others follow from the graph
+        variables = [variable for variable in variables if variable.posed is None]  # the others are computed from poses
         self.variables: Mapping[str, str] = nodes_of_variables(model, variables)
         self.nodes_of_context = frozenset(self.variables.values())
         self.model = model = _with_context_node(model, self.variables)
@@ -94,10 +94,10 @@ class GraphSchema:
             node_types.append(NodeTypeModel(name=TASK))
             origins = tuple({task.origin: None for task in model.tasks})
             edge_types += [EdgeTypeModel(name=stage, origins=origins, targets=(TASK,)) for stage in Stage]
-        _check_unique("type of nodes", [each.name for each in node_types])
-        _check_unique("type of edges", [each.name for each in edge_types])
-        self._node_types = {each.name: _node_type(each) for each in node_types}
-        self._edge_types = {each.name: _edge_type(each) for each in edge_types}
+        _check_unique("type of nodes", [node_type.name for node_type in node_types])
+        _check_unique("type of edges", [edge_type.name for edge_type in edge_types])
+        self._node_types = {node_type.name: _node_type(node_type) for node_type in node_types}
+        self._edge_types = {edge_type.name: _edge_type(edge_type) for edge_type in edge_types}
         shared = _shared(self.variables, variables)
         of_tasks = {task.name: (TASK, {**_attributes_of(task), **shared.get(task.name, {})}) for task in model.tasks}
         self._of_nodes: Mapping[str, tuple[str, Mapping[str, Attribute]]] = {
@@ -108,35 +108,35 @@ class GraphSchema:
         self.agents = frozenset((*_agents(model), *writers)) - {OBSERVER}
 
     def node_type(self, name: str) -> NodeType:
-        """Return a type of nodes; raise `UnknownNameError` if there is none."""
+        """Return a type of nodes; raise `UnknownNameError` if it is not declared."""
         try:
             return self._node_types[name]
         except KeyError:
             raise unknown("type of nodes", name, self._node_types) from None
 
     def edge_type(self, name: str) -> EdgeType:
-        """Return a type of edges; raise `UnknownNameError` if there is none."""
+        """Return a type of edges; raise `UnknownNameError` if it is not declared."""
         try:
             return self._edge_types[name]
         except KeyError:
             raise unknown("type of edges", name, self._edge_types) from None
 
     def types_of_edges(self, name: str) -> frozenset[str]:
-        """Return the types of edges that a path names, by their own name or by their label.
+        """Return the types of edges with a given name or label, as a path uses it.
 
         Raises:
-            UnknownNameError: if there is none.
+            UnknownNameError: if no type of edges has this name or label.
         """
         if name in self._edge_types:
             return frozenset((name,))
-        found = frozenset(each.model.name for each in self._edge_types.values() if each.label == name)
-        if not found:
+        names = frozenset(declared.model.name for declared in self._edge_types.values() if declared.label == name)
+        if not names:
             raise unknown("type of edges", name, self._edge_types)
-        return found
+        return names
 
     def labelled(self, label: str) -> tuple[EdgeType, ...]:
-        """Return the types of the edges that carry a label."""
-        return tuple(each for each in self._edge_types.values() if each.label == label)
+        """Return the types of edges with a label."""
+        return tuple(edge_type for edge_type in self._edge_types.values() if edge_type.label == label)
 
     def of_node(self, node: Node) -> Mapping[str, Attribute]:
         """Return the attributes that a node may have."""
@@ -144,58 +144,58 @@ class GraphSchema:
         return own[1] if own is not None and own[0] == node.type else self._node_types[node.type].attributes
 
     def attribute(self, node: Node, name: str) -> Attribute:
-        """Return an attribute of a node; raise `UnknownNameError` if it cannot have it."""
+        """Return an attribute of a node; raise `UnknownNameError` if it is not declared for the node."""
         own = self._of_nodes.get(node.name)
         declared = own[1] if own is not None and own[0] == node.type else self._node_types[node.type].attributes
-        found = declared.get(name)
-        if found is None:
+        attribute = declared.get(name)
+        if attribute is None:
             raise unknown(f"attribute of {node.type!r}", name, declared)
-        return found
+        return attribute
 
     def attribute_of_edge(self, edge: Edge, name: str) -> Attribute:
-        """Return an attribute of an edge; raise `UnknownNameError` if it cannot have it."""
-        found = self._edge_types[edge.type].attributes.get(name)
-        if found is None:
+        """Return an attribute of an edge; raise `UnknownNameError` if it is not declared for the edge."""
+        attribute = self._edge_types[edge.type].attributes.get(name)
+        if attribute is None:
             raise unknown(f"attribute of {edge.type!r}", name, self._edge_types[edge.type].attributes)
-        return found
+        return attribute
 
     def _of_node(self, node: NodeModel, shared: Mapping[str, Attribute]) -> Mapping[str, Attribute]:
         return {**self.node_type(node.type).attributes, **_attributes(node.attributes), **shared}
 
 
 def _with_context_node(model: KnowledgeModel, variables: Mapping[str, str]) -> KnowledgeModel:
-    """Return a model with the node of the context-variables that say no other, if there are any."""
+    """Return a model with the node `context`, if a context-variable belongs to it."""
     if CONTEXT not in variables.values() or any(node.name == CONTEXT for node in model.nodes):
         return model
     types = model.node_types
-    if all(each.name != CONTEXT for each in types):
+    if all(node_type.name != CONTEXT for node_type in types):
         types = (*types, NodeTypeModel(name=CONTEXT))
     return replace(model, node_types=types, nodes=(NodeModel(name=CONTEXT, type=CONTEXT), *model.nodes))
 
 
 def nodes_of_variables(model: KnowledgeModel, variables: Sequence[VariableModel]) -> Mapping[str, str]:
-    """Return, by context-variable, its node: the one that declares it as an attribute of its own, or `context`.
+    """Return the nodes of context-variables: the node that declares the variable as an attribute, or `context`.
 
-    Those that follow from poses are attributes of none.
+    Variables that are computed from poses are not attributes of a node.
     """
     owners: tuple[NodeModel | TaskModel, ...] = (*model.nodes, *model.tasks)
     declared = {attribute.name: owner.name for owner in owners for attribute in owner.attributes}
-    return {each.name: declared.get(each.name, CONTEXT) for each in variables if each.posed is None}
+    return {variable.name: declared.get(variable.name, CONTEXT) for variable in variables if variable.posed is None}
 
 
 def _shared(nodes: Mapping[str, str], variables: Sequence[VariableModel]) -> Mapping[str, Mapping[str, Attribute]]:
     """Return the attributes of nodes that are context-variables, by node and name."""
-    found: dict[str, dict[str, Attribute]] = {}
-    for each in variables:
+    attributes: dict[str, dict[str, Attribute]] = {}
+    for variable in variables:
         model = AttributeModel(
-            name=each.name,
-            type=each.type,
-            sources=by(*each.sources),
-            valid_for_s=each.valid_for_s,
-            history=each.history,
+            name=variable.name,
+            type=variable.type,
+            sources=by(*variable.sources),
+            valid_for_s=variable.valid_for_s,
+            history=variable.history,
         )
-        found.setdefault(nodes[each.name], {})[each.name] = _attribute(model, model.sources, each.name)
-    return found
+        attributes.setdefault(nodes[variable.name], {})[variable.name] = _attribute(model, model.sources, variable.name)
+    return attributes
 
 
 def _node_type(model: NodeTypeModel) -> NodeType:
@@ -205,12 +205,12 @@ def _node_type(model: NodeTypeModel) -> NodeType:
 def _edge_type(model: EdgeTypeModel) -> EdgeType:
     label = model.label or (RT if model.motion is not None else str(model.name))
     if (label == RT) != (model.motion is not None):
-        raise ValueError(f"edges of type {model.name!r} have a motion if, and only if, their label is {RT}")
+        raise ValueError(f"edges of type {model.name!r} must either have a motion and the label {RT}, or neither")
     return EdgeType(
         model,
         label,
         Permissions(model.sources),
-        {each.name: _attribute(each, each.sources or model.sources) for each in model.attributes},
+        {attribute.name: _attribute(attribute, attribute.sources or model.sources) for attribute in model.attributes},
         frozenset(model.origins),
         frozenset(model.targets),
     )
@@ -225,15 +225,18 @@ def _attributes(models: Iterable[AttributeModel]) -> Mapping[str, Attribute]:
 
 
 def _attributes_of(task: TaskModel) -> Mapping[str, Attribute]:
-    """Return what the node of a task tells: what only the steps of its handshake write, and what its requesters do."""
+    """Return the attributes of the node of a task: those of the handshake, and those that its requesters write."""
     steps = (
         AttributeModel(name="request", type=integer(low=0)),
         AttributeModel(name="requester", type=text()),
         AttributeModel(name="result", type=member(*task.results)),
         AttributeModel(name="reason", type=text()),
     )
-    asked = {each.name: _attribute(each, each.sources or by(*task.requesters)) for each in task.attributes}
-    return {**asked, **_attributes(steps)}
+    requested = {
+        attribute.name: _attribute(attribute, attribute.sources or by(*task.requesters))
+        for attribute in task.attributes
+    }
+    return {**requested, **_attributes(steps)}
 
 
 def _agents(model: KnowledgeModel) -> Iterable[str]:
@@ -243,10 +246,10 @@ def _agents(model: KnowledgeModel) -> Iterable[str]:
     types: list[NodeTypeModel | EdgeTypeModel] = [*model.node_types, *model.edge_types]
     owners: list[NodeTypeModel | EdgeTypeModel | NodeModel | TaskModel] = [*types, *model.nodes, *model.tasks]
     owned = [*types, *(attribute for owner in owners for attribute in owner.attributes)]
-    yield from (writer.agent for each in owned for writer in each.sources)
+    yield from (writer.agent for declaration in owned for writer in declaration.sources)
 
 
 def _check_unique(kind: str, names: Sequence[str]) -> None:
-    twice = [name for position, name in enumerate(names) if name in names[:position]]
-    if twice:
-        raise ValueError(f"there are two of the {kind} {str(twice[0])!r}, or it is one that tasks bring along")
+    duplicates = [name for position, name in enumerate(names) if name in names[:position]]
+    if duplicates:
+        raise ValueError(f"the {kind} {str(duplicates[0])!r} is declared twice, or is reserved for tasks")

@@ -1,11 +1,13 @@
 """The handshake by which agents hand over tasks on edges of the graph (P2, section 3.2 and Figure 2).
 
-    nobody asked ─request─> wants ─acknowledge─> is ─finish─> finished
-                              └──────abort────────┴──deadline──> aborted
+    no request ─request─> wants ─acknowledge─> is ─finish─> finished
+                            └──────abort────────┴──deadline──> aborted
 
-The requester draws `wants` (P2's `starts`) and may abort; the executor acknowledges, P2's ACK, by turning it into `is`,
-and finishes with a result. Each step names the request that it is about, so that nobody answers another's. A deadline
-is the end of a stage by the clock, whether or not anybody is still there to keep it.
+The requester inserts `wants` (P2's `starts`) and may abort. The executor acknowledges, P2's ACK, by turning it into
+`is`, and finishes with a result. Each step names its request, so that no agent answers another request by mistake.
+
+A deadline ends a stage by the clock, even if the agents are gone. It counts from the instant of the step: at the
+deadline the stage has ended, whichever event of that instant comes first.
 """
 
 from __future__ import annotations
@@ -26,18 +28,18 @@ OVERDUE = "overdue"
 
 
 class ConflictError(RuntimeError):
-    """A step of a handshake that cannot be taken from where the task stands."""
+    """A step of a handshake that is not possible at the present stage of the task."""
 
 
 def request(change_set: ChangeSet, task: str, values: Mapping[str, object]) -> Request:
-    """Ask for a task, with values of what its requesters write: it waits for its executor to acknowledge."""
+    """Request a task, with values of attributes that its requesters write; its executor must acknowledge it."""
     model = _model(change_set.schema, task)
     Permissions(by(*model.requesters)).check(change_set.agent, f"a request of {task}")
-    before = _now(change_set, model)
+    before = _present_handover(change_set, model)
     if before.is_open:
         raise ConflictError(
-            f"{task!r} was asked for by {before.requester!r} already (request {before.number}, {before.stage}): "
-            "it can be asked for again when it has ended"
+            f"{task!r} was already requested by {before.requester!r} (request {before.number}, {before.stage}): "
+            "request it again when it has ended"
         )
     after = Handover(
         task, Stage.WANTS, before.number + 1, change_set.agent, change_set.now_s, change_set.now_s + model.acknowledge_s
@@ -48,38 +50,40 @@ def request(change_set: ChangeSet, task: str, values: Mapping[str, object]) -> R
     return after.request
 
 
-def acknowledge(change_set: ChangeSet, asked: Request) -> None:
-    """Say, as the executor, that the task has begun."""
-    model = _model_of(change_set.schema, asked)
-    Permissions(by(model.by)).check(change_set.agent, f"the acknowledgement of {asked.task}")
-    before = _at(change_set, asked, Stage.WANTS)
+def acknowledge(change_set: ChangeSet, request: Request) -> None:
+    """Acknowledge a task as its executor: it has begun."""
+    model = _model_of(change_set.schema, request)
+    Permissions(by(model.by)).check(change_set.agent, f"the acknowledgement of {request.task}")
+    before = _handover_at(change_set, request, Stage.WANTS)
     after = before._replace(stage=Stage.IS, since_s=change_set.now_s, deadline_s=change_set.now_s + model.finish_s)
     _write(change_set, model, before, after)
 
 
-def finish(change_set: ChangeSet, asked: Request, result: str) -> None:
-    """End the task, as the executor, with one of its results."""
-    model = _model_of(change_set.schema, asked)
-    Permissions(by(model.by)).check(change_set.agent, f"the result of {asked.task}")
+def finish(change_set: ChangeSet, request: Request, result: str) -> None:
+    """End a task as its executor, with one of the declared results."""
+    model = _model_of(change_set.schema, request)
+    Permissions(by(model.by)).check(change_set.agent, f"the result of {request.task}")
     if result not in model.results:
-        raise unknown(f"result of {asked.task!r}", result, model.results)
-    before = _at(change_set, asked, Stage.IS)
+        raise unknown(f"result of {request.task!r}", result, model.results)
+    before = _handover_at(change_set, request, Stage.IS)
     after = before._replace(stage=Stage.FINISHED, since_s=change_set.now_s, deadline_s=math.inf, result=str(result))
     _write(change_set, model, before, after)
 
 
-def abort(change_set: ChangeSet, asked: Request) -> None:
-    """End the task, as who asked for it, before it has finished."""
-    model = _model_of(change_set.schema, asked)
-    Permissions(by(*model.requesters)).check(change_set.agent, f"the abortion of {asked.task}")
-    before = _at(change_set, asked, Stage.WANTS, Stage.IS)
-    Permissions(by(before.requester)).check(change_set.agent, f"the abortion of request {asked.number} of {asked.task}")
+def abort(change_set: ChangeSet, request: Request) -> None:
+    """Abort a task as its requester, before it has finished."""
+    model = _model_of(change_set.schema, request)
+    Permissions(by(*model.requesters)).check(change_set.agent, f"the abortion of {request.task}")
+    before = _handover_at(change_set, request, Stage.WANTS, Stage.IS)
+    Permissions(by(before.requester)).check(
+        change_set.agent, f"the abortion of request {request.number} of {request.task}"
+    )
     _write(change_set, model, before, _aborted(before, change_set.now_s, REQUESTER))
 
 
 def expire(change_set: ChangeSet, task: str) -> None:
-    """End a task whose deadline has passed; harmless for any other."""
-    _now(change_set, _model(change_set.schema, task))
+    """Abort a task whose deadline has passed; do nothing for other tasks."""
+    _present_handover(change_set, _model(change_set.schema, task))
 
 
 def _model(schema: GraphSchema, task: str) -> TaskModel:
@@ -88,14 +92,14 @@ def _model(schema: GraphSchema, task: str) -> TaskModel:
     return schema.tasks[task]
 
 
-def _model_of(schema: GraphSchema, asked: Request) -> TaskModel:
-    if not isinstance(asked, Request):
-        raise TypeError(f"what names a request is what request() returned, or the request of a handover, not {asked!r}")
-    return _model(schema, asked.task)
+def _model_of(schema: GraphSchema, request: Request) -> TaskModel:
+    if not isinstance(request, Request):
+        raise TypeError(f"expected the return value of request(), or the request of a handover, not {request!r}")
+    return _model(schema, request.task)
 
 
-def _now(change_set: ChangeSet, model: TaskModel) -> Handover:
-    """Return how far a task is: one whose deadline has passed has ended, though the clock has not said so yet."""
+def _present_handover(change_set: ChangeSet, model: TaskModel) -> Handover:
+    """Return the handover of a task. Abort it first if its deadline has passed, even if the event is still due."""
     handover = change_set.handover(model.name)
     if not handover.is_open or change_set.now_s < handover.deadline_s:
         return handover
@@ -109,17 +113,17 @@ def _now(change_set: ChangeSet, model: TaskModel) -> Handover:
     return ended
 
 
-def _at(change_set: ChangeSet, asked: Request, *stages: Stage) -> Handover:
-    """Return how far the task of a request is, if that is one of some stages."""
-    handover = _now(change_set, _model(change_set.schema, asked.task))
-    if handover.request == asked and handover.stage in stages:
+def _handover_at(change_set: ChangeSet, request: Request, *stages: Stage) -> Handover:
+    """Return the handover of a request, if it is the latest one and at one of the given stages."""
+    handover = _present_handover(change_set, _model(change_set.schema, request.task))
+    if handover.request == request and handover.stage in stages:
         return handover
-    if handover.request != asked:
+    if handover.request != request:
         raise ConflictError(
-            f"request {asked.number} of {asked.task!r} is not the present one: that is {handover.number}"
+            f"request {request.number} of {request.task!r} is not the latest one, which is {handover.number}"
         )
     because = f" ({handover.reason})" if handover.reason else ""
-    raise ConflictError(f"request {asked.number} of {asked.task!r} is {handover.stage} by now{because}")
+    raise ConflictError(f"request {request.number} of {request.task!r} is at the stage {handover.stage}{because}")
 
 
 def _aborted(handover: Handover, instant_s: float, reason: str) -> Handover:
@@ -127,20 +131,20 @@ def _aborted(handover: Handover, instant_s: float, reason: str) -> Handover:
 
 
 def _write(change_set: ChangeSet, model: TaskModel, before: Handover, after: Handover) -> None:
-    """Write how far a task is: its edge, and the attributes of its node."""
-    change_set.hand_over(after)
+    """Write the handover of a task: its edge, and the attributes of its node."""
+    change_set.set_handover(after)
     if before.stage is not None:
         change_set.remove((model.origin, before.stage, model.name))
     if after.stage is not None and (
         after.is_open or change_set.has_node(model.origin)
-    ):  # it may be gone when a task ends
-        change_set.draw(change_set.schema.edge_type(after.stage), model.origin, model.name)
-    told = (
+    ):  # the node may be deleted when the task ends
+        change_set.upsert_edge(change_set.schema.edge_type(after.stage), model.origin, model.name)
+    attributes = (
         ("request", before.number, after.number),
         ("requester", before.requester, after.requester),
         ("result", before.result, after.result),
         ("reason", before.reason or None, after.reason or None),
     )
-    for attribute, was, now in told:
+    for attribute, was, now in attributes:
         if was != now:
             change_set.write(model.name, attribute, now)

@@ -1,7 +1,12 @@
 """P2's Deep State Representation: one graph that all agents write and read (P2, sections 3.1 to 3.3).
 
-The graph is a value, of which each write makes another version. Versions share all that is in both, and histories know
-with which version each reading came: so a snapshot is a reference, reading takes no lock, and nobody sees half a write.
+The graph is an immutable value; each write creates a new version. A snapshot is therefore a reference, reading takes no
+lock, and no reader sees a part of a transaction.
+
+Versions share their unchanged parts. The newest version of a map holds its dictionary; each older one holds the
+differences and a link to its successor. Histories are shared as well, and store the version of each reading; readers of
+an older version skip newer readings. So writing an attribute copies no node, a write costs the same for every size of
+graph, and the newest version is read directly. Only a reader of many elements of an old snapshot copies its map.
 """
 
 from __future__ import annotations
@@ -21,9 +26,9 @@ from codra_dsl.runtime.clock import Clock
 from codra_dsl.runtime.errors import AgentTakenError, unknown
 from codra_dsl.runtime.geometry import Transform
 from codra_dsl.runtime.knowledge import handshake
-from codra_dsl.runtime.knowledge.agent_handle import AgentHandle, AgentPort, Transaction, closed
+from codra_dsl.runtime.knowledge.agent_handle import AgentHandle, AgentPort, Transaction, raise_closed
 from codra_dsl.runtime.knowledge.change_set import ChangeRecord, ChangeSet, Touched
-from codra_dsl.runtime.knowledge.context_link import ContextLink, Refused
+from codra_dsl.runtime.knowledge.context_link import ContextLink, RefusedWrite
 from codra_dsl.runtime.knowledge.declarations import TASK, KnowledgeModel, Pattern
 from codra_dsl.runtime.knowledge.graph_schema import GraphSchema
 from codra_dsl.runtime.knowledge.matching import reads
@@ -39,59 +44,62 @@ ResultT = TypeVar("ResultT")
 SeenT = TypeVar("SeenT")
 
 MOST_PAST = 4_096
-"""Instants at which the graph changed that `at` can go back."""
+"""The maximum number of changes, counted as instants, that `at` can go back."""
 
 
 class _OvertakenError(Exception):
-    """While something was written, the same thread wrote something else: in the handler of a signal, for example."""
+    """The thread wrote something else during a write, for example in a signal handler.
+
+    The inner write wins, and the interrupted one is repeated on its result.
+    """
 
 
 class Knowledge:
     """The graph. Threads may share it.
 
     Attributes:
-        model: what was declared.
-        moved: is told what each change touched, in the same step; for the context manager.
+        model: the declarations.
+        moved: a callback with the subjects of each change, called in the same step; for the context manager.
     """
 
     def __init__(self, model: KnowledgeModel, *, clock: Clock, context_link: ContextLink | None = None) -> None:
-        """Make the graph that is there from the start.
+        """Create the initial graph.
 
         Args:
-            model: what a spec was compiled to.
-            clock: real or simulated time; not one that holds a lock while events happen.
-            context_link: what it has in common with a context manager; None if it is a graph by itself.
+            model: the compiled declarations of a spec.
+            clock: real or simulated time; not a clock that holds a lock during events.
+            context_link: the link to the context manager of the graph; None for a graph without one.
 
         Raises:
             ValueError: if the declarations contradict each other.
-            LookupError: if they use what they do not declare.
+            LookupError: if they use names that are not declared.
         """
         self._schema = GraphSchema(model, () if context_link is None else context_link.variables)
         self.model = self._schema.model
         self._clock = clock
         self._now_s = clock.now_s
         self._context_link = context_link
-        # Whoever writes takes this turn. With a context manager it is a step, which holds the one lock of both sides.
+        # Every write takes the turn. With a context manager the turn is a step, which holds the lock of both sides.
         self._steps: Clock = clock if context_link is None else context_link.steps
         self._step_now_s = self._steps.now_s
         self._turn: AbstractContextManager[object] = threading.RLock() if context_link is None else context_link.steps
         self._state = State.empty(self._step_now_s())
         self._past: deque[State] = deque(maxlen=MOST_PAST - 1)
-        self._held: Sequence[Reading[Value]] = ()
+        self._own_readings: Sequence[Reading[Value]] = ()
         self._audit = Audit()
         self._watches = Watches()
         self.moved: Callable[[Collection[Touched]], None] | None = None
         self._handles: weakref.WeakValueDictionary[str, AgentHandle] = weakref.WeakValueDictionary()
         self._handles_lock = threading.Lock()
-        self._woken: dict[int, AgentHandle] = {}  # who is called back has not dropped its handle
+        self._woken: dict[int, AgentHandle] = {}  # handles that a subscription keeps alive
         self._write(START, partial(_begin, self.model))
 
     # Writing
 
     def as_agent(self, name: str) -> AgentHandle:
-        """Return the handle through which an agent writes; while it is open nobody else can write under this name.
+        """Return the handle with which an agent writes. While it is open, no other handle can write under this name.
 
-        It is closed by `close`, at the end of its `with` statement, or when nobody holds it any more.
+        The handle is closed by `close`, at the end of its `with` statement, or when it is garbage-collected.
 
         Raises:
             UnknownNameError: if no such agent is declared.
@@ -104,53 +112,54 @@ class Knowledge:
                 handle = self._handle(name)
                 self._handles[name] = handle
                 return handle
-        why = f"the agent {name!r} is taken: its handle must be closed before there is another"
+        why = f"the agent {name!r} already has an open handle: close it before you open another"
         with self._turn:
-            self._refuse(name, Refused(name, why))
+            self._refuse(name, RefusedWrite(name, why))
         raise AgentTakenError(why)
 
     def refusals(self) -> tuple[Refusal, ...]:
-        """Return the writes that were refused, the oldest first, as far as the audit goes back."""
+        """Return the refused writes that the audit still holds, the oldest first."""
         return self._audit.refusals()
 
     # Reading
 
     def snapshot(self) -> Snapshot:
-        """Return the graph as it is now, for good."""
+        """Return an immutable snapshot of the present graph."""
         return Snapshot(self._schema, self._state, self._now_s())
 
     def at(self, instant_s: float) -> Snapshot:
-        """Return the graph as it was at an instant, with what was known of it then.
+        """Return the graph as it was at an instant, with the values known at that instant.
 
         Raises:
-            ValueError: if the instant lies in the future, or before all that is still held.
+            ValueError: if the instant lies in the future, or before the oldest version that is kept.
         """
         if not instant_s <= self._now_s():
-            raise ValueError(f"it is {self._now_s()} now: what is at {instant_s} is not known yet")
+            raise ValueError(f"the instant {instant_s} lies in the future: it is {self._now_s()} now")
         with self._turn:
             states = chain((self._state,), reversed(self._past))
-            found = next((state for state in states if state.since_s <= instant_s), None)
+            state = next((earlier for earlier in states if earlier.since_s <= instant_s), None)
             begin_s = self._past[0].since_s if self._past else self._state.since_s
-        if found is None:
-            raise ValueError(f"the graph is held from {begin_s} s on, not from {instant_s}: a journal has the rest")
-        return Snapshot(self._schema, found, instant_s)
+        if state is None:
+            raise ValueError(f"the graph is kept from {begin_s} s on, not from {instant_s}: use a journal for the rest")
+        return Snapshot(self._schema, state, instant_s)
 
     def get(self, name: str, attribute: str) -> Reading[Any]:
-        """Return what is known of an attribute of a node now; it raises what `Snapshot.get` does."""
+        """Return the present reading of an attribute of a node; it raises the errors of `Snapshot.get`."""
         return Snapshot(self._schema, self._state, self._now_s()).get(name, attribute)
 
     def transform(self, target: str, source: str, instant_s: float | None = None) -> Transform:
-        """Return where one node stands in another, now or at an instant; it raises what `Snapshot.transform` does."""
+        """Return the pose of a node in another, now or at an instant; it raises the errors of `Snapshot.transform`."""
         return self._state.frames.transform(target, source, self._now_s() if instant_s is None else instant_s)
 
-    # Waiting and being told
+    # Waiting and subscriptions
 
     def subscribe(self, callback: Callable[[Change], object], *patterns: Pattern) -> Subscription:
-        """Call back when patterns hold in other ways than before, and first if they hold now.
+        """Call back whenever the matches of patterns change, first if they hold now.
 
         The callback runs without any lock, one call at a time: in real time in a thread of its own, in simulated time
-        as an event at the instant of the change, which must not wait. What it raises is logged. It is told how things
-        are when it is free, not each step that led there.
+        as an event at the instant of the change, which must not wait. Its exceptions are logged. It gets the state of
+        the graph at the time of the call and not every change before it, so calls cannot pile up. An agent that needs
+        every single change should hand over a task instead.
 
         Raises:
             UnknownNameError: if a pattern names a type that is not declared.
@@ -159,17 +168,17 @@ class Knowledge:
         return self._watch(reads(self._schema, patterns), *of_matches(self._schema, patterns, callback))
 
     def follow(self, name: str, attribute: str, callback: Callable[[Reading[Any]], object]) -> Subscription:
-        """Call back, as `subscribe` does, with what an attribute of a node is, and whenever there is newer evidence.
+        """Call back, as `subscribe` does, with the reading of an attribute of a node, now and whenever it changes.
 
         Raises:
-            AbsentError: if there is no such node.
+            AbsentError: if the node does not exist.
             UnknownNameError: if nodes of its type have no such attribute.
         """
         self.get(name, attribute)
         return self._watch([(name, attribute)], *of_attribute(name, attribute, callback))
 
     def wait_for(self, *patterns: Pattern, timeout_s: float) -> bool:
-        """Wait until patterns hold; return whether they came to.
+        """Wait until patterns hold; return whether they do.
 
         Raises:
             UnknownNameError: if a pattern names a type that is not declared.
@@ -180,28 +189,28 @@ class Knowledge:
     # For the context manager and for replays
 
     def mirror(self, reading: Reading[Value]) -> None:
-        """Take a reading of a context-variable, of whoever wrote it; the caller is in a step."""
-        if self._held and any(each is reading for each in self._held):
-            return  # it is in the graph already, with all that was written with it
+        """Add a reading that was written to a context-variable; the caller is in a step."""
+        if self._own_readings and any(own is reading for own in self._own_readings):
+            return  # the graph wrote it itself, together with other changes
         change_set = ChangeSet(self._schema, self._state, self._step_now_s(), reading.source)
         node = self._schema.variables[reading.name]
-        change_set.take_in(node, change_set.history(node, reading.name), reading)
-        self._hold_draft(change_set)
+        change_set.add_reading(node, change_set.history(node, reading.name), reading)
+        self._publish(change_set)
         self._watches.changed(change_set.touched)
 
-    def in_step(self) -> Snapshot:
-        """Return the graph as it is at the instant of the present step."""
+    def step_snapshot(self) -> Snapshot:
+        """Return a snapshot of the graph at the instant of the present step."""
         return Snapshot(self._schema, self._state, self._steps.now_s())
 
-    def take_down(self, agent: str, why: str) -> None:
-        """Take down, for the audit, a write of a context-variable that the context has refused and told."""
+    def audit_refusal(self, agent: str, why: str) -> None:
+        """Add a refused write of a context-variable to the audit; the context has recorded it already."""
         self._audit.refuse(Refusal(instant_s=self._now_s(), agent=agent, why=why))
 
     def redo(self, agent: str, plain: Iterable[list[Any]]) -> None:
-        """Do again, as one, what a journal tells that an agent did.
+        """Repeat an agent's operations from a journal, as one change.
 
         Raises:
-            LookupError: if it cannot be done; ValueError, TypeError, PermissionError and RuntimeError likewise.
+            LookupError: if an operation fails; ValueError, TypeError, PermissionError and RuntimeError likewise.
         """
         operations = operations_of(plain)
 
@@ -211,8 +220,8 @@ class Knowledge:
 
         self._write(agent, do, operations)
 
-    def refuse_again(self, agent: str, refused: Refused) -> None:
-        """Tell again what a journal tells of a write that was refused."""
+    def replay_refusal(self, agent: str, refused: RefusedWrite) -> None:
+        """Repeat a refusal from a journal."""
         with self._turn:
             self._refuse(agent, refused)
 
@@ -224,7 +233,7 @@ class Knowledge:
 
         def check() -> None:
             if is_closed:
-                closed(name)
+                raise_closed(name)
 
         def wake(handle: AgentHandle, callback: Callable[[Change], object]) -> Subscription:
             check()
@@ -241,43 +250,43 @@ class Knowledge:
                 subscription.unsubscribe()
 
         port = AgentPort(
-            commit=partial(self._do, name),
-            transact=lambda: self._transaction(name, check, _nothing),
+            commit=partial(self._apply_verb, name),
+            transact=lambda: self._transaction(name, check, _allow),
             wake=wake,
-            act=partial(self._acting, name, check),
+            execute_rule=partial(self._execute_rule, name, check),
             close=close,
             check_open=check,
         )
         return AgentHandle(name, port)
 
     def _on_wake(self, handle: AgentHandle, callback: Callable[[Change], object]) -> Subscription:
-        wakes = tuple(pattern for each in self.model.agents if each.name == handle.name for pattern in each.wakes)
-        return self._watch(reads(self._schema, wakes), *of_wakes(self._schema, wakes, callback), for_whom=handle)
+        wakes = tuple(pattern for agent in self.model.agents if agent.name == handle.name for pattern in agent.wakes)
+        return self._watch(reads(self._schema, wakes), *of_wakes(self._schema, wakes, callback), keep=handle)
 
-    def _acting(self, agent: str, check: Callable[[], None], name: str) -> RuleExecution[Transaction]:
-        rules = {rule.name: rule for each in self.model.agents if each.name == agent for rule in each.rules}
+    def _execute_rule(self, agent: str, check: Callable[[], None], name: str) -> RuleExecution[Transaction]:
+        rules = {rule.name: rule for model in self.model.agents if model.name == agent for rule in model.rules}
         if name not in rules:
             raise unknown(f"rule of {agent!r}", name, rules)
         return RuleExecution(
             rules[name],
             begin=partial(self._begin_rule, agent, name),
             transact=partial(self._transaction, agent, check),
-            take=self.snapshot,
-            tell=partial(self.write_rule, agent, name),
+            take_snapshot=self.snapshot,
+            record=partial(self.write_rule, agent, name),
             subscribe=self.subscribe,
         )
 
     def _begin_rule(self, agent: str, name: str, lacking: Callable[[Snapshot], str]) -> None:
-        """Refuse to begin what a rule does not allow in the present graph."""
+        """Raise `RuleError` if a rule does not allow its action in the present graph."""
         with self._turn:
-            missing = lacking(self.in_step())
+            missing = lacking(self.step_snapshot())
             if missing:
                 why = f"the rule {name!r} of {agent!r} cannot begin: {missing}"
-                self._refuse(agent, Refused(f"{agent}.{name}", why))
+                self._refuse(agent, RefusedWrite(f"{agent}.{name}", why))
                 raise RuleError(why)
 
     def write_rule(self, agent: str, name: str, became: str, message: str) -> None:
-        """Tell the journal what became of a rule of an agent."""
+        """Record the new state of an agent's rule in the journal."""
         if self._context_link is not None:
             with self._turn:
                 self._context_link.write_rule(agent, name, became, message)
@@ -304,24 +313,24 @@ class Knowledge:
         transaction.check()
         if change_set.touched:
             check()
-            with self._turn:  # so that what `allow` finds is still so
+            with self._turn:  # nothing can change between the check of `allow` and the write
                 allow()
                 self._write(name, partial(self._take, base, change_set, transaction), transaction.operations)
 
     def _take(self, base: State, change_set: ChangeSet, transaction: Transaction, present: ChangeSet) -> None:
-        """Take over what a transaction has made of the graph; make it again if that is not the present graph.
+        """Take over the changes of a transaction; apply them again if the graph has changed since it began.
 
-        In a step of a context manager it is made again in any case, so that all of it is of the instant of the step.
+        In a step of a context manager they are always applied again, so that all of them have the instant of the step.
         """
-        if self._context_link is None and present.is_of(base):
-            present.take(change_set)
+        if self._context_link is None and present.starts_from(base):
+            present.adopt(change_set)
         else:
-            transaction.again(present)
+            transaction.reapply(present)
 
     def _write(
         self, agent: str, change: Callable[[ChangeSet], ResultT], operations: Sequence[Operation] = ()
     ) -> ResultT:
-        """Apply a change, and tell those who watch."""
+        """Apply a change and notify the watches."""
         with self._turn:
             change_set = ChangeSet(
                 self._schema, self._state, self._step_now_s(), agent, None if self._context_link is None else []
@@ -338,35 +347,37 @@ class Knowledge:
                 return self._write(agent, change, operations)
         return result
 
-    def _do(self, agent: str, verb: Verb, given: tuple[Any, ...]) -> Any:
-        """Do one thing as an agent, and tell those who watch; return what the agent is told.
+    def _apply_verb(self, agent: str, verb: Verb, arguments: tuple[Any, ...]) -> Any:
+        """Apply one operation as an agent and notify the watches; return the result of the operation.
 
-        As `_write`, for what is done most: it makes an operation only where somebody is told of it.
+        This is a fast form of `_write`: it creates an `Operation` only if a journal or an error needs it.
         """
         with self._turn:
             try:
-                if verb is SET and self._context_link is None and self._append(agent, given):
+                if verb is SET and self._context_link is None and self._append(agent, arguments):
                     return None
                 notes: list[ChangeRecord] | None = None if self._context_link is None else []
                 change_set = ChangeSet(self._schema, self._state, self._step_now_s(), agent, notes)
-                result = HANDLERS[verb](change_set, *given)
+                result = HANDLERS[verb](change_set, *arguments)
             except PermissionError as error:
-                self._refuse(agent, self._refused(Operation(verb, given), str(error)))
+                self._refuse(agent, self._refused(Operation(verb, arguments), str(error)))
                 raise
             try:
                 if change_set.touched:
-                    self._commit(change_set, () if self._context_link is None else (Operation(verb, given),))
+                    self._commit(change_set, () if self._context_link is None else (Operation(verb, arguments),))
             except _OvertakenError:
-                return self._do(agent, verb, given)
+                return self._apply_verb(agent, verb, arguments)
         return result
 
-    def _append(self, agent: str, given: tuple[Any, ...]) -> bool:
-        """Set an attribute that was written before, in a graph by itself: its history takes it, without a draft.
+    def _append(self, agent: str, arguments: tuple[Any, ...]) -> bool:
+        """Append a value to the history of an attribute, without a change set.
+
+        This fast path applies to an attribute that was written before, in a graph without a context manager.
 
         Returns:
-            Whether that was possible; if not, nothing has been done.
+            Whether that was possible; if not, nothing has changed.
         """
-        name, attribute, value, evidence_s = given
+        name, attribute, value, evidence_s = arguments
         state = self._state
         node = state.nodes.get(name)
         if node is None:
@@ -375,16 +386,16 @@ class Knowledge:
         if history is None or agent not in history.declared.permissions.writers:
             return False
         after = state.next(self._step_now_s())
-        reading = history.written(agent, after.since_s, value, evidence_s, state.version)
+        reading = history.new_reading(agent, after.since_s, value, evidence_s, state.version)
         if self._state is not state:
             return False
         try:
             longer = history.with_reading(reading, after.version)
             if longer is not history:
                 after.nodes = state.nodes.with_entry(name, node.with_history(longer))
-            self._hold(state, after)
+            self._replace_state(state, after)
         except BaseException as error:  # an interrupt
-            history.cut(reading)
+            history.remove(reading)
             if isinstance(error, _OvertakenError):
                 return False
             raise
@@ -393,18 +404,18 @@ class Knowledge:
         return True
 
     def _commit(self, change_set: ChangeSet, operations: Sequence[Operation]) -> None:
-        """Put what a draft has become in the place of the present state; tell the journal, the context, who watches."""
+        """Make a change set the present state, and notify the journal, the context and the watches."""
         context_link = self._context_link
         if context_link is None:
-            self._hold_draft(change_set)
+            self._publish(change_set)
         else:
             context_link.write_input(change_set.agent, operations)
-            self._hold_draft(change_set)
-            self._held = change_set.shared
+            self._publish(change_set)
+            self._own_readings = change_set.context_readings
             try:
                 context_link.commit(change_set, self._state.version)
             finally:
-                self._held = ()
+                self._own_readings = ()
         for instant_s, handover in change_set.deadlines:
             self._steps.call_at(instant_s, partial(self._expire, handover.task))
         if self.moved is not None:
@@ -412,32 +423,32 @@ class Knowledge:
         self._watches.changed(change_set.touched)
         self._clock.notify()
 
-    def _hold_draft(self, change_set: ChangeSet) -> None:
-        """Put the state that a draft makes in the place of the present one."""
+    def _publish(self, change_set: ChangeSet) -> None:
+        """Make the state of a change set the present one."""
         before = self._state
-        if not change_set.is_of(before):
+        if not change_set.starts_from(before):
             raise _OvertakenError
         try:
-            self._hold(before, change_set.state())
+            self._replace_state(before, change_set.state())
         except BaseException:  # an interrupt
             change_set.undo()
             raise
 
-    def _hold(self, before: State, after: State) -> None:
-        """Put a state in the place of the present one, which is kept for `at` if it is the last of its instant."""
+    def _replace_state(self, before: State, after: State) -> None:
+        """Replace the present state, which is kept for `at` if it is the last one of its instant."""
         if before.since_s != after.since_s:
             self._past.append(before)
         if self._state is not before:
             raise _OvertakenError
         self._state = after
 
-    def _refused(self, operation: Operation, why: str) -> Refused:
+    def _refused(self, operation: Operation, why: str) -> RefusedWrite:
         if self._context_link is None:
-            return Refused(operation.subject, why)
+            return RefusedWrite(operation.subject, why)
         return self._context_link.refused(operation, why, self._schema.variables)
 
-    def _refuse(self, agent: str, refused: Refused) -> None:
-        """Take down a refusal; the caller has the turn."""
+    def _refuse(self, agent: str, refused: RefusedWrite) -> None:
+        """Record a refusal; the caller holds the turn."""
         self._audit.refuse(Refusal(instant_s=self._steps.now_s(), agent=agent, why=refused.why))
         if self._context_link is not None:
             self._context_link.refuse(agent, refused)
@@ -448,9 +459,9 @@ class Knowledge:
     def _watch(
         self,
         touched: Iterable[Touched],
-        look: Callable[[Snapshot], View[SeenT]],
-        tell: Callable[[Snapshot, SeenT], None],
-        for_whom: AgentHandle | None = None,
+        evaluate: Callable[[Snapshot], View[SeenT]],
+        notify: Callable[[Snapshot, SeenT], None],
+        keep: AgentHandle | None = None,
     ) -> Subscription:
         keys = list(touched)
 
@@ -458,23 +469,23 @@ class Knowledge:
             self._watches.remove(watch, keys)
             self._woken.pop(id(watch), None)
 
-        watch: Watch[SeenT] = Watch(self._clock, self.snapshot, look, tell, end)
-        if for_whom is not None:
-            self._woken[id(watch)] = for_whom
+        watch: Watch[SeenT] = Watch(self._clock, self.snapshot, evaluate, notify, end)
+        if keep is not None:
+            self._woken[id(watch)] = keep
         self._watches.add(watch, keys)
         watch.changed()
         return watch.subscription
 
 
-def _nothing() -> None:
+def _allow() -> None:
     pass
 
 
 def _begin(model: KnowledgeModel, change_set: ChangeSet) -> None:
-    """Write what is there from the start."""
+    """Write the initial nodes, tasks and edges."""
     for node in model.nodes:
         change_set.insert_node(node.name, node.type, node.values)
     for task in model.tasks:
         change_set.insert_node(task.name, TASK, {})
     for edge in model.edges:
-        change_set.begin_edge(edge)
+        change_set.insert_initial_edge(edge)

@@ -1,4 +1,4 @@
-"""How patterns hold in a graph: paths along its edges, their absence, and conditions over attributes and poses."""
+"""Match patterns in a graph: paths along its edges, their absence, and conditions over attributes and poses."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from codra_dsl.runtime.values.cell import Reading
 _CALL = re.compile(r"(distance|in_view)\((.+), (.+)\)")
 
 ANY = ""
-"""Stands for every name in what a pattern reads."""
+"""The wildcard for every name in the set of subjects that a pattern reads."""
 
 
 class Match(NamedTuple):
-    """One way in which patterns hold.
+    """One match of patterns.
 
     Attributes:
-        called: the nodes that the patterns call by a name, in the order of these names.
+        called: the named places of the patterns with their nodes, in the order of the names.
         edges: the edges of the paths, in their order.
     """
 
@@ -33,48 +33,48 @@ class Match(NamedTuple):
     edges: tuple[EdgeKey, ...]
 
     def node(self, name: str) -> str:
-        """Return the node that the patterns call by a name.
+        """Return the node of a named place.
 
         Raises:
-            KeyError: if they call none so.
+            KeyError: if the patterns have no place of this name.
         """
         return dict(self.called)[name]
 
 
 class GraphReader(Protocol):
-    """One version of the graph, as far as patterns read it: a `Snapshot`."""
+    """The part of a `Snapshot` that patterns read."""
 
     @property
     def instant_s(self) -> float:
-        """Return the instant at which validity, ages and poses are judged."""
+        """Return the instant for validity, ages and poses."""
         ...
 
     def __contains__(self, name: object) -> bool:
-        """Return whether there is a node of this name."""
+        """Return whether a node of this name exists."""
         ...
 
     def node(self, name: str) -> Node:
-        """Return a node; raise `AbsentError` if there is none of this name."""
+        """Return a node; raise `AbsentError` if it does not exist."""
         ...
 
     def nodes(self, type_name: str = "") -> Iterable[Node]:
-        """Return nodes of a type, or all nodes, in the order in which they came."""
+        """Return the nodes of a type, or all nodes, in the order of their insertion."""
         ...
 
     def keys_from(self, name: str) -> Iterable[EdgeKey]:
-        """Return the keys of edges from a node; some may have no edge."""
+        """Return the keys of edges from a node; some of these edges may not exist."""
         ...
 
     def keys_to(self, name: str) -> Iterable[EdgeKey]:
-        """Return the keys of edges to a node; some may have no edge."""
+        """Return the keys of edges to a node; some of these edges may not exist."""
         ...
 
     def edge_of(self, key: EdgeKey) -> Edge | None:
-        """Return the edge of a key, if there is one."""
+        """Return the edge with a key, if it exists."""
         ...
 
     def get(self, name: str, attribute: str) -> Reading[Any]:
-        """Return what is known of an attribute of a node; raise `AbsentError` if there is no such node."""
+        """Return the reading of an attribute of a node; raise `AbsentError` if the node does not exist."""
         ...
 
     def distance_m(self, a: str, b: str) -> float | None:
@@ -86,38 +86,38 @@ class GraphReader(Protocol):
         ...
 
     def fresh_until_s(self, a: str, b: str) -> float:
-        """Return until when the distance of two nodes is known if nothing is written; infinite if it is unknown."""
+        """Return until when the distance of two nodes is known without new writes; infinite if it is unknown."""
         ...
 
 
 def matches(snapshot: GraphReader, schema: GraphSchema, patterns: Sequence[Pattern]) -> tuple[Match, ...]:
-    """Return all ways in which patterns hold together.
+    """Return all matches of patterns that hold together.
 
-    Paths find nodes and edges, in the order in which they are given; absences and conditions then judge what was found.
+    The paths find nodes and edges, in the given order; absences and conditions then filter these matches.
 
     Raises:
-        TypeError: if one of them is no pattern.
-        UnknownNameError: if one of them names a type that is not declared.
+        TypeError: if one of them is not a pattern.
+        UnknownNameError: if one of them uses a type that is not declared.
     """
-    wrong = [each for each in patterns if not isinstance(each, Pattern)]
+    wrong = [pattern for pattern in patterns if not isinstance(pattern, Pattern)]
     if wrong:
         raise TypeError(f"a pattern is a path, an absence or a condition, not {wrong[0]!r}")
-    for path in (each.path if isinstance(each, Absence) else each for each in patterns):
+    for path in (pattern.path if isinstance(pattern, Absence) else pattern for pattern in patterns):
         for place in path.places if isinstance(path, Path) else ():
             if place.type:
-                schema.node_type(place.type)  # else a type that is misspelt would be one of which there is no node
-    judges = [each for each in patterns if not isinstance(each, Path)]
+                schema.node_type(place.type)  # otherwise a misspelt type would look like a type without nodes
+    filters = [pattern for pattern in patterns if not isinstance(pattern, Path)]
     return tuple(
         dict.fromkeys(
             Match(tuple(sorted(called.items())), edges)
-            for called, edges in _found(snapshot, schema, patterns)
-            if all(_holds(snapshot, schema, judge, called) for judge in judges)
+            for called, edges in _follow_paths(snapshot, schema, patterns)
+            if all(_holds(snapshot, schema, pattern, called) for pattern in filters)
         )
     )
 
 
 def reads(schema: GraphSchema, patterns: Iterable[Pattern]) -> frozenset[Touched]:
-    """Return what must be touched before patterns can hold in other ways, time aside."""
+    """Return the subjects whose changes can change the matches of patterns; time can change them as well."""
     read: set[Touched] = set()
     for pattern in patterns:
         if isinstance(pattern, Term):
@@ -131,22 +131,22 @@ def reads(schema: GraphSchema, patterns: Iterable[Pattern]) -> frozenset[Touched
 
 
 def truth(snapshot: GraphReader, term: Term) -> bool | None:
-    """Return what a condition comes to in a graph that calls no node by another name; None if that is unknown."""
-    found = term.evaluate(_Scope(snapshot, {}))
-    return found if isinstance(found, bool) else None
+    """Return the result of a condition that uses only names of nodes; None if it is unknown."""
+    result = term.evaluate(_Scope(snapshot, {}))
+    return result if isinstance(result, bool) else None
 
 
-def asked_of(term: Term) -> tuple[tuple[str, str], ...]:
-    """Return the pairs of nodes of which a condition asks where one stands to the other."""
+def posed_pairs(term: Term) -> tuple[tuple[str, str], ...]:
+    """Return the pairs of nodes whose relative pose a condition reads."""
     calls = (_CALL.fullmatch(name) for name in sorted(term.variables()))
     return tuple(dict.fromkeys((call[2], call[3]) for call in calls if call is not None))
 
 
 def next_s(snapshot: GraphReader, schema: GraphSchema, patterns: Sequence[Pattern]) -> float:
-    """Return when patterns can next hold in other ways though nothing is written; infinite if never."""
-    terms = [each for each in patterns if isinstance(each, Term)]
+    """Return when the matches of patterns can next change without new writes; infinite if never."""
+    terms = [pattern for pattern in patterns if isinstance(pattern, Term)]
     instants_s = [math.inf]
-    for called, _ in _found(snapshot, schema, patterns) if terms else ():
+    for called, _ in _follow_paths(snapshot, schema, patterns) if terms else ():
         scope = _Scope(snapshot, called)
         for term in terms:
             wait_s = term.flips_s(scope)
@@ -155,37 +155,39 @@ def next_s(snapshot: GraphReader, schema: GraphSchema, patterns: Sequence[Patter
     return min(instants_s)
 
 
-_Found = tuple[Mapping[str, str], tuple[EdgeKey, ...]]
-"""The nodes that are called by a name so far, and the edges."""
+_PartialMatch = tuple[Mapping[str, str], tuple[EdgeKey, ...]]
+"""The named places with their nodes so far, and the edges so far."""
 
 
-def _found(snapshot: GraphReader, schema: GraphSchema, patterns: Iterable[Pattern]) -> list[_Found]:
-    """Return all ways to follow the paths among some patterns."""
-    found: list[_Found] = [({}, ())]
-    for path in (each for each in patterns if isinstance(each, Path)):
-        found = [more for each in found for more in _along(snapshot, schema, path, each)]
-    return found
+def _follow_paths(snapshot: GraphReader, schema: GraphSchema, patterns: Iterable[Pattern]) -> list[_PartialMatch]:
+    """Return all matches of the paths among some patterns."""
+    partial_matches: list[_PartialMatch] = [({}, ())]
+    for path in (pattern for pattern in patterns if isinstance(pattern, Path)):
+        partial_matches = [longer for before in partial_matches for longer in _along(snapshot, schema, path, before)]
+    return partial_matches
 
 
-def _along(snapshot: GraphReader, schema: GraphSchema, path: Path, found: _Found) -> Iterator[_Found]:
-    """Yield all ways to follow a path: from the first place that is one certain node, to the end, then to the start."""
-    called, edges = found
+def _along(snapshot: GraphReader, schema: GraphSchema, path: Path, before: _PartialMatch) -> Iterator[_PartialMatch]:
+    """Yield all matches of a path, found from its first place with a known node to its end, then to its start."""
+    called, edges = before
     places = path.places
     start = next((at for at, place in enumerate(places) if place.name or place.called in called), 0)
-    to_end = [(at, at + 1, path.links[at]) for at in range(start, len(places) - 1)]
-    to_start = [(at, at - 1, _turned(path.links[at - 1])) for at in range(start, 0, -1)]
+    forward_steps = [(at, at + 1, path.links[at]) for at in range(start, len(places) - 1)]
+    backward_steps = [(at, at - 1, _turned(path.links[at - 1])) for at in range(start, 0, -1)]
     for name in _candidates(snapshot, schema, places[start], called):
-        begun = {**called, places[start].called: name} if places[start].called else called
-        for more, taken in _steps(snapshot, schema, places, [*to_end, *to_start], name, begun):
-            yield more, (*edges, *(taken[at] for at in range(len(path.links))))
+        start_called = {**called, places[start].called: name} if places[start].called else called
+        for all_called, taken in _steps(
+            snapshot, schema, places, [*forward_steps, *backward_steps], name, start_called
+        ):
+            yield all_called, (*edges, *(taken[at] for at in range(len(path.links))))
 
 
 _Steps = Sequence[tuple[int, int, Link]]
-_Standing = dict[int, str]
+_NodesAt = dict[int, str]
 _Taken = dict[int, EdgeKey]
 
 
-def _steps(  # noqa: PLR0917 - what the two ends of a path share
+def _steps(  # noqa: PLR0917 - shared by the two directions of a path
     snapshot: GraphReader,
     schema: GraphSchema,
     places: Sequence[Place],
@@ -193,29 +195,31 @@ def _steps(  # noqa: PLR0917 - what the two ends of a path share
     name: str,
     called: Mapping[str, str],
 ) -> Iterator[tuple[Mapping[str, str], _Taken]]:
-    """Yield all ways to take some steps from a node, depth first; a path may be longer than Python can call itself."""
-    standing: _Standing = {steps[0][0]: name} if steps else {}
+    """Yield all matches of some steps from a node, depth first, without recursion, because paths can be very long."""
+    nodes_at: _NodesAt = {steps[0][0]: name} if steps else {}
     taken: _Taken = {}
-    begun = [called]
-    ways = [_neighbours(snapshot, schema, name, steps[0][2])] if steps else []
+    called_before = [called]
+    candidates = [_neighbours(snapshot, schema, name, steps[0][2])] if steps else []
     if not steps:
         yield called, taken
-    while ways:
-        at = len(ways) - 1
+    while candidates:
+        at = len(candidates) - 1
         here, there, _ = steps[at]
-        edge, found = next(ways[at], (None, ""))
+        edge, neighbour = next(candidates[at], (None, ""))
         if edge is None:
-            ways.pop()
-            begun.pop()
-        elif _fits(snapshot, places[there], found, begun[at]):
-            more = {**begun[at], places[there].called: found} if places[there].called else begun[at]
-            standing[there], taken[min(here, there)] = found, edge.key
-            if len(ways) == len(steps):
-                yield more, taken
+            candidates.pop()
+            called_before.pop()
+        elif _fits(snapshot, places[there], neighbour, called_before[at]):
+            called_now = (
+                {**called_before[at], places[there].called: neighbour} if places[there].called else called_before[at]
+            )
+            nodes_at[there], taken[min(here, there)] = neighbour, edge.key
+            if len(candidates) == len(steps):
+                yield called_now, taken
                 continue
-            begun.append(more)
+            called_before.append(called_now)
             then, _, link = steps[at + 1]
-            ways.append(_neighbours(snapshot, schema, standing[then], link))
+            candidates.append(_neighbours(snapshot, schema, nodes_at[then], link))
 
 
 def _candidates(snapshot: GraphReader, schema: GraphSchema, place: Place, called: Mapping[str, str]) -> Iterable[str]:
@@ -236,13 +240,13 @@ def _fits(snapshot: GraphReader, place: Place, name: str, called: Mapping[str, s
 
 
 def _neighbours(snapshot: GraphReader, schema: GraphSchema, name: str, link: Link) -> Iterator[tuple[Edge, str]]:
-    """Yield the edges that a link can be at a node, in the order in which they came, and where they lead."""
+    """Yield the edges at a node that match a link, in the order of their insertion, each with its other end."""
     types = schema.types_of_edges(link.edge)
     is_forward = link.direction is Direction.FORWARD
     keys = snapshot.keys_from(name) if is_forward else snapshot.keys_to(name)
     edges = (snapshot.edge_of(key) for key in keys)
     suitable = [edge for edge in edges if edge is not None and edge.type in types]
-    for edge in sorted(suitable, key=lambda each: each.number):
+    for edge in sorted(suitable, key=lambda edge: edge.number):
         yield edge, edge.target if is_forward else edge.origin
 
 
@@ -258,17 +262,17 @@ def _holds(snapshot: GraphReader, schema: GraphSchema, pattern: Pattern, called:
 
 
 def _reads_of(name: str) -> Iterator[Touched]:
-    """Yield what must be touched before a name in a condition can be something else."""
+    """Yield the subjects whose changes can change the value of a name in a condition."""
     if _CALL.fullmatch(name):
         yield ("frame", ANY)
     else:
         node, _, attribute = name.rpartition(".")
         yield (node, attribute)
-        yield (ANY, attribute)  # the name of a node may be what a path calls it
+        yield (ANY, attribute)  # the name may be that of a place of a path
 
 
 class _Scope:
-    """Where a condition finds attributes, as `node.attribute`, and what poses tell, as `distance(a, b)`."""
+    """The scope of a condition: attributes, as `node.attribute`, and functions of poses, as `distance(a, b)`."""
 
     __slots__ = ("_called", "_snapshot")
 
@@ -283,9 +287,9 @@ class _Scope:
             try:
                 return self._snapshot.get(self._name(node), attribute).content
             except AbsentError:
-                return None  # nothing is known of what is not there
-        word, a, b = call[1], self._name(call[2]), self._name(call[3])
-        if word == "distance":
+                return None  # the attributes of a missing node are unknown
+        function, a, b = call[1], self._name(call[2]), self._name(call[3])
+        if function == "distance":
             return self._snapshot.distance_m(a, b)
         return self._snapshot.in_view(a, b) if b in self._snapshot else None
 
@@ -298,7 +302,7 @@ class _Scope:
         return reading.age_s(self._snapshot.instant_s) if reading.known else None
 
     def until_s(self, name: str) -> float:
-        """Return until when what a name stands for is known, if it is and nothing is written."""
+        """Return until when the value of a name is known without new writes; infinite if it is unknown."""
         call = _CALL.fullmatch(name)
         if call is not None:
             return self._snapshot.fresh_until_s(self._name(call[2]), self._name(call[3]))

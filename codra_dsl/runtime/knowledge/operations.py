@@ -1,4 +1,8 @@
-"""What an agent does to the graph, as values: applied to a draft, told to a journal, and read back for a replay."""
+"""The operations of agents on the graph, as values.
+
+The same `Operation` is applied to a change set, applied again by a transaction that met another write, recorded in the
+journal, and repeated in a replay. It is created only where one of these needs it.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +21,7 @@ _POSE_NUMBERS = 7
 
 
 class Verb(StrEnum):
-    """What can be done, by the name of the method of `Writer` that does it."""
+    """The kinds of operations, named after the methods of `Writer`."""
 
     INSERT_NODE = "insert_node"
     DELETE_NODE = "delete_node"
@@ -33,24 +37,24 @@ class Verb(StrEnum):
 
 
 SET, INSERT_NODE, INSERT_EDGE = Verb.SET, Verb.INSERT_NODE, Verb.INSERT_EDGE
-"""What is done most, by names of its own: Python 3.11 takes its time to find a member of an enum."""
+"""The most frequent verbs as constants, because Python 3.11 is slow at looking up a member of an enum."""
 
 
 class Operation(NamedTuple):
-    """One thing that is done to the graph, and with what."""
+    """One operation on the graph: its verb and its arguments."""
 
     verb: Verb
-    given: tuple[Any, ...]
+    arguments: tuple[Any, ...]
 
     def apply(self, change_set: ChangeSet) -> Any:
-        """Do it in a draft; return what the agent is told."""
+        """Apply the operation to a change set; return its result."""
         change_set.operation = self
-        return HANDLERS[self.verb](change_set, *self.given)
+        return HANDLERS[self.verb](change_set, *self.arguments)
 
     @property
     def subject(self) -> str:
-        """Return what it is about: a node, `node.attribute`, an edge, its attribute, or a task."""
-        first, *rest = self.given
+        """Return the subject: a node, `node.attribute`, an edge, an edge's attribute, or a task."""
+        first, *rest = self.arguments
         match self.verb:
             case Verb.SET:
                 return f"{first}.{rest[0]}"
@@ -62,12 +66,12 @@ class Operation(NamedTuple):
                 return str(first.task if isinstance(first, Request) else first)
 
     def plain(self) -> list[Any]:
-        """Return it as JSON can hold it: the verb, then what is given."""
-        return [self.verb, *map(_plain, self.given)]
+        """Return the operation as data for JSON: the verb, then the arguments."""
+        return [self.verb, *map(_plain, self.arguments)]
 
 
 def edge_name(origin: str, type_name: str, target: str) -> str:
-    """Return how events call an edge."""
+    """Return the name of an edge in events."""
     return f"{origin} -{type_name}-> {target}"
 
 
@@ -77,29 +81,29 @@ def operations_text(operations: Iterable[Operation]) -> str:
 
 
 def operations_of(plain: Iterable[list[Any]]) -> tuple[Operation, ...]:
-    """Return the operations that plain data tells.
+    """Return the operations of plain data.
 
     Raises:
-        ValueError: if it tells none; IndexError and TypeError likewise.
+        ValueError: if the data is not a list of operations; IndexError and TypeError likewise.
     """
-    return tuple(_operation_of(Verb(verb), *given) for verb, *given in plain)
+    return tuple(_operation_of(Verb(verb), *arguments) for verb, *arguments in plain)
 
 
-def _operation_of(verb: Verb, *given: Any) -> Operation:
+def _operation_of(verb: Verb, *arguments: Any) -> Operation:
     if verb is Verb.PLACE:
-        *edge, pose, stamp_s = given
+        *edge, pose, stamp_s = arguments
         return Operation(verb, (*edge, Pose(tuple(pose[:3]), tuple(pose[3:_POSE_NUMBERS])), stamp_s))
     if verb in (Verb.ACKNOWLEDGE, Verb.FINISH, Verb.ABORT):
-        return Operation(verb, (Request(*given[0]), *given[1:]))
-    return Operation(verb, given)
+        return Operation(verb, (Request(*arguments[0]), *arguments[1:]))
+    return Operation(verb, arguments)
 
 
-def _plain(given: Any) -> Any:
-    if isinstance(given, Pose):
-        return [float(number) for number in (*given.translation_m, *given.rotation)]
-    if isinstance(given, Mapping):
-        return {str(name): _plain(part) for name, part in given.items()}
-    return list(given) if isinstance(given, tuple) else unboxed(given)
+def _plain(argument: Any) -> Any:
+    if isinstance(argument, Pose):
+        return [float(number) for number in (*argument.translation_m, *argument.rotation)]
+    if isinstance(argument, Mapping):
+        return {str(name): _plain(part) for name, part in argument.items()}
+    return list(argument) if isinstance(argument, tuple) else unboxed(argument)
 
 
 HANDLERS: Mapping[Verb, Callable[..., Any]] = {
@@ -115,4 +119,4 @@ HANDLERS: Mapping[Verb, Callable[..., Any]] = {
     Verb.FINISH: handshake.finish,
     Verb.ABORT: handshake.abort,
 }
-"""What each verb does in a draft, with what is given; it returns what the agent is told."""
+"""The function for each verb: it applies the operation with its arguments to a change set and returns the result."""

@@ -1,4 +1,4 @@
-"""Who may write what, and what was refused: the mapping that P2 fixes at design time, kept at run time."""
+"""Permissions to write, and the audit of refused writes: the mapping that P2 fixes at design time, kept at run time."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from codra_dsl.runtime.errors import NotASourceError
 from codra_dsl.runtime.knowledge.declarations import Writer
 
 MOST_REFUSALS = 10_000
-"""Refusals that the audit tells at most."""
+"""The maximum number of refusals in the audit."""
 
 START = ""
-"""Who wrote what is there from the start, and what the graph does by itself."""
+"""The writer of the initial graph, and of changes by the graph itself."""
 
 
 class OutrankedError(PermissionError):
-    """An agent wrote what another, which goes before it, has written and what still stands."""
+    """An agent tried to overwrite the value of an agent with a higher priority."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,9 +27,9 @@ class Refusal:
     """A write that was refused.
 
     Attributes:
-        instant_s: when.
-        agent: who tried.
-        why: what it would have written, and who may, as the error told it.
+        instant_s: the instant of the attempt.
+        agent: the agent that tried to write.
+        why: the message of the error, with the subject and the permitted writers.
     """
 
     instant_s: float
@@ -38,11 +38,11 @@ class Refusal:
 
 
 class Permissions:
-    """Who may write one thing.
+    """The permissions to write one subject.
 
     Attributes:
-        writers: all who may, and the graph itself.
-        is_ranked: whether some of them go before others.
+        writers: all permitted agents, and the graph itself.
+        is_ranked: whether the writers have different priorities.
     """
 
     __slots__ = ("_priorities", "is_ranked", "writers")
@@ -53,7 +53,7 @@ class Permissions:
         self.is_ranked = len(set(self._priorities.values())) > 1
 
     def check(self, agent: str, subject: str) -> None:
-        """Do nothing if an agent may write something.
+        """Check that an agent may write a subject.
 
         Raises:
             NotASourceError: if it may not.
@@ -62,30 +62,30 @@ class Permissions:
             self.refuse(agent, subject)
 
     def refuse(self, agent: str, subject: str) -> NoReturn:
-        """Tell an agent that it is none of the writers.
+        """Raise the error for an agent without permission.
 
         Raises:
             NotASourceError: always.
         """
-        may = " or ".join(self._priorities) or "nobody"
+        may = " or ".join(self._priorities) or "no agent"
         raise NotASourceError(f"{subject!r} is for {may} to write, not for {agent!r}")
 
     def check_rank(self, agent: str, other: str, subject: str) -> None:
-        """Do nothing if what another agent has written does not stand against an agent.
+        """Check that an agent may overwrite the valid value of another agent.
 
         Raises:
-            OutrankedError: if it does.
+            OutrankedError: if the other agent has a higher priority.
         """
         if agent == START or self._priorities.get(other, 0) <= self._priorities[agent]:
             return
-        raise OutrankedError(f"what {other!r} has written of {subject!r} still stands: it goes before {agent!r}")
+        raise OutrankedError(f"{agent!r} cannot overwrite {subject!r}: {other!r} wrote it and has a higher priority")
 
 
 class Audit:
-    """The refusals, from all threads; the oldest go when there are too many.
+    """The latest refusals; threads may share it.
 
     Attributes:
-        count: of all refusals that there ever were.
+        count: the number of all refusals so far.
     """
 
     def __init__(self) -> None:
@@ -94,7 +94,7 @@ class Audit:
         self._lock = threading.Lock()
 
     def refuse(self, refusal: Refusal) -> None:
-        """Take down a refusal."""
+        """Add a refusal."""
         with self._lock:
             self.count += 1
             self._refusals.append(refusal)

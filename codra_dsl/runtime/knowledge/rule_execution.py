@@ -1,4 +1,8 @@
-"""Agents at work: what wakes them, and how their rules are kept (P2, section 3.1: before, during, after)."""
+"""Execution of the rules of agents (P2, section 3.1: before, during, after).
+
+The runtime enforces `before`, and only observes `during` and `after`: whether an action has its intended effect depends
+on the world and not on the runtime.
+"""
 
 from __future__ import annotations
 
@@ -13,17 +17,17 @@ from codra_dsl.runtime.callbacks import Subscription
 from codra_dsl.runtime.knowledge.declarations import Absence, Path, Pattern, RuleModel
 from codra_dsl.runtime.knowledge.snapshot import Snapshot
 from codra_dsl.runtime.knowledge.watches import Change
-from codra_dsl.runtime.values.condition_text import spoken
+from codra_dsl.runtime.values.condition_text import format_condition
 
 TransactionT_co = TypeVar("TransactionT_co", covariant=True)
 
 
 class RuleError(PermissionError):
-    """An agent would have begun what its rule does not allow now."""
+    """An agent tried to begin an action that its rule does not allow now."""
 
 
 class RuleState(StrEnum):
-    """What becomes of a rule of an agent."""
+    """The states of a rule execution."""
 
     BEGUN = "begun"
     BROKEN = "broken"
@@ -32,14 +36,14 @@ class RuleState(StrEnum):
 
 
 class RuleExecution(Generic[TransactionT_co]):
-    """A rule of an agent under way, from the beginning to the end of a `with` statement.
+    """The execution of an agent's rule, from the beginning to the end of a `with` statement.
 
-    What must hold before is enforced: the action does not begin without it. What must hold during and after is
-    observed: whether it does stands in `became`, and in the record.
+    The `before` patterns are enforced: the action does not begin unless they hold. The `during` and `after` patterns
+    are observed: the result is in `became` and in the journal.
 
     Attributes:
-        rule: as it is declared.
-        became: the latest of what became of it; None before it has begun.
+        rule: the declaration of the rule.
+        became: the latest state; None before it has begun.
     """
 
     def __init__(
@@ -48,26 +52,26 @@ class RuleExecution(Generic[TransactionT_co]):
         *,
         begin: Callable[[Callable[[Snapshot], str]], None],
         transact: Callable[[Callable[[], None]], AbstractContextManager[TransactionT_co]],
-        take: Callable[[], Snapshot],
-        tell: Callable[[str, str], None],
+        take_snapshot: Callable[[], Snapshot],
+        record: Callable[[str, str], None],
         subscribe: Callable[..., Subscription],
     ) -> None:
-        """Be ready to begin.
+        """Prepare the execution.
 
         Args:
-            rule: as it is declared.
-            begin: is told how to find what is lacking; it raises `RuleError` if something is.
-            transact: begins a transaction, and is told what must raise nothing as its changes become visible.
-            take: takes a snapshot of the present.
-            tell: tells the record what became of the rule.
+            rule: the declaration of the rule.
+            begin: calls a function that returns the missing pattern, and raises `RuleError` if there is one.
+            transact: begins a transaction with a check that must succeed when its changes become visible.
+            take_snapshot: returns a snapshot of the present graph.
+            record: records the new state of the rule in the journal.
             subscribe: subscribes to patterns.
         """
         self.rule = rule
         self.became: RuleState | None = None
         self._begin = begin
         self._transact = transact
-        self._take = take
-        self._tell_record = tell
+        self._take_snapshot = take_snapshot
+        self._record = record
         self._subscribe = subscribe
         self._subscription: Subscription | None = None
         self._has_held = False
@@ -76,9 +80,9 @@ class RuleExecution(Generic[TransactionT_co]):
 
     def __enter__(self) -> Self:
         if self.became is not None:
-            raise RuntimeError("what has begun once is not begun again: call acting() anew")
+            raise RuntimeError("this execution of the rule has already begun: call acting() again for another one")
         self._check_before()
-        self._tell(RuleState.BEGUN, "")
+        self._set_state(RuleState.BEGUN, "")
         if self.rule.during:
             self._subscription = self._subscribe(self._look, *self.rule.during)
         return self
@@ -88,29 +92,30 @@ class RuleExecution(Generic[TransactionT_co]):
             self._is_over = True
         if self._subscription is not None:
             self._subscription.unsubscribe()
-        missing = lacking(self._take(), self.rule.after)
-        self._tell(RuleState.UNFULFILLED if missing else RuleState.FULFILLED, missing)
+        missing = lacking(self._take_snapshot(), self.rule.after)
+        self._set_state(RuleState.UNFULFILLED if missing else RuleState.FULFILLED, missing)
 
     def transaction(self) -> AbstractContextManager[TransactionT_co]:
-        """Begin changes that become visible together, and only if what must hold before still does at that instant.
+        """Begin changes that become visible together, and only if the `before` patterns still hold at that instant.
 
-        So nobody can come between the check and the first change.
+        So no other write can come between the check and the first change.
 
         Raises:
-            RuleError: at the end of the `with` statement, if it does not; then nothing becomes visible.
+            RuleError: at the end of the `with` statement, if a `before` pattern does not hold. Then no change becomes
+                visible.
         """
         return self._transact(self._check_before)
 
     @property
     def may_go_on(self) -> bool:
-        """Return whether what must hold during the action has not ceased to hold before what it is to bring about."""
+        """Return whether the rule is unbroken: it breaks if `during` ceases to hold before `after` holds."""
         return self.became is not RuleState.BROKEN
 
     def _check_before(self) -> None:
         self._begin(lambda snapshot: lacking(snapshot, self.rule.before))
 
     def _look(self, change: Change) -> None:
-        """Notice that what must hold during the action does not any more, once it did."""
+        """Break the rule if the `during` patterns have held and hold no more before the `after` patterns hold."""
         with self._lock:
             if change.matches or self._is_over or not self._has_held:
                 self._has_held = self._has_held or bool(change.matches)
@@ -118,26 +123,30 @@ class RuleExecution(Generic[TransactionT_co]):
             missing = lacking(change.snapshot, self.rule.during)
             is_done = not lacking(change.snapshot, self.rule.after)
             if not is_done and self.became is RuleState.BEGUN:
-                self._tell(RuleState.BROKEN, missing)
+                self._set_state(RuleState.BROKEN, missing)
 
-    def _tell(self, became: RuleState, message: str) -> None:
-        self.became = became
-        self._tell_record(str(became), message)
+    def _set_state(self, state: RuleState, message: str) -> None:
+        self.became = state
+        self._record(str(state), message)
 
 
 def lacking(snapshot: Snapshot, patterns: Sequence[Pattern]) -> str:
-    """Return the first pattern that does not hold by itself, or that they do not hold together; empty if they do."""
+    """Return why patterns do not hold together, with the first one that does not hold alone; empty if they hold."""
     if snapshot.holds(*patterns):
         return ""
     alone = next((pattern for pattern in patterns if not snapshot.holds(pattern)), None)
-    return "they do not hold together" if alone is None else f"{_text(alone)} does not hold{_because(snapshot, alone)}"
+    return (
+        "the patterns do not hold together"
+        if alone is None
+        else f"{_text(alone)} does not hold{_because(snapshot, alone)}"
+    )
 
 
 def _because(snapshot: Snapshot, pattern: Pattern) -> str:
-    """Return what is there that must not be, or of which there is none; empty where the pattern says enough."""
+    """Return the unwanted edges, or the missing node or type of nodes; empty if the pattern explains enough."""
     if isinstance(pattern, Absence):
-        found = snapshot.match(pattern.path)[0].edges
-        edges = " and ".join(f"{origin} -{label}-> {target}" for origin, label, target in found)
+        edge_keys = snapshot.match(pattern.path)[0].edges
+        edges = " and ".join(f"{origin} -{label}-> {target}" for origin, label, target in edge_keys)
         return f": there is {edges}" if edges else ""
     places = pattern.places if isinstance(pattern, Path) else ()
     for place in places:
@@ -149,5 +158,5 @@ def _because(snapshot: Snapshot, pattern: Pattern) -> str:
 
 
 def _text(pattern: Pattern) -> str:
-    """Return a pattern as a spec would say it, numbers in SI units."""
-    return spoken(str(pattern)) if isinstance(pattern, Term) else str(pattern)
+    """Return a pattern in the notation of specs, with numbers in SI units."""
+    return format_condition(str(pattern)) if isinstance(pattern, Term) else str(pattern)

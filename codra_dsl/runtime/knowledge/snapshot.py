@@ -1,4 +1,4 @@
-"""Reading the graph: everything that one snapshot tells is of one instant, whatever is written meanwhile."""
+"""Read the graph: all results of one snapshot are of one instant, regardless of later writes."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from codra_dsl.runtime.errors import unknown
 from codra_dsl.runtime.geometry import FrameError, Outcome, Transform
 from codra_dsl.runtime.knowledge.change_set import AbsentError
 from codra_dsl.runtime.knowledge.declarations import Pattern
-from codra_dsl.runtime.knowledge.elements import Edge, EdgeKey, Node, never, present, seen
+from codra_dsl.runtime.knowledge.elements import Edge, EdgeKey, Node, at_version, never_observed, present_reading
 from codra_dsl.runtime.knowledge.graph_schema import GraphSchema
 from codra_dsl.runtime.knowledge.matching import Match, matches
 from codra_dsl.runtime.knowledge.state import Handover, State
@@ -19,10 +19,10 @@ from codra_dsl.runtime.values.cell import Reading
 
 
 class Snapshot:
-    """The graph at one instant. It costs nothing to take, and no lock to read.
+    """The graph at one instant. Taking a snapshot copies nothing, and reading it takes no lock.
 
     Attributes:
-        instant_s: when it was taken: validity, ages and poses are told of then.
+        instant_s: the instant of the snapshot, for validity, ages and poses.
     """
 
     __slots__ = ("_schema", "_state", "instant_s")
@@ -34,7 +34,7 @@ class Snapshot:
 
     @property
     def version(self) -> int:
-        """Return how many changes had been made."""
+        """Return the number of changes so far."""
         return self._state.version
 
     # Nodes and edges
@@ -49,39 +49,39 @@ class Snapshot:
         """Return a node.
 
         Raises:
-            AbsentError: if there is none of this name.
+            AbsentError: if it does not exist.
         """
-        found = self._state.nodes.get(name)
-        if found is None:
-            raise AbsentError(f"there is no node {name!r}")
-        return seen(found, self._state.version)
+        node = self._state.nodes.get(name)
+        if node is None:
+            raise AbsentError(f"the node {name!r} does not exist")
+        return at_version(node, self._state.version)
 
     def nodes(self, type_name: str = "", *, where: Term | None = None) -> tuple[Node, ...]:
-        """Return nodes in the order in which they came.
+        """Return nodes in the order of their insertion.
 
         Args:
-            type_name: of the nodes; of any type if empty.
-            where: a condition over their attributes by their own names, which must certainly hold.
+            type_name: the type of the nodes; any type if empty.
+            where: a condition over the names of their attributes. Nodes for which it is unknown are left out.
 
         Raises:
-            UnknownNameError: if there is no such type, or nodes of it have no such attribute.
+            UnknownNameError: if the type is not declared, or its nodes have no such attribute.
         """
-        found: Iterable[Node] = self._state.nodes.values()
+        result: Iterable[Node] = self._state.nodes.values()
         if type_name:
             self._schema.node_type(type_name)
             nodes = self._state.nodes
-            among = map(nodes.get, self._state.index.of_type(type_name))
-            found = [node for node in among if node is not None and node.type == type_name]
-        found = [seen(node, self._state.version) for node in found]
+            candidates = map(nodes.get, self._state.index.of_type(type_name))
+            result = [node for node in candidates if node is not None and node.type == type_name]
+        result = [at_version(node, self._state.version) for node in result]
         if where is not None and not isinstance(where, Term):
-            raise TypeError(f"where is a condition over attributes, not {where!r}")
+            raise TypeError(f"`where` must be a condition over attributes, not {where!r}")
         if where is not None:
-            self._check_attributes(type_name, found, where)
-            found = [node for node in found if where.holds(_Attributes(node, self.instant_s))]
-        return tuple(sorted(found, key=_number))
+            self._check_attributes(type_name, result, where)
+            result = [node for node in result if where.holds(_Attributes(node, self.instant_s))]
+        return tuple(sorted(result, key=_number))
 
     def _check_attributes(self, type_name: str, nodes: Iterable[Node], where: Term) -> None:
-        """Refuse a condition over an attribute that no node of a type can have, apart from some nodes by their name."""
+        """Raise an error for a condition over an attribute that neither the type nor one of the nodes declares."""
         own = self._schema.node_type(type_name).attributes if type_name else {}
         for name in where.variables():
             if type_name and name not in own and not any(name in self._schema.of_node(node) for node in nodes):
@@ -96,17 +96,17 @@ class Snapshot:
             target: the name of a node.
 
         Raises:
-            AbsentError: if there is none.
-            UnknownNameError: if there is no such type of edges.
+            AbsentError: if it does not exist.
+            UnknownNameError: if the type of edges is not declared.
         """
         for type_name in self._schema.types_of_edges(edge):
-            found = self.edge_of((origin, self._schema.edge_type(type_name).label, target))
-            if found is not None and found.type == type_name:
-                return found
-        raise AbsentError(f"there is no edge {origin} -{edge}-> {target}")
+            candidate = self.edge_of((origin, self._schema.edge_type(type_name).label, target))
+            if candidate is not None and candidate.type == type_name:
+                return candidate
+        raise AbsentError(f"the edge {origin} -{edge}-> {target} does not exist")
 
     def has_edge(self, origin: str, edge: str, target: str) -> bool:
-        """Return whether there is an edge of a type, or with a label, from one node to another."""
+        """Return whether an edge with a type or label goes from one node to another."""
         try:
             self.edge(origin, edge, target)
         except AbsentError:
@@ -114,27 +114,27 @@ class Snapshot:
         return True
 
     def edges(self, edge: str = "", *, origin: str = "", target: str = "") -> tuple[Edge, ...]:
-        """Return edges in the order in which they came.
+        """Return edges in the order of their insertion.
 
         Args:
             edge: the name of their type, or their label; any if empty.
-            origin: where they begin; anywhere if empty.
-            target: where they end; anywhere if empty.
+            origin: the name of their origin; any if empty.
+            target: the name of their target; any if empty.
 
         Raises:
-            UnknownNameError: if there is no such type of edges.
+            UnknownNameError: if the type of edges is not declared.
         """
         types = self._schema.types_of_edges(edge) if edge else None
-        found = map(self.edge_of, self._keys(types, origin, target))
+        candidates = map(self.edge_of, self._keys(types, origin, target))
         return tuple(
             sorted(
                 (
-                    each
-                    for each in found
-                    if each is not None
-                    and (types is None or each.type in types)
-                    and (not origin or each.origin == origin)
-                    and (not target or each.target == target)
+                    candidate
+                    for candidate in candidates
+                    if candidate is not None
+                    and (types is None or candidate.type in types)
+                    and (not origin or candidate.origin == origin)
+                    and (not target or candidate.target == target)
                 ),
                 key=_number,
             )
@@ -143,28 +143,28 @@ class Snapshot:
     # Attributes
 
     def get(self, name: str, attribute: str) -> Reading[Any]:
-        """Return what is known of an attribute of a node.
+        """Return the reading of an attribute of a node.
 
         Raises:
-            AbsentError: if there is no such node.
+            AbsentError: if the node does not exist.
             UnknownNameError: if nodes of its type have no such attribute.
         """
         node = self._state.nodes.get(name) or self.node(name)
         history = node.histories.get(attribute)
         if history is None:
             self._schema.attribute(node, attribute)
-            return never(name, attribute)
+            return never_observed(name, attribute)
         reading = history.present(self._state.version)
         return reading if reading.expires_s > self.instant_s else reading.at(self.instant_s)
 
     def get_of_edge(self, origin: str, edge: str, target: str, attribute: str) -> Reading[Any]:
-        """Return what is known of an attribute of an edge; it raises what `edge` and `get` do."""
-        found = self.edge(origin, edge, target)
-        self._schema.attribute_of_edge(found, attribute)
-        return present(found, str(found), attribute).at(self.instant_s)
+        """Return the reading of an attribute of an edge; it raises the errors of `edge` and `get`."""
+        element = self.edge(origin, edge, target)
+        self._schema.attribute_of_edge(element, attribute)
+        return present_reading(element, str(element), attribute).at(self.instant_s)
 
     def history(self, name: str, attribute: str) -> tuple[Reading[Any], ...]:
-        """Return the readings of an attribute of a node, by their evidence; it raises what `get` does."""
+        """Return the readings of an attribute of a node, ordered by evidence; it raises the errors of `get`."""
         node = self.node(name)
         self._schema.attribute(node, attribute)
         history = node.histories.get(attribute)
@@ -173,45 +173,45 @@ class Snapshot:
     # Geometry
 
     def transform(self, target: str, source: str, instant_s: float | None = None) -> Transform:
-        """Return where one node stands in another: P2's chain of RT edges, forward and inverted.
+        """Return the pose of a node in another: P2's chain of RT edges, forward and inverted.
 
         Args:
-            target: the node to express it in.
-            source: the node that is asked about.
-            instant_s: when; at the instant of the snapshot, if None. The tree is followed as it stood then.
+            target: the node that is the frame of reference.
+            source: the node whose pose is returned.
+            instant_s: the instant; None means that of the snapshot. The edges of that instant are used.
 
         Raises:
-            FrameError: if one of them never stood anywhere, or they were not connected then.
+            FrameError: if one of the nodes never had a pose, or they were not connected at that instant.
         """
         return self._state.frames.transform(target, source, self.instant_s if instant_s is None else instant_s)
 
     def parent(self, name: str, instant_s: float | None = None) -> str | None:
-        """Return in which node a node stands, or stood; None if in none.
+        """Return the parent of a node at an instant; None if it had none.
 
         Raises:
-            FrameError: if it never stood anywhere.
+            FrameError: if the node never had a pose.
         """
         return self._state.frames.parent(name, self.instant_s if instant_s is None else instant_s)
 
     def distance_m(self, a: str, b: str) -> float | None:
-        """Return how far apart two nodes are; None if one stands nowhere, or where it stands is stale."""
-        found = self._standing(a, b)
-        return None if found is None else math.hypot(*found.pose.translation_m)
+        """Return the distance of two nodes; None if one of them has no pose or a stale one."""
+        transform = self._fresh_transform(a, b)
+        return None if transform is None else math.hypot(*transform.pose.translation_m)
 
     def in_view(self, name: str, camera: str) -> bool | None:
-        """Return whether a camera sees the origin of a node; None if one stands nowhere, or where it stands is stale.
+        """Return whether a camera sees the origin of a node; None if one of them has no pose or a stale one.
 
         Raises:
-            AbsentError: if there is no such camera.
-            ValueError: if the node has no view.
+            AbsentError: if the camera does not exist.
+            ValueError: if the type of the camera declares no field of view.
         """
         view = self._schema.node_type(self.node(camera).type).model.view
         if view is None:
-            raise ValueError(f"{camera!r} is no camera: its type {self.node(camera).type!r} has no view")
-        found = self._standing(camera, name)
-        if found is None:
+            raise ValueError(f"{camera!r} is not a camera: its type {self.node(camera).type!r} has no view")
+        transform = self._fresh_transform(camera, name)
+        if transform is None:
             return None
-        x_m, y_m, z_m = found.pose.translation_m
+        x_m, y_m, z_m = transform.pose.translation_m
         return (
             z_m > 0.0
             and view.nearest_m <= z_m <= view.farthest_m
@@ -222,44 +222,44 @@ class Snapshot:
     # Patterns
 
     def match(self, *patterns: Pattern) -> tuple[Match, ...]:
-        """Return all ways in which patterns hold together.
+        """Return all matches of patterns that hold together.
 
         Raises:
-            UnknownNameError: if a pattern names a type that is not declared.
+            UnknownNameError: if a pattern uses a type that is not declared.
         """
         return matches(self, self._schema, patterns)
 
     def holds(self, *patterns: Pattern) -> bool:
-        """Return whether patterns hold together; it raises what `match` does."""
+        """Return whether patterns hold together; it raises the errors of `match`."""
         return bool(self.match(*patterns))
 
     def handover(self, task: str) -> Handover:
-        """Return how far a task is.
+        """Return the handover of a task: its stage, request and result.
 
         Raises:
-            UnknownNameError: if there is no such task.
+            UnknownNameError: if the task is not declared.
         """
         if task not in self._schema.tasks:
             raise unknown("task", task, self._schema.tasks)
         return self._state.handovers.get(task) or Handover(task)
 
-    # For those who follow paths
+    # For matching paths
 
     def keys_from(self, name: str) -> Iterable[EdgeKey]:
-        """Return what tells the edges from a node apart, in no order; not each has an edge, and `edge_of` knows."""
+        """Return the keys of edges from a node, in no order. `edge_of` returns None for keys without an edge."""
         return self._state.index.out(name)
 
     def keys_to(self, name: str) -> Iterable[EdgeKey]:
-        """Return what tells the edges to a node apart, as `keys_from` does."""
+        """Return the keys of edges to a node, as `keys_from` does."""
         return self._state.index.into(name)
 
     def edge_of(self, key: EdgeKey) -> Edge | None:
-        """Return the edge that a key names, if there is one."""
-        found = self._state.edges.get(key)
-        return None if found is None else seen(found, self._state.version)
+        """Return the edge with a key, if it exists."""
+        edge = self._state.edges.get(key)
+        return None if edge is None else at_version(edge, self._state.version)
 
     def fresh_until_s(self, a: str, b: str) -> float:
-        """Return until when the distance of two nodes is known if nothing is written; infinite if it is not."""
+        """Return until when the distance of two nodes is known without new writes; infinite if it is unknown."""
         try:
             until_s = self._state.frames.fresh_until_s(a, b, self.instant_s)
         except FrameError:
@@ -267,15 +267,15 @@ class Snapshot:
         return until_s if until_s > self.instant_s else math.inf
 
     def next_s(self, a: str, b: str) -> float:
-        """Return when what poses tell of two nodes is next to be asked again; it raises what `transform` does."""
+        """Return when the relative pose of two nodes must next be computed; it raises the errors of `transform`."""
         return self._state.frames.next_s(a, b, self.instant_s)
 
     def frames_between(self, a: str, b: str) -> tuple[str, ...]:
-        """Return the nodes from whose poses it follows where two stand; it raises what `transform` does."""
+        """Return the nodes whose poses define the relative pose of two; it raises the errors of `transform`."""
         return self._state.frames.between(a, b, self.instant_s)
 
     def measured_s(self, name: str) -> float:
-        """Return when the newest pose of a node was measured; it raises what `parent` does."""
+        """Return when the newest pose of a node was measured; it raises the errors of `parent`."""
         return self._state.frames.track(name).newest_s
 
     def _keys(self, types: frozenset[str] | None, origin: str, target: str) -> Iterable[EdgeKey]:
@@ -290,16 +290,16 @@ class Snapshot:
         origins = dict.fromkeys(node for end in ends for node in (end, *of_type(end)))
         return (key for node in origins for key in self.keys_from(node))
 
-    def _standing(self, target: str, source: str) -> Transform | None:
+    def _fresh_transform(self, target: str, source: str) -> Transform | None:
         try:
-            found = self.transform(target, source)
+            transform = self.transform(target, source)
         except FrameError:
             return None
-        return None if found.outcome is Outcome.STALE else found
+        return None if transform.outcome is Outcome.STALE else transform
 
 
 class _Attributes:
-    """The attributes of one node, as a condition reads them."""
+    """The scope of a condition over the attributes of one node."""
 
     __slots__ = ("_instant_s", "_node")
 
@@ -308,10 +308,10 @@ class _Attributes:
         self._instant_s = instant_s
 
     def value(self, name: str) -> Value | None:
-        return present(self._node, self._node.name, name).at(self._instant_s).content
+        return present_reading(self._node, self._node.name, name).at(self._instant_s).content
 
     def age_s(self, name: str) -> float | None:
-        reading = present(self._node, self._node.name, name).at(self._instant_s)
+        reading = present_reading(self._node, self._node.name, name).at(self._instant_s)
         return reading.age_s(self._instant_s) if reading.known else None
 
 

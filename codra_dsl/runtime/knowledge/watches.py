@@ -1,4 +1,4 @@
-"""Who is told when the graph changes, without ever holding up who changes it."""
+"""Subscriptions to changes of the graph, which never block a writer."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ SeenT = TypeVar("SeenT")
 
 
 class Change(NamedTuple):
-    """How patterns hold now, beside how they held when a callback was last told.
+    """The matches of patterns now, compared with the previous call of the callback.
 
     Attributes:
-        snapshot: the graph in which they do.
-        matches: all ways in which they hold now.
-        new: the ways in which they did not hold before.
-        over: the ways in which they held before.
+        snapshot: the graph of the matches.
+        matches: all present matches.
+        new: the matches that are new.
+        over: the matches that have ended.
     """
 
     snapshot: Snapshot
@@ -37,44 +37,45 @@ class Change(NamedTuple):
 
 
 class View(NamedTuple, Generic[SeenT]):
-    """What a watch sees in a snapshot, and when that can next be something else though nothing is written."""
+    """The value of a watch in a snapshot, and when it can next change without new writes."""
 
     seen: SeenT
     next_s: float = math.inf
 
 
 _Woken = tuple[tuple[int, Match, tuple[int, ...]], ...]
-"""What wakes an agent: by the number of its pattern, a way in which it holds, and the numbers of the edges."""
+"""The matches that wake an agent: the number of the pattern, the match, and the numbers of its edges."""
 
 
 class Watch(Generic[SeenT]):
-    """What looks at the graph after it has changed, and tells a callback what is different.
+    """Evaluates the graph after changes, and calls back if the value is different.
 
-    However often the graph changes before it comes to look, it looks once, at the present: nothing piles up.
+    If the graph changes several times before the evaluation, it is evaluated once, in its present state, so calls
+    cannot pile up.
     """
 
     def __init__(
         self,
         clock: Clock,
-        take: Callable[[], Snapshot],
-        look: Callable[[Snapshot], View[SeenT]],
-        tell: Callable[[Snapshot, SeenT], None],
+        take_snapshot: Callable[[], Snapshot],
+        evaluate: Callable[[Snapshot], View[SeenT]],
+        notify: Callable[[Snapshot, SeenT], None],
         end: Callable[[], None],
     ) -> None:
         """Wait for changes.
 
         Args:
-            clock: which runs the callback.
-            take: takes a snapshot of the present.
-            look: sees something in a snapshot.
-            tell: is told the first sight, and then each that is different from the one before it.
-            end: called when nobody wants to be told any more.
+            clock: runs the callback.
+            take_snapshot: returns a snapshot of the present graph.
+            evaluate: returns the view of a snapshot.
+            notify: is called with the first value, and then with each value that differs from the one before.
+            end: is called when the subscription has ended.
         """
         self._clock = clock
-        self._take = take
-        self._look_at = look
-        self._tell = tell
-        self._line: CallbackQueue[None] = CallbackQueue(clock, self._look, lambda _: self._close(end))
+        self._take_snapshot = take_snapshot
+        self._evaluate = evaluate
+        self._notify = notify
+        self._queue: CallbackQueue[None] = CallbackQueue(clock, self._run, lambda _: self._close(end))
         self._lock = threading.Lock()
         self._is_waiting = False
         self._is_closed = False
@@ -83,26 +84,26 @@ class Watch(Generic[SeenT]):
 
     @property
     def subscription(self) -> Subscription:
-        """Return what ends the watch."""
-        return self._line.subscription
+        """Return the subscription that ends the watch."""
+        return self._queue.subscription
 
     def changed(self) -> None:
-        """Look as soon as the callback is free."""
+        """Evaluate the graph as soon as the callback is free."""
         with self._lock:
             if self._is_waiting or self._is_closed:
                 return
             self._is_waiting = True
-        self._line.put(None)
+        self._queue.put(None)
 
-    def _look(self, _: None) -> None:
+    def _run(self, _: None) -> None:
         with self._lock:
             self._is_waiting = False
-        snapshot = self._take()
-        view, last = self._look_at(snapshot), self._last
+        snapshot = self._take_snapshot()
+        view, last = self._evaluate(snapshot), self._last
         self._last = view
         self._wake_at(view.next_s)
         if last is None or last.seen != view.seen:
-            self._tell(snapshot, view.seen)
+            self._notify(snapshot, view.seen)
 
     def _wake_at(self, instant_s: float) -> None:
         with self._lock:
@@ -119,31 +120,31 @@ class Watch(Generic[SeenT]):
 
 
 class Watches:
-    """All that look at one graph, by what must be touched before they see something else."""
+    """All watches of one graph, by the subjects whose changes can change their values."""
 
     def __init__(self) -> None:
-        """Watch nothing yet."""
+        """Begin without watches."""
         self._of: dict[Touched, tuple[Watch[Any], ...]] = {}
         self._lock = threading.Lock()
 
     def add(self, watch: Watch[Any], touched: Iterable[Touched]) -> None:
-        """Let a watch look whenever something of this is touched."""
+        """Add a watch that evaluates the graph after each change of one of the subjects."""
         with self._lock:
-            for each in touched:
-                self._of[each] = (*self._of.get(each, ()), watch)
+            for key in touched:
+                self._of[key] = (*self._of.get(key, ()), watch)
 
     def remove(self, watch: Watch[Any], touched: Iterable[Touched]) -> None:
-        """Let a watch look no more."""
+        """Remove a watch."""
         with self._lock:
-            for each in touched:
-                left = tuple(other for other in self._of.get(each, ()) if other is not watch)
-                if left:
-                    self._of[each] = left
+            for key in touched:
+                others = tuple(other for other in self._of.get(key, ()) if other is not watch)
+                if others:
+                    self._of[key] = others
                 else:
-                    self._of.pop(each, None)
+                    self._of.pop(key, None)
 
     def changed(self, touched: Iterable[Touched]) -> None:
-        """Let all look for whom something may be different."""
+        """Let all watches evaluate the graph whose values can have changed."""
         of = self._of
         if not of:
             return
@@ -159,15 +160,15 @@ class Watches:
 def of_matches(
     schema: GraphSchema, patterns: Sequence[Pattern], callback: Callable[[Change], object]
 ) -> tuple[Callable[[Snapshot], View[tuple[Match, ...]]], Callable[[Snapshot, tuple[Match, ...]], None]]:
-    """Return how a watch of patterns looks and tells."""
+    """Return the functions `evaluate` and `notify` for a watch of patterns."""
     _check_callback(callback)
 
-    def look(snapshot: Snapshot) -> View[tuple[Match, ...]]:
+    def evaluate(snapshot: Snapshot) -> View[tuple[Match, ...]]:
         return View(snapshot.match(*patterns), next_s(snapshot, schema, patterns))
 
     before: dict[Match, None] = {}
 
-    def tell(snapshot: Snapshot, present: tuple[Match, ...]) -> None:
+    def notify(snapshot: Snapshot, present: tuple[Match, ...]) -> None:
         new = tuple(match for match in present if match not in before)
         over = tuple(match for match in before if match not in present)
         before.clear()
@@ -175,20 +176,21 @@ def of_matches(
         if new or over:
             callback(Change(snapshot, present, new, over))
 
-    return look, tell
+    return evaluate, notify
 
 
 def of_wakes(
     schema: GraphSchema, wakes: Sequence[Pattern], callback: Callable[[Change], object]
 ) -> tuple[Callable[[Snapshot], View[_Woken]], Callable[[Snapshot, _Woken], None]]:
-    """Return how a watch of what wakes an agent looks and tells: each pattern wakes by itself, when it comes to hold.
+    """Return the functions `evaluate` and `notify` for a watch of the patterns that wake an agent.
 
-    An edge that was deleted and drawn again is another edge, so a task that is asked for once more wakes once more.
-    An agent that nothing wakes is called once, and is active from then on.
+    Each pattern wakes the agent by itself, whenever it begins to hold. An edge that was deleted and inserted again is
+    another edge, so a second request of a task wakes its executor again. An agent without `wakes` is called once and is
+    then always active.
     """
     _check_callback(callback)
 
-    def look(snapshot: Snapshot) -> View[_Woken]:
+    def evaluate(snapshot: Snapshot) -> View[_Woken]:
         seen = tuple(
             (number, match, tuple(_number_of(snapshot, key) for key in match.edges))
             for number, pattern in enumerate(wakes)
@@ -198,15 +200,15 @@ def of_wakes(
 
     before: _Woken = ()
 
-    def tell(snapshot: Snapshot, present: _Woken) -> None:
+    def notify(snapshot: Snapshot, present: _Woken) -> None:
         nonlocal before
-        new = tuple(each[1] for each in present if each not in before)
-        over = tuple(each[1] for each in before if each not in present)
+        new = tuple(wake[1] for wake in present if wake not in before)
+        over = tuple(wake[1] for wake in before if wake not in present)
         before = present
         if new or not wakes:
-            callback(Change(snapshot, tuple(each[1] for each in present), new, over))
+            callback(Change(snapshot, tuple(wake[1] for wake in present), new, over))
 
-    return look, tell
+    return evaluate, notify
 
 
 def _number_of(snapshot: Snapshot, key: EdgeKey) -> int:
@@ -217,22 +219,22 @@ def _number_of(snapshot: Snapshot, key: EdgeKey) -> int:
 def of_attribute(
     name: str, attribute: str, callback: Callable[[Reading[Any]], object]
 ) -> tuple[Callable[[Snapshot], View[Reading[Any] | None]], Callable[[Snapshot, Reading[Any] | None], None]]:
-    """Return how a watch of one attribute looks and tells; of a node that is not there it tells nothing."""
+    """Return the functions `evaluate` and `notify` for a watch of one attribute; a missing node causes no call."""
     _check_callback(callback)
 
-    def look(snapshot: Snapshot) -> View[Reading[Any] | None]:
+    def evaluate(snapshot: Snapshot) -> View[Reading[Any] | None]:
         if name not in snapshot:
             return View(None)
         reading = snapshot.get(name, attribute)
         return View(reading, reading.expires_s if reading.known else math.inf)
 
-    def tell(_: Snapshot, reading: Reading[Any] | None) -> None:
+    def notify(_: Snapshot, reading: Reading[Any] | None) -> None:
         if reading is not None:
             callback(reading)
 
-    return look, tell
+    return evaluate, notify
 
 
 def _check_callback(callback: object) -> None:
     if not callable(callback):
-        raise TypeError(f"what is called back is a function, not {callback!r}")
+        raise TypeError(f"the callback must be a function, not {callback!r}")

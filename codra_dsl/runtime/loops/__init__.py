@@ -1,7 +1,7 @@
-"""MAPE-K at run time: loops that analyse knowledge and plan by it.
+"""MAPE-K loops at run time: they analyse knowledge, plan, and execute behavior trees.
 
-A program that decides otherwise than the spec's rules gives `Mape` another `planner`: a function of the type `Planners`
-that returns a `Planner`. `Planning` is the planner of the spec's own rules.
+`Planning` decides by the rules of the spec. To decide otherwise, give `Mape` another `planner`: a function of the type
+`Planners` that returns a `Planner`.
 """
 
 from __future__ import annotations

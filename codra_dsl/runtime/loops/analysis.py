@@ -1,6 +1,6 @@
-"""Analysis: from what is known to metrics, and from metrics to weights of actions (P2, sections 3.3 and 5.2).
+"""Analysis: from readings to metrics, and from metrics to weights of actions (P2, sections 3.3 and 5.2).
 
-All of it is a function of a scene, so that it can be asked what would have been.
+The analysis is a function of a scene, so counterfactual questions are answered by the same code as the present state.
 """
 
 from __future__ import annotations
@@ -17,22 +17,22 @@ from codra_dsl.runtime.loops.observations import Observation, Scene, number_of, 
 from codra_dsl.runtime.values.cell import BEFORE_ALL_S
 
 MOST_BOXES = 256
-"""How many boxes of its unknown inputs an output is asked about at most."""
+"""The largest number of boxes of unknown inputs for which one output is computed."""
 
 Box = tuple[Bounds, ...]
 
 MOST_KEPT = 4096
-"""How many bounds are kept: what is unknown stays so for a while, and is asked about anew with each other change."""
+"""How many bounds are cached: an input stays unknown for a while, and every change of another input asks for them."""
 
 _MOST_INFERRED = 64
-"""How many sets of numbers a stage is kept for: most changes that wake a loop leave those that rules read."""
+"""How many results of a stage are cached: most changes that wake a loop do not change the inputs of its rules."""
 
 _ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Degree:
-    """With what degree an input is a term: bounds, that are one number if the input is known."""
+    """The degree of membership of an input in a term, as bounds; both are equal if the input is known."""
 
     variable: str
     term: str
@@ -42,7 +42,7 @@ class Degree:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fired:
-    """With what strength a rule acts: bounds, that are one number if what it reads is known."""
+    """The strength with which a rule acts, as bounds; both are equal if the inputs that it reads are known."""
 
     text: str
     concludes: tuple[str, ...]
@@ -53,13 +53,13 @@ class Fired:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Judged:
-    """What an output comes to.
+    """The result for one output.
 
     Attributes:
         name: the metric, or the action.
-        bounds: all that it can be.
-        value: what counts: the worse end of the bounds; None if it is unknown.
-        evidence_s: of the oldest input that is known and that its rules read.
+        bounds: all possible values.
+        value: the value that counts, which is the worse end of the bounds; None if it is unknown.
+        evidence_s: the oldest evidence among the known inputs that its rules read.
     """
 
     name: str
@@ -71,10 +71,10 @@ class Judged:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stage:
-    """What one stage comes to.
+    """The result of one stage.
 
     Attributes:
-        inputs: what was read, in the engine's order.
+        inputs: the observations of the inputs, in the engine's order.
     """
 
     inputs: tuple[Observation, ...] = ()
@@ -83,16 +83,16 @@ class Stage:
     outputs: tuple[Judged, ...] = ()
 
     def value(self, name: str) -> float | None:
-        """Return what counts of an output."""
-        return next(each.value for each in self.outputs if each.name == name)
+        """Return the value that counts for an output."""
+        return next(output.value for output in self.outputs if output.name == name)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Assessment:
-    """What an analysis comes to.
+    """The result of an analysis.
 
     Attributes:
-        scene: what was known, with the metrics.
+        scene: the observations, including the metrics.
     """
 
     scene: Scene
@@ -101,24 +101,24 @@ class Assessment:
 
     def weights(self) -> dict[str, float | None]:
         """Return the weight of each action."""
-        return {each.name: each.value for each in self.actions.outputs}
+        return {output.name: output.value for output in self.actions.outputs}
 
 
 def assess(model: MapeModel, scene: Scene, *, metrics: Mapping[str, float | None] | None = None) -> Assessment:
     """Return the metrics and weights of a scene.
 
     Args:
-        model: of the loops.
-        scene: all that the first stage reads, and what else the second one reads.
-        metrics: what some metrics are to count as in the second stage, whatever the first says.
+        model: the model of the loops.
+        scene: everything that the stages read, except metrics.
+        metrics: values that replace the computed values of some metrics in the second stage.
     """
     first = Stage() if model.metrics is None else infer(model.metrics, scene)
-    judged = {each.variable: _observed(each) for each in first.outputs}
-    whole = {**scene, **judged}
+    judged = {output.variable: _observed(output) for output in first.outputs}
+    complete = {**scene, **judged}
     for variable, value in (metrics or {}).items():
-        whole[variable] = Observation(variable=variable, value=value, evidence_s=whole[variable].evidence_s)
-    second = Stage() if model.actions is None else infer(model.actions, whole)
-    return Assessment(scene=whole, metrics=first, actions=second)
+        complete[variable] = Observation(variable=variable, value=value, evidence_s=complete[variable].evidence_s)
+    second = Stage() if model.actions is None else infer(model.actions, complete)
+    return Assessment(scene=complete, metrics=first, actions=second)
 
 
 def _observed(judged: Judged) -> Observation:
@@ -127,23 +127,23 @@ def _observed(judged: Judged) -> Observation:
 
 
 def infer(model: StageModel, scene: Scene) -> Stage:
-    """Return what a stage comes to."""
-    inputs = tuple(scene[each.variable] for each in model.inputs)
-    numbers = (number_of(each, seen.value) for each, seen in zip(model.inputs, inputs, strict=True))
-    found = _inferred(model, tuple(None if number != number else number for number in numbers))
+    """Return the result of a stage."""
+    inputs = tuple(scene[model_input.variable] for model_input in model.inputs)
+    numbers = (number_of(model_input, seen.value) for model_input, seen in zip(model.inputs, inputs, strict=True))
+    inferred = _inferred(model, tuple(None if number != number else number for number in numbers))
     return Stage(
         inputs=inputs,
-        degrees=found.degrees,
-        rules=found.rules,
+        degrees=inferred.degrees,
+        rules=inferred.rules,
         outputs=tuple(
-            _judged(model, each, bounds, scene) for each, bounds in zip(model.outputs, found.values, strict=True)
+            _judged(model, output, bounds, scene) for output, bounds in zip(model.outputs, inferred.values, strict=True)
         ),
     )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Inferred:
-    """What a stage makes of numbers, whenever they were seen."""
+    """The result of a stage for some numbers, independent of the age of their evidence."""
 
     degrees: tuple[Degree, ...]
     rules: tuple[Fired, ...]
@@ -152,19 +152,19 @@ class _Inferred:
 
 @lru_cache(maxsize=_MOST_INFERRED)
 def _inferred(model: StageModel, known: tuple[float | None, ...]) -> _Inferred:
-    """Return what a stage makes of its inputs; None is what is unknown."""
+    """Return the result of a stage for its inputs; None is an unknown input."""
     numbers = [math.nan if number is None else number for number in known]
     certain = model.infer(*numbers)
     values = [Bounds(value, value) if value == value else UNKNOWN for value in certain.values]
     strengths = [Bounds(strength, strength) for strength in certain.strengths]
-    unknown = {each.variable for each, number in zip(model.inputs, known, strict=True) if number is None}
+    unknown = {model_input.variable for model_input, number in zip(model.inputs, known, strict=True) if number is None}
     if unknown:
         _widen(model, numbers, unknown, values, strengths)
     return _Inferred(
         degrees=tuple(_degrees(model.inputs, numbers)),
         rules=tuple(
-            Fired(text=rule.text, concludes=rule.concludes, place=rule.place, low=found.low, high=found.high)
-            for rule, found in zip(model.rules, strengths, strict=True)
+            Fired(text=rule.text, concludes=rule.concludes, place=rule.place, low=strength.low, high=strength.high)
+            for rule, strength in zip(model.rules, strengths, strict=True)
         ),
         values=tuple(values),
     )
@@ -173,57 +173,62 @@ def _inferred(model: StageModel, known: tuple[float | None, ...]) -> _Inferred:
 def _widen(
     model: StageModel, numbers: Sequence[float], unknown: set[str], values: list[Bounds], strengths: list[Bounds]
 ) -> None:
-    """Put bounds in the place of what an unknown input has a say in."""
+    """Replace the values and strengths that depend on an unknown input by bounds."""
     for index, output in enumerate(model.outputs):
         reads = _reads(model, output)
         if unknown & reads:
             known = zip(model.inputs, numbers, strict=True)
-            seen = (number if number == number and each.variable in reads else None for each, number in known)
+            seen = (
+                number if number == number and model_input.variable in reads else None for model_input, number in known
+            )
             values[index] = _bounds(model, index, tuple(seen))
-    choices = [_hull(possible(each, number)) for each, number in zip(model.inputs, numbers, strict=True)]
-    found = model.infer_bounds(*choices).strengths
+    choices = [_hull(possible(model_input, number)) for model_input, number in zip(model.inputs, numbers, strict=True)]
+    widened = model.infer_bounds(*choices).strengths
     for index, rule in enumerate(model.rules):
         if unknown & set(rule.reads):
-            strengths[index] = found[index]
+            strengths[index] = widened[index]
 
 
 @lru_cache(maxsize=MOST_KEPT)
 def _bounds(model: StageModel, index: int, numbers: tuple[float | None, ...]) -> Bounds:
-    """Return all that an output can be.
+    """Return the bounds of all possible values of an output.
 
     Args:
-        model: of the stage.
-        index: of the output.
-        numbers: the inputs; None for what is unknown, and for what no rule about the output reads.
+        model: the model of the stage.
+        index: the index of the output.
+        numbers: the inputs; None for unknown inputs, and for inputs that no rule of the output reads.
     """
     return _Cutting(model, numbers, index).bounds()
 
 
 class _Cutting:
-    """The bounds of one output: the union of those of boxes, into which its unknown inputs are cut.
+    """The bounds of one output: the union of the bounds of boxes into which its unknown inputs are cut.
 
-    In a box two mentions of one input count as two inputs, so that no rule may seem to act though one surely does.
-    Such a box is cut further, unless no rule acts in its middle.
+    In a box, two mentions of one input count as two inputs. It can therefore seem possible that no rule acts although
+    one certainly does. Such a box is cut further, unless no rule acts in its middle.
     """
 
     def __init__(self, model: StageModel, numbers: Sequence[float | None], index: int) -> None:
         self._model = model
         self._index = index
-        self._ranges = [each.range.high - each.range.low for each in model.inputs]
+        self._ranges = [model_input.range.high - model_input.range.low for model_input in model.inputs]
         reads = _reads(model, model.outputs[index])
         given = list(zip(model.inputs, numbers, strict=True))
-        self._is_open = [number is None and each.variable in reads and not each.members for each, number in given]
+        self._is_open = [
+            number is None and model_input.variable in reads and not model_input.members
+            for model_input, number in given
+        ]
         self._choices = [
-            possible(each, math.nan if number is None else number)
-            if number is not None or each.variable in reads
-            else (each.range,)
-            for each, number in given
+            possible(model_input, math.nan if number is None else number)
+            if number is not None or model_input.variable in reads
+            else (model_input.range,)
+            for model_input, number in given
         ]
         self._left = MOST_BOXES
 
     def bounds(self) -> Bounds:
-        """Return all that the output can be."""
-        found: Bounds | None = None
+        """Return the bounds of all possible values of the output."""
+        union: Bounds | None = None
         pending = list(self._boxes())
         while pending:
             box = pending.pop()
@@ -232,12 +237,12 @@ class _Cutting:
             halves = self._halves(box) if value.may_be_unknown and self._left > 0 else ()
             pending.extend(halves)
             if not halves:
-                found = value if found is None else joined(found, value)
-        assert found is not None
-        return found
+                union = value if union is None else joined(union, value)
+        assert union is not None
+        return union
 
     def _boxes(self) -> Iterator[Box]:
-        """Yield the boxes to begin with: members apart, ranges in equal pieces."""
+        """Yield the initial boxes: one for each member, and equal pieces of ranges."""
         open_ones = sum(self._is_open)
         most = max(1.0, MOST_BOXES / 4 / math.prod(map(len, self._choices)))
         pieces = max(1, min(self._model.pieces, int(most ** (1 / max(1, open_ones)) + _ROUNDING)))
@@ -248,10 +253,10 @@ class _Cutting:
         yield from itertools.product(*cut)
 
     def _halves(self, box: Box) -> tuple[Box, ...]:
-        """Return both halves of a box along its longest side; none if no rule acts in its middle."""
-        middle = [each.low + (each.high - each.low) / 2.0 for each in box]
+        """Return both halves of a box along its longest side; nothing if no rule acts in its middle."""
+        middle = [bounds.low + (bounds.high - bounds.low) / 2.0 for bounds in box]
         value = self._model.infer(*middle).values[self._index]
-        sides = [self._side(index, each) for index, each in enumerate(box)]
+        sides = [self._side(index, bounds) for index, bounds in enumerate(box)]
         longest = max(range(len(box)), key=sides.__getitem__)
         if value != value or sides[longest] <= 0.0:
             return ()
@@ -271,7 +276,7 @@ def _pieces(bounds: Bounds, pieces: int) -> tuple[Bounds, ...]:
 
 
 def _hull(choices: Sequence[Bounds]) -> Bounds:
-    return Bounds(min(each.low for each in choices), max(each.high for each in choices))
+    return Bounds(min(choice.low for choice in choices), max(choice.high for choice in choices))
 
 
 def _reads(model: StageModel, output: OutputModel) -> set[str]:
@@ -281,7 +286,7 @@ def _reads(model: StageModel, output: OutputModel) -> set[str]:
 def _judged(model: StageModel, output: OutputModel, bounds: Bounds, scene: Scene) -> Judged:
     worse = bounds.worse(output.worse)
     seen = (scene[variable] for variable in _reads(model, output))
-    stamps = [each.evidence_s for each in seen if each.value is not None]
+    stamps = [observation.evidence_s for observation in seen if observation.value is not None]
     return Judged(
         name=output.name,
         variable=output.variable,

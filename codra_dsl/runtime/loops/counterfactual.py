@@ -1,8 +1,8 @@
-"""What would have kept the course that was left: the smallest single change of an input, and of a weight.
+"""Counterfactuals: the smallest single change of an input, and of a weight, that would have kept a course.
 
-Each is found by asking the stages again with the change, and counts only if they then say so: no action leads the
-course by its lead, and no hard rule wants another. Smoothing, hold and dwell are left aside: they delay, they do not
-decide.
+Each candidate is verified by running the stages again with the change: no action may lead the course by the lead, and
+no hard rule may demand another action. Smoothing, hold and dwell are ignored, because they delay a switch and do not
+decide it.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _MARGIN = 1e-6
 
 
 class Changed(StrEnum):
-    """What a change is a change of."""
+    """The kind of value that is changed."""
 
     INPUT = "input"
     WEIGHT = "weight"
@@ -36,10 +36,10 @@ class Counterfactual:
     """A single change that would have kept the course.
 
     Attributes:
-        name: of the variable, or the action.
-        value: what it was; None if it was unknown.
-        other: what it would have had to be.
-        share: how much of its range the change is; of what was unknown, nothing can be said.
+        name: the name of the variable, or of the action.
+        value: the value at the decision; None if it was unknown.
+        other: the value that would have kept the course.
+        share: the size of the change as a share of the range; 1 if the value was unknown.
     """
 
     kind: Changed
@@ -49,28 +49,28 @@ class Counterfactual:
     share: float
 
 
-def keeping(
+def smallest_changes(
     model: MapeModel, course: CourseModel, decision: Decision, more: Iterable[InputModel] = ()
 ) -> tuple[Counterfactual, ...]:
-    """Return the smallest change of an input and that of a weight, the smaller first; none where none helps.
+    """Return the smallest change of an input and of a weight that would have kept the course, the smaller one first.
 
     Args:
-        model: of the loops.
-        course: that was left.
-        decision: for another one.
-        more: inputs that hard rules read and no stage does.
+        model: the model of the loops.
+        course: the model of the course.
+        decision: the decision to leave the old action.
+        more: inputs that hard rules read and no stage reads.
     """
     if not decision.before or would_keep(course, decision.assessment, decision.before, decision.instant_s):
-        return ()  # what was known would have kept it: what came before, smoothed or held, decided
-    asked = {each.variable: each for each in (*more, *_inputs(model))}
-    inputs = [found for each in asked.values() for found in _of_input(model, course, decision, each)]
+        return ()  # earlier weights decided, by smoothing or hold: the present ones would have kept it
+    asked = {model_input.variable: model_input for model_input in (*more, *_inputs(model))}
+    inputs = [change for model_input in asked.values() for change in _of_input(model, course, decision, model_input)]
     weights = [] if decision.rule is not None else list(_of_weights(course, decision))
-    smallest = [min(found, key=_share) for found in (inputs, weights) if found]
+    smallest = [min(changes, key=_share) for changes in (inputs, weights) if changes]
     return tuple(sorted(smallest, key=_share))
 
 
 def would_keep(course: CourseModel, assessment: Assessment, action: str, now_s: float) -> bool:
-    """Return whether nothing takes an action's place: no hard rule, and no weight that leads."""
+    """Return whether an action stays the course: no hard rule demands another one, and no other weight leads."""
     rule = hard_rule(course, assessment, now_s)
     if rule is not None:
         return rule.action == action
@@ -81,54 +81,63 @@ def would_keep(course: CourseModel, assessment: Assessment, action: str, now_s: 
     return not any(leads(course, weights[other], of_action) for other in course.choose if other != action)
 
 
-def _share(found: Counterfactual) -> float:
-    return found.share
+def _share(change: Counterfactual) -> float:
+    return change.share
 
 
 def _inputs(model: MapeModel) -> Iterator[InputModel]:
-    """Yield what the stages read and no stage works out, each once."""
+    """Yield the inputs that the stages read and no stage computes, each once."""
     stages = [stage for stage in (model.metrics, model.actions) if stage is not None]
-    judged = set() if model.metrics is None else {each.variable for each in model.metrics.outputs}
-    inputs = {each.variable: each for stage in stages for each in stage.inputs if each.variable not in judged}
+    judged = set() if model.metrics is None else {output.variable for output in model.metrics.outputs}
+    inputs = {
+        model_input.variable: model_input
+        for stage in stages
+        for model_input in stage.inputs
+        if model_input.variable not in judged
+    }
     yield from inputs.values()
 
 
-def _of_input(model: MapeModel, course: CourseModel, decision: Decision, each: InputModel) -> Iterator[Counterfactual]:
-    """Yield the nearest value of an input with which the course would have stood."""
+def _of_input(
+    model: MapeModel, course: CourseModel, decision: Decision, model_input: InputModel
+) -> Iterator[Counterfactual]:
+    """Yield the nearest value of an input that would have kept the course."""
     scene = decision.assessment.scene
-    seen = scene[each.variable]
-    number, width = number_of(each, seen.value), each.range.high - each.range.low
+    seen = scene[model_input.variable]
+    number, width = number_of(model_input, seen.value), model_input.range.high - model_input.range.low
 
     def keeps(other: float) -> bool:
-        changed = Observation(variable=each.variable, value=value_of(each, other), evidence_s=decision.instant_s)
-        found = assess(model, {**scene, each.variable: changed})
-        return would_keep(course, found, decision.before, decision.instant_s)
+        changed = Observation(
+            variable=model_input.variable, value=value_of(model_input, other), evidence_s=decision.instant_s
+        )
+        assessment = assess(model, {**scene, model_input.variable: changed})
+        return would_keep(course, assessment, decision.before, decision.instant_s)
 
-    found = _nearest(each, number, keeps)
-    if found is not None:
-        value = value_of(each, found)
-        share = 1.0 if number != number else abs(found - number) / width
-        yield Counterfactual(kind=Changed.INPUT, name=each.variable, value=seen.value, other=value, share=share)
+    nearest = _nearest(model_input, number, keeps)
+    if nearest is not None:
+        value = value_of(model_input, nearest)
+        share = 1.0 if number != number else abs(nearest - number) / width
+        yield Counterfactual(kind=Changed.INPUT, name=model_input.variable, value=seen.value, other=value, share=share)
 
 
-def _nearest(each: InputModel, number: float, keeps: Callable[[float], bool]) -> float | None:
-    """Return the value nearest to a number that keeps, if any does: of an unknown one, the least."""
-    low, high = each.range.low, each.range.high
-    if each.members:
-        places = [float(index) for index in range(len(each.members)) if index != number]
+def _nearest(model_input: InputModel, number: float, keeps: Callable[[float], bool]) -> float | None:
+    """Return the value nearest to a number that keeps the course, if any; the least such value if it is unknown."""
+    low, high = model_input.range.low, model_input.range.high
+    if model_input.members:
+        places = [float(index) for index in range(len(model_input.members)) if index != number]
     elif math.isfinite(high - low):
         places = [low + (high - low) * index / _STEPS for index in range(_STEPS + 1)]
     else:
         return None
     start = number if number == number else low
-    found = next((place for place in sorted(places, key=lambda place: abs(place - start)) if keeps(place)), None)
-    if found is None or each.members or number != number:
-        return found
-    return _narrowed(number, found, keeps)
+    nearest = next((place for place in sorted(places, key=lambda place: abs(place - start)) if keeps(place)), None)
+    if nearest is None or model_input.members or number != number:
+        return nearest
+    return _narrowed(number, nearest, keeps)
 
 
 def _narrowed(away: float, kept: float, keeps: Callable[[float], bool]) -> float:
-    """Return a value that keeps and is as near as halving finds."""
+    """Return a value that keeps the course and is as near as bisection can determine."""
     for _ in range(_HALVINGS):
         middle = (away + kept) / 2.0
         if keeps(middle):
@@ -139,7 +148,7 @@ def _narrowed(away: float, kept: float, keeps: Callable[[float], bool]) -> float
 
 
 def _of_weights(course: CourseModel, decision: Decision) -> Iterator[Counterfactual]:
-    """Yield which single weight, if it had been another, would have kept the course, and what it would have to be."""
+    """Yield the changes of a single weight that would have kept the course."""
     weights = decision.assessment.weights()
     of_course, reach = weights[decision.before], threshold(course)
     rivals = (weights[action] for action in course.choose if action != decision.before)
@@ -157,6 +166,6 @@ def _of_weights(course: CourseModel, decision: Decision) -> Iterator[Counterfact
 
 def _would_keep_with(course: CourseModel, decision: Decision, action: str, weight: float) -> bool:
     stage = decision.assessment.actions
-    outputs = tuple(replace(each, value=weight) if each.name == action else each for each in stage.outputs)
+    outputs = tuple(replace(output, value=weight) if output.name == action else output for output in stage.outputs)
     changed = replace(decision.assessment, actions=replace(stage, outputs=outputs))
     return would_keep(course, changed, decision.before, decision.instant_s)

@@ -1,4 +1,4 @@
-"""Choosing the course: hard rules, what a worse metric makes urgent, and the filter."""
+"""The choice of a course: hard rules, urgency after a worse metric, and the filter."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from codra_dsl.runtime.loops.observations import SceneScope
 _SAME = 1e-9
 
 Metrics = Mapping[str, float | None]
-"""What counts of each metric, by variable."""
+"""The value that counts for each metric, by variable."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CourseState:
-    """What is remembered of a course from one analysis to the next.
+    """The state of a course between two analyses.
 
     Attributes:
-        metrics: as they were when the course was chosen.
+        metrics: their values when the course was chosen.
     """
 
     state: FilterState = field(default_factory=FilterState)
@@ -31,12 +31,12 @@ class CourseState:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Decision:
-    """One choice of a course, with all that led to it.
+    """One choice of a course, with everything that led to it.
 
     Attributes:
         before: the action that was left; empty for the first choice.
         chosen: the step of the filter.
-        rule: the hard rule that decided, if one did.
+        rule: the hard rule that decided; None without one.
     """
 
     instant_s: float
@@ -50,18 +50,18 @@ class Decision:
 
 
 def metrics_of(model: MapeModel, assessment: Assessment) -> Metrics:
-    """Return what counts of each metric."""
+    """Return the value that counts for each metric."""
     outputs = () if model.metrics is None else model.metrics.outputs
-    return {each.variable: _number(assessment.scene[each.variable].value) for each in outputs}
+    return {metric.variable: _number(assessment.scene[metric.variable].value) for metric in outputs}
 
 
 def worsened(model: MapeModel, now: Metrics, then: Metrics) -> Metrics:
-    """Return the metrics that are worse than they were, as they were."""
+    """Return the old values of the metrics that have become worse."""
     outputs = () if model.metrics is None else model.metrics.outputs
     return {
-        each.variable: then[each.variable]
-        for each in outputs
-        if each.variable in then and _is_worse(each, now[each.variable], then[each.variable])
+        metric.variable: then[metric.variable]
+        for metric in outputs
+        if metric.variable in then and _is_worse(metric, now[metric.variable], then[metric.variable])
     }
 
 
@@ -72,7 +72,11 @@ def hard_rule(model: CourseModel, assessment: Assessment, now_s: float) -> HardR
 
 
 def urgent(model: MapeModel, course: CourseModel, course_state: CourseState, assessment: Assessment) -> frozenset[str]:
-    """Return the actions that lead the course, and would not if no metric had become worse since it was chosen."""
+    """Return the actions that lead the course only because a metric has become worse since it was chosen.
+
+    The effect on the weights makes an action urgent, not the size of the metric's change: the action would not lead
+    with the metrics of the last switch.
+    """
     running = course_state.state.action
     worse = worsened(model, metrics_of(model, assessment), course_state.metrics) if running else {}
     if not worse:
@@ -92,7 +96,7 @@ def choose(
     """Choose the course of an instant.
 
     Returns:
-        What is to be remembered; the decision, if the course is another one; when to choose again.
+        The new state; the decision if the course changes, otherwise None; the instant at which to choose again.
     """
     rule = hard_rule(course, assessment, now_s)
     weights = assessment.weights()

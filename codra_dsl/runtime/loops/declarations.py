@@ -1,9 +1,10 @@
-"""What a spec says of MAPE-K loops, as frozen values that generated code fills with literals and functions.
+"""Declarations of MAPE-K loops: frozen values that generated code fills with literals and functions.
 
 P2, sections 3.3 and 5.2: a first fuzzy stage turns context into metrics, a second one turns metrics into weights of
-actions, and what weighs most is the course that the mission's tree takes. All that these values name are
-context-variables: rates, metrics, weights, the course and the parameters are readings like any other, with an agent
-that writes them.
+actions, and the action with the highest weight is the course that the mission's tree takes.
+
+Rates, metrics, weights, courses and parameters are context-variables like any other, each with an agent that writes
+it. Loading the spec adds them, so conditions, agents, the journal and `why` handle them without special code.
 """
 
 from __future__ import annotations
@@ -18,30 +19,29 @@ from codra_dsl.runtime.loops.fuzzy.bounds import BoundedInference, Bounds, End
 from codra_dsl.runtime.loops.fuzzy.outputs import Inference
 
 Membership = Callable[[float], float]
-"""The degree with which a number is a term."""
-
+"""Returns the degree of membership of a number in a term."""
 
 Infer = Callable[..., Inference]
-"""The function `infer` of a compiled engine: of as many numbers as it has inputs."""
+"""The function `infer` of a compiled engine; it takes one number for each input."""
 
 InferBounds = Callable[..., BoundedInference]
-"""The function `infer_bounds` of a compiled engine: of as many bounds as it has inputs."""
+"""The function `infer_bounds` of a compiled engine; it takes the bounds of each input."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RateModel:
-    """How fast a variable changes, as a variable of its own.
+    """A rate of change, which is a variable of its own.
 
-    The slope of the line that fits the known readings of the last `over_s` seconds best. It is unknown while these
-    span less than half of that time, and when the variable is unknown now. A value outside the range of the rate's
-    variable counts as the nearest end.
+    Its value is the slope of the line that best fits the known readings of the last `over_s` seconds. It is unknown
+    while these readings span less than half of that time, and while the variable itself is unknown. A value outside
+    the range of the rate's variable is set to the nearest end of the range.
 
     Attributes:
         variable: the rate; a context-variable whose source is the analyst.
-        of: the variable whose readings are looked at; its `history` must hold those of half of the time.
-        over_s: the window.
-        factor: what a change of 1 a second, in the units of `of`, is in the unit of the rate: 60 for units a minute,
-            -60 where falling counts as positive.
+        of: the variable whose readings are used; its `history` must cover at least half of the window.
+        over_s: the length of the window.
+        factor: converts from units of `of` per second to the unit of the rate: 60 for units per minute, -60 if
+            falling counts as positive.
     """
 
     variable: str
@@ -55,11 +55,11 @@ class InputModel:
     """An input of a stage.
 
     Attributes:
-        variable: a context-variable: a rate and, in the second stage, a metric are such too.
-        range: all that it can be; what it counts as while it is unknown.
-        members: of an enum, in the order in which the engine counts them from 0; of a bool `("false", "true")`. While
-            it is unknown it is one of them, and nothing between.
-        terms: the degree of each of its terms, for the chains of decisions.
+        variable: a context-variable; this can be a rate and, in the second stage, a metric.
+        range: all possible values; they are used while the variable is unknown.
+        members: the members of an enum, which the engine numbers from 0 in this order; `("false", "true")` for a bool.
+            An unknown value is one of the members, never a number between them.
+        terms: the membership function of each term, for the chains of decisions.
     """
 
     variable: str
@@ -74,10 +74,10 @@ class OutputModel:
 
     Attributes:
         name: the metric, or the action.
-        variable: the context-variable that holds it, a number from 0 to 1 whose source is the analyst; of a metric its
-            name.
-        worse: the end of the interval that counts when an input is unknown; of a metric also the side to which a
-            change breaks a dwell.
+        variable: the context-variable that holds it, a number from 0 to 1 whose source is the analyst. For a metric
+            it has the metric's name.
+        worse: the end of the interval that counts when an input is unknown. If a metric changes towards this end, the
+            change can break a dwell.
     """
 
     name: str
@@ -90,11 +90,11 @@ class StageRuleModel:
     """A rule of a stage.
 
     Attributes:
-        text: as the engine's `RULES` has it.
-        concludes: the names of the outputs about which it says something.
-        reads: the variables of the inputs that it asks about: the evidence of an output is as old as the oldest of what
-            its rules read.
-        place: in the spec, as `file:line`.
+        text: its text in the engine's `RULES`.
+        concludes: the names of the outputs that it has conclusions for.
+        reads: the variables of the inputs that it reads. The evidence of an output is as old as the oldest evidence
+            that its rules read.
+        place: its place in the spec, as `file:line`.
     """
 
     text: str
@@ -105,15 +105,15 @@ class StageRuleModel:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class StageModel:
-    """One fuzzy engine, bound to variables. It equals itself only, as its functions do.
+    """One fuzzy engine, bound to variables. It is compared by identity, as its functions are.
 
     Attributes:
-        infer: of numbers.
-        infer_bounds: of bounds; it is asked when an input is unknown.
+        infer: the inference with numbers.
+        infer_bounds: the inference with bounds; it is used when an input is unknown.
         inputs: in the engine's order (`INPUTS`).
         outputs: in the engine's order (`OUTPUTS`).
         rules: in the engine's order (`RULES`).
-        pieces: into how many pieces each unknown input is cut, so that bounds are narrower (`refined`).
+        pieces: the number of pieces into which each unknown input is cut, for narrower bounds (`refined`).
     """
 
     infer: Infer
@@ -126,12 +126,12 @@ class StageModel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HardRuleModel:
-    """While a condition certainly holds, an action is the course, whatever the weights are.
+    """A rule that sets the course to an action while a condition certainly holds, regardless of the weights.
 
     Attributes:
-        condition: over context-variables.
-        action: one that the course chooses from.
-        text: the condition, as the spec says it.
+        condition: a condition over context-variables.
+        action: one of the actions that the course chooses from.
+        text: the condition as the spec has it.
     """
 
     condition: Term
@@ -142,20 +142,20 @@ class HardRuleModel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CourseModel:
-    """A choice among actions by their weights, and the filter that keeps it from flapping.
+    """A choice among actions by their weights, and the filter that prevents flapping.
 
     Attributes:
-        name: of the adaptation.
-        choose: the actions; of equal weights the first wins.
+        name: the name of the adaptation.
+        choose: the actions; among equal weights the first wins.
         otherwise: the action while no weight is known.
-        variable: an enum that holds the action chosen, whose source is the adapter; empty if there is none.
-        smooth_s: the time constant of the weights' exponential smoothing; 0 is none.
-        lead: by how much a weight must exceed that of the action that runs.
+        variable: an enum that holds the chosen action, whose source is the adapter; empty without such a variable.
+        smooth_s: the time constant of the exponential smoothing of weights; 0 for no smoothing.
+        lead: by how much a weight must exceed that of the running action.
         hold_s: how long it must do so without a break.
-        dwell_s: how long an action runs at least. A hard rule breaks that, and a metric that became worse.
-        cooldown_s: how long an action that was left is not chosen again, but for the same two.
-        abort_s: how long the branch that is left may take to end.
-        always: hard rules; the first that holds decides.
+        dwell_s: the shortest time for which an action runs. A hard rule breaks it, and so does a worse metric.
+        cooldown_s: how long an action is not chosen again after it was left. The same two exceptions apply.
+        abort_s: how long a branch may take to end after the course has left it.
+        always: hard rules; the first one that holds decides.
     """
 
     name: str
@@ -177,11 +177,11 @@ class ParameterModel:
     """A context-variable that is set by a condition over context and metrics.
 
     Attributes:
-        name: of the adaptation.
-        variable: that is set; its source is the adapter.
-        value: what it is to be, in the variable's unit; where it is unknown, the last value stays.
-        text: `value`, as the spec says it.
-        dwell_s: how long a value stands at least. A metric that became worse breaks that.
+        name: the name of the adaptation.
+        variable: the variable that is set; its source is the adapter.
+        value: computes the new value, in the variable's unit; while it is unknown, the last value stays.
+        text: `value` as the spec has it.
+        dwell_s: the shortest time for which a value is kept. A metric that became worse breaks it.
     """
 
     name: str
@@ -193,10 +193,10 @@ class ParameterModel:
 
 
 class Repeat(StrEnum):
-    """What becomes of a tree whose root has completed."""
+    """What happens to a tree after its root has completed."""
 
     ALWAYS = "always"
-    """It begins anew with its next tick."""
+    """It starts again with its next tick."""
 
     ON_SWITCH = "on_switch"
     """It is idle until another course is chosen."""
@@ -204,21 +204,21 @@ class Repeat(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TreeModel:
-    """A tree of the mission, and which of its branches is which action.
+    """A behavior tree of the mission, and its branch for each action.
 
-    The tree has guarded branches: each asks an entry of its blackboard (`_while="course == 'deliver'"`, or a
-    `Switch` with `variable="{course}"`). A course is chosen by writing the entry.
+    The tree has guarded branches: each reads an entry of the tree's blackboard (`_while="course == 'deliver'"`, or a
+    `Switch` with `variable="{course}"`). Writing the entry chooses the course.
 
     Attributes:
         build: makes the root; a function of the compiled module's `TREES`.
-        course: the adaptation that chooses its branch; empty if none does.
-        entry: of the blackboard, that says which branch is to run.
-        branches: of each action what the entry becomes.
-        tasks: tasks of the knowledge graph that its leaves hand over; a branch has ended when none is open that it
-            has asked for.
-        agent: who asks for these tasks.
+        course: the adaptation that chooses its branch; empty without one.
+        entry: the entry of the blackboard that selects the branch to run.
+        branches: the value of the entry for each action.
+        tasks: tasks of the knowledge graph that its leaves hand over; a branch has ended when no task that it
+            requested is open.
+        agent: the agent that requests these tasks.
         period_s: the time between two ticks.
-        repeat: what becomes of it when its root has completed.
+        repeat: what happens after its root has completed.
     """
 
     name: str
@@ -237,12 +237,12 @@ class LoopModel:
     """A loop: what it analyses, adapts and executes.
 
     Attributes:
-        name: of the loop.
-        rates: variables of the rates that it works out; each belongs to one loop.
-        analyse: metrics that it works out; each belongs to one loop.
-        adapt: courses and parameters; the weights of a course's actions are worked out with it.
-        execute: trees that it ticks.
-        period_s: how long after the last analysis there is another one though no input has changed.
+        name: the name of the loop.
+        rates: the variables of the rates that it computes; each belongs to one loop.
+        analyse: the metrics that it computes; each belongs to one loop.
+        adapt: courses and parameters; the weights of a course's actions are computed with the course.
+        execute: the trees that it ticks.
+        period_s: the longest time between two analyses; without a change of the inputs, the next one runs after it.
     """
 
     name: str
@@ -258,7 +258,7 @@ class MapeModel:
     """All loops of a spec.
 
     Attributes:
-        metrics: the first stage; None if there is none.
+        metrics: the first stage; None without metrics.
         actions: the second stage.
         analyst: the agent that writes rates, metrics and weights.
         adapter: the agent that writes courses and parameters.

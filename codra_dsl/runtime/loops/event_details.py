@@ -1,4 +1,4 @@
-"""Decisions as the details of events: plain values, and nothing that is None."""
+"""Details of events about analyses and decisions: plain values, without None."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Details = dict[str, Any]
 
 
 def chain_of(loop: str, course: CourseModel, decision: Decision) -> Details:
-    """Return the chain of a decision, from what was known to the action."""
+    """Return the chain of a decision, from the readings to the action."""
     before = decision.chosen.before
     rule = decision.rule
     return _without_none(
@@ -31,45 +31,49 @@ def chain_of(loop: str, course: CourseModel, decision: Decision) -> Details:
         place=(course.place if rule is None else rule.place) or None,
         since_s=_finite(before.since_s),
         dwell_until_s=_finite(before.dwell_until_s(course)),
-        weights=[_weighed(course, decision, each) for each in _weights(course, decision)],
+        weights=[_weighed(course, decision, weight) for weight in _weights(course, decision)],
         **evidence_of(decision.assessment, [name for rule in course.always for name in rule.condition.variables()]),
     )
 
 
 def evidence_of(assessment: Assessment, more: Iterable[str] = ()) -> Details:
-    """Return what was known, and what the stages made of it.
+    """Return the readings, and the results of the stages.
 
     Args:
-        assessment: of the instant.
-        more: variables that a condition reads, be it that no stage does.
+        assessment: the assessment of the instant.
+        more: variables that a condition reads, even if no stage does.
     """
     stages = (assessment.metrics, assessment.actions)
     return {
         "readings": _readings(stages, [assessment.scene[name] for name in sorted(set(more))]),
-        "degrees": [_degree(each) for each in dict.fromkeys(each for stage in stages for each in stage.degrees)],
-        "rules": [_rule(each) for stage in stages for each in stage.rules],
-        "metrics": [_judged(each) for each in assessment.metrics.outputs],
+        "degrees": [
+            _degree(degree) for degree in dict.fromkeys(degree for stage in stages for degree in stage.degrees)
+        ],
+        "rules": [_rule(rule) for stage in stages for rule in stage.rules],
+        "metrics": [_judged(metric) for metric in assessment.metrics.outputs],
     }
 
 
 def analysis_of(model: MapeModel, assessment: Assessment, variables: Collection[str]) -> Details:
-    """Return what led to some metrics and weights, from what was read to what came of it."""
-    metrics = () if model.metrics is None else _told(model.metrics, assessment.metrics, variables)
-    weights = () if model.actions is None else _told(model.actions, assessment.actions, variables)
-    told = [*metrics, *weights]
-    inputs = {each.variable: each for part in told for each in part.inputs}
+    """Return the derivation of some metrics and weights, from the readings to the results."""
+    metrics = () if model.metrics is None else _explained_outputs(model.metrics, assessment.metrics, variables)
+    weights = () if model.actions is None else _explained_outputs(model.actions, assessment.actions, variables)
+    outputs = [*metrics, *weights]
+    inputs = {observation.variable: observation for output in outputs for observation in output.inputs}
     return {
-        "readings": [_reading(each) for each in inputs.values()],
-        "degrees": [_degree(each) for each in dict.fromkeys(each for part in told for each in part.degrees)],
-        "rules": [_rule(each) for each in dict.fromkeys(each for part in told for each in part.rules)],
-        "metrics": [part.details() for part in metrics],
-        "weights": [part.details() for part in weights],
+        "readings": [_reading(observation) for observation in inputs.values()],
+        "degrees": [
+            _degree(degree) for degree in dict.fromkeys(degree for output in outputs for degree in output.degrees)
+        ],
+        "rules": [_rule(rule) for rule in dict.fromkeys(rule for output in outputs for rule in output.rules)],
+        "metrics": [output.details() for output in metrics],
+        "weights": [output.details() for output in weights],
     }
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Told:
-    """An output with all that it follows from, but rules that did not act."""
+class _ExplainedOutput:
+    """An output with the inputs, degrees and rules that it follows from, except rules that did not act."""
 
     output: Judged
     inputs: tuple[Observation, ...]
@@ -77,94 +81,94 @@ class _Told:
     rules: tuple[Fired, ...]
 
     def details(self) -> Details:
-        """Return the output, and what it was read from."""
-        reads = [each.variable for each in self.inputs]
+        """Return the output, and the variables that its rules read."""
+        reads = [observation.variable for observation in self.inputs]
         return _judged(self.output) | {"variable": self.output.variable, "reads": reads}
 
 
-def _told(model: StageModel, stage: Stage, variables: Collection[str]) -> tuple[_Told, ...]:
-    outputs = (each for each in stage.outputs if each.variable in variables)
-    return tuple(_behind(model, stage, each) for each in outputs)
+def _explained_outputs(model: StageModel, stage: Stage, variables: Collection[str]) -> tuple[_ExplainedOutput, ...]:
+    outputs = (output for output in stage.outputs if output.variable in variables)
+    return tuple(_explained(model, stage, output) for output in outputs)
 
 
-def _behind(model: StageModel, stage: Stage, output: Judged) -> _Told:
+def _explained(model: StageModel, stage: Stage, output: Judged) -> _ExplainedOutput:
     about = [
         (rule, fired) for rule, fired in zip(model.rules, stage.rules, strict=True) if output.name in rule.concludes
     ]
     reads = {variable for rule, _ in about for variable in rule.reads}
-    return _Told(
+    return _ExplainedOutput(
         output=output,
-        inputs=tuple(each for each in stage.inputs if each.variable in reads),
-        degrees=tuple(each for each in stage.degrees if each.variable in reads),
+        inputs=tuple(observation for observation in stage.inputs if observation.variable in reads),
+        degrees=tuple(degree for degree in stage.degrees if degree.variable in reads),
         rules=tuple(fired for _, fired in about if fired.high > 0.0),
     )
 
 
-def kept_by(found: Iterable[Counterfactual]) -> list[Details]:
-    """Return what would have kept a course."""
+def kept_by(counterfactuals: Iterable[Counterfactual]) -> list[Details]:
+    """Return the details of changes that would have kept a course."""
     return [
         _without_none(
-            kind=str(each.kind),
-            name=each.name,
-            value=None if each.value is None else json_text(each.value),
-            other=json_text(each.other),
-            share=each.share,
+            kind=str(counterfactual.kind),
+            name=counterfactual.name,
+            value=None if counterfactual.value is None else json_text(counterfactual.value),
+            other=json_text(counterfactual.other),
+            share=counterfactual.share,
         )
-        for each in found
+        for counterfactual in counterfactuals
     ]
 
 
 def _readings(stages: Sequence[Stage], more: Sequence[Observation]) -> list[Details]:
-    read = [*(each for stage in stages for each in stage.inputs), *more]
-    seen: dict[str, Observation] = {each.variable: each for each in read}
-    judged = {each.variable for stage in stages for each in stage.outputs}
-    return [_reading(each) for each in seen.values() if each.variable not in judged]
+    inputs = [*(observation for stage in stages for observation in stage.inputs), *more]
+    observations: dict[str, Observation] = {observation.variable: observation for observation in inputs}
+    judged = {output.variable for stage in stages for output in stage.outputs}
+    return [_reading(observation) for observation in observations.values() if observation.variable not in judged]
 
 
-def _reading(each: Observation) -> Details:
+def _reading(observation: Observation) -> Details:
     return _without_none(
-        variable=each.variable,
-        value=None if each.value is None else json_text(each.value),
-        evidence_s=_finite(each.evidence_s),
-        because=each.because or None,
+        variable=observation.variable,
+        value=None if observation.value is None else json_text(observation.value),
+        evidence_s=_finite(observation.evidence_s),
+        because=observation.because or None,
     )
 
 
-def _rule(each: Fired) -> Details:
+def _rule(rule: Fired) -> Details:
     return _without_none(
-        text=each.text,
-        concludes=list(each.concludes),
-        place=each.place or None,
-        low=_finite(each.low),
-        high=_finite(each.high),
+        text=rule.text,
+        concludes=list(rule.concludes),
+        place=rule.place or None,
+        low=_finite(rule.low),
+        high=_finite(rule.high),
     )
 
 
-def _degree(each: Degree) -> Details:
-    return _without_none(variable=each.variable, term=each.term, low=_finite(each.low), high=_finite(each.high))
+def _degree(degree: Degree) -> Details:
+    return _without_none(variable=degree.variable, term=degree.term, low=_finite(degree.low), high=_finite(degree.high))
 
 
-def _judged(each: Judged) -> Details:
+def _judged(output: Judged) -> Details:
     return _without_none(
-        name=each.name,
-        low=_finite(each.bounds.low),
-        high=_finite(each.bounds.high),
-        value=each.value,
-        evidence_s=_finite(each.evidence_s),
+        name=output.name,
+        low=_finite(output.bounds.low),
+        high=_finite(output.bounds.high),
+        value=output.value,
+        evidence_s=_finite(output.evidence_s),
     )
 
 
 def _weights(course: CourseModel, decision: Decision) -> list[Judged]:
-    return [each for each in decision.assessment.actions.outputs if each.name in course.choose]
+    return [output for output in decision.assessment.actions.outputs if output.name in course.choose]
 
 
-def _weighed(course: CourseModel, decision: Decision, each: Judged) -> Details:
+def _weighed(course: CourseModel, decision: Decision, weight: Judged) -> Details:
     before = decision.chosen.before
-    tracked = before.tracked[each.name]
-    return _judged(each) | _without_none(
+    tracked = before.tracked[weight.name]
+    return _judged(weight) | _without_none(
         smoothed=tracked.smoothed,
         leads_since_s=tracked.leads_since_s,
-        cooldown_until_s=_finite(before.cooldown_until_s(course, each.name)),
+        cooldown_until_s=_finite(before.cooldown_until_s(course, weight.name)),
     )
 
 
@@ -177,5 +181,5 @@ def _without_none(**details: object) -> Details:
 
 
 def plain(details: Mapping[str, object]) -> Details:
-    """Return details without what is None."""
+    """Return the details without values that are None."""
     return _without_none(**details)

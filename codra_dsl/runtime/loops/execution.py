@@ -1,8 +1,10 @@
-"""Execution: the mission's tree, of whose guarded branches one runs (P2, section 5.2 and Figure 7).
+"""Execution: the mission's tree, which runs one of its guarded branches (P2, section 5.2 and Figure 7).
 
-A course is chosen by writing the entry that the guards read. Before that the tree is halted, which aborts the tasks
-that its leaves have handed over; it is ticked again when none of these is open any more, or when the time for that is
-over.
+Writing the entry that the guards read chooses a course. Before that the tree is halted, which aborts the tasks that
+its leaves have handed over. The tree is ticked again when none of these tasks is open, or when their time is over.
+
+The tree is not ticked while its old branch ends, so the next branch never begins beside it. Because the tree is halted
+completely, it needs no branch for the time between.
 """
 
 from __future__ import annotations
@@ -19,20 +21,20 @@ from codra_dsl.runtime.knowledge import Knowledge
 from codra_dsl.runtime.loops.declarations import Repeat, TreeModel
 
 FAILED = "failed"
-"""How a branch ended whose halting raised an error."""
+"""The result of a branch whose halting raised an error."""
 
-Tell = Callable[[str, str, dict[str, object]], None]
-"""Tells an event: of what, what, and its details."""
+RecordEvent = Callable[[str, str, dict[str, object]], None]
+"""Records an event, given the name of its subject, what happened, and the details."""
 
 
 @dataclass(slots=True)
 class _Leaving:
-    """A branch that is to end.
+    """A branch that is ending.
 
     Attributes:
-        result: how it ended, as far as the tree goes.
-        is_halting: while its actions are being halted.
-        is_told: whether it has been told that it ended, or that it did not in its time.
+        result: the result of the tree; tasks may still be open.
+        is_halting: whether its actions are still being halted.
+        is_reported: whether an event has reported that it ended, or that it did not end in time.
     """
 
     action: str
@@ -41,24 +43,31 @@ class _Leaving:
     until_s: float
     result: str
     is_halting: bool = True
-    is_told: bool = False
+    is_reported: bool = False
 
 
 class Execution:
-    """Ticks one tree and lets it change its branch."""
+    """Ticks one tree and switches its branches."""
 
     def __init__(
-        self, model: TreeModel, *, leaves: Leaves, clock: Clock, knowledge: Knowledge | None, abort_s: float, tell: Tell
+        self,
+        model: TreeModel,
+        *,
+        leaves: Leaves,
+        clock: Clock,
+        knowledge: Knowledge | None,
+        abort_s: float,
+        record: RecordEvent,
     ) -> None:
         """Make the tree; nothing is ticked yet.
 
         Args:
-            model: of the tree.
+            model: the model of the tree.
             leaves: gives each leaf its action.
-            clock: for the tree, and for the time that a branch has to end.
-            knowledge: holds the tasks; None if there are none.
-            abort_s: how long a branch that is left may take to end.
-            tell: is told what becomes of branches, and what fails.
+            clock: the clock for the tree and for the time limit of ending branches.
+            knowledge: holds the tasks; None without tasks.
+            abort_s: how long a branch may take to end after the course has left it.
+            record: called for each event about a branch, and for each failure.
 
         Raises:
             TreeError: if the robot lacks an action.
@@ -70,20 +79,20 @@ class Execution:
         self._knowledge = knowledge
         self._clock = clock
         self._abort_s = abort_s
-        self._tell = tell
+        self._record = record
         self._result = Result.IDLE
         self._leaving: _Leaving | None = None
         self._is_resting = False
-        self._telling = threading.Lock()
+        self._reporting = threading.Lock()
 
     @property
     def branch(self) -> str:
-        """Return what the entry says; empty before the first course is chosen."""
+        """Return the value of the entry; empty before the first course is chosen."""
         scope = self.tree.scope
         return str(scope.get(self.model.entry)) if scope.has(self.model.entry) else ""
 
     def choose(self, action: str) -> None:
-        """Let the branch of another action run, once the present one has ended; it is halted within this call."""
+        """Halt the present branch within this call, and run the branch of another action once it has ended."""
         left, now_s = self.action, self._clock.now_s()
         self.action = action
         self._is_resting = False
@@ -93,7 +102,7 @@ class Execution:
         result = "halted" if self._result is Result.RUNNING else str(self._result)
         leaving = _Leaving(left, self.branch, now_s, now_s + self._abort_s, result)
         self._leaving = leaving
-        self._clock.call_at(leaving.until_s, lambda: self._tell_overdue(leaving))
+        self._clock.call_at(leaving.until_s, lambda: self._record_overdue(leaving))
         if not self._attempt(self.halt):
             leaving.result = FAILED
         leaving.is_halting = False
@@ -102,11 +111,11 @@ class Execution:
     def tick(self) -> None:
         """Tick the tree, unless no course is chosen yet or the branch that was left has not ended."""
         try:
-            self._go_on()
+            self._advance()
         finally:
             self._schedule()
 
-    def _go_on(self) -> None:
+    def _advance(self) -> None:
         if self._leaving is None or self._has_ended(self._leaving):
             self._leaving = None
             if self.action and self.branch != self.model.branches[self.action]:
@@ -115,7 +124,7 @@ class Execution:
                 self._attempt(self._tick)
 
     def halt(self) -> None:
-        """Halt whatever runs."""
+        """Halt all running actions."""
         self._result = Result.IDLE
         self.tree.halt()
 
@@ -125,11 +134,11 @@ class Execution:
         self._is_resting = self._result.is_completed and self.model.repeat is Repeat.ON_SWITCH
 
     def _attempt(self, part: Callable[[], None]) -> bool:
-        """Do what calls actions of the robot; return whether none of them raised."""
+        """Call a function that runs actions of the robot; return whether it raised no exception."""
         try:
             part()
-        except Exception as error:  # noqa: BLE001 - an action of the robot's, and all that it calls
-            self._tell(self.model.name, "failed", {"message": f"{type(error).__name__}: {error}"})
+        except Exception as error:  # noqa: BLE001 - the robot's actions may raise any exception
+            self._record(self.model.name, "failed", {"message": f"{type(error).__name__}: {error}"})
             return False
         return True
 
@@ -137,35 +146,35 @@ class Execution:
         now_s, is_open = self._clock.now_s(), self._open_tasks()
         if is_open and now_s < leaving.until_s:
             return False
-        self._tell_overdue(leaving)
+        self._record_overdue(leaving)
         if not is_open:
-            leaving.is_told = True
+            leaving.is_reported = True
             details = {"action": leaving.action, "branch": leaving.branch, "result": leaving.result}
-            self._tell(self.model.name, "ended", {**self._whose(), **details, "took_s": now_s - leaving.since_s})
+            self._record(self.model.name, "ended", {**self._course(), **details, "took_s": now_s - leaving.since_s})
         return True
 
-    def _tell_overdue(self, leaving: _Leaving) -> None:
-        """Tell that a branch has not ended in its time, once."""
+    def _record_overdue(self, leaving: _Leaving) -> None:
+        """Report once that a branch has not ended in time."""
         now_s, tasks = self._clock.now_s(), self._open_tasks()
-        with self._telling:
-            if leaving.is_told or now_s < leaving.until_s or not (tasks or leaving.is_halting):
+        with self._reporting:
+            if leaving.is_reported or now_s < leaving.until_s or not (tasks or leaving.is_halting):
                 return
-            leaving.is_told = True
+            leaving.is_reported = True
         details = {"action": leaving.action, "branch": leaving.branch, "tasks": tasks}
-        self._tell(self.model.name, "overdue", {**self._whose(), **details, "took_s": now_s - leaving.since_s})
+        self._record(self.model.name, "overdue", {**self._course(), **details, "took_s": now_s - leaving.since_s})
 
-    def _whose(self) -> dict[str, object]:
+    def _course(self) -> dict[str, object]:
         return {"course": self.model.course}
 
     def _open_tasks(self) -> list[str]:
         if self._knowledge is None or not self.model.tasks:
             return []
         handovers = map(self._knowledge.snapshot().handover, self.model.tasks)
-        return [each.task for each in handovers if each.is_open and each.requester == self.model.agent]
+        return [handover.task for handover in handovers if handover.is_open and handover.requester == self.model.agent]
 
     def _schedule(self) -> None:
         now_s, wanted_s = self._clock.now_s(), self.tree.due_s
-        if wanted_s is None or wanted_s <= now_s:  # what waits for an instant before now has been halted since
+        if wanted_s is None or wanted_s <= now_s:  # the waiting branch has been halted since
             wanted_s = math.inf
         over_s = math.inf if self._leaving is None else self._leaving.until_s
         self.due_s = min(now_s + self.model.period_s, wanted_s, over_s)

@@ -1,9 +1,9 @@
-"""The temporal filter between weights and courses: what keeps a mission from flapping (P2, section 5.2).
+"""The temporal filter between weights and courses, which prevents flapping of a mission (P2, section 5.2).
 
-A weight is what it was last said to be until it is said anew, and is smoothed exponentially. Between two steps the lead
-of one action over another therefore goes one way, and the instant at which it is reached or lost is worked out, not
-looked for. So a filter that is asked again when it says (`due_s`) chooses the same at the same instants, however often
-else it is asked.
+A weight is constant between two steps, and is smoothed exponentially. The lead of one action over another is therefore
+monotone between two steps, and the instant at which it is reached or lost is computed instead of searched. A filter
+that takes its next step at `due_s` therefore makes the same choices at the same instants, however many other steps it
+takes.
 """
 
 from __future__ import annotations
@@ -16,34 +16,34 @@ from enum import StrEnum
 from codra_dsl.runtime.loops.declarations import CourseModel
 
 JUST_AFTER_S = 1e-6
-"""A filter asks to be asked again this much after an instant, so that what is due then surely is."""
+"""The next step of a filter is this much later than the computed instant, so that rounding cannot make it too early."""
 
 LEAST_LEAD = 1e-9
-"""What a lead of 0 stands for: equal weights switch nothing."""
+"""The lead that is used instead of 0, so that equal weights do not switch the course."""
 
 _ROUNDING_S = 1e-9
 
 
 class SwitchReason(StrEnum):
-    """Why an action is the course."""
+    """Why an action became the course."""
 
     FIRST = "first"
-    """It weighed most when the loop began."""
+    """It had the highest weight when the loop began."""
 
     LEADS = "leads"
-    """It has weighed more than what ran, by the lead, for as long as is to be held."""
+    """Its weight has exceeded that of the running action by the lead, for the hold time."""
 
     WORSE = "worse"
-    """The same, and within the dwell or cooldown, because a metric has become worse."""
+    """The same within the dwell or cooldown, because a metric has become worse."""
 
     HARD_RULE = "hard_rule"
-    """A hard rule says so."""
+    """A hard rule demands it."""
 
     NOTHING_KNOWN = "nothing_known"
     """No weight is known."""
 
     PLANNER = "planner"
-    """A planner that took the place of the spec's says so."""
+    """A planner that replaces the spec's planner chose it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,9 +51,9 @@ class Tracked:
     """An action in the filter.
 
     Attributes:
-        weight: what it was last said to be; None if unknown.
-        smoothed: what counts.
-        leads_since_s: since when it leads without a break; None if it does not, and for the course itself.
+        weight: the weight of the last step; None if unknown.
+        smoothed: the smoothed weight, which counts.
+        leads_since_s: since when it leads without a break; None if it does not lead, and for the course itself.
     """
 
     weight: float | None = None
@@ -63,15 +63,15 @@ class Tracked:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FilterState:
-    """All that a filter remembers.
+    """The complete state of a filter.
 
     Attributes:
-        instant_s: of its last step.
+        instant_s: the instant of its last step.
         action: the course; empty before the first step.
-        since_s: since when; minus infinity if it was the first, and no weight was known.
-        tracked: by action.
-        left_s: when an action was last left.
-        unknown_since_s: since when no weight is known; None if one is.
+        since_s: since when it is the course; minus infinity for a first choice without known weights.
+        tracked: the actions by name.
+        left_s: when each action was last left.
+        unknown_since_s: since when no weight is known; None if a weight is known.
     """
 
     instant_s: float = -math.inf
@@ -82,27 +82,27 @@ class FilterState:
     unknown_since_s: float | None = None
 
     def dwell_until_s(self, model: CourseModel) -> float:
-        """Return until when the course stands."""
+        """Return the end of the course's dwell."""
         return self.since_s + model.dwell_s
 
     def cooldown_until_s(self, model: CourseModel, action: str) -> float:
-        """Return until when an action that was left is not chosen again."""
+        """Return the end of the cooldown of an action, before which it is not chosen again."""
         return self.left_s.get(action, -math.inf) + model.cooldown_s
 
     def resumed(self) -> FilterState:
-        """Return the state without what went on between two steps: nobody knows what weights were meanwhile."""
+        """Return the state without smoothed weights and leads: the weights between the two steps are not known."""
         return replace(self, tracked={}, unknown_since_s=None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Chosen:
-    """What a step comes to.
+    """The result of a step.
 
     Attributes:
-        state: after the step.
-        before: the state in which it was decided: smoothed and with leads, the old action still the course.
-        because: why the course is another one now; None if it is the same.
-        due_s: when the filter is to be asked again though no weight changes; infinite if it need not be.
+        state: the state after the step.
+        before: the state on which the decision is based: with smoothed weights and leads, and the old course.
+        because: why the course has changed; None if it is the same.
+        due_s: when the next step is due if no weight changes; infinite if none is needed.
     """
 
     state: FilterState
@@ -120,19 +120,19 @@ def step(
     urgent: Collection[str] = (),
     forced: str = "",
 ) -> Chosen:
-    """Take the weights of an instant, and choose.
+    """Take the weights of an instant, and choose an action.
 
     Args:
-        model: of the course.
-        state: after the step before.
+        model: the model of the course.
+        state: the state after the previous step.
         now_s: the instant; not before that of the state.
-        weights: of all actions that the course chooses from.
-        urgent: actions that dwell and cooldown do not hold up, because a metric has become worse.
-        forced: the action that a hard rule wants; empty if none holds.
+        weights: the weights of all actions that the course chooses from.
+        urgent: actions that need not wait for dwell and cooldown, because a metric has become worse.
+        forced: the action that a hard rule demands; empty if no hard rule holds.
     """
     tracked = {action: _tracked(model, state, action, now_s, weights[action]) for action in model.choose}
     tracked = _with_leads(model, tracked, state.action, now_s)
-    is_known = any(each.smoothed is not None for each in tracked.values())
+    is_known = any(candidate.smoothed is not None for candidate in tracked.values())
     unknown_since_s = None if is_known else now_s if state.unknown_since_s is None else state.unknown_since_s
     before = FilterState(
         instant_s=now_s,
@@ -142,11 +142,11 @@ def step(
         left_s=state.left_s,
         unknown_since_s=unknown_since_s,
     )
-    action, because = _decided(model, before, urgent, forced)
+    action, reason = _decided(model, before, urgent, forced)
     if action == state.action:
         return Chosen(state=before, before=before, because=None, due_s=_due_s(model, before, urgent, forced))
-    after = _switched(model, before, action, because)
-    return Chosen(state=after, before=before, because=because, due_s=_due_s(model, after, (), forced))
+    after = _switched(model, before, action, reason)
+    return Chosen(state=after, before=before, because=reason, due_s=_due_s(model, after, (), forced))
 
 
 def threshold(model: CourseModel) -> float:
@@ -155,14 +155,17 @@ def threshold(model: CourseModel) -> float:
 
 
 def leads(model: CourseModel, weight: float | None, of_course: float | None) -> bool:
-    """Return whether a weight leads that of the course; an unknown one never does, and a known one leads it."""
+    """Return whether a weight leads that of the course.
+
+    An unknown weight never leads. A known weight leads a course whose weight is unknown.
+    """
     if weight is None:
         return False
     return of_course is None or weight - of_course >= threshold(model)
 
 
 def _tracked(model: CourseModel, state: FilterState, action: str, now_s: float, weight: float | None) -> Tracked:
-    """Return an action as it is at an instant, with what happened to its lead since the last step."""
+    """Return the state of an action at an instant, including changes of its lead since the last step."""
     old, course = state.tracked.get(action, Tracked()), state.tracked.get(state.action, Tracked())
     smoothed = _smoothed(model, old, now_s - state.instant_s, weight)
     if not state.action or action == state.action:
@@ -178,7 +181,7 @@ def _smoothed(model: CourseModel, old: Tracked, elapsed_s: float, weight: float 
 
 
 def _leads_since_s(model: CourseModel, old: Tracked, course: Tracked, then_s: float, now_s: float) -> float | None:
-    """Return since when an action led just before the weights of an instant are taken."""
+    """Return since when an action has led, just before the new weights are taken; None if it does not lead."""
     if old.smoothed is None:
         return None
     if course.smoothed is None:
@@ -196,7 +199,7 @@ def _leads_since_s(model: CourseModel, old: Tracked, course: Tracked, then_s: fl
 
 
 def _gaps(model: CourseModel, one: Tracked, course: Tracked) -> tuple[float, float]:
-    """Return by how much an action leads the course, and by how much it will if nothing changes."""
+    """Return by how much an action leads the course now, and the limit of this lead if no weight changes."""
     assert one.smoothed is not None
     assert course.smoothed is not None
     gap = one.smoothed - course.smoothed
@@ -206,7 +209,7 @@ def _gaps(model: CourseModel, one: Tracked, course: Tracked) -> tuple[float, flo
 
 
 def _crossing_s(model: CourseModel, gap: float, limit: float) -> float:
-    """Return in how many seconds a gap that goes to a limit reaches the lead; infinite if it does not."""
+    """Return the seconds until a gap that approaches a limit reaches the lead; infinite if it never does."""
     reach = threshold(model)
     if gap >= reach:
         return 0.0
@@ -216,22 +219,22 @@ def _crossing_s(model: CourseModel, gap: float, limit: float) -> float:
 
 
 def _with_leads(model: CourseModel, tracked: Mapping[str, Tracked], course: str, now_s: float) -> dict[str, Tracked]:
-    """Return all actions with their leads at an instant, those that begin there too."""
+    """Return all actions with their leads at an instant, including leads that begin at this instant."""
     if not course:
         return dict(tracked)
     of_course = tracked[course].smoothed
-    found = {}
-    for action, each in tracked.items():
-        is_ahead = action != course and leads(model, each.smoothed, of_course)
-        since_s = now_s if each.leads_since_s is None else each.leads_since_s
-        found[action] = replace(each, leads_since_s=since_s if is_ahead else None)
-    return found
+    with_leads = {}
+    for action, candidate in tracked.items():
+        is_ahead = action != course and leads(model, candidate.smoothed, of_course)
+        since_s = now_s if candidate.leads_since_s is None else candidate.leads_since_s
+        with_leads[action] = replace(candidate, leads_since_s=since_s if is_ahead else None)
+    return with_leads
 
 
 def _decided(
     model: CourseModel, state: FilterState, urgent: Collection[str], forced: str
 ) -> tuple[str, SwitchReason | None]:
-    """Return the action to run, and why if it is another one."""
+    """Return the action to run, and the reason if it is a new one."""
     if forced:
         return forced, SwitchReason.HARD_RULE
     if not state.action:
@@ -251,7 +254,7 @@ def _decided(
 
 
 def _best(model: CourseModel, state: FilterState, among: Collection[str]) -> str:
-    """Return the action that weighs most; of equal ones the first, and none if no weight is known."""
+    """Return the first action with the highest weight; empty if no weight is known."""
     known = [(state.tracked[action].smoothed, action) for action in model.choose if action in among]
     weighed = [(weight, action) for weight, action in known if weight is not None]
     return max(weighed, key=_weight)[1] if weighed else ""
@@ -262,19 +265,20 @@ def _weight(of: tuple[float, str]) -> float:
 
 
 def _free_s(model: CourseModel, state: FilterState, action: str) -> float:
-    """Return when neither dwell nor cooldown keep an action from being chosen."""
+    """Return the instant from which neither dwell nor cooldown prevents the choice of an action."""
     return max(state.dwell_until_s(model), state.cooldown_until_s(model, action))
 
 
 def _ready_s(model: CourseModel, state: FilterState, action: str, urgent: Collection[str]) -> float:
-    """Return when an action can be chosen if no weight changes; infinite if then it cannot."""
-    each, course = state.tracked[action], state.tracked[state.action]
-    if action == state.action or each.smoothed is None:
+    """Return when an action can be chosen if no weight changes; infinite if it cannot be chosen then."""
+    candidate, course = state.tracked[action], state.tracked[state.action]
+    if action == state.action or candidate.smoothed is None:
         return math.inf
-    leads_s = each.leads_since_s
+    leads_s = candidate.leads_since_s
     if leads_s is None:
-        leads_s = state.instant_s + _crossing_s(model, *_gaps(model, each, course))
+        leads_s = state.instant_s + _crossing_s(model, *_gaps(model, candidate, course))
     held_s = leads_s + model.hold_s
+    # An urgent action breaks the dwell and the cooldown: neither may keep a robot from the safe course.
     return held_s if action in urgent else max(held_s, _free_s(model, state, action))
 
 
@@ -287,10 +291,11 @@ def _due_s(model: CourseModel, state: FilterState, urgent: Collection[str], forc
     return min(_ready_s(model, state, action, urgent) for action in model.choose) + JUST_AFTER_S
 
 
-def _switched(model: CourseModel, before: FilterState, action: str, because: SwitchReason | None) -> FilterState:
+def _switched(model: CourseModel, before: FilterState, action: str, reason: SwitchReason | None) -> FilterState:
     now_s = before.instant_s
-    fresh = {name: replace(each, leads_since_s=None) for name, each in before.tracked.items()}
-    is_makeshift = not before.action and because is SwitchReason.NOTHING_KNOWN  # nothing was known to be dwelt on
+    fresh = {name: replace(candidate, leads_since_s=None) for name, candidate in before.tracked.items()}
+    # A first choice that no known weight supports has no dwell.
+    is_makeshift = not before.action and reason is SwitchReason.NOTHING_KNOWN
     return replace(
         before,
         action=action,

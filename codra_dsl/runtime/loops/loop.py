@@ -1,8 +1,11 @@
-"""MAPE-K at run time: loops that analyse knowledge, choose courses, set parameters and execute trees (P2, Figure 3).
+"""MAPE-K loops: they analyse knowledge, choose courses, set parameters and execute trees (P2, Figure 3).
 
-A loop is an agent beside the others. It analyses at its period, when an input changes, and when its filters ask for
-it; it ticks its trees at their periods. A round of it runs as a piece of work of the clock: at once in simulated time,
-in a thread of its own in real time, so that an action that hangs hangs its loop and nothing else.
+A loop is an agent like the others. It analyses at its period, when an input changes, and when its filters are due; it
+ticks its trees at their periods. Each round runs as work of the clock: at once in simulated time, and in a thread of
+its own in real time, so that an action that hangs blocks only its own loop.
+
+The events that a loop records are inputs of a replay, like the values that agents write: a replay takes them as they
+were recorded, and does not run the engines again.
 """
 
 from __future__ import annotations
@@ -37,14 +40,14 @@ _LOGGER = logging.getLogger(__name__)
 Manager = ContextManager[Any, Any]
 
 MOST_AT_ONCE = 10
-"""How often an adaptation may change at one instant before a loop takes it to go round in circles."""
+"""If an adaptation changes this often at one instant, the loop treats it as circular."""
 
 
 class Mape:
-    """All loops of a spec. Use it as a Python context manager, so that all trees are halted in the end.
+    """All loops of a spec. Use it as a Python context manager, so that all trees are halted at the end.
 
     Attributes:
-        model: what the spec says of them, with places.
+        model: the model of the loops, with places.
     """
 
     def __init__(
@@ -60,25 +63,25 @@ class Mape:
 
         Args:
             codra: the context that they read and write.
-            model: what the spec says of them.
-            clock: the one of `codra`.
-            robot: gives each leaf of the trees its action, or by the name of each tree what does, where leaves of one
-                name are different actions in different trees; may be left out where there are no trees.
-            planner: makes what analyses and decides for each loop.
+            model: the model of the loops.
+            clock: the clock of `codra`.
+            robot: gives each leaf of the trees its action. Give a mapping from names of trees to robots if leaves of
+                the same name are different actions in different trees. Not needed without trees.
+            planner: makes the planner of each loop, which analyses and decides.
 
         Raises:
             TreeError: if the robot lacks an action.
-            UnknownNameError: if a loop names what is not declared.
+            UnknownNameError: if a loop names something that is not declared.
             ValueError: if a tree lacks the branch of an action that its course chooses from, or the course.
-            AgentTakenError: if somebody has the handle of the analyst or of the adapter.
+            AgentTakenError: if the handle of the analyst or of the adapter is already taken.
         """
         self.model = model = placed(model, places_in(package_folder(codra), codra.model.name))
         self._writers = _AgentWriters(codra, model)
         leaves = _by_tree(model, Robot() if robot is None else robot)
-        types = {each.name: each.type for each in codra.model.variables}
+        types = {variable.name: variable.type for variable in codra.model.variables}
         self._loops = {
-            each.name: Loop(codra, model, each, clock, leaves, self._writers, planner(model, each, types))
-            for each in model.loops
+            loop.name: Loop(codra, model, loop, clock, leaves, self._writers, planner(model, loop, types))
+            for loop in model.loops
         }
 
     def __enter__(self) -> Self:
@@ -89,17 +92,17 @@ class Mape:
         self.close()
 
     def start(self) -> None:
-        """Let all loops run; one that runs goes on."""
+        """Start all loops that do not run yet."""
         for loop in self._loops.values():
             loop.start()
 
     def stop(self) -> None:
-        """Let no loop run, and halt all trees; `start` goes on with the courses as they are."""
+        """Stop all loops and halt all trees; `start` continues with the present courses."""
         for loop in self._loops.values():
             loop.stop()
 
     def close(self) -> None:
-        """Stop, and give the handles of the analyst and of the adapter back."""
+        """Stop, and release the handles of the analyst and of the adapter."""
         self.stop()
         self._writers.close()
 
@@ -107,7 +110,7 @@ class Mape:
         """Return one loop.
 
         Raises:
-            UnknownNameError: if there is none of this name.
+            UnknownNameError: if no loop has this name.
         """
         if name not in self._loops:
             raise unknown("loop", name, self._loops)
@@ -118,18 +121,18 @@ class Mape:
         return tuple(self._of(course).planning.decisions[course])
 
     def course_state(self, course: str) -> CourseState:
-        """Return how a course stands: the action, the filter, and the metrics that it was chosen with."""
+        """Return the state of a course: the action, the filter, and the metrics at the time of its choice."""
         return self._of(course).planning.course_state(course)
 
     def _of(self, course: str) -> Loop:
         for loop in self._loops.values():
             if course in loop.planning.courses:
                 return loop
-        raise unknown("course", course, [each.name for each in self.model.courses])
+        raise unknown("course", course, [course_model.name for course_model in self.model.courses])
 
 
 class _AgentWriters:
-    """The agents that write for the loops, each taken when it is first needed."""
+    """The agents that write for the loops; each is taken only if the loops need it."""
 
     def __init__(self, codra: Manager, model: MapeModel) -> None:
         self._agents: dict[str, Agent[Any, Any]] = {}
@@ -143,12 +146,13 @@ class _AgentWriters:
     def write(self, agent: str, written: Written, now_s: float) -> None:
         """Write a variable.
 
-        The stamp never goes back, though an input with older evidence may have come in: newer evidence would stand.
+        The stamp never goes back, even if an input with older evidence arrives: otherwise the value with the newer
+        evidence would stay.
         """
         known_s = now_s if written.evidence_s == BEFORE_ALL_S else written.evidence_s
         stamp_s = min(now_s, max(known_s, self._stamps_s.get(written.variable, -math.inf)))
         self._stamps_s[written.variable] = stamp_s
-        value = math.nan if written.value is None else written.value  # what is not a number is unknown
+        value = math.nan if written.value is None else written.value  # NaN is unknown
         self._agents[agent].set(written.variable, value, evidence_s=stamp_s)
 
     def close(self) -> None:
@@ -160,11 +164,11 @@ class Loop:
     """One loop.
 
     Attributes:
-        planning: what it analyses and decides.
-        trees: what it executes, by name.
+        planning: its planner.
+        trees: the trees that it executes, by name.
     """
 
-    def __init__(  # noqa: PLR0917 - what Mape was given
+    def __init__(  # noqa: PLR0917 - the arguments of Mape
         self,
         codra: Manager,
         model: MapeModel,
@@ -174,7 +178,7 @@ class Loop:
         writers: _AgentWriters,
         planning: Planner,
     ) -> None:
-        """Make a loop that does not run yet; it raises what `Mape` does."""
+        """Make a loop that does not run yet; it raises the errors of `Mape`."""
         self._codra = codra
         self._model = model
         self._loop = loop
@@ -183,7 +187,7 @@ class Loop:
         _check_names(model, loop)
         self.planning = planning
         self.trees = {
-            each.name: self._execution(each, leaves[each.name]) for each in model.trees if each.name in loop.execute
+            tree.name: self._execution(tree, leaves[tree.name]) for tree in model.trees if tree.name in loop.execute
         }
         self._lock = threading.Lock()
         self._is_on = False
@@ -197,16 +201,16 @@ class Loop:
         self._timer: Timer | None = None
         self._subscription: Subscription | None = None
         watched = planning.watches()
-        identified = {name for each in codra.model.observers for name in each.identifies}
+        identified = {name for observer in codra.model.observers for name in observer.identifies}
         declared = [name for name in watched if name in identified]  # a loop decides on it (P1, Equation 4)
         self._declaring = declaring(codra.commands, f"loop {loop.name}", declared)
-        self._listening = SharedAcquisition(self._listen, self._listen_no_more)
+        self._listening = SharedAcquisition(self._listen, self._stop_listening)
         self._idle = threading.Event()
         self._idle.set()
 
     def _execution(self, model: TreeModel, leaves: Leaves) -> Execution:
-        courses = [each for each in self._model.courses if each.name == model.course]
-        missing = [action for each in courses for action in each.choose if action not in model.branches]
+        courses = [course for course in self._model.courses if course.name == model.course]
+        missing = [action for course in courses for action in course.choose if action not in model.branches]
         if missing or (model.course and not courses):
             lacks = f"no branch for {', '.join(missing)}" if missing else f"no course {model.course!r} to follow"
             raise ValueError(f"the tree {model.name!r} has {lacks}")
@@ -219,29 +223,29 @@ class Loop:
             leaves=leaves,
             clock=self._clock,
             knowledge=knowledge,
-            abort_s=min((each.abort_s for each in courses), default=0.0),
-            tell=self._tell,
+            abort_s=min((course.abort_s for course in courses), default=0.0),
+            record=self._record,
         )
 
     @property
     def is_running(self) -> bool:
-        """Return whether it has been started and not been stopped."""
+        """Return whether it has been started and not stopped since."""
         return self._is_on
 
     def start(self) -> None:
-        """Analyse at once, and go on."""
+        """Analyse at once, then keep running."""
         with self._lock:
             if self._is_on:
                 return
             self._is_on, self._has_changed = True, True
         self.planning.resume()
-        self._tell(self._loop.name, "started", {"adapts": list(self._loop.adapt)})
+        self._record(self._loop.name, "started", {"adapts": list(self._loop.adapt)})
         self._declaring.begin()
         self._listening.begin()
         self._wake_at(self._clock.now_s())
 
     def stop(self) -> None:
-        """Run no more and halt the trees; a round that is under way in another thread comes to its end first."""
+        """Stop, and halt the trees. If a round is running in another thread, wait for its end first."""
         with self._lock:
             if not self._is_on:
                 return
@@ -254,21 +258,21 @@ class Loop:
         for tree in self.trees.values():
             tree.halt()
         self._declaring.end()
-        self._tell(self._loop.name, "stopped", {})
+        self._record(self._loop.name, "stopped", {})
 
     def _listen(self) -> None:
         watched = self.planning.watches()
         if watched:
             self._subscription = self._codra.subscribe(watched, lambda _: self._changed())
 
-    def _listen_no_more(self) -> None:
+    def _stop_listening(self) -> None:
         if self._subscription is not None:
             self._subscription.unsubscribe()
 
     def _longest_abort_s(self) -> float:
-        return max((each.abort_s for each in self.planning.courses.values()), default=0.0)
+        return max((course.abort_s for course in self.planning.courses.values()), default=0.0)
 
-    # When
+    # Scheduling
 
     def _changed(self) -> None:
         with self._lock:
@@ -276,7 +280,7 @@ class Loop:
         self._wake_at(self._soonest_s())
 
     def _soonest_s(self) -> float:
-        """Return when to analyse what has changed: now, or after a period where one thing changes on and on."""
+        """Return when to analyse changes: now, or after a period if an adaptation changes in circles."""
         now_s = self._clock.now_s()
         is_circling = now_s == self._changed_s and max(self._changes.values(), default=0) >= MOST_AT_ONCE
         return now_s + self._loop.period_s if is_circling else now_s
@@ -284,7 +288,7 @@ class Loop:
     def _wake_at(self, instant_s: float) -> None:
         with self._lock:
             if not self._is_on or self._is_busy:
-                return  # the round that is under way looks again at its end
+                return  # the running round checks again at its end
             if self._timer is not None:
                 if self._timer.instant_s <= instant_s:
                     return
@@ -312,12 +316,12 @@ class Loop:
             self._end(due_s)
 
     def _attempt(self, part: Callable[[], None]) -> None:
-        """Do a part of a round; the others are done whatever happens in it."""
+        """Run a part of a round; the other parts run even if it fails."""
         try:
             part()
         except Exception as error:
             _LOGGER.exception("a part of the loop %r failed", self._loop.name)
-            self._tell(self._loop.name, "failed", {"message": f"{type(error).__name__}: {error}"})
+            self._record(self._loop.name, "failed", {"message": f"{type(error).__name__}: {error}"})
 
     def _end(self, due_s: float) -> None:
         with self._lock:
@@ -327,10 +331,10 @@ class Loop:
                 due_s = min(due_s, self._soonest_s())
         self._wake_at(due_s)
 
-    # What
+    # A round
 
     def _run(self) -> float:
-        """Run one round; return when the next one is due."""
+        """Run one round, and return the instant at which the next one is due."""
         with self._lock:
             is_due = self._has_changed or self._clock.now_s() >= self._analysis_due_s
             self._has_changed = False
@@ -341,7 +345,7 @@ class Loop:
             if self._clock.now_s() >= tree.due_s:
                 self._attempt(tree.tick)
         if self._unexplained and not self._is_explaining:
-            self._attempt(self._explain_beside)
+            self._attempt(self._explain_in_background)
         return min([self._analysis_due_s, *(tree.due_s for tree in self.trees.values())])
 
     def _analyse(self) -> None:
@@ -351,8 +355,8 @@ class Loop:
         for written in plan.analysed:
             self._attempt(partial(self._writers.write, self._model.analyst, written, now_s))
         if plan.changed:
-            told = analysis_of(self.planning.model, plan.assessment, plan.changed)
-            self._attempt(partial(self._tell, self._loop.name, "analysed", told))
+            details = analysis_of(self.planning.model, plan.assessment, plan.changed)
+            self._attempt(partial(self._record, self._loop.name, "analysed", details))
         for decision in plan.decisions:
             self._attempt(partial(self._adapt, decision))
             if decision.before:
@@ -361,26 +365,27 @@ class Loop:
             self._attempt(partial(self._set, setting))
         for refused in plan.refused:
             about = {"variable": refused.parameter.variable, "message": refused.message}
-            self._attempt(partial(self._tell, refused.parameter.name, "failed", about))
+            self._attempt(partial(self._record, refused.parameter.name, "failed", about))
         self._count(plan, now_s)
 
     def _count(self, plan: Plan, now_s: float) -> None:
-        """Count what changes at one instant, and tell of what follows from itself."""
+        """Count the changes of one instant, and report an adaptation that depends on itself."""
         if now_s != self._changed_s:
             self._changed_s, self._changes = now_s, Counter()
-        changed = [*(each.course for each in plan.decisions), *(each.parameter.name for each in plan.settings)]
+        changed = [
+            *(decision.course for decision in plan.decisions),
+            *(setting.parameter.name for setting in plan.settings),
+        ]
         self._changes.update(changed)
         for name in changed:
             if self._changes[name] == MOST_AT_ONCE:
-                message = (
-                    f"'{name}' has changed {MOST_AT_ONCE} times at one instant: what it follows from follows from it"
-                )
-                self._tell(self._loop.name, "failed", {"message": message})
+                message = f"'{name}' has changed {MOST_AT_ONCE} times at one instant: it depends on itself"
+                self._record(self._loop.name, "failed", {"message": message})
 
     def _adapt(self, decision: Decision) -> None:
         course = self.planning.courses[decision.course]
         now_s = decision.instant_s
-        self._tell(course.name, "chosen", chain_of(self._loop.name, course, decision))
+        self._record(course.name, "chosen", chain_of(self._loop.name, course, decision))
         for tree in self.trees.values():
             if tree.model.course == course.name:
                 self._attempt(partial(tree.choose, decision.action))
@@ -388,8 +393,8 @@ class Loop:
             written = Written(variable=course.variable, value=decision.action, evidence_s=now_s)
             self._writers.write(self._model.adapter, written, now_s)
 
-    def _explain_beside(self) -> None:
-        """Tell what would have kept courses, beside the rounds: it may take long, and nobody waits for it."""
+    def _explain_in_background(self) -> None:
+        """Record counterfactuals beside the rounds: this can take long, and no decision waits for it."""
         left, self._unexplained = self._unexplained, []
         self._clock.start(lambda _: self._explain_all(left), _ignore)
 
@@ -400,19 +405,19 @@ class Loop:
         self._is_explaining = False
 
     def _explain(self, decision: Decision) -> None:
-        """Tell what would have kept a course, unless the loop has been stopped meanwhile."""
+        """Record the counterfactuals of a decision, unless the loop has been stopped meanwhile."""
         course = self.planning.courses[decision.course]
-        found = self.planning.kept_by(decision)
+        counterfactuals = self.planning.kept_by(decision)
         about = {"variable": course.variable or None, "action": decision.action, "before": decision.before}
         if self._is_on:
-            self._tell(course.name, "explained", {**about, "kept_by": kept_by(found)})
+            self._record(course.name, "explained", {**about, "kept_by": kept_by(counterfactuals)})
 
     def _set(self, setting: Setting) -> None:
         model = setting.parameter
         written = Written(variable=model.variable, value=setting.value, evidence_s=setting.instant_s)
         self._writers.write(self._model.adapter, written, setting.instant_s)
-        stood = math.isfinite(setting.since_s)
-        self._tell(
+        was_set = math.isfinite(setting.since_s)
+        self._record(
             model.name,
             "set",
             {
@@ -420,26 +425,26 @@ class Loop:
                 "value": setting.value,
                 "rule": model.text,
                 "place": model.place or None,
-                "because": "worse" if setting.is_urgent else "changed" if stood else "first",
-                "since_s": setting.since_s if stood else None,
-                "dwell_until_s": setting.since_s + model.dwell_s if stood else None,
+                "because": "worse" if setting.is_urgent else "changed" if was_set else "first",
+                "since_s": setting.since_s if was_set else None,
+                "dwell_until_s": setting.since_s + model.dwell_s if was_set else None,
                 **evidence_of(setting.assessment, model.value.variables()),
             },
         )
 
-    def _tell(self, name: str, what: str, details: Mapping[str, object]) -> None:
+    def _record(self, name: str, what: str, details: Mapping[str, object]) -> None:
         about = {"loop": self._loop.name, **details}
         course = self.planning.courses.get(str(details.get("course", "")))
-        if course is not None:  # so that what becomes of its branch is found by the variable as well
+        if course is not None:  # so that a search by the variable finds events of its branch too
             about["variable"] = course.variable or None
         self._codra.commands.adapt(self._model.adapter, name, what, plain(about))
 
 
 def _by_tree(model: MapeModel, robot: Leaves | Mapping[str, Leaves]) -> Mapping[str, Leaves]:
-    """Return what gives each tree its actions; a tree that is not named has none."""
+    """Return the robot of each tree; a tree that is not named has no actions."""
     if isinstance(robot, Mapping):
-        return {each.name: robot.get(each.name, Robot()) for each in model.trees}
-    return {each.name: robot for each in model.trees}
+        return {tree.name: robot.get(tree.name, Robot()) for tree in model.trees}
+    return {tree.name: robot for tree in model.trees}
 
 
 def _ignore(_: object) -> None:
@@ -447,16 +452,16 @@ def _ignore(_: object) -> None:
 
 
 def _check_names(model: MapeModel, loop: LoopModel) -> None:
-    """Refuse a loop that names what is not declared."""
+    """Reject a loop that names something that is not declared."""
     metrics = () if model.metrics is None else model.metrics.outputs
     declared = {
-        "rate": (loop.rates, [each.variable for each in model.rates]),
-        "metric": (loop.analyse, [each.name for each in metrics]),
+        "rate": (loop.rates, [rate.variable for rate in model.rates]),
+        "metric": (loop.analyse, [metric.name for metric in metrics]),
         "course or parameter": (
             loop.adapt,
-            [*(each.name for each in model.courses), *(each.name for each in model.parameters)],
+            [*(course.name for course in model.courses), *(parameter.name for parameter in model.parameters)],
         ),
-        "tree": (loop.execute, [each.name for each in model.trees]),
+        "tree": (loop.execute, [tree.name for tree in model.trees]),
     }
     for kind, (named, known) in declared.items():
         for name in named:

@@ -1,4 +1,4 @@
-"""What analysis is made from: readings of context at one instant, and rates of change over their histories."""
+"""Inputs of the analysis: readings of context at one instant, and rates of change over their histories."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from codra_dsl.runtime.loops.fuzzy.bounds import Bounds, point
 from codra_dsl.runtime.values.cell import BEFORE_ALL_S, Reading
 
 LEAST_SHARE = 0.5
-"""How much of a rate's window the readings must span."""
+"""The share of a rate's window that the readings must span."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Observation:
-    """What is known of a variable at one instant.
+    """The knowledge about one variable at one instant.
 
     Attributes:
-        value: None if it is unknown.
-        evidence_s: when the evidence was taken; of an unknown one, minus infinity.
+        value: the value; None if it is unknown.
+        evidence_s: when the evidence was taken; minus infinity if the value is unknown.
         because: why it is unknown; empty if it is known.
     """
 
@@ -32,19 +32,19 @@ class Observation:
 
     @classmethod
     def of(cls, reading: Reading[Value]) -> Observation:
-        """Return what a reading says."""
+        """Return the observation of a reading."""
         if reading.known:
             return cls(variable=reading.name, value=reading.content, evidence_s=reading.evidence_s)
         return cls(variable=reading.name, because=str(reading.reason))
 
 
 Scene = Mapping[str, Observation]
-"""What is known at one instant, by variable."""
+"""The observations of one instant, by variable."""
 
 
 @dataclass(frozen=True, slots=True)
 class SceneScope:
-    """A scene, as conditions read it."""
+    """A scene, in the form that conditions read."""
 
     scene: Scene
     now_s: float
@@ -60,7 +60,7 @@ class SceneScope:
 
 
 def number_of(model: InputModel, value: Value | None) -> float:
-    """Return a value as the engine counts it; NaN for what is unknown."""
+    """Return the engine's number for a value; NaN if the value is unknown."""
     if value is None:
         return math.nan
     if isinstance(value, str):
@@ -69,7 +69,7 @@ def number_of(model: InputModel, value: Value | None) -> float:
 
 
 def value_of(model: InputModel, number: float) -> Value:
-    """Return the value that the engine counts as a number."""
+    """Return the value for a number of the engine."""
     if not model.members:
         return number
     member = model.members[round(number)]
@@ -77,19 +77,22 @@ def value_of(model: InputModel, number: float) -> Value:
 
 
 def possible(model: InputModel, number: float) -> tuple[Bounds, ...]:
-    """Return what an input can be: one number, each of its members, or its whole range."""
+    """Return the possible values of an input: one number, each of its members, or its full range.
+
+    An unknown enum or bool is one of its members: as a range, crisp terms would leave gaps in which no rule acts.
+    """
     if number == number:
         return (point(number) if math.isfinite(number) else Bounds(number, number),)
     return tuple(point(float(index)) for index in range(len(model.members))) or (model.range,)
 
 
 def rate(model: RateModel, history: Sequence[Reading[Value]], present: Observation, now_s: float) -> Observation:
-    """Return how fast a variable changes: the slope of the line that fits best what is known of the window.
+    """Return the rate of change of a variable: the slope of the line that best fits the known readings of the window.
 
     Args:
-        model: of the rate.
-        history: of the variable, by the instant of the evidence.
-        present: what the variable is now.
+        model: the model of the rate.
+        history: the readings of the variable, by the instant of the evidence.
+        present: the present observation of the variable.
         now_s: the end of the window.
     """
     if present.value is None:
@@ -105,7 +108,7 @@ def rate(model: RateModel, history: Sequence[Reading[Value]], present: Observati
 
 
 def _points(history: Sequence[Reading[Value]], since_s: float) -> list[tuple[float, float]]:
-    """Return instants and values since the last time that it was unknown, or since the window's beginning."""
+    """Return instants and values since the variable was last unknown, at most those of the window."""
     points: list[tuple[float, float]] = []
     for reading in reversed(history):
         if reading.evidence_s < since_s or not isinstance(reading.content, (int, float)):

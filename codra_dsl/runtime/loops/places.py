@@ -1,4 +1,7 @@
-"""Where the spec says what a loop does: places stand beside generated code, so that a comment changes no code."""
+"""Places of the rules of loops in the spec.
+
+Places are kept in a file beside the generated code, so that a new comment in the spec changes no code.
+"""
 
 from __future__ import annotations
 
@@ -13,19 +16,19 @@ Places = Mapping[str, Place]
 
 
 def placed(model: MapeModel, places: Places) -> MapeModel:
-    """Return the loops with the places of what has none yet.
+    """Return the loops, with places added where they are missing.
 
     Args:
-        model: of the loops.
-        places: by `metric/NAME/rules/NUMBER`, `action/NAME/rules/NUMBER`, `adaptation/NAME` and
-            `adaptation/NAME/always/NUMBER`, numbers from 0.
+        model: the model of the loops.
+        places: the places by `metric/NAME/rules/NUMBER`, `action/NAME/rules/NUMBER`, `adaptation/NAME` and
+            `adaptation/NAME/always/NUMBER`; numbers begin at 0.
     """
     return replace(
         model,
         metrics=_stage(model.metrics, "metric", places),
         actions=_stage(model.actions, "action", places),
-        courses=tuple(_course(each, places) for each in model.courses),
-        parameters=tuple(_parameter(each, places) for each in model.parameters),
+        courses=tuple(_course(course, places) for course in model.courses),
+        parameters=tuple(_parameter(parameter, places) for parameter in model.parameters),
     )
 
 

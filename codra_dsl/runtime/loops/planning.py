@@ -1,4 +1,4 @@
-"""What one loop remembers and decides: its rates, metrics, weights, courses and parameters."""
+"""Planning of one loop: its state and its decisions about rates, metrics, weights, courses and parameters."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any, Protocol
 
 from codra_dsl.logic import Value
 from codra_dsl.runtime.loops.analysis import Assessment, Judged, assess
-from codra_dsl.runtime.loops.counterfactual import Counterfactual, keeping
+from codra_dsl.runtime.loops.counterfactual import Counterfactual, smallest_changes
 from codra_dsl.runtime.loops.courses import CourseState, Decision, Metrics, choose, metrics_of, worsened
 from codra_dsl.runtime.loops.declarations import (
     CourseModel,
@@ -27,16 +27,16 @@ from codra_dsl.runtime.values.cell import Reading
 from codra_dsl.runtime.values.model import NotOfTypeError, ValueType
 
 KEPT_DECISIONS = 100
-"""How many decisions of a course are kept in memory."""
+"""The number of decisions of a course that are kept in memory."""
 
 _ROUNDING_S = 1e-9
 
 
 class Context(Protocol):
-    """Where a loop reads."""
+    """The context that a loop reads."""
 
     def readings(self, names: Iterable[Any]) -> Mapping[str, Reading[Any]]:
-        """Return what is known of several variables at one instant."""
+        """Return the readings of several variables at one instant."""
         ...
 
     def history(self, name: Any) -> tuple[Reading[Any], ...]:
@@ -46,10 +46,10 @@ class Context(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Written:
-    """What is to be written.
+    """A value to write to a variable.
 
     Attributes:
-        evidence_s: minus infinity if nothing was known.
+        evidence_s: when the evidence was taken; minus infinity without any evidence.
     """
 
     variable: str
@@ -62,7 +62,7 @@ class Setting:
     """A new value of a parameter.
 
     Attributes:
-        since_s: since when the value before had stood.
+        since_s: since when the parameter had the value before.
         is_urgent: whether it breaks the dwell, because a metric has become worse.
     """
 
@@ -77,7 +77,7 @@ class Setting:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Refusal:
-    """A value that a parameter was to have and its variable cannot take; it stands as it did."""
+    """A computed value of a parameter that its variable cannot take; the parameter keeps its value."""
 
     parameter: ParameterModel
     message: str
@@ -85,13 +85,14 @@ class Refusal:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plan:
-    """What one analysis comes to.
+    """The result of one analysis.
 
     Attributes:
         analysed: rates, metrics and weights, to be written by the analyst.
-        changed: the variables of those metrics and weights that are otherwise than at the last analysis.
-        due_s: when to analyse again though nothing has changed.
-        refused: values that cannot be set, each told once while it stays.
+        changed: the variables of the metrics and weights that have changed since the last analysis. An `analysed` event
+            records only these, so `why` has the chain of each metric, and a calm hour costs nothing.
+        due_s: when to analyse again if no input changes.
+        refused: values that cannot be set; each is reported once while it stays the same.
     """
 
     assessment: Assessment
@@ -104,11 +105,11 @@ class Plan:
 
 
 class Planner(Protocol):
-    """What analyses and decides for one loop. `Planning` does as the spec says; another may take its place."""
+    """Analyses and decides for one loop. `Planning` follows the spec; another planner can replace it."""
 
     @property
     def model(self) -> MapeModel:
-        """Return the model by whose stages it analyses."""
+        """Return the model whose stages it uses for the analysis."""
         ...
 
     @property
@@ -122,28 +123,28 @@ class Planner(Protocol):
         ...
 
     def resume(self) -> None:
-        """Begin, or go on after a time in which nobody looked."""
+        """Begin, or continue after a time without analyses."""
         ...
 
     def course_state(self, course: str) -> CourseState:
-        """Return how a course stands."""
+        """Return the state of a course."""
         ...
 
     def watches(self) -> tuple[str, ...]:
-        """Return the variables whose changes call for an analysis."""
+        """Return the variables whose changes trigger an analysis."""
         ...
 
     def plan(self, context: Context, now_s: float) -> Plan:
-        """Analyse what is known now, and decide; nothing is written but by who asks."""
+        """Analyse the present context, and decide; the caller writes the results."""
         ...
 
     def kept_by(self, decision: Decision) -> tuple[Counterfactual, ...]:
-        """Return what would have kept the course that a decision left."""
+        """Return the changes that would have kept the course that a decision left."""
         ...
 
 
 Planners = Callable[[MapeModel, LoopModel, Mapping[str, ValueType]], Planner]
-"""Makes the planner of a loop: of the model of all loops, that of the loop, and the types of the context-variables."""
+"""Makes the planner of a loop from the model of all loops, its own model, and the types of the context-variables."""
 
 
 @dataclass(slots=True)
@@ -155,53 +156,55 @@ class _Parameter:
 
 
 class Planning:
-    """Analyses and decides for one loop; it writes nothing itself."""
+    """Analyses and decides for one loop by the rules of the spec. It writes no variables itself."""
 
     def __init__(self, model: MapeModel, loop: LoopModel, types: Mapping[str, ValueType]) -> None:
-        """Remember nothing yet.
+        """Make the planner of a loop, without any state yet.
 
         Args:
-            model: of all loops.
-            loop: the one.
-            types: of the context-variables.
+            model: the model of all loops.
+            loop: the model of this loop.
+            types: the types of the context-variables.
         """
         self.model = model
         self._loop = loop
         self._types = types
-        self._rates = {each.variable: each for each in model.rates if each.variable in loop.rates}
-        self.courses = {each.name: each for each in model.courses if each.name in loop.adapt}
-        self._parameters = tuple(each for each in model.parameters if each.name in loop.adapt)
+        self._rates = {
+            rate_model.variable: rate_model for rate_model in model.rates if rate_model.variable in loop.rates
+        }
+        self.courses = {course.name: course for course in model.courses if course.name in loop.adapt}
+        self._parameters = tuple(parameter for parameter in model.parameters if parameter.name in loop.adapt)
         self._course_state = {name: CourseState() for name in self.courses}
-        self._settings = {each.name: _Parameter() for each in self._parameters}
+        self._settings = {parameter.name: _Parameter() for parameter in self._parameters}
         self._bounds: dict[str, Bounds] = {}
         self.decisions: dict[str, deque[Decision]] = {name: deque(maxlen=KEPT_DECISIONS) for name in self.courses}
         self._reads = tuple(sorted(self._read()))
 
     def resume(self) -> None:
-        """Go on after a time in which nobody looked: courses stand, and how weights went until then is forgotten."""
+        """Continue after a time without analyses: keep the courses, and discard the smoothed weights and leads."""
         for name, course_state in self._course_state.items():
             self._course_state[name] = replace(course_state, state=course_state.state.resumed())
 
     def course_state(self, course: str) -> CourseState:
-        """Return how a course stands."""
+        """Return the state of a course."""
         return self._course_state[course]
 
     def watches(self) -> tuple[str, ...]:
-        """Return the variables whose changes call for an analysis."""
+        """Return the variables whose changes trigger an analysis."""
         return tuple(name for name in self._reads if name not in self._rates)
 
     def kept_by(self, decision: Decision) -> tuple[Counterfactual, ...]:
-        """Return what would have kept the course that a decision left."""
+        """Return the changes that would have kept the course that a decision left."""
         course = self.courses[decision.course]
-        return keeping(self.model, course, decision, self._asked_by_rules(course))
+        return smallest_changes(self.model, course, decision, self._asked_by_rules(course))
 
     def _asked_by_rules(self, course: CourseModel) -> tuple[InputModel, ...]:
-        """Return what the hard rules of a course read, as inputs."""
+        """Return the variables that the hard rules of a course read, as inputs."""
         names = sorted({name for rule in course.always for name in rule.condition.variables()} - self._judged())
         return tuple(_as_input(name, self._types[name]) for name in names if _is_bounded(self._types[name]))
 
     def plan(self, context: Context, now_s: float) -> Plan:
-        """Analyse what is known now, and decide."""
+        """Analyse the present context, and decide."""
         scene = self._scene(context, now_s)
         assessment = assess(self.model, scene)
         decisions, due_s = self._decide(assessment, now_s)
@@ -218,18 +221,18 @@ class Planning:
             refused=refused,
         )
 
-    # What is read
+    # Reading
 
     def _judged(self) -> set[str]:
-        return set() if self.model.metrics is None else {each.variable for each in self.model.metrics.outputs}
+        return set() if self.model.metrics is None else {metric.variable for metric in self.model.metrics.outputs}
 
     def _read(self) -> set[str]:
         stages = [stage for stage in (self.model.metrics, self.model.actions) if stage is not None]
-        names = {each.variable for stage in stages for each in stage.inputs}
-        names |= {each.of for each in self._rates.values()}
+        names = {model_input.variable for stage in stages for model_input in stage.inputs}
+        names |= {rate_model.of for rate_model in self._rates.values()}
         for course in self.courses.values():
             names |= {name for rule in course.always for name in rule.condition.variables()}
-        names |= {name for each in self._parameters for name in each.value.variables()}
+        names |= {name for parameter in self._parameters for name in parameter.value.variables()}
         return names - self._judged()
 
     def _scene(self, context: Context, now_s: float) -> Scene:
@@ -240,33 +243,33 @@ class Planning:
         return scene
 
     def _rate(self, model: RateModel, context: Context, present: Observation, now_s: float) -> Observation:
-        found = rate(model, context.history(model.of), present, now_s)
+        observed_rate = rate(model, context.history(model.of), present, now_s)
         limits = self._types[model.variable].range
-        if limits is None or not isinstance(found.value, float):
-            return found
-        return replace(found, value=min(max(found.value, limits[0]), limits[1]))
+        if limits is None or not isinstance(observed_rate.value, float):
+            return observed_rate
+        return replace(observed_rate, value=min(max(observed_rate.value, limits[0]), limits[1]))
 
-    # What is written
+    # Results to write
 
     def _analysed(self, assessment: Assessment) -> Iterator[Written]:
         for name in self._rates:
             seen = assessment.scene[name]
             yield Written(variable=name, value=seen.value, evidence_s=seen.evidence_s)
-        yield from (_written(each) for each in self._outputs(assessment))
+        yield from (_written(output) for output in self._outputs(assessment))
 
     def _outputs(self, assessment: Assessment) -> Iterator[Judged]:
-        """Yield the metrics and weights that this loop works out."""
-        yield from (each for each in assessment.metrics.outputs if each.name in self._loop.analyse)
+        """Yield the metrics and weights that this loop computes."""
+        yield from (output for output in assessment.metrics.outputs if output.name in self._loop.analyse)
         actions = {action for course in self.courses.values() for action in course.choose}
-        yield from (each for each in assessment.actions.outputs if each.name in actions)
+        yield from (output for output in assessment.actions.outputs if output.name in actions)
 
     def _changed(self, assessment: Assessment) -> Iterator[str]:
-        for each in self._outputs(assessment):
-            if not _same(self._bounds.get(each.variable), each.bounds):
-                self._bounds[each.variable] = each.bounds
-                yield each.variable
+        for output in self._outputs(assessment):
+            if not _same(self._bounds.get(output.variable), output.bounds):
+                self._bounds[output.variable] = output.bounds
+                yield output.variable
 
-    # What is decided
+    # Decisions
 
     def _decide(self, assessment: Assessment, now_s: float) -> tuple[tuple[Decision, ...], float]:
         decisions, due_s = [], math.inf
@@ -280,11 +283,11 @@ class Planning:
         return tuple(decisions), due_s
 
     def _wanted(self, scene: Scene, now_s: float) -> Mapping[str, Value | None]:
-        """Return the value that each parameter is to have; None where that is unknown."""
-        return {each.name: each.value.evaluate(SceneScope(scene, now_s)) for each in self._parameters}
+        """Return the value that each parameter should have; None if it is unknown."""
+        return {parameter.name: parameter.value.evaluate(SceneScope(scene, now_s)) for parameter in self._parameters}
 
     def _refused(self, wanted: Mapping[str, Value | None]) -> Iterator[Refusal]:
-        """Yield the values that their variables cannot take, and remember them."""
+        """Yield the values that their variables cannot take, and store them."""
         for model in self._parameters:
             present, value = self._settings[model.name], wanted[model.name]
             before, present.refused = present.refused, None
@@ -326,7 +329,7 @@ class Planning:
         return tuple(settings), due_s
 
     def _is_urgent(self, model: ParameterModel, assessment: Assessment, present: _Parameter, now_s: float) -> bool:
-        """Return whether the value would stand if no metric had become worse since it was set."""
+        """Return whether the value would be the same if no metric had become worse since it was set."""
         worse = worsened(self.model, metrics_of(self.model, assessment), present.metrics)
         if not worse:
             return False
@@ -334,10 +337,10 @@ class Planning:
         return model.value.evaluate(SceneScope({**assessment.scene, **seen}, now_s)) == present.value
 
     def _flips_s(self, scene: Scene, now_s: float) -> float:
-        """Return when a comparison with an age next changes."""
+        """Return the next instant at which a comparison with an age changes."""
         scope = SceneScope(scene, now_s)
         terms = [rule.condition for course in self.courses.values() for rule in course.always]
-        terms += [each.value for each in self._parameters]
+        terms += [parameter.value for parameter in self._parameters]
         waits_s = (term.flips_s(scope) for term in terms)
         return min((now_s + wait_s for wait_s in waits_s if wait_s is not None), default=math.inf)
 
@@ -347,7 +350,7 @@ def _written(judged: Judged) -> Written:
 
 
 def _same(before: Bounds | None, now: Bounds) -> bool:
-    """Return whether bounds are what they were; what is unknown, nan, is what it was as well."""
+    """Return whether bounds are unchanged; NaN equals NaN here."""
     return before is not None and repr(before) == repr(now)
 
 

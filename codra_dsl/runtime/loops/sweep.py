@@ -1,6 +1,7 @@
-"""What a loop makes of its inputs over their ranges: metrics, weights, the action, and the rule behind each switch.
+"""Sweeps over the inputs of a loop: metrics, weights, the action, and the rule that causes each switch.
 
-The filter is left aside: a sweep asks what would weigh most, not when.
+A sweep calls the generated engines, so it shows the behavior of the code that runs on the robot. It ignores the
+filter: it shows which action has the highest weight, not when the course switches.
 """
 
 from __future__ import annotations
@@ -25,13 +26,13 @@ _SAME = 1e-9
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Row:
-    """What one value of the input comes to.
+    """The result for one value of the input.
 
     Attributes:
-        metrics: what counts of each; None if unknown.
-        action: the one of a hard rule, else the one that weighs most, else the course's `otherwise`; empty without a
-            course.
-        rule: the hard rule that decides, as the spec says it; empty if none does.
+        metrics: the value that counts for each metric; None if unknown.
+        action: the action of a hard rule, else the one with the highest weight, else the course's `otherwise`; empty
+            without a course.
+        rule: the hard rule that decides, as the spec has it; empty without one.
     """
 
     value: Value
@@ -43,10 +44,10 @@ class Row:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Shift:
-    """A rule whose strength differs on both sides of a switch.
+    """A rule whose strength differs between both sides of a switch.
 
     Attributes:
-        before: its strength at the row before; the least, if it is not certain.
+        before: its strength at the row before; the lower bound if it is not certain.
         after: its strength at the row after.
     """
 
@@ -58,11 +59,11 @@ class Shift:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Switch:
-    """That another action weighs most from a value on.
+    """A change of the action with the highest weight.
 
     Attributes:
-        low: with `high` the two values between which it lies: next to each other for numbers.
-        rules: of the action that loses or wins, and of the metrics: the one of each stage whose strength differs most;
+        low: with `high` the two values between which the change lies; adjacent for numbers.
+        rules: of each stage the rule whose strength differs most, among the rules for both actions and for the metrics;
             or the hard rule alone.
     """
 
@@ -74,29 +75,29 @@ class Switch:
 
 
 class Trend(StrEnum):
-    """Which way a number goes while an input rises, or passes from one member to the next."""
+    """The trend of a number while an input rises, or passes from one member to the next."""
 
     CONSTANT = "constant"
     RISES = "rises"
     FALLS = "falls"
     TURNS = "turns"
-    """It does both."""
+    """It rises and falls."""
     UNKNOWN = "unknown"
-    """Somewhere it is not known."""
+    """It is unknown for some value of the input."""
 
     @property
     def is_monotone(self) -> bool:
-        """Return whether it never turns, as far as it is known."""
+        """Return whether it is known and never turns."""
         return self in (Trend.CONSTANT, Trend.RISES, Trend.FALLS)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sweep:
-    """What an input comes to over its range.
+    """The results for an input over its range.
 
     Attributes:
-        unit: of the input; empty for none.
-        known: what all other inputs were; None is unknown.
+        unit: the unit of the input; empty for none.
+        known: the values of all other inputs; None is unknown.
     """
 
     variable: str
@@ -107,7 +108,7 @@ class Sweep:
 
     @property
     def trends(self) -> Mapping[str, Trend]:
-        """Return which way each metric goes while the input rises, or passes from member to member as in the rows."""
+        """Return the trend of each metric while the input rises, or passes the members in the order of the rows."""
         rows = sorted(self.rows, key=_rank)
         return {name: trend([row.metrics[name] for row in rows]) for name in self.rows[0].metrics}
 
@@ -120,7 +121,7 @@ def _rank(row: Row) -> float:
 
 
 def trend(values: Sequence[float | None]) -> Trend:
-    """Return which way numbers go; differences up to 1e-9 are none."""
+    """Return the trend of numbers; differences up to 1e-9 are ignored."""
     known = [value for value in values if value is not None]
     if len(known) < len(values):
         return Trend.UNKNOWN
@@ -140,24 +141,26 @@ def sweep(
     *,
     unit: str = "",
 ) -> Sweep:
-    """Return what a course makes of an input.
+    """Return the metrics, weights and actions for the values of one input.
 
     Args:
-        model: of the loops.
-        course: whose actions are weighed; without one there are metrics only.
-        known: all that the stages and hard rules read, but what stages work out; None is unknown.
+        model: the model of the loops.
+        course: the course whose actions are compared; without one, the rows have only metrics.
+        known: everything that the stages and hard rules read, except the results of stages; None is unknown.
         variable: the input that is varied.
-        values: that it takes, in order; at least one.
-        unit: of the input, for people.
+        values: the values of this input, in order; at least one.
+        unit: the unit of the input, for the printed table.
 
     Raises:
-        UnknownNameError: if nothing reads the variable.
+        UnknownNameError: if no stage and no hard rule reads the variable.
     """
     if variable not in known:
         raise unknown("input", variable, known)
-    asked = _Asked(model, course, _scene(known), variable)
-    rows = tuple(asked.row(value) for value in values)
-    switches = tuple(asked.switch(one, other) for one, other in itertools.pairwise(rows) if one.action != other.action)
+    sweeper = _Sweeper(model, course, _scene(known), variable)
+    rows = tuple(sweeper.row(value) for value in values)
+    switches = tuple(
+        sweeper.switch(one, other) for one, other in itertools.pairwise(rows) if one.action != other.action
+    )
     others = {name: value for name, value in known.items() if name != variable}
     return Sweep(variable=variable, unit=unit, known=others, rows=rows, switches=switches)
 
@@ -169,23 +172,23 @@ def surface(
     across: tuple[str, Sequence[Value]],
     up: tuple[str, Sequence[Value]],
 ) -> tuple[tuple[Row, ...], ...]:
-    """Return what a course makes of two inputs.
+    """Return the metrics, weights and actions for the values of two inputs.
 
     Args:
-        model: of the loops.
-        course: as of `sweep`.
-        known: as of `sweep`.
+        model: the model of the loops.
+        course: the same as for `sweep`.
+        known: the same as for `sweep`.
         across: the input that differs within a row, and its values.
         up: the input that differs from row to row, and its values.
 
     Raises:
-        UnknownNameError: if nothing reads one of them.
+        UnknownNameError: if no stage and no hard rule reads one of them.
     """
     for name in (across[0], up[0]):
         if name not in known:
             raise unknown("input", name, known)
-    asked = (_Asked(model, course, _scene({**known, up[0]: value}), across[0]) for value in up[1])
-    return tuple(tuple(each.row(value) for value in across[1]) for each in asked)
+    sweepers = (_Sweeper(model, course, _scene({**known, up[0]: value}), across[0]) for value in up[1])
+    return tuple(tuple(sweeper.row(value) for value in across[1]) for sweeper in sweepers)
 
 
 def _scene(known: Mapping[str, Value | None]) -> Scene:
@@ -193,7 +196,7 @@ def _scene(known: Mapping[str, Value | None]) -> Scene:
 
 
 @dataclass(frozen=True, slots=True)
-class _Asked:
+class _Sweeper:
     model: MapeModel
     course: CourseModel | None
     scene: Scene
@@ -204,12 +207,12 @@ class _Asked:
         return assess(self.model, {**self.scene, self.variable: seen})
 
     def row(self, value: Value) -> Row:
-        found = self.assessed(value)
-        metrics = {each.name: each.value for each in found.metrics.outputs}
+        assessment = self.assessed(value)
+        metrics = {metric.name: metric.value for metric in assessment.metrics.outputs}
         if self.course is None:
             return Row(value=value, metrics=metrics, weights={}, action="", rule="")
-        rule = hard_rule(self.course, found, 0.0)
-        weights = {action: found.weights()[action] for action in self.course.choose}
+        rule = hard_rule(self.course, assessment, 0.0)
+        weights = {action: assessment.weights()[action] for action in self.course.choose}
         known = {action: weight for action, weight in weights.items() if weight is not None}
         heaviest = max(known, key=known.__getitem__, default=self.course.otherwise)
         return Row(
@@ -231,7 +234,7 @@ class _Asked:
         )
 
     def _narrowed(self, one: Row, other: Row) -> tuple[Row, Row]:
-        """Return two rows on both sides of the switch, as near to each other as halving finds for numbers."""
+        """Return two rows on both sides of the switch, narrowed by bisection for numbers."""
         for _ in range(_HALVINGS):
             low, high = one.value, other.value
             if isinstance(low, (str, bool)) or isinstance(high, (str, bool)):
@@ -244,17 +247,22 @@ class _Asked:
         return one, other
 
     def _hard(self, low: Row, high: Row) -> Iterator[Shift]:
-        """Yield the hard rule that holds on one side of the switch alone."""
+        """Yield the hard rule that holds on only one side of the switch."""
         text, is_after = (high.rule, True) if high.rule else (low.rule, False)
         always = () if self.course is None else self.course.always
         place = next(rule.place for rule in always if rule.text == text)
         yield Shift(text=text, place=place, before=float(not is_after), after=float(is_after))
 
     def _fuzzy(self, one: Row, other: Row, low: Row, high: Row) -> Iterator[Shift]:
-        """Yield the rule of each stage whose strength differs most between two rows, which show it more clearly."""
+        """Yield the rule of each stage whose strength differs most.
+
+        The strengths are those of the two full rows, where the difference is clearer than close to the switch.
+        """
         before, after = self.assessed(one.value), self.assessed(other.value)
         yield from _largest(before.actions.rules, after.actions.rules, {low.action, high.action})
-        yield from _largest(before.metrics.rules, after.metrics.rules, {each.name for each in before.metrics.outputs})
+        yield from _largest(
+            before.metrics.rules, after.metrics.rules, {metric.name for metric in before.metrics.outputs}
+        )
 
 
 def _largest(before: Sequence[Fired], after: Sequence[Fired], about: set[str]) -> Iterator[Shift]:
@@ -272,15 +280,15 @@ def _size(shift: Shift) -> float:
     return abs(shift.after - shift.before)
 
 
-def _lines(found: Sweep) -> Iterator[str]:
-    yield from _others(found.known)
-    yield from _table(found)
-    for switch in found.switches:
-        yield f"{switch.before} -> {switch.after} {_where(found, switch)}:"
+def _lines(result: Sweep) -> Iterator[str]:
+    yield from _others(result.known)
+    yield from _table(result)
+    for switch in result.switches:
+        yield f"{switch.before} -> {switch.after} {_where(result, switch)}:"
         for rule in switch.rules:
             place = f"  [{rule.place}]" if rule.place else ""
             yield f"  {rule.text}: {rule.before:.3g} -> {rule.after:.3g}{place}"
-    for name, way in found.trends.items():
+    for name, way in result.trends.items():
         yield f"{name} {_WAYS[way]}"
 
 
@@ -300,13 +308,13 @@ def _others(known: Mapping[str, Value | None]) -> Iterator[str]:
     yield from [f"unknown: {', '.join(missing)}"] if missing else []
 
 
-def _table(found: Sweep) -> Iterator[str]:
-    first = found.rows[0]
-    head = f"{found.variable} ({found.unit})" if found.unit else found.variable
+def _table(result: Sweep) -> Iterator[str]:
+    first = result.rows[0]
+    head = f"{result.variable} ({result.unit})" if result.unit else result.variable
     has_course = bool(first.action)
     names = [head, *first.metrics, *first.weights, *(["action"] if has_course else [])]
     lines = [names]
-    for row in found.rows:
+    for row in result.rows:
         cells = [_cell(row.value), *map(_cell, row.metrics.values()), *map(_cell, row.weights.values())]
         lines.append([*cells, *([row.action] if has_course else [])])
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
@@ -314,8 +322,8 @@ def _table(found: Sweep) -> Iterator[str]:
         yield "  ".join(cell.rjust(width) for cell, width in zip(line, widths, strict=True))
 
 
-def _where(found: Sweep, switch: Switch) -> str:
-    low, high = (f"{_cell(value)} {found.unit}".rstrip() for value in (switch.low, switch.high))
+def _where(result: Sweep, switch: Switch) -> str:
+    low, high = (f"{_cell(value)} {result.unit}".rstrip() for value in (switch.low, switch.high))
     return f"at {low}" if low == high else f"between {low} and {high}"
 
 

@@ -12,9 +12,10 @@
     15       add c' to C_M(t)
     16       if an observer of c' exists: StartObserver of it
 
-What runs is the least set that holds the observers of C_E and, with each observer, those of the variables that it
-needs. Counts over the strongly connected components of that relation keep it: a component runs while something
-declared lies in it or a running component needs it. So starting and stopping cost what changes, feedback included.
+The running observers are the smallest set that contains the observers of C_E and, for each observer in it, the
+observers of the variables that it needs. The set is maintained by counts over the strongly connected components of
+this relation: a component runs while it has a declared variable or a running component needs it. So the cost of
+starting and stopping depends only on what changes, also with feedback.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 
 class Activation:
-    """Which observers run, given what is declared."""
+    """The observers that run for the present declarations."""
 
     def __init__(
         self,
@@ -32,10 +33,10 @@ class Activation:
         start: Callable[[str], None],
         stop: Callable[[str], None],
     ) -> None:
-        """Relate observers.
+        """Build the relation between observers.
 
         Args:
-            identifies: the variables that each observer identifies; each variable belongs to one observer at most.
+            identifies: the variables that each observer identifies; each variable belongs to at most one observer.
             needs: C_Oi, the variables that each observer needs (P1, Equation 7).
             start: called for each observer that starts, the ones that need others first, as in the paper.
             stop: called for each observer that stops.
@@ -59,7 +60,7 @@ class Activation:
     def order(self) -> tuple[str, ...]:
         """Return all observers, each after those that it needs, then by name.
 
-        One more observer that nobody needs changes nothing in the order of the others.
+        An additional observer that no other needs does not change the order of the others.
         """
         return tuple(sorted(self._component_of, key=lambda name: (self._levels[self._component_of[name]], name)))
 
@@ -70,13 +71,13 @@ class Activation:
         )
 
     def declare(self, variable: str) -> None:
-        """Take a variable into C_E(t); it must not be in it yet."""
+        """Add a variable to C_E(t); it must not be in it yet."""
         observer = self._observer_of.get(variable)
         if observer is not None:
             self._change(self._component_of[observer], 1, self._start)
 
     def withdraw(self, variable: str) -> None:
-        """Take a variable out of C_E(t); it must be in it."""
+        """Remove a variable from C_E(t); it must be in it."""
         observer = self._observer_of.get(variable)
         if observer is not None:
             self._change(self._component_of[observer], -1, self._stop)
@@ -93,14 +94,14 @@ class Activation:
                 pending.extend(reversed(self._needed[index]))
 
     def _successors(self, index: int, successors: Mapping[str, Sequence[str]]) -> list[int]:
-        found = {self._component_of[other] for name in self._components[index] for other in successors[name]}
-        return sorted(found - {index})
+        reached = {self._component_of[other] for name in self._components[index] for other in successors[name]}
+        return sorted(reached - {index})
 
 
 def strongly_connected(successors: Mapping[str, Sequence[str]]) -> list[list[str]]:
     """Return the strongly connected components of a graph, each after its successors, members sorted (Tarjan).
 
-    It does not recurse, so chains may be of any length.
+    It does not recurse, so chains may have any length.
     """
     numbers: dict[str, int] = {}
     lows: dict[str, int] = {}

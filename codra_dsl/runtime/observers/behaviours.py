@@ -1,7 +1,7 @@
 """The nodes of an observer's tree, in the order of P1's Figure 4.
 
 A tree is a `Sequence(memory=False)`: control flag, preconditions, due or running, perception, refinements, identify.
-Nodes hold no state of their own: each asks and tells the branch of its algorithm.
+Nodes have no state of their own: each uses the branch of its algorithm.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ class ControlFlag(Behaviour):
         self._observer = observer
 
     def update(self) -> Status:
-        """Fail when the observer is to stop; what runs below is then cancelled."""
+        """Fail when the observer is to stop; running nodes after it are then cancelled."""
         return Status.SUCCESS if self._observer.wanted else Status.FAILURE
 
 
 class Precondition(Behaviour):
     """An observability precondition over the context (P1, Algorithm 2, line 20).
 
-    Evidence that is complete is judged by the interval in which it was taken: then what fails now stops nothing.
+    Complete evidence is judged by the interval in which it was taken, so a precondition that fails now has no effect.
     """
 
     tick, stop = leaf_tick, leaf_stop
@@ -44,7 +44,7 @@ class Precondition(Behaviour):
             branch.require(name, term)
 
     def update(self) -> Status:
-        """Succeed while the condition holds or evidence taken under it waits for its result."""
+        """Succeed while the condition holds, or while complete evidence waits for its result."""
         held = self._term.evaluate(self._branches[0].observer.present())
         self.feedback_message = "" if held is True else "unknown" if held is None else "does not hold"
         waits = held is not True and any(branch.evidence_is_taken for branch in self._branches)
@@ -52,7 +52,11 @@ class Precondition(Behaviour):
 
 
 class DueOrRunning(Behaviour):
-    """Whether it is time to look again, so that perception does not repeat at each tick."""
+    """Whether it is time to look again, so that perception does not repeat at each tick.
+
+    It is running while it waits, and fails only to give way to an alternative: so a `Selector` switches with the
+    situation, not with the period.
+    """
 
     tick, stop = leaf_tick, leaf_stop
 
@@ -61,7 +65,7 @@ class DueOrRunning(Behaviour):
         self._branch = branch
 
     def update(self) -> Status:
-        """Succeed when due or at work; else wait, or fail to give way to an alternative."""
+        """Succeed when due or busy; otherwise wait, or fail to give way to an alternative."""
         if self._branch.busy:
             return Status.SUCCESS
         chosen = self._branch.observer.next_in_turn(self._branch)
@@ -95,7 +99,7 @@ class Perceive(Behaviour):
         return Status.SUCCESS if branch.take() else Status.FAILURE
 
     def terminate(self, new_status: Status) -> None:
-        """Cancel the job when the tree stops or evidence can no longer count."""
+        """Cancel the job when the tree stops or its evidence can no longer count."""
         if new_status is Status.INVALID:
             self._branch.cancel()
 
@@ -112,7 +116,7 @@ class Accept(Behaviour):
         branch.accepts.append((name, term))
 
     def update(self) -> Status:
-        """Fail when the result is not certainly good enough."""
+        """Fail unless the condition is known to hold for the result."""
         if self._branch.result is not None and self._term.holds(self._branch.result):
             return Status.SUCCESS
         self._branch.reject(self.name)
@@ -129,10 +133,10 @@ class Identify(Behaviour):
         self._variable = variable
         self._term = term
         self._branch = branch
-        branch.tell(variable, term)
+        branch.add_variable(variable, term)
 
     def update(self) -> Status:
-        """Succeed in any case: a value that the result does not tell is rejected for this variable alone."""
+        """Succeed in any case: if the result lacks the value, it is rejected for this variable only."""
         identified = self._branch.identify(self._variable, self._term)
-        self.feedback_message = "" if identified else "the result does not count or does not tell"
+        self.feedback_message = "" if identified else "the result does not count or has no value"
         return Status.SUCCESS

@@ -1,4 +1,4 @@
-"""One algorithm within an observer's tree: its preconditions, its attempt, and what came of it."""
+"""One algorithm within an observer's tree: its preconditions, its job, and the result."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from codra_dsl.runtime.observers.failed_look import FailedLook
 from codra_dsl.runtime.observers.services import ObserverServices
 from codra_dsl.runtime.perception import CostMeter, Failure, Interval, JobRun, Result, State
 from codra_dsl.runtime.values.cell import BEFORE_ALL_S, Cell, Reason
-from codra_dsl.runtime.values.evidence import ContextNow, first_loss, held, told_from_s
+from codra_dsl.runtime.values.evidence import ContextNow, complete_from_s, first_loss, held
 from codra_dsl.runtime.values.hysteresis import Debounced, Hysteresis, Vote, Votes
 from codra_dsl.runtime.values.model import Algorithm, NotOfTypeError
 
 SHORTEST_PERIOD_S = 0.01
-"""An algorithm that takes no time and may look again at once still lets time pass."""
+"""The shortest period: an algorithm that takes no time and may look again at once still lets time pass."""
 
 INSTANT_S = 1e-6
-"""So long after a skill has begun to act a look sees what it changes."""
+"""The time after the start of acting from which a look shows the effects of the action."""
 
 
 class ObserverSchedule(Protocol):
-    """How often an observer looks, and how important it is, as its declaration has it."""
+    """The period and the priority of an observer, from its declaration."""
 
     @property
     def period_s(self) -> float:
@@ -33,7 +33,7 @@ class ObserverSchedule(Protocol):
 
     @property
     def priority(self) -> int:
-        """Return the priority: the larger goes first when jobs compete for a slot."""
+        """Return the priority: the larger one goes first when jobs compete for a slot."""
         ...
 
 
@@ -41,8 +41,8 @@ class BranchObserver(Protocol):
     """The observer that a branch belongs to, as far as the branch uses it.
 
     Attributes:
-        name: of the observer.
-        services: what the observer uses of the context manager.
+        name: the name of the observer.
+        services: the part of the context manager that the observer uses.
         now_s: the instant of the present tick.
     """
 
@@ -64,18 +64,18 @@ class BranchObserver(Protocol):
         ...
 
     def next_in_turn(self, branch: Branch) -> Branch | None:
-        """Return which one of a branch and its rivals may start a job now, if one may."""
+        """Return the one of a branch and its rivals that may start a job now, or None."""
         ...
 
     def touch(self) -> None:
-        """Report that a tick may bring something new."""
+        """Request a tick, because it may have an effect."""
         ...
 
     def note_conclusion(self) -> None:
-        """Note that an attempt ended in this tick."""
+        """Note that a job ended in this tick."""
         ...
 
-    def set_back(self, variable: str, failed_look: FailedLook) -> None:
+    def add_failed_look(self, variable: str, failed_look: FailedLook) -> None:
         """Keep a failed look until it is clear that no alternative delivers."""
         ...
 
@@ -85,9 +85,9 @@ class BranchObserver(Protocol):
 
 
 class Branch:
-    """One algorithm within an observer: its preconditions, its attempt, and what came of it.
+    """One algorithm within an observer: its preconditions, its job, and the result.
 
-    Behaviours ask it and tell it; it decides nothing about variables.
+    The nodes of the tree use it. It makes no decision about variables.
     """
 
     def __init__(self, algorithm: Algorithm, observer: BranchObserver) -> None:
@@ -95,7 +95,7 @@ class Branch:
         self.observer = observer
         self.identifies: list[str] = []
         self.tells: dict[str, Term] = {}
-        self._tallies: dict[str, Votes] = {}
+        self._votes: dict[str, Votes] = {}
         self.accepts: list[tuple[str, Term]] = []
         self.conditions: list[tuple[str, Term]] = []
         self.rivals: tuple[Branch, ...] = (self,)
@@ -108,15 +108,15 @@ class Branch:
         self._is_fresh = True
         self.is_on_event = False
         self._is_accepted = False
-        self._untold: set[str] = set()
-        self._noted: JobRun | None = None
+        self._without_value: set[str] = set()
+        self._reported_as_stuck: JobRun | None = None
         for name in algorithm.given:
             self.require(f"known({name})", known(name))
 
-    # What it waits for
+    # When it may look
 
     def require(self, name: str, term: Term) -> None:
-        """Take a precondition, once."""
+        """Add a precondition, unless it is there already."""
         if (name, repr(term)) not in ((other, repr(condition)) for other, condition in self.conditions):
             self.conditions.append((name, term))
 
@@ -124,27 +124,27 @@ class Branch:
         """Return the first precondition that does not hold, or None."""
         return next((name for name, term in self.conditions if not term.holds(context)), None)
 
-    def tell(self, variable: str, term: Term) -> None:
-        """Take what a result says of a variable."""
+    def add_variable(self, variable: str, term: Term) -> None:
+        """Add a variable, with the term that computes its value from a result."""
         self.identifies.append(variable)
         self.tells[variable] = term
         if isinstance(term, Debounced):
-            self._tallies[variable] = Votes(term.needed, term.among)
+            self._votes[variable] = Votes(term.needed, term.among)
 
     def refresh(self) -> None:
-        """Look as soon as possible: the observer starts anew, and what it saw before confirms nothing."""
+        """Look as soon as possible: the observer starts again, and earlier results no longer confirm a value."""
         self._is_fresh = True
-        for tally in self._tallies.values():
-            tally.clear()
+        for votes in self._votes.values():
+            votes.clear()
 
     def next_start_s(self) -> float:
-        """Return when the next job is due; never, if all that it identifies is known and waits for an event."""
+        """Return when the next job is due; infinity if all its variables are known and it looks on events only."""
         if self.is_on_event:
             return self._next_on_event_s()
         return self._next_in_period_s()
 
     def _next_in_period_s(self) -> float:
-        """Return when its pause is over; the end of acting is an event that ends it for what is looked at on events."""
+        """Return the end of its pause between jobs; for looks on events, the end of acting ends the pause."""
         has_new_cause = self.is_on_event and self.last_start_s < self.observer.services.event_triggers.acted_s
         is_at_once = self._is_fresh or has_new_cause
         period_s = 0.0 if is_at_once else max(self.observer.model.period_s, SHORTEST_PERIOD_S)
@@ -152,7 +152,7 @@ class Branch:
 
     @property
     def would_look(self) -> bool:
-        """Return whether its preconditions are to hold: it looks, or its pause is over and no rival looks."""
+        """Return whether it needs its preconditions now: it looks, or its pause is over and no rival looks."""
         if self.busy:
             return True
         if any(rival.busy for rival in self.rivals):
@@ -165,40 +165,43 @@ class Branch:
 
     @property
     def is_occupied(self) -> bool:
-        """Return whether the algorithm's function is at work, be it for nobody."""
+        """Return whether the algorithm's function still runs, also for a cancelled job.
+
+        Then no other job of it starts: a function that hangs costs one thread, not one per period.
+        """
         return self.observer.services.perception.at_work(self.algorithm) is not None
 
     def serves(self, variable: str) -> bool:
-        """Return whether the variable can be left to this algorithm: it can run and its last job told it."""
+        """Return whether the variable can be left to this algorithm: it can run, and its last job had a value."""
         can_run = not self.is_occupied and self.blocking_condition(self.observer.present()) is None
-        return can_run and variable in self.identifies and variable not in self._untold
+        return can_run and variable in self.identifies and variable not in self._without_value
 
-    # Its attempt
+    # Its job
 
     @property
     def busy(self) -> bool:
-        """Return whether an attempt is under way or its outcome waits to be taken."""
+        """Return whether a job is under way or its outcome waits to be taken."""
         return self._job_run is not None
 
     @property
     def is_finished(self) -> bool:
-        """Return whether the attempt has ended."""
+        """Return whether the job has ended."""
         return self._job_run is not None and self._job_run.state is State.ENDED
 
     @property
     def evidence_is_taken(self) -> bool:
-        """Return whether evidence is complete and waits for its result: then it is judged by its interval alone."""
+        """Return whether the evidence is complete and its result is awaited; then only its interval is judged."""
         interval = self._job_run.evidence(self.observer.now_s) if self._job_run is not None else None
         return interval is not None and interval.stamp_s is not None
 
     def start(self) -> None:
-        """Ask for a job."""
+        """Request a job."""
         self._job_run = self.observer.services.perception.request(
             self.algorithm, self._precedence, self._begin, self.observer.touch
         )
 
     def broken_condition(self) -> str | None:
-        """Return a precondition that has not held since evidence began to be taken, to its end or to now, or None."""
+        """Return a precondition that did not hold all the time while the evidence was taken, up to now, or None."""
         interval = self._job_run.evidence(self.observer.now_s) if self._job_run is not None else None
         if interval is None:
             return None
@@ -208,69 +211,78 @@ class Branch:
         return next(broken, None)
 
     def cancel(self) -> None:
-        """Wait for the attempt no longer."""
+        """Cancel the job."""
         job_run = self._drop()
         if job_run is not None:
             self.observer.services.perception.cancel(job_run)
 
     def void(self, condition: str) -> None:
-        """Drop the attempt because a precondition broke while its evidence was taken."""
+        """Drop the job because a precondition did not hold while its evidence was taken."""
         job_run = self._drop()
         if job_run is not None:
             self.observer.services.perception.void(job_run, condition)
-            self._untold = set(self.identifies)
+            self._without_value = set(self.identifies)
 
     def take(self) -> bool:
-        """Take the outcome of the finished attempt; return whether it is a result."""
+        """Take the outcome of the finished job; return whether it is a result."""
         job_run = self._drop()
         if job_run is None or job_run.start_s is None:
             return False
         self._interval = job_run.evidence(self.observer.now_s) or Interval(job_run.start_s)
         self._index = job_run.index
         if isinstance(job_run.outcome, Result):
-            self.result, self._untold = job_run.outcome, set()
+            self.result, self._without_value = job_run.outcome, set()
             self._is_accepted = False
             self._cost_meter.judged += 1
             return True
         if isinstance(job_run.outcome, Failure):
-            self._set_back(self.identifies, job_run.outcome.reason, job_run.outcome.message, job_run.start_s)
+            self._add_failed_looks(self.identifies, job_run.outcome.reason, job_run.outcome.message, job_run.start_s)
         return False
 
     def note_stuck(self) -> None:
-        """Note once that a job which was cancelled has not come to its end in time."""
+        """Report once that a cancelled job has not ended in time."""
         job_run = self.observer.services.perception.at_work(self.algorithm)
-        if job_run is None or job_run is self._noted or job_run.start_s is None or job_run.outcome is not None:
+        if (
+            job_run is None
+            or job_run is self._reported_as_stuck
+            or job_run.start_s is None
+            or job_run.outcome is not None
+        ):
             return
         if job_run.state is State.ENDED and self.observer.now_s >= job_run.start_s + self.algorithm.timeout_s:
-            self._noted = job_run
+            self._reported_as_stuck = job_run
             detail = f"a job that was cancelled does not end within {self.algorithm.timeout_s:g} s"
-            self._set_back(self.identifies, Reason.TIMED_OUT, detail, job_run.start_s)
+            self._add_failed_looks(self.identifies, Reason.TIMED_OUT, detail, job_run.start_s)
 
-    # What its result tells
+    # Its result
 
     def reject(self, condition: str) -> None:
-        """Note that a refinement does not hold for the result (P1, Figure 4: refine the result)."""
+        """Reject the result because a refinement does not hold for it (P1, Figure 4: refine the result)."""
         self._refuse(self.identifies, Reason.REJECTED, f"not {condition}")
 
     def identify(self, variable: str, term: Term) -> bool:
-        """Give a variable its value from the result (P1, Equation 6); return whether it has one."""
-        found = term.evaluate(self.result) if self.result is not None else None
-        if found is None and self._leaves_as_is(term):
-            found = self.observer.services.cells[variable].at(self._stamp_s()).content
-            if found is None:
+        """Give a variable its value from the result (P1, Equation 6); return whether it has one.
+
+        A result between `enter` and `leave` is evidence for the value at the instant at which it was taken; it is
+        rejected if the variable was unknown then.
+        """
+        raw = term.evaluate(self.result) if self.result is not None else None
+        if raw is None and self._leaves_as_is(term):
+            raw = self.observer.services.cells[variable].at(self._stamp_s()).content
+            if raw is None:
                 self._refuse((variable,), Reason.REJECTED, "between enter and leave, and it was unknown before")
                 return False
         try:
-            content = None if found is None else self.observer.services.variables[variable].type.convert(found)
+            content = None if raw is None else self.observer.services.variables[variable].type.convert(raw)
         except NotOfTypeError as error:
             self._refuse((variable,), Reason.FAILED, str(error))
             return False
         if content is None:
-            self._refuse((variable,), Reason.REJECTED, "the result does not tell")
+            self._refuse((variable,), Reason.REJECTED, "the result has no value for it")
             return False
         start_s = self._interval.start_s
-        if variable in self._tallies:
-            first_s = self._confirmed_since_s(variable, content, self._tallies[variable])
+        if variable in self._votes:
+            first_s = self._confirmed_since_s(variable, content, self._votes[variable])
             if first_s is None:
                 return False
             start_s = min(start_s, first_s)
@@ -287,13 +299,13 @@ class Branch:
         return self.observer.services.perception.cost_meter(self.algorithm)
 
     def _precedence(self) -> tuple[float, int]:
-        """Return how its request for slots stands to others."""
+        """Return the priority and the urgency of its request for slots."""
         is_contested = bool(self.algorithm.slots)
         urgency = self.observer.services.urgency(self.observer.name) if is_contested else 0
         return self.observer.model.priority, urgency
 
     def _begin(self) -> dict[str, Value | None] | None:
-        """Return what the job is given, or None when it must not begin; evidence is being taken from here on."""
+        """Return the context values for the job, or None if it must not begin; its evidence starts now."""
         now_s = self.observer.services.now_s()
         context = ContextNow(self.observer.services.cells, now_s)
         if self.blocking_condition(context) is not None:
@@ -312,7 +324,7 @@ class Branch:
         return max(self._next_in_period_s(), *invalidated_s)
 
     def due(self) -> list[str]:
-        """Return the variables that are worth a look since something has happened, whoever needs them."""
+        """Return its variables that are to be observed because of events, whether needed or not."""
         services, now_s = self.observer.services, self.observer.services.now_s()
         readings = (services.cells[variable].reading.at(now_s) for variable in self.identifies)
         return [reading.name for reading in readings if services.event_triggers.is_due(reading)]
@@ -341,29 +353,31 @@ class Branch:
         inner = term.term if isinstance(term, Debounced) else term
         return self.result is not None and isinstance(inner, Hysteresis) and inner.leaves_as_is(self.result)
 
-    def _confirmed_since_s(self, variable: str, content: Value, tally: Votes) -> float | None:
+    def _confirmed_since_s(self, variable: str, content: Value, votes: Votes) -> float | None:
         """Count a result; return when the evidence for its value began to be taken, or None if too few agree.
 
-        An outlier changes nothing while the last results still confirm the value that the variable has.
+        An unconfirmed result is a failed look like a rejected one: so `keep` and `forget` decide about the last value,
+        and it does not give way to an alternative. An outlier has no effect while the last results still confirm the
+        present value of the variable.
         """
-        told = Vote(content, self._interval.start_s, self._stamp_s())
-        if not self.observer.services.cells[variable].admits(told.start_s, told.stamp_s):
-            return told.start_s  # evidence from before an action confirms nothing; `write` says so
-        tally.take(told, lambda before: self._still_counts(variable, before, told))
-        start_s = tally.start_s(content)
+        vote = Vote(content, self._interval.start_s, self._stamp_s())
+        if not self.observer.services.cells[variable].admits(vote.start_s, vote.stamp_s):
+            return vote.start_s  # evidence from before an action does not confirm; `write` reports it
+        votes.take(vote, lambda before: self._still_counts(variable, before, vote))
+        start_s = votes.start_s(content)
         if start_s is None:
             detail = (
-                f"{tally.count(content)} of {tally.needed} needed among the last {tally.among} for {_said(content)}"
+                f"{votes.count(content)} of {votes.needed} needed among the last {votes.among} for {_shown(content)}"
             )
-            self._tell_refused((variable,), Reason.UNCONFIRMED, detail)
+            self._record_refusal((variable,), Reason.UNCONFIRMED, detail)
             reading = self.observer.services.cells[variable].reading.at(self.observer.now_s)
-            if not reading.known or tally.count(reading.content) < tally.needed:
-                failed_look = FailedLook(Reason.UNCONFIRMED, detail, told.stamp_s, self.algorithm.name)
-                self.observer.set_back(variable, failed_look)
+            if not reading.known or votes.count(reading.content) < votes.needed:
+                failed_look = FailedLook(Reason.UNCONFIRMED, detail, vote.stamp_s, self.algorithm.name)
+                self.observer.add_failed_look(variable, failed_look)
         return start_s
 
     def _still_counts(self, variable: str, before: Vote, now: Vote) -> bool:
-        """Return whether an earlier result still says something of a variable: nothing has made it meaningless."""
+        """Return whether an earlier result still counts for a variable."""
         services = self.observer.services
         model, cells = services.variables[variable], services.cells
         if before.start_s <= cells[variable].invalidated_s or before.stamp_s + model.valid_for_s <= now.stamp_s:
@@ -371,22 +385,22 @@ class Branch:
         term = self.observer.observable(variable) if model.when_unobservable == "forget" else None
         if term is None:
             return True
-        return first_loss(term, cells, max(before.stamp_s, told_from_s(term, cells)), now.stamp_s) is None
+        return first_loss(term, cells, max(before.stamp_s, complete_from_s(term, cells)), now.stamp_s) is None
 
     def _refuse(self, variables: Iterable[str], reason: Reason, detail: str) -> None:
-        """Note that a result brings some variables no value, whatever becomes of the variables."""
-        self._tell_refused(variables, reason, detail)
-        self._set_back(variables, reason, detail, self._stamp_s())
+        """Record that a result has no value for some variables, and add a failed look for each."""
+        self._record_refusal(variables, reason, detail)
+        self._add_failed_looks(variables, reason, detail, self._stamp_s())
 
-    def _tell_refused(self, variables: Iterable[str], reason: Reason, detail: str) -> None:
+    def _record_refusal(self, variables: Iterable[str], reason: Reason, detail: str) -> None:
         about = {"index": self._index, "variables": list(variables), "reason": reason, "message": detail}
         self.observer.services.event_writer.write(Kind.JOB, self.algorithm.name, "rejected", **about)
 
-    def _set_back(self, variables: Iterable[str], reason: Reason, detail: str, since_s: float) -> None:
+    def _add_failed_looks(self, variables: Iterable[str], reason: Reason, detail: str, since_s: float) -> None:
         for variable in variables:
-            self._untold.add(variable)
-            self.observer.set_back(variable, FailedLook(reason, detail, since_s, self.algorithm.name))
+            self._without_value.add(variable)
+            self.observer.add_failed_look(variable, FailedLook(reason, detail, since_s, self.algorithm.name))
 
 
-def _said(content: Value) -> str:
+def _shown(content: Value) -> str:
     return str(content).lower() if isinstance(content, bool) else str(content)

@@ -1,4 +1,4 @@
-"""What the skills under way mean for observers: when to look on events, and what an action may be changing now."""
+"""How skills under way affect observers: when to look on events, and which variables an action may be changing."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from codra_dsl.runtime.values.cell import BEFORE_ALL_S, Reading
 
 
 class EventTriggers:
-    """What skills monitor and, while they act, change, and when one last ended to act. It is changed under the lock."""
+    """The variables that skills monitor and change while acting, and the last end of acting. Writers hold the lock."""
 
     def __init__(self) -> None:
         self._monitored: Counter[str] = Counter()
@@ -27,28 +27,29 @@ class EventTriggers:
         self._changing.pop(number, None)
 
     def act(self, number: int, changes: Iterable[str]) -> None:
-        """Note that a skill acts, which changes some variables."""
+        """Note that a skill starts to act and changes some variables."""
         self._changing[number] = frozenset(changes)
 
     def acted(self, number: int, now_s: float) -> None:
-        """Note that acting ends: the world may be another one."""
+        """Note that acting ends: the world may have changed."""
         self._changing.pop(number, None)
         self._acted_s = now_s
 
     def may_be_changing(self, variable: str) -> bool:
-        """Return whether a skill acts that changes a variable: then what is not seen any more is not known any more."""
+        """Return whether an acting skill changes a variable: then its value is lost when it cannot be observed."""
         return any(variable in changes for changes in self._changing.values())
 
     @property
     def acted_s(self) -> float:
-        """Return when a skill last ended to act."""
+        """Return the last end of acting of any skill."""
         return self._acted_s
 
     def is_due(self, reading: Reading[Value]) -> bool:
         """Return whether to look on events.
 
-        What a skill monitors is always looked at. Of what an action changes meanwhile any value would soon be out of
-        date: it is looked at when it has acted. Else what is unknown is, and what is known from before acting ended.
+        A variable that a skill monitors is always observed. A variable that an action is changing is observed after the
+        action, because a value would soon be out of date. Any other variable is observed if it is unknown, or if its
+        evidence is from before the last end of acting.
         """
         if self._monitored[reading.name] > 0:
             return True

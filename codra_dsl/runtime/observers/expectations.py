@@ -1,4 +1,4 @@
-"""What skills expect while they act, and whether it comes true: judged by what context holds, when it holds it."""
+"""The expectations of skills while they act, and their outcomes, judged by the context alone."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from codra_dsl.runtime.values.model import ExpectationModel, SkillModel
 
 
 class Outcome(StrEnum):
-    """What came of an expectation."""
+    """The outcome of an expectation."""
 
     MET = "met"
     VIOLATED = "violated"
@@ -26,15 +26,15 @@ class Outcome(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verdict:
-    """What came of one expectation of a skill.
+    """The outcome of one expectation of a skill.
 
     Attributes:
-        skill: whose expectation it is.
-        variable: of which something is expected.
-        expected: the expectation as the spec says it.
-        outcome: `NOT_SEEN` if it was neither seen to come true nor seen to be violated.
-        instant_s: when that was clear; of what may still come true, when it was asked.
-        value: of the variable at that instant; None if it was unknown.
+        skill: the skill with the expectation.
+        variable: the variable of the expectation.
+        expected: the expectation as written in the spec.
+        outcome: `NOT_SEEN` if it was neither observed to come true nor observed to be violated.
+        instant_s: when the outcome was decided; for an expectation that is still open, the instant of the query.
+        value: the value of the variable at that instant; None if it was unknown.
     """
 
     skill: str
@@ -47,11 +47,11 @@ class Verdict:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verification:
-    """What came of all that a skill expects. It has no truth value: what was not seen is neither.
+    """The outcomes of all expectations of a skill. It has no truth value, because an outcome may be `NOT_SEEN`.
 
     Attributes:
-        skill: that acted.
-        verdicts: one for each expectation, in the order of the spec.
+        skill: the skill that acted.
+        verdicts: one per expectation, in the order of the spec.
     """
 
     skill: str
@@ -59,33 +59,33 @@ class Verification:
 
     @property
     def met(self) -> tuple[Verdict, ...]:
-        """Return what came true."""
+        """Return the expectations that came true."""
         return self._of(Outcome.MET)
 
     @property
     def violated(self) -> tuple[Verdict, ...]:
-        """Return what did not come true, or did not stay so."""
+        """Return the expectations that did not come true, or did not stay true."""
         return self._of(Outcome.VIOLATED)
 
     @property
     def not_seen(self) -> tuple[Verdict, ...]:
-        """Return what was neither seen to come true nor seen to be violated."""
+        """Return the expectations that were neither observed to come true nor observed to be violated."""
         return self._of(Outcome.NOT_SEEN)
 
     @property
     def all_met(self) -> bool:
-        """Return whether everything that the skill expects came true."""
+        """Return whether all expectations of the skill came true."""
         return len(self.met) == len(self.verdicts)
 
     def _of(self, outcome: Outcome) -> tuple[Verdict, ...]:
         return tuple(verdict for verdict in self.verdicts if verdict.outcome is outcome)
 
     def __bool__(self) -> bool:
-        raise TypeError(f"a verification has no truth value: ask .all_met, .violated or .not_seen of {self.skill!r}")
+        raise TypeError(f"a verification has no truth value: use .all_met, .violated or .not_seen of {self.skill!r}")
 
 
 class _Watched:
-    """One expectation of a skill that acts, or has acted."""
+    """The state of one expectation of a skill that acts, or has acted."""
 
     def __init__(self, model: ExpectationModel, skill: str, since_s: float) -> None:
         self.model = model
@@ -93,20 +93,20 @@ class _Watched:
         self.since_s = since_s
         self.outcome: Outcome | None = None
         self.is_over = False
-        self.told: Verdict | None = None
+        self.verdict: Verdict | None = None
         self.timer: Timer | None = None
 
     @property
     def is_settled(self) -> bool:
-        """Return whether nothing can change its outcome."""
+        """Return whether its outcome is final."""
         return self.is_over or self.outcome in (Outcome.MET, Outcome.VIOLATED)
 
     def judged(self, holds: Value | None, *, at_end: bool) -> Outcome | None:
-        """Return its outcome once the condition holds, does not, or is unknown; None if that is still open.
+        """Return its outcome given whether the condition holds; None if it is still open.
 
         Args:
             holds: whether the condition holds now; None if the variable is unknown.
-            at_end: whether the time is over in which it is to come true, or to stay so.
+            at_end: whether the time is over in which it is to come true, or to stay true.
         """
         is_late = at_end or self.outcome is Outcome.NOT_SEEN
         if holds is None:
@@ -117,80 +117,82 @@ class _Watched:
 
 
 class Expectations:
-    """All that skills under way expect. Whoever calls it holds the context manager's lock, but for `verification`.
+    """The expectations of skills under way. Callers hold the context manager's lock, except for `verification`.
 
-    An expectation is judged by what context holds from acting on: what the skill changes is unknown then, until newer
-    evidence comes. What nobody has seen when its time is over is not seen, and what is seen first afterwards decides.
+    An expectation is judged by the context alone, from the start of acting, when the context changes and when the time
+    of the expectation is over: so outcomes follow from the journal. A variable that the skill changes is unknown at the
+    start of acting, until newer evidence arrives. If the variable was not observed in time, the outcome is `NOT_SEEN`,
+    neither met nor violated, and the first later observation decides.
     """
 
     def __init__(
-        self, store: Store, clock: Clock, event_writer: EventWriter, heard: Callable[[int, Verdict], None]
+        self, store: Store, clock: Clock, event_writer: EventWriter, on_verdict: Callable[[int, Verdict], None]
     ) -> None:
-        """Expect nothing yet.
+        """Start without expectations.
 
         Args:
             store: holds the variables.
-            clock: tells when the time of an expectation is over.
-            event_writer: is told each outcome.
-            heard: called with each outcome and the number of the skill.
+            clock: the clock for the deadlines.
+            event_writer: records watched outcome.
+            on_verdict: called with the number of the skill and watched outcome.
         """
         self._store = store
         self._clock = clock
         self._event_writer = event_writer
-        self._heard = heard
+        self._on_verdict = on_verdict
         self._of_skill: dict[int, tuple[_Watched, ...]] = {}
         self._of_variable: dict[str, list[tuple[int, _Watched]]] = {}
 
     def act(self, number: int, skill: SkillModel) -> None:
-        """Count from now on; what an earlier acting of the same skill left open stays so."""
+        """Start the expectations of a skill now; open ones of its earlier acting end as `NOT_SEEN`."""
         self.finish(number)
         now_s = self._clock.now_s()
-        watched = tuple(_Watched(model, skill.name, now_s) for model in skill.expects)
-        self._of_skill[number] = watched
-        for each in watched:
-            self._of_variable.setdefault(each.model.variable, []).append((number, each))
-            if each.model.within_s < math.inf:
-                each.timer = self._clock.call_at(now_s + each.model.within_s, self._ender(number, each))
-            self._judge(number, each, at_end=False)
+        entries = tuple(_Watched(model, skill.name, now_s) for model in skill.expects)
+        self._of_skill[number] = entries
+        for watched in entries:
+            self._of_variable.setdefault(watched.model.variable, []).append((number, watched))
+            if watched.model.within_s < math.inf:
+                watched.timer = self._clock.call_at(now_s + watched.model.within_s, self._ender(number, watched))
+            self._judge(number, watched, at_end=False)
 
     def acted(self, number: int) -> None:
-        """Judge what was to stay while the skill acted."""
-        for each in self._of_skill.get(number, ()):
-            if not each.model.is_to_become:
-                self._judge(number, each, at_end=True)
+        """Judge the expectations that were to stay true while the skill acted."""
+        for watched in self._of_skill.get(number, ()):
+            if not watched.model.is_to_become:
+                self._judge(number, watched, at_end=True)
 
     def finish(self, number: int) -> None:
-        """End the skill: what is open now nobody watches any more."""
-        for each in self._of_skill.pop(number, ()):
-            if each.outcome is None:
-                self._conclude(number, each, Outcome.NOT_SEEN)
-            each.is_over = True
-            if each.timer is not None:
-                each.timer.cancel()
-            others = [entry for entry in self._of_variable[each.model.variable] if entry[1] is not each]
-            self._of_variable[each.model.variable] = others
+        """End the skill; its open expectations end as `NOT_SEEN`."""
+        for watched in self._of_skill.pop(number, ()):
+            if watched.outcome is None:
+                self._conclude(number, watched, Outcome.NOT_SEEN)
+            watched.is_over = True
+            if watched.timer is not None:
+                watched.timer.cancel()
+            others = [entry for entry in self._of_variable[watched.model.variable] if entry[1] is not watched]
+            self._of_variable[watched.model.variable] = others
 
     def changed(self, variable: str) -> None:
-        """Judge what is expected of a variable that has another reading."""
-        for number, each in self._of_variable.get(variable, ()):
-            self._judge(number, each, at_end=False)
+        """Judge the expectations of a variable that has another reading."""
+        for number, watched in self._of_variable.get(variable, ()):
+            self._judge(number, watched, at_end=False)
 
     def is_settled(self, number: int) -> bool:
-        """Return whether all that a skill expects has an outcome; any thread may ask, without the lock."""
-        return all(each.outcome is not None for each in self._of_skill.get(number, ()))
+        """Return whether all expectations of a skill have an outcome. Any thread may call this, without the lock."""
+        return all(entry.outcome is not None for entry in self._of_skill.get(number, ()))
 
     def verification(self, number: int, skill: str) -> Verification:
-        """Return what came of all that a skill expects, by now; any thread may ask, without the lock.
+        """Return the present outcomes of all expectations of a skill. Any thread may call this, without the lock.
 
         Raises:
             RuntimeError: if the skill has not acted, or has ended.
         """
         watched = self._of_skill.get(number)
         if watched is None:
-            raise RuntimeError(f"skill {skill!r} has ended, or has not acted: what it expects counts from `acting`")
-        return Verification(skill=skill, verdicts=tuple(each.told or self._verdict(each) for each in watched))
+            raise RuntimeError(f"skill {skill!r} has ended, or has not acted: its expectations start with `acting`")
+        return Verification(skill=skill, verdicts=tuple(entry.verdict or self._verdict(entry) for entry in watched))
 
-    # Within
+    # Internal
 
     def _ender(self, number: int, watched: _Watched) -> Callable[[], None]:
         return lambda: self._judge(number, watched, at_end=True)
@@ -205,7 +207,7 @@ class Expectations:
 
     def _conclude(self, number: int, watched: _Watched, outcome: Outcome) -> None:
         watched.outcome = outcome
-        verdict = watched.told = self._verdict(watched)
+        verdict = watched.verdict = self._verdict(watched)
         reading = self._store.reading(verdict.variable)
         self._event_writer.write(
             Kind.EXPECTATION,
@@ -214,9 +216,9 @@ class Expectations:
             skill=watched.skill,
             expected=verdict.expected,
             acting_s=watched.since_s,
-            **_told(reading),
+            **_reading_details(reading),
         )
-        self._heard(number, verdict)
+        self._on_verdict(number, verdict)
 
     def _verdict(self, watched: _Watched) -> Verdict:
         return Verdict(
@@ -229,10 +231,10 @@ class Expectations:
         )
 
 
-def _told(reading: Reading[Value]) -> dict[str, object]:
+def _reading_details(reading: Reading[Value]) -> dict[str, object]:
     return {"value": reading.content, "reason": reading.reason, "detail": reading.detail, "source": reading.source}
 
 
 def unseen(verification: Verification) -> Iterable[str]:
-    """Return the variables about which nothing is known that could decide, each once."""
+    """Return, without repetition, the variables of undecided expectations whose value is unknown."""
     return dict.fromkeys(verdict.variable for verdict in verification.not_seen if verdict.value is None)

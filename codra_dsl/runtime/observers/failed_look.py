@@ -1,4 +1,4 @@
-"""What it means for a variable that a look brought no value."""
+"""Failed looks: the effect on a variable of a job that has no value for it."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from codra_dsl.runtime.values.cell import Reading, Reason
 
 @dataclass(frozen=True, slots=True)
 class FailedLook:
-    """Why an algorithm brought no value for a variable.
+    """The failure of an algorithm to deliver a value for a variable.
 
     Attributes:
         reason: why the variable may become unknown.
-        since_s: on the axis of evidence, when the look was that brought none.
-        algorithm: whose look it was.
+        since_s: when the failed look took its evidence.
+        algorithm: the algorithm that failed.
     """
 
     reason: Reason
@@ -26,17 +26,18 @@ class FailedLook:
 
 
 def decisive(reading: Reading[Value], failed_looks: Iterable[FailedLook], *, forgets: bool) -> FailedLook | None:
-    """Return the setback that makes a variable unknown, or says anew why it is, once no alternative has delivered.
+    """Return the failed look that makes a variable unknown, or gives a new reason for it, or None.
 
-    A failure makes unknown what the failed algorithm wrote itself, never a newer value of another writer. A rejection
-    takes the last value only if the variable `forgets`. A variable that is unknown anyway takes the latest reason.
+    It is called once no alternative has delivered. A failure makes the variable unknown only if the failed algorithm
+    wrote its value. A rejection makes it unknown only if the variable `forgets`. A variable that is unknown already
+    takes the latest reason.
     """
     latest: FailedLook | None = None
     for failed_look in failed_looks:
         if failed_look.since_s >= reading.evidence_s and _counts(reading, failed_look, forgets):
             latest = failed_look
-    is_told = latest is not None and (latest.reason, latest.detail) == (reading.reason, reading.detail)
-    return None if is_told else latest
+    is_reported = latest is not None and (latest.reason, latest.detail) == (reading.reason, reading.detail)
+    return None if is_reported else latest
 
 
 def _counts(reading: Reading[Value], failed_look: FailedLook, forgets: bool) -> bool:

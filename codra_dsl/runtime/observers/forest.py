@@ -1,7 +1,9 @@
-"""The forest F: all observers, tied by the context that they share (P1, Equation 11), ticked when something changed.
+"""The forest F: all observers, connected by the context that they share (P1, Equation 11), ticked after changes.
 
 The paper ticks every tree each second. Here a tree is ticked when it is due, when a variable that it reads has
-changed, when a job has ended, and when a comparison with an age flips: the same meaning with less work.
+changed, when a job has ended, and when a comparison with an age flips. The meaning is the same with less work;
+`tests/runtime/observers/test_by_change.py` compares it with ticking every tree at every instant. A variable has changed
+when it has another value. Newer evidence for the same value is a change only for the trees that read its age.
 """
 
 from __future__ import annotations
@@ -18,14 +20,14 @@ from codra_dsl.runtime.perception import described
 from codra_dsl.runtime.values.cell import Reading
 
 MAX_ROUNDS = 100
-"""Rounds at one instant before feedback that does not come to rest has to wait."""
+"""The largest number of rounds at one instant; feedback that is not settled by then has to wait."""
 
 UNREST_S = 0.01
-"""How long it waits then."""
+"""The wait after `MAX_ROUNDS`."""
 
 
 class Forest:
-    """Starts, stops and ticks observers. Whoever calls it holds the context manager's lock."""
+    """Starts, stops and ticks observers. Callers hold the context manager's lock."""
 
     def __init__(
         self,
@@ -39,9 +41,9 @@ class Forest:
 
         Args:
             models: the observers.
-            services: what they see.
+            services: the part of the context manager that observers use.
             clock: real or simulated time.
-            commit: takes what observers wrote, after each round.
+            commit: called with each reading that observers wrote, after each round.
             stopped: called for each observer that has stopped.
         """
         self._clock = clock
@@ -57,13 +59,17 @@ class Forest:
         )
         self._position = {name: position for position, name in enumerate(self._activation.order)}
         self._readers, self._readers_of_age = self._find_readers()
-        self._on_event = [each for each in map(self._observers.__getitem__, self._activation.order) if each.on_event]
-        self._observer_of = {name: each for each in self._observers.values() for name in each.model.identifies}
+        self._on_event = [
+            observer for observer in map(self._observers.__getitem__, self._activation.order) if observer.on_event
+        ]
+        self._observer_of = {
+            name: observer for observer in self._observers.values() for name in observer.model.identifies
+        }
         self._needing: dict[str, list[Observer]] = {}
         for observer in self._observers.values():
             for name in observer.asks_on_events:
                 self._needing.setdefault(name, []).append(observer)
-        self._looked_at_for = {name: self._served_by(observer) for name, observer in self._observers.items()}
+        self._ticked_with = {name: self._served_by(observer) for name, observer in self._observers.items()}
         self._touched: set[str] = set()
         self._timers: dict[str, Timer] = {}
         self._round: Timer | None = None
@@ -78,9 +84,9 @@ class Forest:
         return self._activation.running()
 
     def obstacle(self, variable: str) -> str | None:
-        """Return what keeps a variable from being observed now: empty if nothing does, None if it has no observer.
+        """Return what prevents the observation of a variable now; empty if nothing does, None if it has no observer.
 
-        Any thread may ask, without the lock.
+        Any thread may call this, without the lock.
         """
         observer = self._observer_of.get(variable)
         if observer is None:
@@ -88,22 +94,21 @@ class Forest:
         return observer.obstacle(variable) if observer.wanted else f"{observer.name} does not run: declare {variable}"
 
     def declare(self, variable: str) -> None:
-        """Start what a variable that enters C_E(t) needs (P1, Algorithm 1); what runs for others may look now."""
+        """Start the observers for a variable that enters C_E(t) (P1, Algorithm 1); if one runs already, tick it."""
         self._activation.declare(variable)
         if variable in self._needing and variable in self._observer_of:
             self.touch(self._observer_of[variable])
 
     def withdraw(self, variable: str) -> None:
-        """Stop what nothing needs any more once a variable leaves C_E(t)."""
+        """Stop the observers that are no longer needed when a variable leaves C_E(t)."""
         self._activation.withdraw(variable)
 
     def changed(self, variable: str, is_renewed: bool) -> None:
-        """Say that a variable has another reading, now or in its history.
+        """Tick the readers of a variable that has another reading, now or in its history.
 
         Args:
             variable: its name.
-            is_renewed: whether it only has newer evidence for what it told before. That changes no condition, at no
-                instant, but those on its age.
+            is_renewed: whether it only has newer evidence for the same value. That affects only conditions on its age.
         """
         readers = self._readers_of_age if is_renewed else self._readers
         for observer in readers.get(variable, ()):
@@ -115,7 +120,7 @@ class Forest:
     def is_asked_for(self, variable: str, declared: Container[str]) -> bool:
         """Return whether a variable is declared, or needed by an observer that is due to look, directly or not.
 
-        Observers may need each other in a circle: a circle that nobody outside of it asks for asks for nothing.
+        Observers may need each other in a cycle. A cycle that is not asked for from outside does not ask for itself.
         """
         seen, pending = {variable}, [variable]
         while pending:
@@ -124,20 +129,20 @@ class Forest:
                 return True
             branches = [branch for observer in self._needing.get(name, ()) for branch in observer.asking_for(name)]
             if not all(branch.is_on_event for branch in branches):
-                return True  # who looks periodically does so whoever asks
-            found = {due for branch in branches for due in branch.due()} - seen
-            seen |= found
-            pending.extend(found)
+                return True  # a periodic look needs its preconditions in any case
+            needing = {due for branch in branches for due in branch.due()} - seen
+            seen |= needing
+            pending.extend(needing)
         return False
 
     def look_again(self) -> None:
-        """Ask the running observers that look on events whether they are due now."""
+        """Tick the running observers that look on events, because they may be due now."""
         for observer in self._on_event:
             if observer.wanted:
                 self.touch(observer)
 
     def touch(self, observer: Observer) -> None:
-        """Let an observer be ticked in the next round, at this instant; one that does not run has no need of it."""
+        """Tick an observer in the next round, at this instant; no effect if it does not run."""
         if not observer.wanted:
             return
         self._touched.add(observer.name)
@@ -160,7 +165,7 @@ class Forest:
         for _ in range(MAX_ROUNDS):
             if not self._touched:
                 return True
-            touched = self._touched.union(*map(self._looked_at_for.__getitem__, self._touched))
+            touched = self._touched.union(*map(self._ticked_with.__getitem__, self._touched))
             names, self._touched = sorted(touched, key=self._position.__getitem__), set()
             now_s = self._clock.now_s()
             for reading in [reading for name in names for reading in self._tick(self._observers[name], now_s)]:
@@ -177,7 +182,7 @@ class Forest:
         return readings
 
     def _wake_at(self, observer: Observer, instant_s: float | None) -> None:
-        """Let an observer be ticked at an instant; one tick that comes before it sets the next."""
+        """Tick an observer at an instant; an earlier tick sets the next instant itself."""
         timer = self._timers.get(observer.name)
         if instant_s is not None and (timer is None or timer.instant_s > instant_s):
             if timer is not None:
@@ -185,7 +190,9 @@ class Forest:
             self._timers[observer.name] = self._clock.call_at(instant_s, lambda: self._wake(observer))
 
     def _wake(self, observer: Observer) -> None:
-        self._timers.pop(observer.name, None)  # a timer that fires while it is replaced finds the other's entry
+        self._timers.pop(
+            observer.name, None
+        )  # a timer that fires while it is replaced removes the entry of the new one
         self.touch(observer)
 
     def _start(self, name: str) -> None:
@@ -198,28 +205,28 @@ class Forest:
         observer = self._observers[name]
         observer.stop()
         self._event_writer.write(Kind.OBSERVER, name, "stopped")
-        self._tick(observer, self._clock.now_s())  # once more: the control flag fails, and that cancels its jobs
+        self._tick(observer, self._clock.now_s())  # a last tick: the control flag fails, which cancels its jobs
         self._stopped(observer)
 
     def _served_by(self, observer: Observer) -> frozenset[str]:
-        """Return the observers that look on events for the sake of one, directly or not: they tick when it does."""
-        found: set[str] = set()
+        """Return the observers that look on events for one observer, directly or not; they are ticked with it."""
+        serving: set[str] = set()
         pending = [observer]
         while pending:
             names = {self._observer_of[name].name for name in pending.pop().asks_on_events if name in self._observer_of}
-            pending.extend(self._observers[name] for name in names - found)
-            found |= names
-        return frozenset(found)
+            pending.extend(self._observers[name] for name in names - serving)
+            serving |= names
+        return frozenset(serving)
 
     def _find_readers(self) -> tuple[dict[str, list[Observer]], dict[str, list[Observer]]]:
-        """Return, by variable, the observers that read it, and those for which its age may matter."""
+        """Return, by variable, the observers that read it, and the observers that depend on its age."""
         readers: dict[str, list[Observer]] = {}
         readers_of_age: dict[str, list[Observer]] = {}
         for name in self._activation.order:
             observer = self._observers[name]
             for need in observer.watched():
                 readers.setdefault(need, []).append(observer)
-            has_own = observer.on_event if observer.asks_on_events else ()  # what it asks for depends on their age
+            has_own = observer.on_event if observer.asks_on_events else ()  # whether it looks depends on their age
             for need in sorted({*observer.needs_age_of(), *has_own}):
                 readers_of_age.setdefault(need, []).append(observer)
         return readers, readers_of_age

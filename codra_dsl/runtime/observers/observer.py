@@ -1,4 +1,4 @@
-"""An observer at run time: its tree, whose turn it is to look, and what a tick means for its variables."""
+"""An observer at run time: its tree, the order of its algorithms, and the effect of a tick on its variables."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ class ObserverModel:
     """An observer O_i: how its tree is built and what it identifies (P1, Equations 5, 6).
 
     Attributes:
-        period_s: an algorithm looks again this long after it last began to look, or as soon as it is done.
-        priority: the larger goes first when jobs compete for a slot.
-        build: makes the behaviour tree.
+        period_s: the time from one start of an algorithm to the next; a longer job is followed by the next at once.
+        priority: the larger one goes first when jobs compete for a slot.
+        build: builds the behaviour tree.
     """
 
     name: str
@@ -85,15 +85,18 @@ class Observer:
         return tuple(sorted({name for term in self._terms() for name in term.variables()}))
 
     def watched(self) -> tuple[str, ...]:
-        """Return the variables whose changes it has to know of: what it needs, and what it looks at on events."""
+        """Return the variables whose changes cause a tick: those that it needs or observes on events."""
         return tuple(sorted({*self.needs(), *self.on_event}))
 
     def needs_age_of(self) -> tuple[str, ...]:
-        """Return the context-variables of which newer evidence may matter though the value is the same, sorted."""
+        """Return the context-variables whose age it reads, for which newer evidence always matters; sorted."""
         return tuple(sorted({name for term in self._aging for name in term.variables()}))
 
     def observable(self, variable: str) -> Term | None:
-        """Return when a variable can be observed: one of its algorithms has all it needs. None if always."""
+        """Return the condition under which a variable can be observed: all preconditions of one of its algorithms hold.
+
+        None if it can always be observed.
+        """
         conditions = [[term for _, term in branch.conditions] for branch in self._branches_of[variable]]
         return reduce(or_, (reduce(and_, terms) for terms in conditions)) if conditions and all(conditions) else None
 
@@ -102,31 +105,31 @@ class Observer:
         return self._present
 
     def asking_for(self, variable: str) -> list[Branch]:
-        """Return the branches that need a variable to look now, if somebody asks for what they identify."""
+        """Return the branches that need a variable in order to look now, if their own variables are asked for."""
         if not self.wanted:
             return []
         return [branch for branch in self._branches if branch.reads(variable) and branch.would_look]
 
     def obstacle(self, variable: str) -> str:
-        """Return what keeps every algorithm of a variable from looking now; empty if one can look."""
+        """Return the conditions that prevent every algorithm of a variable from looking now; empty if one can look."""
         if self._failure is not None:
-            return f"{self.name} broke and rests: withdraw {variable} and declare it again"
+            return f"{self.name} failed and is stopped: withdraw {variable} and declare it again"
         present = ContextNow(self.services.cells, self.services.now_s())
         conditions = [branch.blocking_condition(present) for branch in self._branches_of[variable]]
         return "; ".join(name for name in conditions if name is not None) if all(conditions) else ""
 
     def touch(self) -> None:
-        """Say that a tick may bring something new."""
+        """Request a tick, because it may have an effect."""
         self._touched(self)
 
-    # What its branches tell it
+    # Called by its branches
 
     def note_conclusion(self) -> None:
-        """Note that an attempt came to its end in this tick: what it means is settled by the next, at this instant."""
+        """Note that a job ended in this tick; the next tick, at the same instant, decides on its effect."""
         self._concluded = True
 
-    def set_back(self, variable: str, failed_look: FailedLook) -> None:
-        """Keep a setback until it is clear that no alternative delivers."""
+    def add_failed_look(self, variable: str, failed_look: FailedLook) -> None:
+        """Keep a failed look until it is clear that no alternative delivers."""
         self._failed_looks.setdefault(variable, []).append(failed_look)
 
     def write(self, variable: str, content: Value, algorithm: str, start_s: float, stamp_s: float) -> bool:
@@ -142,20 +145,20 @@ class Observer:
         return True
 
     def next_in_turn(self, branch: Branch) -> Branch | None:
-        """Return which one of a branch and its rivals may start a job now, if one may.
+        """Return the one of a branch and its rivals that may start a job now, or None.
 
-        An algorithm has something to do if a variable is not served by one of better rank. Of those that have, the one
-        goes first that has not run for the longest time, so that none starves another; then rank decides.
+        An algorithm is needed if no algorithm of better rank serves one of its variables. Of the needed ones, the one
+        that has not run for the longest time goes first, so that none starves another; then rank decides.
         """
         if any(rival.busy for rival in branch.rivals):
             return None
         ready = [rival for rival in branch.rivals if rival.next_start_s() <= self.now_s and self._may_run(rival)]
         return min(ready, key=lambda rival: rival.last_start_s, default=None)
 
-    # Its life
+    # Life cycle
 
     def start(self) -> None:
-        """Let it run; it looks as soon as it can."""
+        """Start it; it looks as soon as it can."""
         self.wanted, self._failure = True, None
         for branch in self._branches:
             branch.refresh()
@@ -165,7 +168,7 @@ class Observer:
         self.wanted = False
 
     def tick(self, now_s: float) -> list[Reading[Value]]:
-        """Tick the tree once and return what it identified, or made unknown."""
+        """Tick the tree once and return the readings that it identified, or made unknown."""
         self.now_s, self._writes, self._concluded = now_s, [], False
         self._present = ContextNow(self.services.cells, now_s)
         if self._failure is not None:
@@ -183,7 +186,7 @@ class Observer:
         return self._writes
 
     def fail(self, message: str) -> list[Reading[Value]]:
-        """Rest until it is started anew, because its tree is broken; what it wrote becomes unknown."""
+        """Stop until it is started again, because its tree failed; the values that it wrote become unknown."""
         self._writes, self._failure = [], message
         for branch in self._branches:
             branch.cancel()
@@ -195,7 +198,7 @@ class Observer:
         return self._writes
 
     def next_tick_s(self) -> float | None:
-        """Return when a tick next brings something new, if nothing else changes before."""
+        """Return when a tick will next have an effect if nothing changes before, or None."""
         if not self.wanted or self._failure is not None:
             return None
         flips = (term.flips_s(self._present) for term in self._aging)
@@ -207,13 +210,13 @@ class Observer:
                 instants.append(start_s)
         return min(instants, default=None)
 
-    # Within
+    # Internal
 
     def _terms(self) -> list[Term]:
         return [term for branch in self._branches for _, term in branch.conditions]
 
     def _rivals(self, branch: Branch) -> tuple[Branch, ...]:
-        """Return, by rank, the branches of which one at a time can run: they share variables, be it through another."""
+        """Return, by rank, the branches that share variables with this one, also indirectly; one runs at a time."""
         group = [branch]
         for member in group:
             names = set(member.identifies)
@@ -227,7 +230,7 @@ class Observer:
         return any(not any(other.serves(variable) for other in better) for variable in branch.identifies)
 
     def _reading(self, variable: str) -> Reading[Value]:
-        """Return the present reading of a variable, counting what this tick wrote."""
+        """Return the present reading of a variable, including those written in this tick."""
         present = self.services.cells[variable].reading.at(self.now_s)
         written = (reading for reading in self._writes if reading.name == variable)
         return sorted((present, *written), key=lambda reading: reading.evidence_s)[-1]
@@ -236,7 +239,7 @@ class Observer:
         return any(branch.algorithm.name == reading.source for branch in self._branches)
 
     def _settle(self, variable: str) -> None:
-        """Decide what a tick means for a variable beside the value that it may have brought."""
+        """Decide whether a tick makes a variable unknown."""
         forgets = self._forgets(variable)
         if variable in self._failed_looks and not self._concluded and not self._alternative_is_busy(variable):
             failed_look = decisive(self._reading(variable), self._failed_looks.pop(variable, ()), forgets=forgets)
@@ -246,18 +249,18 @@ class Observer:
             self._forget_unseen(variable)
 
     def _forgets(self, variable: str) -> bool:
-        """Return whether a value is lost when it cannot be seen; of what an action changes meanwhile, it always is."""
+        """Return whether a value is lost when it cannot be observed; while an action changes it, it always is."""
         model = self.services.variables[variable]
         return model.when_unobservable == "forget" or self.services.event_triggers.may_be_changing(variable)
 
     def _is_unsettled(self) -> bool:
-        """Return whether, after an attempt, another tick at this instant may bring something."""
+        """Return whether, after a job, another tick at this instant may have an effect."""
         if self._failed_looks or len(self._branches) > 1:
             return True
         return self._branches[0].next_start_s() <= self.now_s
 
     def _alternative_is_busy(self, variable: str) -> bool:
-        """Return whether an algorithm that has not been set back itself may still deliver."""
+        """Return whether a busy algorithm without a failed look may still deliver."""
         tried = {failed_look.algorithm for failed_look in self._failed_looks.get(variable, ())}
         return any(branch.busy and branch.algorithm.name not in tried for branch in self._branches_of[variable])
 

@@ -1,4 +1,4 @@
-"""What an observer sees of the context manager."""
+"""The part of the context manager that an observer uses."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from codra_dsl.runtime.values.model import VariableModel
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ObserverServices:
-    """What an observer sees of the context manager.
+    """The part of the context manager that an observer uses.
 
     Attributes:
         cells: all variables.
-        variables: how they are declared.
+        variables: their declarations.
         perception: runs jobs.
-        event_triggers: knows when to look on events.
-        event_writer: tells the record.
+        event_triggers: decides when to look on events.
+        event_writer: writes to the event log.
         clock: real or simulated time.
-        urgency: returns how soon a decision needs what an observer, by its name, identifies.
-        is_asked_for: returns whether a variable is declared, or an observer needs it that is due to look.
+        urgency: returns how urgently the variables of an observer, given by its name, are needed.
+        is_asked_for: returns whether a variable is declared, or needed by an observer that is due to look.
     """
 
     cells: Mapping[str, Cell]

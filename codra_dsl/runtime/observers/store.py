@@ -14,10 +14,10 @@ from codra_dsl.runtime.values.model import VariableModel
 
 
 class Store:
-    """Holds the cells, ends their validity in time, and tells who reads them. Whoever writes holds the lock.
+    """Holds the cells, expires them in time, and notifies their readers. Writers hold the lock.
 
     Attributes:
-        mirror: takes each reading before the cells do, for the knowledge graph of which they are attributes.
+        mirror: called with each reading before it is stored, for variables that are attributes in the knowledge graph.
     """
 
     def __init__(
@@ -27,17 +27,17 @@ class Store:
         event_writer: EventWriter,
         changed: Callable[[str, bool], None],
     ) -> None:
-        """Make all variables unknown.
+        """Create the cells of all variables, unknown.
 
         Args:
             variables: C_M.
             clock: real or simulated time.
-            event_writer: is told every change.
-            changed: called with the name of a variable whose present or past has changed, and whether it only has
-                newer evidence for what it told before.
+            event_writer: records every change.
+            changed: called with the name of a variable whose present reading or history has changed, and whether it
+                only has newer evidence for the same value.
         """
         self.variables: Mapping[str, VariableModel] = {variable.name: variable for variable in variables}
-        self.cells: Mapping[str, Cell] = {name: Cell(name, each.history) for name, each in self.variables.items()}
+        self.cells: Mapping[str, Cell] = {name: Cell(name, model.history) for name, model in self.variables.items()}
         self._clock = clock
         self._event_writer = event_writer
         self._changed = changed
@@ -45,11 +45,11 @@ class Store:
         self.mirror: Callable[[Reading[Value]], None] | None = None
 
     def reading(self, name: str) -> Reading[Value]:
-        """Return what is known of a variable now; any thread may ask, without the lock."""
+        """Return the reading of a variable now. Any thread may call this, without the lock."""
         return self.cells[name].reading.at(self._clock.now_s())
 
     def write(self, reading: Reading[Value]) -> None:
-        """Take a reading that is identified now: as the present one, or if its evidence is older into the history."""
+        """Store a reading that is identified now: as the present one or, if its evidence is older, in the history."""
         name = reading.name
         if reading.expires_s == FOREVER_S and reading.reason is None:
             expires_s = reading.evidence_s + self.variables[name].valid_for_s
@@ -62,7 +62,7 @@ class Store:
         self._event_writer.write_reading(reading.identified_s, reading, is_present)
         if is_present and reading.expires_s != FOREVER_S and name not in self._expiring:
             self._watch_expiry(reading)
-        self._changed(name, is_present and before.content == reading.content and _tells_the_same(before, reading))
+        self._changed(name, is_present and before.content == reading.content and _is_same_state(before, reading))
 
     def make_unknown(self, name: str, reason: Reason, detail: str, source: str) -> None:
         """Make a variable unknown from now on."""
@@ -72,12 +72,12 @@ class Store:
         )
 
     def invalidate(self, name: str, skill: str, source: str) -> None:
-        """Make a variable unknown because a skill changes it; evidence that is being taken does not count."""
+        """Make a variable unknown because a skill changes it; evidence that is being taken now will not count."""
         self.cells[name].invalidated_s = self._clock.now_s()
         self.make_unknown(name, Reason.INVALIDATED, skill, source)
 
     def forget(self, names: Iterable[str], observer: str) -> None:
-        """Make unknown, of what an observer that stops identifies, what is to be forgotten when nobody looks."""
+        """Make the known variables of an observer that stops unknown if they are declared with `forget`."""
         for name in names:
             if self.variables[name].when_unobservable == "forget" and self.reading(name).known:
                 self.make_unknown(name, Reason.WITHDRAWN, observer, MAIN)
@@ -88,7 +88,7 @@ class Store:
             self._clock.call_at(reading.expires_s, lambda: self._expire(reading.name))
 
     def _expire(self, name: str) -> None:
-        """Make a variable unknown at the end of its validity; newer evidence moves that end."""
+        """Make a variable unknown at the end of its validity, unless newer evidence has moved that end."""
         self._expiring.discard(name)
         cell = self.cells[name]
         if cell.expire(self._clock.now_s()):
@@ -98,12 +98,12 @@ class Store:
             self._watch_expiry(cell.reading)
 
 
-def _tells_the_same(before: Reading[Value], reading: Reading[Value]) -> bool:
-    """Return, of two readings of the same content, whether the first was known or unknown like the second until now."""
+def _is_same_state(before: Reading[Value], reading: Reading[Value]) -> bool:
+    """Return whether two readings of the same content do not differ in being known, from the first one until now."""
     if before.reason is not None and reading.reason is not None:
-        # what is found out of the time before a value went stale changes the past
+        # evidence from before a value went stale changes the history
         return before.reason is not Reason.STALE or before.identified_s <= reading.evidence_s
     if before.reason is not None or reading.reason is not None:
         return False
-    # evidence that began sooner may be from before the end of acting: then it is worth another look
+    # evidence that began earlier may be from before the end of acting: then another look is due
     return before.expires_s > reading.identified_s and before.start_s <= reading.start_s

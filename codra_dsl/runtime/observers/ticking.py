@@ -1,7 +1,7 @@
-"""How a tree of behaviours is ticked: what py_trees does, step by step, for whom nobody watches.
+"""Ticking a behaviour tree: the same steps as py_trees, without visitors and debugging texts.
 
-py_trees hands each node that it ticks to visitors and writes texts for a debugger. An observer's tree has neither, and
-they are most of what a tick takes.
+py_trees passes each node that it ticks to visitors, and writes texts for a debugger. An observer's tree has neither of
+them, and they take most of the time of a tick.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ def tick(node: Behaviour) -> None:
 
 
 def leaf_tick(node: Behaviour) -> Iterator[Behaviour]:
-    """Tick a leaf: it is its `tick`."""
+    """Tick a leaf; used as its method `tick`."""
     _tick_leaf(node)
     yield node
 
 
 def leaf_stop(node: Behaviour, new_status: Status) -> None:
-    """Bring a leaf's round to its end: it is its `stop`."""
+    """Stop a leaf; used as its method `stop`."""
     node.terminate(new_status)
     node.status = new_status
 
@@ -45,7 +45,7 @@ def _tick_leaf(leaf: Behaviour) -> None:
 
 
 def _tick_sequence(sequence: Sequence) -> None:
-    """Tick a sequence without memory: its children in order, up to the first that does not succeed."""
+    """Tick a sequence without memory: its children in order, up to the first one that does not succeed."""
     children = sequence.children
     sequence.current_child = children[0] if children else None
     if sequence.status is not Status.RUNNING:

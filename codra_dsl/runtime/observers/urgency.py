@@ -1,4 +1,4 @@
-"""How soon the main execution needs what an observer identifies, for itself or for what other observers identify."""
+"""How urgently the main execution needs an observer, directly or through other observers that read its variables."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from codra_dsl.runtime.values.declarations import Declarations
 
 
 class Urgency(IntEnum):
-    """Why a variable is needed, the more urgent the larger."""
+    """Why a variable is needed; a larger value is more urgent."""
 
     DECLARED = 0
     EXPECTED = 1
@@ -18,10 +18,10 @@ class Urgency(IntEnum):
 
 
 class Urgencies:
-    """Knows, for each observer, the most urgent need that it serves, by itself or through those that read it."""
+    """The most urgent need that each observer serves, directly or through observers that read its variables."""
 
     def __init__(self, identifies: Mapping[str, Sequence[str]], needs: Mapping[str, Sequence[str]]) -> None:
-        """Relate observers.
+        """Build the relation between observers.
 
         Args:
             identifies: the variables of each observer.
@@ -34,11 +34,11 @@ class Urgencies:
         self._seen: tuple[int, tuple[str, ...]] | None = None
 
     def wait(self, number: int, variable: str) -> None:
-        """Take note that a decision waits for a variable."""
+        """Note that a decision waits for a variable."""
         self._waiting[number] = variable
 
     def answer(self, number: int) -> None:
-        """Take note that it does not wait any more."""
+        """Note that it no longer waits."""
         self._waiting.pop(number, None)
 
     def of(self, observer: str, declarations: Declarations) -> Urgency:
@@ -56,7 +56,7 @@ class Urgencies:
         yield Urgency.EXPECTED, declarations.of_expected()
 
     def _spread(self, urgency: Urgency, variables: Iterable[str]) -> None:
-        """Let observers of variables, and of what these need, be as urgent as that, if they are not more so."""
+        """Give this urgency to the observers of variables, and to those that they need, unless they are more urgent."""
         pending = list(variables)
         while pending:
             observer = self._observer_of.get(pending.pop())

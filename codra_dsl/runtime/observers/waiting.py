@@ -12,13 +12,13 @@ from codra_dsl.runtime.values.evidence import ContextNow
 
 
 def wait_for(term: Term, cells: Mapping[str, Cell], clock: Clock, timeout_s: float) -> bool:
-    """Wait until a condition holds, also by time alone; return whether it does.
+    """Wait until a condition holds, also one that only time makes true; return whether it holds.
 
     Args:
         term: the condition.
         cells: all variables.
-        clock: in which to wait.
-        timeout_s: how long at most.
+        clock: the clock to wait on.
+        timeout_s: the longest wait.
     """
     until_s = end_s = clock.now_s() + timeout_s
     held = False
@@ -28,16 +28,18 @@ def wait_for(term: Term, cells: Mapping[str, Cell], clock: Clock, timeout_s: flo
         flips_s = term.flips_s(ContextNow(cells, now_s))
         return math.inf if flips_s is None else now_s + flips_s
 
-    def is_told() -> bool:
-        """Return whether the condition holds, or may come to hold by time alone sooner than it could before."""
+    def is_to_wake() -> bool:
+        """Return whether the condition holds, or may become true through time alone earlier than before."""
         nonlocal held
         held = term.holds(ContextNow(cells, clock.now_s()))
         return held or flips_at_s() < until_s - PUNCTUAL_S
 
-    while True:  # ages grow although nothing happens: look again when a comparison with one changes
+    while True:  # ages grow without events: check again when a comparison with an age changes
         until_s = min(end_s, flips_at_s())
-        was_told = clock.wait_until(is_told, max(until_s - clock.now_s(), 0.0))
+        was_woken = clock.wait_until(is_to_wake, max(until_s - clock.now_s(), 0.0))
         if held:
             return True
-        if not was_told and (until_s == end_s or clock.now_s() < until_s - PUNCTUAL_S):  # over, or the clock was closed
+        if not was_woken and (
+            until_s == end_s or clock.now_s() < until_s - PUNCTUAL_S
+        ):  # the time is over, or the clock was closed
             return False

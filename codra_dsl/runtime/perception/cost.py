@@ -10,15 +10,15 @@ class Cost:
     """The costs and results of an observer; each ended job is in exactly one count from `accepted` to `cancelled`.
 
     Attributes:
-        jobs: jobs that have begun.
+        jobs: jobs that have started.
         accepted: results that gave at least one variable a value.
         rejected: results that gave no variable a value.
-        voided: jobs whose evidence does not count, because a precondition failed while it was taken.
+        voided: jobs whose evidence is discarded, because a precondition failed while it was acquired.
         failed: jobs that raised, timed out, or returned an invalid result.
         cancelled: jobs that were no longer needed, because their observer stopped or a precondition failed.
-        waiting_s: time between request and begin of jobs, spent waiting for slots.
-        perception_s: time between begin and end of jobs.
-        slot_s: time between begin and end of jobs, times the number of slots that the job held.
+        waiting_s: time from the requests of jobs to their starts, spent waiting for slots.
+        perception_s: time from the starts of jobs to their ends.
+        slot_s: time from the starts of jobs to their ends, times the number of slots that each job held.
     """
 
     jobs: int = 0
@@ -40,9 +40,9 @@ class CostMeter:
     """Counts the costs and results of one algorithm.
 
     Attributes:
-        judged: results that were judged.
-        accepted: judged results that gave a variable a value.
-        voided: jobs whose evidence does not count.
+        judged: results that were evaluated.
+        accepted: evaluated results that gave a variable a value.
+        voided: jobs whose evidence is discarded.
         failed: jobs without a result.
         cancelled: jobs that were no longer needed.
     """
@@ -53,7 +53,7 @@ class CostMeter:
         self._waiting_s = self._perception_s = self._slot_s = 0.0
 
     def begin(self, waited_s: float) -> None:
-        """Count a job that begins."""
+        """Count a job that starts."""
         self._jobs += 1
         self._waiting_s += waited_s
 

@@ -1,4 +1,4 @@
-"""Slots of shared resources: how many jobs may use them at a time, and who goes first."""
+"""Slots of shared resources: how many jobs may use a resource at a time, and in which order jobs get slots."""
 
 from __future__ import annotations
 
@@ -10,20 +10,21 @@ from codra_dsl.runtime.clock import Clock
 from codra_dsl.runtime.values.model import ResourceModel
 
 Precedence = Callable[[], tuple[float, int]]
-"""Tells how a request stands now: its priority, then how urgent it is; the larger goes first."""
+"""Returns the present priority and urgency of a request; the request with the larger pair goes first."""
 
 MAIN_EXECUTION = math.inf
-"""The priority of the main execution: it goes before every observer (P1, section 3.2)."""
+"""The priority of the main execution, which goes before every observer (P1, section 3.2)."""
 
 _TOLERANCE_S = 1e-9
 
 
 class Ticket:
-    """A place in the queue for slots, then the slots themselves.
+    """A request for slots, which waits in the queue and then holds the slots.
 
     Attributes:
-        lasts_s: for how long it uses the slots at most.
-        age_s: how long it has waited, not counting the time in which the main execution left no slot.
+        lasts_s: the longest time for which it uses the slots.
+        age_s: how long it has waited, without the time in which the main execution held all slots.
+        held: whether it holds the slots.
     """
 
     __slots__ = ("_precedence", "age_s", "grant", "held", "lasts_s", "number", "slots")
@@ -41,29 +42,29 @@ class Ticket:
 
     @property
     def is_of_main_execution(self) -> bool:
-        """Return whether the main execution asks."""
+        """Return whether the request is made by the main execution."""
         return self._precedence()[0] == MAIN_EXECUTION
 
     def rank(self) -> tuple[float, int, int]:
-        """Return its place among those that wait: the smaller goes first."""
+        """Return the sort key among waiting tickets; the smallest goes first."""
         priority, urgency = self._precedence()
         return (-priority, -urgency, self.number)
 
 
 class Slots:
-    """Grants slots by priority, then urgency, then waiting time, as long as nobody is passed over for too long.
+    """Grants slots by priority, then urgency, then waiting time, with a bound on the waiting time.
 
-    Who waits grows older while observers could have had the slot. Where n algorithms use a resource, each with one job
-    at a time, and the longest timeout of these is T, none waits until it is older than n T: a request passes older ones
-    only if each of them could still begin in time were all that are older yet to take as long as they may. So the
-    oldest can always go, and what has just come, with n - 1 others before it, has T to spare.
+    The age of a waiting request grows while observers could use the slot. If n algorithms use a resource, each with one
+    job at a time, and T is their longest timeout, no request waits until it is older than n T. A request passes older
+    requests only if each of them can still begin in time when all requests that are older still take their longest
+    time. So the oldest request can always be granted, and a new request, with n - 1 others before it, has T to spare.
 
-    Several slots are granted together or not at all, so that nobody holds one while waiting for another; and whoever
-    waits for several is not passed by those who need only one of them and rank lower.
+    Several slots are granted together or not at all, so that no job holds one slot while it waits for another. A
+    request for several slots is not passed by requests of lower rank that need only one of them.
     """
 
     def __init__(self, clock: Clock, resources: Mapping[str, ResourceModel]) -> None:
-        """Make all slots free; a resource without a number of slots takes any number of jobs."""
+        """Start with all slots free; a resource without a number of slots can be used by any number of jobs."""
         self._clock = clock
         self._free = {name: math.inf if model.slots is None else model.slots for name, model in resources.items()}
         self._all = dict(self._free)
@@ -81,7 +82,7 @@ class Slots:
         return self._free
 
     def expect(self, slots: Iterable[str], timeout_s: float) -> None:
-        """Say that there is an algorithm whose jobs use some slots for so long at most."""
+        """Register an algorithm whose jobs use some slots for at most `timeout_s`."""
         for slot in slots:
             self._users[slot] += 1
             self._longest_s[slot] = max(timeout_s, self._longest_s.get(slot, 0.0))
@@ -89,7 +90,7 @@ class Slots:
     def request(
         self, slots: tuple[str, ...], precedence: Precedence, grant: Callable[[], None], lasts_s: float = 0.0
     ) -> Ticket:
-        """Queue for slots; `grant` is called once all are free, in an event of its own."""
+        """Add a request to the queue; when all its slots are free, `grant` is called in a separate event."""
         self._grow_older()
         self._requests += 1
         ticket = Ticket(tuple(dict.fromkeys(slots)), precedence, self._requests, lasts_s, grant)
@@ -98,7 +99,7 @@ class Slots:
         return ticket
 
     def release(self, ticket: Ticket) -> None:
-        """Give slots back, or leave the queue; harmless when done twice."""
+        """Release the slots of a ticket, or remove it from the queue; a second call does nothing."""
         self._grow_older()
         if ticket.held:
             ticket.held = False
@@ -115,19 +116,19 @@ class Slots:
     def _grant_all(self) -> None:
         self._is_due = False
         self._grow_older()
-        waiting = sorted(self._worth_asking(), key=Ticket.rank)
+        waiting = sorted(self._candidates(), key=Ticket.rank)
         while self._grant_next(waiting):
             waiting = [ticket for ticket in waiting if ticket.number in self._queue]
 
-    def _worth_asking(self) -> Iterable[Ticket]:
-        """Return who waits; while all who need slots wait for one that is taken, only those who need none."""
+    def _candidates(self) -> Iterable[Ticket]:
+        """Return the queue. If no request for slots can be granted, return only the requests that need no slot."""
         free = [ticket for ticket in self._queue.values() if all(self._free[slot] > 0 for slot in ticket.slots)]
         return self._queue.values() if any(ticket.slots for ticket in free) else free
 
     def _grant_next(self, waiting: Sequence[Ticket]) -> bool:
-        """Grant the first whose slots are free, and all before it that need none; return whether there was one.
+        """Grant the first request whose slots are free and all requests before it that need no slot.
 
-        Slots count as taken that those need who stand before it and have to wait.
+        The slots that earlier requests wait for count as taken. Return whether a request for slots was granted.
         """
         wanted: Counter[str] = Counter()
         spare_s = self._spare_s() if any(ticket.slots for ticket in waiting) else {}
@@ -145,7 +146,7 @@ class Slots:
         return False
 
     def _spare_s(self) -> dict[int, float]:
-        """Return, by the number of each request, how long older ones can still be held up by it."""
+        """Return, by the number of each request, for how long it can still delay the older requests."""
         spare_s: dict[int, float] = {}
         for slot, longest_s in self._longest_s.items():
             bound_s, least_s, before_s = self._users[slot] * longest_s, math.inf, 0.0
@@ -157,14 +158,17 @@ class Slots:
         return spare_s
 
     def _move(self, ticket: Ticket, count: int) -> None:
-        """Give slots back, or take them."""
+        """Add `count` to the free slots that a ticket uses: 1 to release them, -1 to take them."""
         for slot in ticket.slots:
             self._free[slot] += count
             if ticket.is_of_main_execution:
                 self._main[slot] -= count
 
     def _grow_older(self) -> None:
-        """Let time count for those who wait, unless the main execution has all slots of one that they need."""
+        """Add the elapsed time to the age of each waiting ticket.
+
+        Time does not count for a ticket while the main execution holds all slots of a resource that the ticket needs.
+        """
         now_s = self._clock.now_s()
         passed_s, self._counted_s = now_s - self._counted_s, now_s
         if passed_s <= 0 or not self._queue:

@@ -21,7 +21,7 @@ from codra_dsl.runtime.journal.events import Event, Kind
 from codra_dsl.runtime.journal.run_header import RunHeader
 from codra_dsl.runtime.journal.spec_summary_changes import changes_near
 from codra_dsl.runtime.knowledge import ConflictError, KnowledgeModel, Snapshot
-from codra_dsl.runtime.knowledge.context_link import Refused
+from codra_dsl.runtime.knowledge.context_link import RefusedWrite
 from codra_dsl.runtime.replay.comparison import Comparison, Difference, Replayed
 from codra_dsl.runtime.replay.jobs import DivergedError, ReplayedClock, ReplayedJobs
 
@@ -122,7 +122,7 @@ class _Player:
                 self._manager.knowledge.redo(event.name, json.loads(details["operations"]))
             case "refused":
                 about = (details["subject"], details["message"], details.get("variable", ""), details.get("value"))
-                self._manager.knowledge.refuse_again(event.name, Refused(*about))
+                self._manager.knowledge.replay_refusal(event.name, RefusedWrite(*about))
             case "adapt":
                 adapted = json.loads(details["told"])
                 self._commands.adapt(event.name, adapted["name"], adapted["what"], adapted["details"])

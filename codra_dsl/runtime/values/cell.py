@@ -1,7 +1,7 @@
-"""A cell holds one context-variable: its present reading and its history on the axis of evidence.
+"""A cell holds one context-variable: its present reading, and its history ordered by the instant of the evidence.
 
-P1, section 3.3: a value, a flag that tells known from unknown, and the instant when it was identified. Here the
-instant at which the evidence was taken is kept as well, and unknown has a reason.
+P1, section 3.3 has a value, a flag for known or unknown, and the instant of identification. A reading here also has
+the instant at which the evidence was taken, and a reason if it is unknown.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ BEFORE_ALL_S = -math.inf
 FOREVER_S = math.inf
 
 FEWEST_KEPT = 100
-"""Readings that are kept even if the spec asks for a shorter history: evidence is judged by them."""
+"""Readings that are kept even if the spec asks for a shorter history, because evidence is judged by the history."""
 
 MOST_PINNED = 10_000
-"""Readings beyond the limit that are kept for evidence that is being taken: a flood must not fill the memory."""
+"""The largest number of readings beyond the limit that are kept for evidence being taken, so that memory is bounded."""
 
 
 class Reason(StrEnum):
@@ -41,13 +41,13 @@ class Reason(StrEnum):
     meaning: str
     is_failure: bool
 
-    NEVER_OBSERVED = "never_observed", "nobody has identified it yet"
+    NEVER_OBSERVED = "never_observed", "it has not been identified yet"
     STALE = "stale", "its evidence is older than `valid_for`"
     INVALIDATED = "invalidated", "a skill that changes it acts or has acted"
     FORGOTTEN = "forgotten", "a precondition failed"
     REJECTED = "rejected", "the result was not good enough"
-    UNCONFIRMED = "unconfirmed", "it was not seen often enough"
-    FAILED = "failed", "its algorithm raised, or returned what it should not", True
+    UNCONFIRMED = "unconfirmed", "it was not confirmed by enough results"
+    FAILED = "failed", "its algorithm raised an error, or returned an invalid value", True
     TIMED_OUT = "timed_out", "its algorithm took too long", True
     WITHDRAWN = "withdrawn", "its observer stopped"
 
@@ -61,22 +61,24 @@ class Reason(StrEnum):
 
 
 class UnknownValueError(LookupError):
-    """The value of an unknown variable was asked for."""
+    """The value of an unknown variable was read."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reading(Generic[ValueT_co]):
-    """What a reader gets of a variable. Unknown and False cannot be confused: a reading has no truth value.
+    """The value of a variable, or the reason why it is unknown.
+
+    A reading has no truth value, and `value` raises when unknown: so unknown cannot be taken for False by accident.
 
     Attributes:
         name: the variable.
-        content: the value, or None when unknown; `value` is the safe way to it.
+        content: the value, or None when unknown; `value` is the safe way to read it.
         reason: why it is unknown; None when known.
-        detail: who or what made it unknown: a skill, a condition, an error message.
-        evidence_s: when the evidence was taken; for unknown, from when on it is unknown, and for a stale one when its
-            last evidence was taken.
-        start_s: when the evidence began to be taken, if it is known; for evidence of an instant the same.
-        identified_s: when the context manager learned of it.
+        detail: what made it unknown: a skill, a condition, an error message.
+        evidence_s: when the evidence was taken. For an unknown variable, the instant from which it is unknown; for a
+            stale one, the instant of its last evidence.
+        start_s: when the evidence began to be taken, if known; equal to `evidence_s` for evidence of one instant.
+        identified_s: when the context manager received it.
         expires_s: the end of its validity.
         source: who wrote it: a perception algorithm, `main_execution`, or an agent.
     """
@@ -113,17 +115,17 @@ class Reading(Generic[ValueT_co]):
         return now_s - self.evidence_s
 
     def at(self, instant_s: float) -> Reading[ValueT_co]:
-        """Return this reading as it is at an instant: unknown once its validity is over."""
+        """Return this reading as of an instant: unknown once its validity is over."""
         if self.reason is None and instant_s >= self.expires_s:
             return replace(self, content=None, reason=Reason.STALE, identified_s=self.expires_s, expires_s=FOREVER_S)
         return self
 
     def __bool__(self) -> bool:
-        raise TypeError(f"a reading has no truth value: ask .known, then .value, of {self.name!r}")
+        raise TypeError(f"a reading has no truth value: use .known, then .value, of {self.name!r}")
 
 
 @dataclass(slots=True)
-class _Draft(Generic[ValueT_co]):
+class _MutableReading(Generic[ValueT_co]):
     """The fields of a reading, in the same order, before it is frozen."""
 
     name: str
@@ -146,33 +148,36 @@ def known_reading(  # noqa: PLR0917 - names would cost a third more
     expires_s: float,
     source: str,
 ) -> Reading[Value]:
-    """Return a reading of a known variable, for whoever makes very many.
+    """Return a reading of a known variable; for code that creates very many.
 
-    A frozen class sets each of its fields by a call; a draft that becomes a reading takes a third of the time.
+    A frozen class sets each of its fields by a call. Creating a mutable object and changing its class takes a third
+    of the time.
     """
-    made: Any = _Draft(name, content, None, "", evidence_s, start_s, identified_s, expires_s, source)
+    made: Any = _MutableReading(name, content, None, "", evidence_s, start_s, identified_s, expires_s, source)
     made.__class__ = Reading
     frozen: Reading[Value] = made
     return frozen
 
 
 class Cell:
-    """One variable's present and past. Whoever writes holds the context manager's lock; reading needs none.
+    """The present reading and the history of one variable.
+
+    A writer holds the context manager's lock; a reader needs no lock.
 
     Attributes:
-        reading: the present one.
+        reading: the present reading.
         invalidated_s: when a skill last changed the variable.
-        late: how many readings have told something new of the past.
+        late: how many readings had evidence older than the instant at which they were identified.
     """
 
     __slots__ = ("_dropped", "_kept", "_limit", "_past", "_pins", "invalidated_s", "late", "reading")
 
     def __init__(self, name: str, history: int) -> None:
-        """Make a cell that was never observed.
+        """Create a cell that was never observed.
 
         Args:
             name: the variable.
-            history: how many readings `history` tells at most.
+            history: the largest number of readings that `history` returns.
         """
         self.reading: Reading[Value] = Reading(name=name, reason=Reason.NEVER_OBSERVED)
         self.invalidated_s = BEFORE_ALL_S
@@ -184,14 +189,14 @@ class Cell:
         self._dropped = False
 
     def admits(self, start_s: float, stamp_s: float) -> bool:
-        """Return whether evidence counts: none does that was being taken when the variable was invalidated."""
+        """Return whether evidence counts: it does not if it was being taken when the variable was invalidated."""
         return not start_s <= self.invalidated_s <= stamp_s
 
     def write(self, reading: Reading[Value]) -> bool:
-        """Take a reading into the history and, unless its evidence is older, make it the present one.
+        """Add a reading to the history and, unless its evidence is older, make it the present reading.
 
         Returns:
-            Whether it is the present one now.
+            Whether it is the present reading now.
         """
         if reading.evidence_s < reading.identified_s:
             self.late += 1
@@ -208,11 +213,11 @@ class Cell:
         return True
 
     def pin(self, instant_s: float) -> None:
-        """Keep, beyond the limit, what tells the time from an instant on, because evidence is being taken under it."""
+        """Keep the readings that cover the time from an instant on, because evidence taken since then needs them."""
         self._pins.append(instant_s)
 
     def unpin(self, instant_s: float) -> None:
-        """Take one `pin` back."""
+        """Undo one `pin`."""
         self._pins.remove(instant_s)
 
     def _has_too_many(self) -> bool:
@@ -221,7 +226,7 @@ class Cell:
         return surplus > (MOST_PINNED if is_pinned else 0)
 
     def expire(self, now_s: float) -> bool:
-        """Make the present reading unknown if its validity is over; return whether it was."""
+        """Make the present reading unknown if its validity is over; return whether it became unknown."""
         reading = self.reading.at(now_s)
         if reading is self.reading:
             return False
@@ -229,19 +234,19 @@ class Cell:
         return True
 
     def history(self) -> tuple[Reading[Value], ...]:
-        """Return the newest readings, by the instant of their evidence, the oldest first."""
+        """Return the newest readings in the order of their evidence, oldest first."""
         return tuple(self._past[max(0, len(self._past) - self._limit) :])
 
     def at(self, instant_s: float) -> Reading[Value]:
-        """Return what is known today about an instant: the newest evidence up to then, if it was still valid."""
+        """Return the reading at an instant, as known today: the newest evidence up to then, if it was still valid."""
         position = bisect_right(self._past, instant_s, key=_evidence_s)
         if position == 0:
             return Reading(name=self.reading.name, reason=Reason.NEVER_OBSERVED)
         return self._past[position - 1].at(instant_s)
 
     @property
-    def told_from_s(self) -> float:
-        """Return the instant from which on it is still kept what happened."""
+    def complete_from_s(self) -> float:
+        """Return the instant from which on the history is complete."""
         return self._past[0].evidence_s if self._dropped else BEFORE_ALL_S
 
     def between(self, start_s: float, end_s: float) -> tuple[Reading[Value], ...]:

@@ -1,4 +1,4 @@
-"""Conditions as text: read back from the Python text that builds them, and written as people say them."""
+"""Conditions as text: parsed from the Python text that builds them, and formatted as in a spec."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import Any
 from codra_dsl.logic import Term, Value, age, choose, first_of, known, literal, maximum, minimum, value
 from codra_dsl.runtime.values.hysteresis import between, confirmed
 
-_WORDS: Mapping[str, Callable[..., Term]] = {
+_FUNCTIONS: Mapping[str, Callable[..., Term]] = {
     "age": age,
     "between": between,
     "choose": choose,
@@ -43,32 +43,32 @@ _OPERATORS: Mapping[type[ast.AST], Callable[[Any, Any], Any]] = {
 _PARSING = threading.RLock()
 
 
-class TermTextError(ValueError):
-    """A text builds no condition."""
+class ConditionTextError(ValueError):
+    """A text does not build a condition."""
 
 
 @lru_cache(maxsize=4096)
 def _parsed(text: str) -> ast.expr:
-    # before 3.11.8 and 3.12.2, Python counts the depth of all trees that threads are building in one place
+    # before 3.11.8 and 3.12.2, Python counts the depth of the trees that all threads build in one shared counter
     with _PARSING:
         return ast.parse(text, mode="eval").body
 
 
 @lru_cache(maxsize=4096)
-def term_of(text: str) -> Term:
-    """Return the condition that a text builds, as `repr` of a condition gives it. Nothing in the text is run.
+def parse_condition(text: str) -> Term:
+    """Return the condition that a text builds; the text is the `repr` of a condition. No code in it is run.
 
     Raises:
-        TermTextError: if it is none.
+        TermTextError: if the text does not build a condition.
     """
     try:
         built = _built(_parsed(text))
-    except TermTextError:
+    except ConditionTextError:
         raise
     except Exception as error:
-        raise TermTextError(f"{text[:60]!r} is no condition: {type(error).__name__}") from error
+        raise ConditionTextError(f"{text[:60]!r} is not a condition: {type(error).__name__}") from error
     if not isinstance(built, Term):
-        raise TermTextError(f"{text[:60]!r} is no condition")
+        raise ConditionTextError(f"{text[:60]!r} is not a condition")
     return built
 
 
@@ -91,13 +91,13 @@ def _built(node: ast.expr) -> Any:
         case ast.Call(func=ast.Attribute(value=term, attr="is_in"), args=options, keywords=[]):
             return _term(term).is_in(*(_built(option) for option in options))
         case _:
-            raise TermTextError(f"{ast.unparse(node)[:60]!r} is no part of a condition")
+            raise ConditionTextError(f"{ast.unparse(node)[:60]!r} cannot be part of a condition")
 
 
 def _term(node: ast.expr) -> Term:
     built = _built(node)
     if not isinstance(built, Term):
-        raise TermTextError(f"{ast.unparse(node)[:60]!r} is no condition")
+        raise ConditionTextError(f"{ast.unparse(node)[:60]!r} is not a condition")
     return built
 
 
@@ -106,23 +106,26 @@ def _called(name: str, arguments: Sequence[Any]) -> Any:
         return abs(arguments[0])
     if name == "float":
         return float(arguments[0])
-    if name not in _WORDS:
-        raise TermTextError(f"{name[:60]!r} is no word of conditions")
-    return _WORDS[name](*arguments)
+    if name not in _FUNCTIONS:
+        raise ConditionTextError(f"{name[:60]!r} is not a function of conditions")
+    return _FUNCTIONS[name](*arguments)
 
 
-def spoken(text: str) -> str:
-    """Return a condition, given as the text that builds it, as a spec would say it in SI units: `lid_angle > 0.6`.
+def format_condition(text: str) -> str:
+    """Return a condition as a spec would write it, in SI units: `lid_angle > 0.6`.
+
+    Args:
+        text: the text that builds the condition.
 
     Raises:
-        TermTextError: if it is none.
+        TermTextError: if the text does not build a condition.
     """
-    term_of(text)
-    return _spoken(_parsed(text))
+    parse_condition(text)
+    return _formatted(_parsed(text))
 
 
 def literals_of(text: str) -> tuple[Value, ...]:
-    """Return the constants in the text of a condition, names of variables among them."""
+    """Return the constants in the text of a condition, including names of variables."""
     constants = (node.value for node in ast.walk(_parsed(text)) if isinstance(node, ast.Constant))
     return tuple(constant for constant in constants if isinstance(constant, (bool, int, float, str)))
 
@@ -143,27 +146,27 @@ _SYMBOLS: Mapping[type[ast.AST], str] = {
 }
 
 
-def _spoken(node: ast.expr) -> str:
+def _formatted(node: ast.expr) -> str:
     match node:
         case ast.Call(func=ast.Name(id="value"), args=[ast.Constant(value=str() as name)]):
             return name
         case ast.Call(func=ast.Name(id="literal"), args=[constant]):
-            return _spoken(constant)
-        case ast.Call(func=ast.Name(id="known" | "age" as word), args=[ast.Constant(value=str() as name)]):
-            return f"{word}({name})"
+            return _formatted(constant)
+        case ast.Call(func=ast.Name(id="known" | "age" as function), args=[ast.Constant(value=str() as name)]):
+            return f"{function}({name})"
         case ast.Call(func=ast.Name(id="choose"), args=[then, condition, otherwise]):
             return f"{_grouped(then)} if {_grouped(condition)} else {_grouped(otherwise)}"
         case ast.Call(func=ast.Name(id="first_of"), args=cases):
-            return ", ".join(f"{_spoken(case.elts[0])}: {_spoken(case.elts[1])}" for case in _tuples(cases))
+            return ", ".join(f"{_formatted(case.elts[0])}: {_formatted(case.elts[1])}" for case in _tuples(cases))
         case ast.Call(func=ast.Name(id="between"), args=[enter, leave]):
-            return f"enter: {_spoken(enter)}, leave: {_spoken(leave)}"
+            return f"enter: {_formatted(enter)}, leave: {_formatted(leave)}"
         case ast.Call(func=ast.Name(id="confirmed"), args=[term, needed, among]):
-            return f"{_spoken(term)}, confirm: {_spoken(needed)} of {_spoken(among)}"
-        case ast.Call(func=ast.Name(id=word), args=arguments):
-            short = {"minimum": "min", "maximum": "max"}.get(word, word)
-            return f"{short}({', '.join(map(_spoken, arguments))})"
+            return f"{_formatted(term)}, confirm: {_formatted(needed)} of {_formatted(among)}"
+        case ast.Call(func=ast.Name(id=function), args=arguments):
+            short = {"minimum": "min", "maximum": "max"}.get(function, function)
+            return f"{short}({', '.join(map(_formatted, arguments))})"
         case ast.Call(func=ast.Attribute(value=term), args=options):
-            return f"{_grouped(term)} in ({', '.join(map(_spoken, options))})"
+            return f"{_grouped(term)} in ({', '.join(map(_formatted, options))})"
         case ast.UnaryOp(op=ast.Invert(), operand=operand):
             return f"not {_grouped(operand)}"
         case ast.UnaryOp(operand=operand):
@@ -186,11 +189,11 @@ def _tuples(cases: Sequence[ast.expr]) -> list[ast.Tuple]:
 
 def _joined(node: ast.expr, symbol: type[ast.operator]) -> str:
     is_other = isinstance(node, ast.BinOp) and type(node.op) in {ast.BitAnd, ast.BitOr} - {symbol}
-    return f"({_spoken(node)})" if is_other else _spoken(node)
+    return f"({_formatted(node)})" if is_other else _formatted(node)
 
 
 def _grouped(node: ast.expr) -> str:
     is_compound = isinstance(node, (ast.BinOp, ast.Compare)) or (
         isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in ("choose", "between")
     )
-    return f"({_spoken(node)})" if is_compound else _spoken(node)
+    return f"({_formatted(node)})" if is_compound else _formatted(node)

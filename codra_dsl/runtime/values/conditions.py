@@ -1,4 +1,8 @@
-"""The words in which generated code writes conditions."""
+"""The functions with which generated code builds conditions.
+
+Conditions are trees of frozen terms, built with Python's operators. So generated code reads like the spec, and an
+explanation can take a condition apart.
+"""
 
 from __future__ import annotations
 

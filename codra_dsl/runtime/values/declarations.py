@@ -1,4 +1,4 @@
-"""C_E(t) of P1, Equation 4: what the main execution declares now, and on whose behalf."""
+"""C_E(t) of P1, Equation 4: the variables that the main execution declares now, and for which holder."""
 
 from __future__ import annotations
 
@@ -6,37 +6,37 @@ from collections import Counter
 from collections.abc import Callable, Iterable
 
 MAIN = "main_execution"
-"""Who holds what the main execution declares by itself; of several, each has a number behind its name."""
+"""The holder of the main execution's own declarations; if there are several, a number follows the name."""
 
 OBSERVER = "observer"
-"""What a variable names as its source that is identified by an observer."""
+"""The source of a variable that an observer identifies."""
 
 POSES = "the knowledge graph"
-"""What a variable names as its source that follows from poses; no agent can be called so."""
+"""The source of a variable that follows from poses; no agent can have this name."""
 
 _EXPECTED = "expected"
 _UNDER_WAY = "skill "
 
 
 def expected_by(party: str) -> str:
-    """Return who holds what the skills preview that a main execution expects."""
+    """Return the holder of the previews of the skills that a main execution expects."""
     return _EXPECTED if party == MAIN else f"{_EXPECTED} by {party}"
 
 
 def under_way(skill: str, number: int) -> str:
-    """Return who holds what a skill under way previews and monitors."""
+    """Return the holder of the previews and monitored variables of a skill under way."""
     return f"{_UNDER_WAY}{skill} {number}"
 
 
 class Declarations:
-    """What several holders declare: the main execution itself, skills under way, skills that are expected."""
+    """The variables that several holders declare: the main execution, skills under way, and expected skills."""
 
     def __init__(self, enter: Callable[[str, str], None], leave: Callable[[str, str], None]) -> None:
-        """Start with nothing declared; `version` counts what changes.
+        """Start without declarations; `version` counts the changes.
 
         Args:
             enter: called with a variable that enters C_E(t), and its holder.
-            leave: called with a variable that leaves C_E(t), and who held it last.
+            leave: called with a variable that leaves C_E(t), and its last holder.
         """
         self.version = 0
         self._holders: dict[str, dict[str, None]] = {}
@@ -52,26 +52,26 @@ class Declarations:
         return frozenset(self._counts)
 
     def of(self, holder: str) -> tuple[str, ...]:
-        """Return what a holder declares, in order."""
+        """Return the variables that a holder declares, in order."""
         return tuple(self._holders.get(holder, ()))
 
     def holders(self) -> tuple[str, ...]:
-        """Return who declares something."""
+        """Return the holders that declare a variable."""
         return tuple(self._holders)
 
     def of_expected(self) -> tuple[str, ...]:
-        """Return what is declared for skills that are expected."""
+        """Return the variables that are declared for expected skills."""
         return self._of_those_with(_EXPECTED)
 
     def of_skills(self) -> tuple[str, ...]:
-        """Return what is declared for skills under way."""
+        """Return the variables that are declared for skills under way."""
         return self._of_those_with(_UNDER_WAY)
 
     def _of_those_with(self, start: str) -> tuple[str, ...]:
         return tuple(name for holder in self._holders if holder.startswith(start) for name in self.of(holder))
 
     def add(self, holder: str, name: str) -> None:
-        """Let a holder declare one variable more; harmless when it does so already."""
+        """Declare a variable for a holder; no effect if the holder declares it already."""
         held = self._holders.setdefault(holder, {})
         if name not in held:
             self.version += 1
@@ -81,7 +81,7 @@ class Declarations:
                 self._enter(name, holder)
 
     def remove(self, holder: str, name: str) -> None:
-        """Let a holder declare one variable less; harmless when it does not declare it."""
+        """Remove a variable from a holder's declarations; no effect if the holder does not declare it."""
         held = self._holders.get(holder, {})
         if name in held:
             self.version += 1
@@ -94,7 +94,7 @@ class Declarations:
                 self._leave(name, holder)
 
     def hold(self, holder: str, names: Iterable[str]) -> None:
-        """Let a holder declare exactly these variables; what it keeps is not touched."""
+        """Let a holder declare exactly these variables; those that it keeps do not leave and enter again."""
         before, after = self.of(holder), dict.fromkeys(names)
         for name in after:
             self.add(holder, name)

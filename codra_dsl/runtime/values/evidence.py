@@ -1,7 +1,8 @@
-"""Whether a condition over the context held, judged from the histories of the variables, not from what ticks saw.
+"""Whether a condition over the context held, judged from the histories of the variables, not from the ticks.
 
-Evidence counts only if every precondition held, without a break, while it was taken. A precondition that fails and
-holds again between two ticks still voids it, and so does one of which it becomes known only later that it had failed.
+Evidence counts only if every precondition held, without a break, while it was taken. This is checked on the histories
+when the result is there: a precondition that failed and held again between two ticks still voids the evidence, and so
+does a failure that becomes known only later.
 """
 
 from __future__ import annotations
@@ -33,10 +34,10 @@ class ContextNow:
 
 @dataclass(frozen=True, slots=True)
 class ContextAt:
-    """The context as it was at an instant, by all that is known today.
+    """The context as it was at an instant, as known today.
 
     Attributes:
-        instead: a reading that stood at that instant for a moment, to be taken in place of the last one.
+        instead: a reading of that instant that another one replaced at once; it is used in place of the last one.
     """
 
     cells: Mapping[str, Cell]
@@ -49,11 +50,11 @@ class ContextAt:
         return self.cells[name].at(self.instant_s)
 
     def value(self, name: str) -> Value | None:
-        """Return the value that a variable had, or None."""
+        """Return the value of a variable at the instant, or None."""
         return self._reading(name).content
 
     def age_s(self, name: str) -> float | None:
-        """Return the age that a variable's evidence had, or None."""
+        """Return the age of a variable's evidence at the instant, or None."""
         reading = self._reading(name)
         return reading.age_s(self.instant_s) if reading.known else None
 
@@ -61,15 +62,15 @@ class ContextAt:
 def held(term: Term, cells: Mapping[str, Cell], start_s: float, end_s: float) -> bool:
     """Return whether a condition held without a break from `start_s` to `end_s`, both included.
 
-    What the histories no longer tell counts as a break.
+    Time that the histories no longer cover counts as a break: such evidence does not count.
     """
-    return told_from_s(term, cells) <= start_s and first_loss(term, cells, start_s, end_s) is None
+    return complete_from_s(term, cells) <= start_s and first_loss(term, cells, start_s, end_s) is None
 
 
 def _lasts(reading: Reading[Value], start_s: float, end_s: float) -> bool:
-    """Return whether a present reading was the one at every instant from `start_s` to `end_s`.
+    """Return whether a present reading was the reading at every instant from `start_s` to `end_s`.
 
-    One that is stale was not: it keeps the instant of its evidence, and was known until it expired.
+    A stale reading was not: it keeps the instant of its evidence, and was known until it expired.
     """
     return reading.reason is None and reading.evidence_s <= start_s <= end_s < reading.expires_s
 
@@ -77,9 +78,9 @@ def _lasts(reading: Reading[Value], start_s: float, end_s: float) -> bool:
 def first_loss(
     term: Term, cells: Mapping[str, Cell], start_s: float, end_s: float, held_before: bool = True
 ) -> float | None:
-    """Return the first instant from `start_s` to `end_s` at which a condition no longer held, having held before.
+    """Return the first instant from `start_s` to `end_s` at which a condition stopped holding, or None.
 
-    `held_before` says whether it is taken to have held just before `start_s`.
+    `held_before`: whether the condition is assumed to hold just before `start_s`.
     """
     names, is_aging = term.reads
     if not is_aging and all(_lasts(cells[name].reading, start_s, end_s) for name in names):
@@ -92,13 +93,13 @@ def first_loss(
     return None
 
 
-def told_from_s(term: Term, cells: Mapping[str, Cell]) -> float:
-    """Return the instant from which on the histories tell all that a condition reads."""
-    return max((cells[name].told_from_s for name in term.variables()), default=BEFORE_ALL_S)
+def complete_from_s(term: Term, cells: Mapping[str, Cell]) -> float:
+    """Return the instant from which on the histories of all variables that a condition reads are complete."""
+    return max((cells[name].complete_from_s for name in term.variables()), default=BEFORE_ALL_S)
 
 
 def _moments(term: Term, cells: Mapping[str, Cell], start_s: float, end_s: float) -> Iterator[ContextAt]:
-    """Yield the moments, in order, between which the value of a condition cannot change."""
+    """Yield the moments, in order, at which the value of a condition can change."""
     aging = reads_ages(term)
     names = sorted(term.variables())
     turns = [turn for name in names for turn in _turns(cells[name], start_s, end_s, every=aging)]
@@ -114,9 +115,10 @@ def _moments(term: Term, cells: Mapping[str, Cell], start_s: float, end_s: float
 
 
 def _turns(cell: Cell, start_s: float, end_s: float, *, every: bool) -> Iterator[tuple[float, Reading[Value] | None]]:
-    """Yield when a variable got another value after `start_s`, with the reading, or None where its validity ended.
+    """Yield each instant after `start_s` at which a variable got another value, with the reading.
 
-    With `every`, evidence for the value that it had already is yielded too: it makes the variable younger.
+    At the end of its validity, the reading is None. With `every`, new evidence for the same value is yielded too,
+    because it makes the variable younger.
     """
     before = cell.at(start_s)
     for reading in cell.between(start_s, end_s):
@@ -138,7 +140,10 @@ def _flips(term: Term, cells: Mapping[str, Cell], start_s: float, end_s: float) 
 
 
 class Watch:
-    """Follows whether a condition under which a variable can be observed has been lost since its evidence was taken."""
+    """Tracks whether the condition under which a variable can be observed was lost since its evidence was taken.
+
+    The instant of the loss follows from the histories, not from the instants at which the tree was ticked.
+    """
 
     def __init__(self, term: Term) -> None:
         self._term = term
@@ -148,22 +153,22 @@ class Watch:
         self._held = False
 
     def loss_s(self, cells: Mapping[str, Cell], reading: Reading[Value], *, is_own: bool, now_s: float) -> float | None:
-        """Return since when the present value of the variable is out of sight, or None.
+        """Return the instant since which the variable can no longer be observed, or None.
 
         Args:
             cells: all variables.
             reading: the present reading of the variable.
-            is_own: whether it was observed under the condition: then the condition is taken to have held. What somebody
-                else wrote without it is lost only once the condition has held and fails.
+            is_own: whether it was observed under the condition: then the condition is assumed to have held. A value
+                from another writer is lost only once the condition has held and then fails.
             now_s: the present instant.
         """
         evidence = (reading.evidence_s, reading.source, sum(cells[name].late for name in self._names))
         if (
             self._evidence != evidence
-        ):  # also when the past has changed: what is lost does not depend on who looked when
+        ):  # also when the past has changed, so that a loss does not depend on the instants of the checks
             self._evidence = evidence
             self._seen_s, self._held = reading.evidence_s, is_own
-        start_s = max(self._seen_s, told_from_s(self._term, cells))
+        start_s = max(self._seen_s, complete_from_s(self._term, cells))
         loss_s = first_loss(self._term, cells, start_s, now_s, self._held)
         self._seen_s, self._held = now_s, self._term.holds(ContextNow(cells, now_s))
         return loss_s

@@ -1,4 +1,4 @@
-"""What keeps the value of a variable steady: a band between two conditions, and results that must agree."""
+"""Values without flicker: hysteresis between two conditions, and confirmation by several results."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ class Hysteresis(Term):
         return (self.enter, self.leave)
 
     def evaluate(self, scope: Scope) -> Value | None:
-        """Return true or false, or None between them and where it is unknown whether one of them holds."""
+        """Return true or false, or None if neither condition holds or it is unknown whether one of them holds."""
         if self.enter.evaluate(scope) is True:
             return True
         return False if self.leave.evaluate(scope) is True else None
 
     def leaves_as_is(self, scope: Scope) -> bool:
-        """Return whether certainly neither condition holds: then the value stays as it was."""
+        """Return whether both conditions are known not to hold: then the value stays as it was."""
         return self.enter.evaluate(scope) is False and self.leave.evaluate(scope) is False
 
     def __repr__(self) -> str:
@@ -36,7 +36,7 @@ class Hysteresis(Term):
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Debounced(Term):
-    """A condition of which `needed` among the last `among` results must say the same."""
+    """A condition whose value counts once `needed` of the last `among` results agree on it."""
 
     term: Term
     needed: int
@@ -47,7 +47,7 @@ class Debounced(Term):
         return (self.term,)
 
     def evaluate(self, scope: Scope) -> Value | None:
-        """Return what one result says."""
+        """Return the value for one result."""
         return self.term.evaluate(scope)
 
     def __repr__(self) -> str:
@@ -55,7 +55,7 @@ class Debounced(Term):
 
 
 def between(enter: Operand, leave: Operand) -> Term:
-    """Return true where `enter` holds, false where `leave` holds, and as before between them."""
+    """Return a condition that is true where `enter` holds, false where `leave` holds, and as before between them."""
     return Hysteresis(_term(enter), _term(leave))
 
 
@@ -70,7 +70,7 @@ def _term(operand: Operand) -> Term:
 
 @dataclass(frozen=True, slots=True)
 class Vote:
-    """What one result said of a variable, and when its evidence was taken."""
+    """The value of a variable in one result, and when its evidence was taken."""
 
     content: Value
     start_s: float
@@ -81,37 +81,34 @@ class Votes:
     """The last results of one algorithm about one variable."""
 
     def __init__(self, needed: int, among: int) -> None:
-        """Have no results yet.
+        """Start without results.
 
         Args:
-            needed: how many must agree.
-            among: how many are looked at.
+            needed: how many results must agree.
+            among: how many of the last results are counted.
         """
         self.needed = needed
         self.among = among
         self._results: deque[Vote] = deque(maxlen=among)
 
     def clear(self) -> None:
-        """Let nothing that was seen until now count any more."""
+        """Drop all results."""
         self._results.clear()
 
-    def take(self, told: Vote, counts: Callable[[Vote], bool]) -> None:
-        """Take the newest result; of those before it only what `counts` says still counts."""
-        kept = [each for each in self._results if counts(each)]
+    def take(self, newest: Vote, counts: Callable[[Vote], bool]) -> None:
+        """Add the newest result, and keep those before it for which `counts` is true."""
+        kept = [vote for vote in self._results if counts(vote)]
         self._results.clear()
-        self._results.extend((*kept, told))
+        self._results.extend((*kept, newest))
 
     def count(self, content: Value | None) -> int:
-        """Return how many of the last results say a value."""
+        """Return how many of the last results have a value."""
         return len(self._agreeing(content))
 
     def start_s(self, content: Value) -> float | None:
-        """Return when the evidence for a value began to be taken, over all the results that it needs.
-
-        None if too few agree on it.
-        """
+        """Return when the evidence of the last `needed` results for a value began; None if too few agree on it."""
         agreeing = self._agreeing(content)
         return agreeing[-self.needed].start_s if len(agreeing) >= self.needed else None
 
     def _agreeing(self, content: Value | None) -> list[Vote]:
-        return [each for each in self._results if each.content == content]
+        return [vote for vote in self._results if vote.content == content]

@@ -1,4 +1,4 @@
-"""What generated code declares of the modelled context C_M, as frozen values (P1, Equation 3)."""
+"""The declarations of the modelled context C_M in generated code, as frozen values (P1, Equation 3)."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ _CLASSES: Mapping[str, type[bool] | type[int] | type[str] | tuple[type[int], typ
 _MAX_SHOWN = 60
 
 MAX_TEXT = 10_000
-"""Characters of the longest text that context can hold: it is for decisions, not for payload."""
+"""The longest text in characters that context can hold: context is for decisions, not for payload."""
 
-MAX_WHOLE = 2**63 - 1
-"""The largest whole number that context can hold, and the journal can write."""
+MAX_INTEGER = 2**63 - 1
+"""The largest integer that context can hold and the journal can write."""
 
 
 class NotOfTypeError(ValueError):
-    """A value is not what its declaration says."""
+    """A value does not have its declared type or range."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,7 +35,7 @@ class ValueType:
     """The type of a context-variable or of a returned value.
 
     Attributes:
-        unit: the unit that values are in, for people; numbers are taken as they are.
+        unit: the unit of the values, for display only; numbers are not converted.
         range: both ends inclusive.
         members: of an enum.
         optional: whether a result may leave the value out.
@@ -51,40 +51,40 @@ class ValueType:
         """Return a value of this type, or None for NaN, which is unknown.
 
         Args:
-            given: a value as a program hands it over; numpy's scalars are taken for the numbers that they are.
+            given: a value from a program; a numpy scalar is converted to the number that it holds.
 
         Raises:
-            NotOfTypeError: if it has another type, lies outside the range, or is no member.
+            NotOfTypeError: if it has another type, lies outside the range, or is not a member.
         """
         if (given is True or given is False) and self.kind == "bool":
             return given
         plain = given if given.__class__ in _PLAIN else unboxed(given)
         if isinstance(plain, bool) != (self.kind == "bool") or not isinstance(plain, _CLASSES[self.kind]):
-            raise NotOfTypeError(f"{_shown(plain)} is no {self.kind}")
+            raise NotOfTypeError(f"{_shown(plain)} is not of type {self.kind}")
         converted = _text(plain) if isinstance(plain, str) else self._number(plain)
         if converted is not None:
             self._check_bounds(converted)
         return converted
 
     def converter(self) -> Callable[[object], Value | None]:
-        """Return `convert`, ready for very many values: one that is plainly of this type is only held to its bounds."""
+        """Return a faster `convert` for very many values: if the class of a value fits, only its bounds are checked."""
         convert, (low, high) = self.convert, self.range or (-math.inf, math.inf)
         plain: frozenset[object] = frozenset(self.members)
 
-        def whole(given: object) -> Value | None:
+        def to_integer(given: object) -> Value | None:
             return given if given.__class__ is int and least <= given <= most else convert(given)
 
-        def real(given: object) -> Value | None:
+        def to_float(given: object) -> Value | None:
             return given if given.__class__ is float and low <= given <= high else convert(given)
 
-        def member(given: object) -> Value | None:
+        def to_member(given: object) -> Value | None:
             return given if given.__class__ is str and given in plain else convert(given)
 
-        least, most = max(low, -MAX_WHOLE), min(high, MAX_WHOLE)
-        return {"int": whole, "float": real, "enum": member}.get(self.kind, convert)
+        least, most = max(low, -MAX_INTEGER), min(high, MAX_INTEGER)
+        return {"int": to_integer, "float": to_float, "enum": to_member}.get(self.kind, convert)
 
     def _number(self, plain: bool | int | float) -> bool | int | float | None:
-        if isinstance(plain, int) and abs(plain) > MAX_WHOLE:
+        if isinstance(plain, int) and abs(plain) > MAX_INTEGER:
             raise NotOfTypeError(f"{_shown(plain)} is too large")
         if self.kind != "float":
             return plain if isinstance(plain, bool) else int(plain)
@@ -94,15 +94,15 @@ class ValueType:
         if self.range is not None and isinstance(plain, (int, float)) and not self.range[0] <= plain <= self.range[1]:
             raise NotOfTypeError(f"{plain!r} lies outside [{self.range[0]:g}, {self.range[1]:g}]")
         if self.members and plain not in self.members:
-            raise NotOfTypeError(f"{_shown(plain)} is none of {', '.join(self.members)}")
+            raise NotOfTypeError(f"{_shown(plain)} is not one of {', '.join(self.members)}")
 
 
 _PLAIN = frozenset((bool, int, float, str))
-"""Nothing is in a box of these."""
+"""Classes whose values need no unboxing."""
 
 
 def unboxed(given: object) -> object:
-    """Return the number that one of numpy's scalars stands for, and anything else as it is."""
+    """Return the number in a numpy scalar; return anything else unchanged."""
     try:
         item = getattr(given, "item", None)
         return item() if callable(item) else given
@@ -112,30 +112,30 @@ def unboxed(given: object) -> object:
 
 def _text(plain: str) -> str:
     if len(plain) > MAX_TEXT:
-        raise NotOfTypeError(f"a text of {len(plain)} characters is too long: {MAX_TEXT} are enough for a decision")
+        raise NotOfTypeError(f"a text of {len(plain)} characters is too long: the limit is {MAX_TEXT}")
     if not plain.isascii() and any("\ud800" <= character <= "\udfff" for character in plain):
-        raise NotOfTypeError("a text with half a character (a lone surrogate) is no str that can be written down")
-    return str.__str__(plain)  # a member of a StrEnum becomes the text that it is
+        raise NotOfTypeError("a text with half a character (a lone surrogate) cannot be written to a file")
+    return str.__str__(plain)  # a member of a StrEnum becomes plain text
 
 
 def _shown(given: object) -> str:
-    """Return a value as a message shows it, without asking a foreign object for its `repr`."""
+    """Return a value as a message shows it, without calling the `repr` of a foreign object."""
     if isinstance(given, str):
         return repr(given if len(given) <= _MAX_SHOWN else f"{given[:_MAX_SHOWN]}...")
-    if isinstance(given, int) and abs(given) > MAX_WHOLE:
+    if isinstance(given, int) and abs(given) > MAX_INTEGER:
         return f"a number of {given.bit_length()} bits"
     return repr(given) if given is None or isinstance(given, (bool, int, float)) else f"a {type(given).__name__}"
 
 
 def boolean(*, optional: bool = False) -> ValueType:
-    """Return the type of true and false."""
+    """Return the type of booleans."""
     return ValueType(kind="bool", optional=optional)
 
 
 def integer(
     low: int | None = None, high: int | None = None, *, unit: str | None = None, optional: bool = False
 ) -> ValueType:
-    """Return the type of whole numbers, within a range if one is given."""
+    """Return the type of integers, within a range if one is given."""
     return ValueType(kind="int", unit=unit, range=_range(low, high), optional=optional)
 
 
@@ -152,7 +152,7 @@ def text(*, optional: bool = False) -> ValueType:
 
 
 def member(*members: str, optional: bool = False) -> ValueType:
-    """Return the type of one of some names."""
+    """Return the type of an enum with these members."""
     return ValueType(kind="enum", members=members, optional=optional)
 
 
@@ -167,12 +167,12 @@ class VariableModel:
     """A context-variable of C_M (P1, Equations 1 to 3).
 
     Attributes:
-        sources: who may write: `observer`, `main_execution`, agents.
-        valid_for_s: how long evidence stands.
-        when_unobservable: what becomes of the last value when a precondition fails or a result is rejected.
-        refresh: whether it is looked at again and again, or when something has happened.
-        history: how many readings `ContextManager.history` tells at most.
-        posed: what it asks of poses, over `distance` and `in_view`; None for all that do not follow from poses.
+        sources: the permitted writers: `observer`, `main_execution`, agents.
+        valid_for_s: how long evidence is valid.
+        when_unobservable: whether the last value is kept when a precondition fails or a result is rejected.
+        refresh: whether it is observed periodically, or after events.
+        history: the largest number of readings that `ContextManager.history` returns.
+        posed: its condition on poses, over `distance` and `in_view`; None if it does not follow from poses.
     """
 
     name: str
@@ -192,12 +192,12 @@ class Algorithm:
 
     Attributes:
         call: `package.module:function`, or a class with `perceive`; imported when the forest is built.
-        parameters: literals that it always gets.
-        handles: resources whose handle it gets, by name.
-        slots: resources of which one job at a time and slot can run.
-        given: context-variables whose values it gets, each of which must be known.
+        parameters: constant arguments.
+        handles: names of the resources whose handles it receives.
+        slots: resources that run one job per slot at a time.
+        given: context-variables whose values it receives; all of them must be known.
         returns: the type of each value of its result.
-        timeout_s: when its job has run longer than this, it counts as timed out.
+        timeout_s: a job that runs longer than this times out.
         min_interval_s: the least time between the starts of two jobs.
         isolate: whether it runs in a thread of the program, or in a process of its own.
     """
@@ -216,11 +216,11 @@ class Algorithm:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExpectationModel:
-    """What a skill expects of a variable, counted from acting.
+    """A condition on a variable that a skill expects to become true, or to stay true, from the start of acting.
 
     Attributes:
-        text: as the spec says it.
-        condition: over the one variable: it becomes true, or stays so.
+        text: the expectation as written in the spec.
+        condition: over one variable: it becomes true, or stays true.
         within_s: how long it may take to become true; infinite if it is to stay true while the skill acts.
     """
 
@@ -230,22 +230,22 @@ class ExpectationModel:
 
     @property
     def variable(self) -> str:
-        """Return the variable of which something is expected."""
+        """Return the variable of the condition."""
         (name,) = self.condition.variables()
         return name
 
     @property
     def is_to_become(self) -> bool:
-        """Return whether the condition is to become true, rather than to stay so."""
+        """Return whether the condition is to become true, rather than to stay true."""
         return self.within_s < math.inf
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SkillModel:
-    """A unit of main execution: what it decides on, watches and changes (P1, Figure 1).
+    """A unit of main execution: the variables that it previews, monitors and changes (P1, Figure 1).
 
     Attributes:
-        expects: what monitored variables are to become, or to stay.
+        expects: the conditions on monitored variables that are to become or to stay true.
     """
 
     name: str
@@ -257,7 +257,7 @@ class SkillModel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ResourceModel:
-    """Something that algorithms share: a handle, or with `slots` a number of jobs at a time."""
+    """A resource that algorithms share: a handle or, with `slots`, a number of jobs at a time."""
 
     name: str
     slots: int | None = None

@@ -1,6 +1,6 @@
-"""Values that share what they have in common: changing one makes another, and both stay as they are.
+"""Persistent mappings: a change creates a new mapping that shares entries with the old one, which stays unchanged.
 
-A reader that holds one sees one state for as long as it likes, without a lock and without a copy.
+A reader that keeps a mapping sees one state for as long as it likes, without a lock and without a copy.
 """
 
 from __future__ import annotations
@@ -12,33 +12,37 @@ KeyT = TypeVar("KeyT")
 ValueT = TypeVar("ValueT")
 
 _MOST_STEPS = 32
-"""Changes through which a reader of an old mapping goes at most; then that mapping gets entries of its own."""
+"""The number of versions that a reader of an old mapping passes before that mapping gets entries of its own."""
 
 _MOST_CHANGES = 1_000
-"""Changes of one dictionary, beyond as many as it has entries, until it is copied: an old mapping that somebody holds
-keeps what was changed after it from being forgotten, up to there."""
+"""A dictionary is copied after as many changes as it has entries, and these more.
+
+An old mapping that is still referenced keeps all later changes in memory, up to this copy.
+"""
 
 
 class PersistentMap(Generic[KeyT, ValueT]):
-    """A mapping of which each change makes another mapping; it has no order that means anything, and no value is None.
+    """A persistent mapping: each change returns another mapping. It has no meaningful order, and no value is None.
 
-    Only the newest has a dictionary: each one before it knows what was different in it, and which came after. So a
-    change costs the same however many entries there are, and what was written last is read at once.
+    Only the newest version has a dictionary. An older version stores its differences from the next version, and a
+    reference to it. So the cost of a change does not depend on the number of entries, and the newest version is read
+    directly.
 
-    Threads may read all of them while one thread changes the newest. Who reads it makes sure afterwards that it still
-    is: what makes it an old one comes before its dictionary is changed. Changing an old one copies it.
+    Threads may read all versions while one thread changes the newest. After reading the dictionary, a reader checks
+    that its version is still the newest: a version is marked as old before its dictionary is changed. Changing an old
+    version copies it.
     """
 
     __slots__ = ("_before", "_changes", "_entries", "_later", "_own")
 
     _before: dict[KeyT, ValueT | None]
-    """Of an old one: what the next has changed, as it is here."""
+    """Of an old version: the keys that the next version changed, with their values in this version."""
 
     _own: dict[KeyT, ValueT] | None
-    """Of an old one: all its entries, once somebody has read much of it."""
+    """Of an old version: all its entries, once a reader has needed all of them."""
 
     def __init__(self) -> None:
-        """Make an empty mapping."""
+        """Create an empty mapping."""
         self._entries: dict[KeyT, ValueT] = {}
         self._later: PersistentMap[KeyT, ValueT] | None = None
         self._changes = 0
@@ -46,16 +50,16 @@ class PersistentMap(Generic[KeyT, ValueT]):
     def get(self, key: KeyT) -> ValueT | None:
         """Return the value of a key, or None."""
         if self._later is None:
-            found = self._entries.get(key)
+            value = self._entries.get(key)
             if self._later is None:
-                return found
+                return value
         return self._as_it_was(key)
 
     def __getitem__(self, key: KeyT) -> ValueT:
-        found = self.get(key)
-        if found is None:
+        value = self.get(key)
+        if value is None:
             raise KeyError(key)
-        return found
+        return value
 
     def __contains__(self, key: object) -> bool:
         return self.get(cast("KeyT", key)) is not None
@@ -65,27 +69,27 @@ class PersistentMap(Generic[KeyT, ValueT]):
             count = len(self._entries)
             if self._later is None:
                 return count
-        return len(self._whole())
+        return len(self._all_entries())
 
     def __iter__(self) -> Iterator[KeyT]:
-        return iter(self._whole())
+        return iter(self._all_entries())
 
     def values(self) -> Iterator[ValueT]:
         """Yield all values."""
-        return iter(self._whole().values())
+        return iter(self._all_entries().values())
 
     def with_entry(self, key: KeyT, value: ValueT) -> PersistentMap[KeyT, ValueT]:
-        """Return the mapping with a key that has this value; one thread at a time may do so."""
+        """Return the mapping with this value for a key. Only one thread at a time may call this."""
         return self.with_changes({key: value})
 
     def without(self, key: KeyT) -> PersistentMap[KeyT, ValueT]:
-        """Return the mapping without a key; the same if it has none. One thread at a time may do so."""
+        """Return the mapping without a key; the same mapping if it lacks the key. For one thread at a time."""
         return self.with_changes({key: None}) if key in self else self
 
     def with_changes(self, changes: Mapping[KeyT, ValueT | None]) -> PersistentMap[KeyT, ValueT]:
-        """Return the mapping with new values of some keys, and without those whose value is None.
+        """Return the mapping with new values for some keys, and without the keys whose new value is None.
 
-        One thread at a time may do so.
+        Only one thread at a time may call this.
         """
         entries = self._entries
         made: PersistentMap[KeyT, ValueT] = _new(PersistentMap)
@@ -97,11 +101,11 @@ class PersistentMap(Generic[KeyT, ValueT]):
             self._before, self._own = before, None
             made._changes = self._changes + len(changes)
             made._entries = entries
-            self._later = made  # from here on its readers look at what was before
+            self._later = made  # from here on, readers of this version use `_before`
         else:
-            made._entries = entries = dict(self._whole())
+            made._entries = entries = dict(self._all_entries())
             made._changes = 0
-        for key, value in changes.items():  # as `_change`, which would cost a call
+        for key, value in changes.items():  # the same as `_change`, without the cost of a call
             if value is not None:
                 entries[key] = value
             else:
@@ -114,20 +118,20 @@ class PersistentMap(Generic[KeyT, ValueT]):
         while True:
             later = version._later
             if later is None:
-                found = version._entries.get(key)
+                value = version._entries.get(key)
                 if version._later is None:
-                    return found
+                    return value
             elif version._own is not None:
                 return version._own.get(key)
             elif key in version._before:
                 return version._before[key]
             elif steps > _MOST_STEPS:
-                return self._whole().get(key)
+                return self._all_entries().get(key)
             else:
                 version, steps = later, steps + 1
 
-    def _whole(self) -> Mapping[KeyT, ValueT]:
-        """Return all entries, which do not change."""
+    def _all_entries(self) -> Mapping[KeyT, ValueT]:
+        """Return all entries of this version; the caller must not change them."""
         version: PersistentMap[KeyT, ValueT] = self
         passed: list[PersistentMap[KeyT, ValueT]] = []
         while True:

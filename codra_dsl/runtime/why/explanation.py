@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from codra_dsl.logic import Value
 from codra_dsl.runtime.journal.latest_events import LatestEvents
-from codra_dsl.runtime.journal.spec_summary import AlgorithmOutline, Rule, SpecSummary
+from codra_dsl.runtime.journal.spec_summary import AlgorithmSummary, Rule, SpecSummary
 from codra_dsl.runtime.values.cell import Reading, Reason
 from codra_dsl.runtime.values.declarations import POSES
 from codra_dsl.runtime.why.adaptation import adapting, explain_course
@@ -177,7 +177,7 @@ class _Explanation:
         because = tuple(self.why(name, then.at_s, path) for name in names)
         return Condition(text=rule.text, holds=holds, because=because, place=rule.place)
 
-    def _way(self, algorithm: AlgorithmOutline, then: _Then, path: tuple[str, ...]) -> Way:
+    def _way(self, algorithm: AlgorithmSummary, then: _Then, path: tuple[str, ...]) -> Way:
         """Return the state of an algorithm; only conditions that do not hold are explained."""
         conditions = tuple(
             Condition(text=rule.text, holds=True, because=(), place=rule.place)
@@ -193,7 +193,7 @@ class _Explanation:
             place=algorithm.place,
         )
 
-    def _lacks(self, algorithm: AlgorithmOutline, then: _Then) -> Iterator[Missing]:
+    def _lacks(self, algorithm: AlgorithmSummary, then: _Then) -> Iterator[Missing]:
         """Yield the changes that an algorithm needs before it can look."""
         failing = [rule for rule in algorithm.conditions if not rule.term.holds(then)]
         values = wanted([rule.term for rule in algorithm.conditions], then, self._summary.variables) if failing else {}

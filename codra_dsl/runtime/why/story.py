@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from codra_dsl.logic import Value
 from codra_dsl.runtime.journal.events import Event
 from codra_dsl.runtime.journal.latest_events import LatestEvents
-from codra_dsl.runtime.journal.spec_summary import AlgorithmOutline, SpecSummary
+from codra_dsl.runtime.journal.spec_summary import AlgorithmSummary, SpecSummary
 from codra_dsl.runtime.values.cell import Reading, Reason
 from codra_dsl.runtime.values.declarations import POSES
 from codra_dsl.runtime.why.values import instant, seconds, shown
@@ -119,7 +119,7 @@ def _of_observer(name: str, last: Event | None) -> str:
             return f"observer {name} failed at {instant(last.instant_s)}: {last.details.get('message', '')}"
 
 
-def doing(algorithm: AlgorithmOutline, latest_events: LatestEvents) -> str:
+def doing(algorithm: AlgorithmSummary, latest_events: LatestEvents) -> str:
     """Return a sentence about an algorithm's running or last job; empty if it never had a job."""
     started, ended = latest_events.started.get(algorithm.name), latest_events.ended.get(algorithm.name)
     if started is not None and (ended is None or ended.details["index"] < started.details["index"]):

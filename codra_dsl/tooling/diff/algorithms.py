@@ -68,7 +68,7 @@ def _successions(pair: Pair) -> Iterable[tuple[str, str]]:
 
 
 def literals(scope: Scope, key: str, old: Sequence[tuple[str, Literal]], new: Any) -> Iterator[Change]:
-    """Yield whether the function gets other literals."""
+    """Yield a change if the function gets other literals."""
     before, after = ([f"{name} {type(value).__name__}" for name, value in side] for side in (old, new))
     yield from _arguments(scope, key, before, after)
     if {*before} == {*after}:
@@ -76,12 +76,12 @@ def literals(scope: Scope, key: str, old: Sequence[tuple[str, Literal]], new: An
 
 
 def given(scope: Scope, key: str, old: Sequence[Reference], new: Sequence[Reference]) -> Iterator[Change]:
-    """Yield whether the function gets the values of other variables."""
+    """Yield a change if the function gets the values of other variables."""
     yield from _arguments(scope, key, [*map(text_of, old)], [*map(text_of, new)])
 
 
 def usages(scope: Scope, key: str, old: Sequence[Usage], new: Sequence[Usage]) -> Iterator[Change]:
-    """Yield whether the function gets other handles, and the changes of how it uses resources."""
+    """Yield a change if the function gets other handles, and the changes of how it uses resources."""
     before, after = ([use.resource.name for use in side if use.access is Access.READ] for side in (old, new))
     yield from _arguments(scope, key, before, after)
     yield from entries("")(scope, key, old, new)
@@ -94,14 +94,14 @@ def _arguments(scope: Scope, key: str, old: list[str], new: list[str]) -> Iterat
 
 
 def result(new: Returned | None) -> Wording:
-    """Return what is reported of a result that only one version has."""
+    """Return the category and message for a result that only one version has."""
     if new is None:
         return Category.CONTRACT, "must no longer return '{}'"
     return (Category.EASED, "may now return '{}'") if new.optional else (Category.CONTRACT, "must now return '{}'")
 
 
 def optional(scope: Scope, _: str, old: bool, new: bool) -> Iterator[Change]:
-    """Yield whether a result may be absent now, or no longer; under the key of the result."""
+    """Yield a change if a result may now be absent, or may no longer be absent; the key is that of the result."""
     yield from _OPTIONAL(scope, "", old, new)
 
 
@@ -119,12 +119,12 @@ def _context_types(scope: Scope, _: object) -> Types:
 
 
 def returned_types(scope: Scope, _: object) -> Types:
-    """Return the types of what an algorithm returns in either version."""
+    """Return the types of the values that an algorithm returns in either version."""
     return either(*map(_returned, scope.elements))
 
 
 def _spelt_out(conditions: Iterable[Condition]) -> Iterator[Condition]:
-    """Yield conditions with what their names ask of poses in the places of these names."""
+    """Yield conditions in which names of pose questions are replaced by the questions."""
     for condition in conditions:
         yield replace(condition, tree=None if condition.tree is None else spelt_out(condition.tree))
 
@@ -150,7 +150,7 @@ def _returned(algorithm: Algorithm) -> dict[str, ValueType]:
 
 
 def identified(scope: Scope, _: str, *by: Any) -> Iterator[Change]:
-    """Yield whether the value of a variable follows from the results in another way, or is confirmed otherwise."""
+    """Yield a change if the value of a variable is computed from the results or confirmed in another way."""
     old, new = scope.values
     if old.variable.name in scope.pair.one_sided:
         return
@@ -224,7 +224,7 @@ def _confirmation(before: tuple[int, int], after: tuple[int, int]) -> Wording:
 
 
 def _waiting(scope: Scope, name: str, new_name: str) -> Iterator[Change]:
-    """Yield whether an algorithm waits longer, or less long, than before; both by the times of one version."""
+    """Yield a change if an algorithm waits longer or shorter than before; both times are those of one version."""
     old, new = scope.pair.sides
     before, after = {*old.algorithms[name].waits_for}, {*new.algorithms[new_name].waits_for}
     was_s, now_s = _longest(before, new, old), _longest(after, new)

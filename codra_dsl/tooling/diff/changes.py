@@ -18,7 +18,7 @@ class Level(StrEnum):
 
 
 class Verdict(StrEnum):
-    """The level of the worst change, or that there is none."""
+    """The level of the worst change, or `SAME` if nothing has changed."""
 
     BREAKING = "breaking"
     CAUTION = "caution"
@@ -80,8 +80,10 @@ class Change:
         element: what has changed, e.g. `lab/context/centrifuge_open`; the name of the spec for the spec itself.
         key: the key that has changed, as specs spell it; empty for the element itself.
         message: what the change means, without `was` and `now`.
-        was: the text or value in A, None if there is none; `now` that in B.
-        before: the place in A, None if there is none; `after` that in B.
+        was: the text or value in A; None if A has no value.
+        now: the text or value in B; None if B has no value.
+        before: the place in A; None if A has no place.
+        after: the place in B; None if B has no place.
         allowed: whether the change was accepted and does not count.
     """
 
@@ -97,7 +99,7 @@ class Change:
 
     @property
     def level(self) -> Level:
-        """Return how bad it is."""
+        """Return how bad the change is."""
         return self.category.level
 
     @property
@@ -127,7 +129,7 @@ class Review:
 
     Attributes:
         changes: worst first, then by category and element.
-        latencies: of the variables for which the time differs.
+        latencies: the latencies of the variables for which the time differs.
     """
 
     changes: tuple[Change, ...]

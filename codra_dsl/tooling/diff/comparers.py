@@ -25,7 +25,7 @@ GUARDS: Mapping[Relation, Wording] = {
 
 
 def elsewhere(*_: Any) -> Iterator[Change]:
-    """Yield nothing: the field makes no difference of its own, or another comparer takes it into account."""
+    """Yield no change: the field makes no difference by itself, or another comparer takes it into account."""
     yield from ()
 
 
@@ -36,7 +36,7 @@ def inline(scope: Scope, _: str, old: Any, new: Any) -> Iterator[Change]:
 
 
 def hidden(_: object) -> str:
-    """Return nothing, for values that are too long to be shown."""
+    """Return an empty text, for values that are too long to be shown."""
     return ""
 
 
@@ -75,7 +75,7 @@ def names(lost: Wording, gained: Wording) -> Comparer:
     """Return the comparer of lists that have no order, of names or of conditions that are compared one by one.
 
     If `{}` is in the messages, the list is one of variables: those that only one version has are not reported, since
-    the variables themselves are, and the others replace `{}`.
+    the variables themselves are reported, and the others replace `{}`.
     """
 
     def compare(scope: Scope, key: str, old: Any, new: Any) -> Iterator[Change]:
@@ -148,8 +148,8 @@ def writers(scope: Scope, key: str, old: Sequence[Writer], new: Sequence[Writer]
     element, value = scope.elements[1], scope.values[1]
     if old or new or not scope.path:  # else the attribute has the writers of its type or edge
         section = "types" if isinstance(element, NodeType) else "edges"
-        thing = KnowledgeElement(section, element.name, value.name if scope.path else "")
-        yield from _writers(scope, key, *(side.world.writers(thing) for side in scope.pair.sides))
+        knowledge_element = KnowledgeElement(section, element.name, value.name if scope.path else "")
+        yield from _writers(scope, key, *(side.world.writers(knowledge_element) for side in scope.pair.sides))
 
 
 def writers_of_variable(scope: Scope, key: str, old: Sequence[Reference], new: Sequence[Reference]) -> Iterator[Change]:
@@ -223,5 +223,5 @@ def guard(types_of: Callable[[Scope, Sequence[Condition]], Types]) -> Comparer:
 
 
 def _not_in(trees: Sequence[Node], conditions: Sequence[Condition], types: Types) -> list[Condition]:
-    """Return the conditions that are equal to none of some others."""
+    """Return the conditions that are not equal to any of some other conditions."""
     return [one for one in conditions if one.tree and not any(equal(one.tree, tree, types) for tree in trees)]

@@ -1,7 +1,7 @@
 """The comparison of guards, conditions and values by meaning, as far as `check` can decide it.
 
-A guard is a list of conditions that must all be certainly true. If one guard is reported to follow from another, it
-does; if that cannot be decided, the relation is `OTHER`.
+A guard is a list of conditions that must all be certainly true. One guard is reported to follow from another only if
+that is certain; if it cannot be decided, the relation is `OTHER`.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def _is_typed(tree: Node, types: Types) -> bool:
 
 
 def normal_text(node: Node) -> str:
-    """Return a text that does not depend on the order of what `and` and `or` join."""
+    """Return a text that does not depend on the order of the operands of `and` and `or`."""
     match node:
         case And() | Or():
             return f"({f' {type(node).__name__} '.join(sorted(map(normal_text, node.operands)))})"

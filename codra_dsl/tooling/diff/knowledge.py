@@ -1,4 +1,4 @@
-"""Changes of skills, knowledge, agents and loops that are not those of one field."""
+"""Changes of skills, knowledge, agents and loops that concern more than one field."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def _text(expectation: Expectation | None) -> str:
 
 
 def agents(scope: Scope, key: str, old: Sequence[Agent], new: Sequence[Agent]) -> Iterator[Change]:
-    """Yield the changes of agents; without knowledge they are no more than sources of variables."""
+    """Yield the changes of agents; without knowledge, agents are only sources of variables."""
     if has_knowledge(scope):
         yield from elements("agent", "agent")(scope, key, old, new)
 
@@ -94,7 +94,7 @@ def has_knowledge(scope: Scope) -> bool:
 
 
 def motion(scope: Scope, key: str, old: Motion | None, new: Motion | None) -> Iterator[Change]:
-    """Yield how poses are kept, and how long they are valid: conditions that ask for poses are known as long."""
+    """Yield changes of how poses are kept and how long they are valid; conditions on poses are known equally long."""
     if old is not None and new is not None:
         yield from _VALID_FOR(scope, "valid_for", old.valid_s, new.valid_s)
         yield from _MOTION(scope, key, replace(old, valid_for_s=new.valid_for_s), new)
@@ -102,7 +102,7 @@ def motion(scope: Scope, key: str, old: Motion | None, new: Motion | None) -> It
 
 
 def wakes(scope: Scope, key: str, old: Sequence[Condition], new: Sequence[Condition]) -> Iterator[Change]:
-    """Yield whether something else wakes an agent; without `wakes` it is always active."""
+    """Yield a change if other conditions wake an agent; without `wakes` it is always active."""
     if old and new:
         yield from _WAKES(scope, key, old, new)
     elif new:
@@ -124,7 +124,7 @@ def rule_types(scope: Scope, conditions: Sequence[Condition]) -> Types:
 
 
 def terms(scope: Scope, key: str, *values: Any) -> Iterator[Change]:
-    """Yield whether the terms of a variable are others; a derived variable has those of its metric or action."""
+    """Yield a change if a variable has other terms; a derived variable has the terms of its metric or action."""
     if not scope.values[1].is_derived:
         yield from TERMS(scope, key, *values)
 
@@ -138,7 +138,7 @@ def action(scope: Scope, _: str, old: Any, new: Any) -> Iterator[Change]:
 
 
 def tree_file(scope: Scope, key: str, *_: str) -> Iterator[Change]:
-    """Yield whether the file of a behaviour tree has other contents."""
+    """Yield a change if the file of a behaviour tree has other contents."""
     before, after = (_trees(side, scope.values[1].name) for side in scope.pair.sides)
     if before != after:
         yield scope.change(Category.REDEFINED, key, "the file has other contents")

@@ -1,4 +1,4 @@
-"""Changes that the plan decides: observers, the handles and slots that they share, and modules of the package."""
+"""Changes that follow from the build plan: of observers, of shared handles and slots, and of modules of the package."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _SLOTS = ordered(
     show=lambda share: f"{share[0]} for {share[1] or 'any number'}",
     rank=lambda share: 1.0 if share[1] is None else max(1.0, share[0] / share[1]),
 )
-"""Compares (number of algorithms, slots) by how many algorithms there are for each slot, at least 1."""
+"""Compares (number of algorithms, slots) by the number of algorithms for each slot, at least 1."""
 
 _SECTIONS_OF_MODULES = ("variables", "trees", "skills")
 
@@ -47,7 +47,7 @@ def _predecessors(pair: Pair, tree: Tree) -> tuple[Tree, ...]:
 
 
 def _stated(side: Side, tree: Tree) -> Any:
-    """Return what `observers` states of a tree, else its first algorithm; it gives the places of changes."""
+    """Return the entry for a tree in `observers`, else its first algorithm; the places of changes are taken from it."""
     settings = (setting for setting in side.spec.observers if setting.name == tree.name)
     return next(settings, tree.branches[0].algorithm.algorithm)
 
@@ -61,7 +61,7 @@ def _renamed(scope: Scope, before: tuple[Tree, ...], tree: Tree) -> Iterator[Cha
 
 
 def _priority(scope: Scope, old: Tree, tree: Tree) -> Iterator[Change]:
-    """Yield whether an observer whose priority changed takes a slot in another order than another observer."""
+    """Yield a change if an observer with a changed priority gets a slot in another order than other observers."""
     slots, passed = _slots_of(tree) & _slots_of(old), []
     for other in scope.pair.new.plan.forest if old.priority != tree.priority else ():
         rivals = () if other is tree else _predecessors(scope.pair, other)

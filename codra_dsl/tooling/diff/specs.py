@@ -1,4 +1,4 @@
-"""The review of all specs: those in both versions, those that are new or gone, and those with errors."""
+"""The review of all specs: specs in both versions, added and removed specs, and specs with errors."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _BY_CODE = {"CDR5101": Category.CYCLIC, "CDR5102": Category.UNOBSERVABLE}
 
 
 def review(before: Version, after: Version) -> Review:
-    """Return what it means for a robot that one version of some specs becomes another."""
+    """Return what the changes between two versions of some specs mean for a robot."""
     changes: list[Change] = []
     latencies: list[Latency] = []
     old_plans, new_plans = ({plan.name: plan for plan in version.plans} for version in (before, after))
@@ -73,7 +73,7 @@ def _element(broken: Broken, error: Diagnostic) -> str:
 
 
 def _repaired(broken: Broken, after: Version) -> Iterator[Change]:
-    """Yield whether a spec that had errors in A is repaired or gone; errors that are still there are reported in B."""
+    """Yield a change if a spec with errors in A is repaired or removed; remaining errors are reported for B."""
     plan = next((plan for plan in after.plans if _is_of(broken, plan)), None)
     if plan is not None:
         message = "it had errors and has none now: there is nothing to compare with"
@@ -88,7 +88,7 @@ def _is_of(broken: Broken, plan: BuildPlan) -> bool:
 
 
 def _with_errors(name: str | None, file: str, among: Iterable[Broken]) -> Broken | None:
-    """Return the spec with errors that a spec has become: the one of its name, else the nameless one in its file."""
+    """Return the spec with errors that has the name of a spec, else the spec without a name in its file."""
     named = (broken for broken in among if name is not None and broken.name == name)
     nameless = (broken for broken in among if broken.file == file and (broken.name is None or name is None))
     return next(chain(named, nameless), None)

@@ -1,4 +1,4 @@
-"""What a change of each field of the model means: its category and its wording.
+"""The category and wording of a change, for each field of the model.
 
 Only fields with a category or wording of their own are listed; `walk` compares all others by default. `elsewhere` marks
 the fields that are taken into account by the comparer of another field, or that make no difference.
@@ -38,7 +38,7 @@ KINDS: Mapping[str, str] = {
         )
     },
 }
-"""The kinds of elements, as their identifiers have them, by section of a spec."""
+"""The kinds of elements in identifiers, by section of a spec."""
 
 _NOUNS = {"type": "type of nodes", "edge": "type of edges"}
 _AS_ONE = differs(show=hidden)

@@ -1,4 +1,4 @@
-"""Changes of context-variables that are not those of one field: their algorithms, and names in the package."""
+"""Changes of context-variables that concern more than one field: their algorithms, and names in the package."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def _successor(pair: Pair, old: Variable) -> str | None:
 
 
 def _producers(scope: Scope) -> Iterator[Change]:
-    """Yield which other algorithms identify variables; a new order is reported once for all variables that share it."""
+    """Yield changes of the algorithms that identify variables; a new order is reported once for all its variables."""
     pair, orders = scope.pair, set[tuple[str, ...]]()
     for name in pair.old.variables:
         before = [pair.algorithms.get(old, f"-{old}") for old in pair.old.producers.get(name, ())]
@@ -73,7 +73,7 @@ def _first_producer(side: Side, name: str) -> Any:
 
 
 def enum_types(side: Side) -> dict[str, tuple[str, ...]]:
-    """Return the variables by the name that the generated package gives to the type of their values."""
+    """Return the enum variables by the name of their type in the generated package."""
     groups: dict[tuple[str, ...], list[str]] = {}
     for variable in side.variables.values():
         if variable.type.kind is Kind.ENUM:
@@ -90,7 +90,7 @@ def enum_types(side: Side) -> dict[str, tuple[str, ...]]:
 
 
 def _aliases(scope: Scope) -> Iterator[Change]:
-    """Yield the names of enum types that the generated package has no longer."""
+    """Yield the names of enum types that the generated package no longer has."""
     old, new = scope.pair.sides
     present = enum_types(new)
     for alias, names in enum_types(old).items():

@@ -1,4 +1,4 @@
-"""Two versions of some specs, with what comparers look up in them."""
+"""Two versions of some specs, with look-ups for the comparers."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ class Broken:
     """A spec with errors, even if there is a plan for it.
 
     Attributes:
-        name: None if it could not be read.
-        errors: the findings because of which it is not compiled.
+        name: the name of the spec; None if it could not be read.
+        errors: the findings that prevent compilation.
     """
 
     name: str | None
@@ -33,7 +33,7 @@ class Version:
     """All specs of one version.
 
     Attributes:
-        plans: of the specs that can be compared, even if they have errors.
+        plans: the build plans of the specs that can be compared, even if they have errors.
         broken: the specs with errors.
     """
 
@@ -101,7 +101,7 @@ class Pair:
     """Both versions of a spec.
 
     Attributes:
-        algorithms: names in B by names in A, of the algorithms that are in both.
+        algorithms: the algorithms that are in both versions; their names in B by their names in A.
     """
 
     old: Side
@@ -129,7 +129,10 @@ class Pair:
 
 
 def paired(old: BuildPlan, new: BuildPlan) -> Pair:
-    """Return both versions of a spec; algorithms pair by name, else by what they call and identify."""
+    """Return both versions of a spec.
+
+    Algorithms are paired by name, else by the function that they call and the variables that they identify.
+    """
     sides = Side(plan=old), Side(plan=new)
     before, after = (side.algorithms for side in sides)
     pairs = {name: name for name in before if name in after}

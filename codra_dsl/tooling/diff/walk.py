@@ -118,7 +118,7 @@ class Scope:
 
 
 Comparer = Callable[[Scope, str, Any, Any], Iterator[Change]]
-"""Yields the changes of a field, given the values that have it, its key, and what it is in A and in B."""
+"""Yields the changes of a field, given the scope, its key, and its values in A and in B."""
 
 Table = Mapping[type, Mapping[str, Comparer]]
 Wording = tuple[Category, str]
@@ -131,13 +131,13 @@ def differs(
     show: Callable[[Any], str] | None = None,
     value: Callable[[Any], object] | None = None,
 ) -> Comparer:
-    """Return the comparer of values that are equal or not.
+    """Return the comparer of values that are only compared for equality.
 
     Args:
         category: the category of the change, or a function that gives it.
         message: its message, with `{}` for the key.
         show: gives the text that is shown of a value; by default, of two lists only entries that differ are shown.
-        value: gives what is compared of a value.
+        value: gives the part of a value that is compared.
     """
 
     def compare(scope: Scope, key: str, old: Any, new: Any) -> Iterator[Change]:
@@ -156,7 +156,7 @@ def unordered(message: str) -> Comparer:
 
 
 def _not_in(one: Any, other: Any) -> Any:
-    """Return the entries of another list that one list does not have; all of it if only the order differs."""
+    """Return the entries of `other` that `one` does not have; all entries if only the order differs."""
     if not isinstance(one, tuple) or not isinstance(other, tuple):
         return other
     known = {*map(plain, one)}
@@ -297,7 +297,7 @@ def _key(name: str) -> str:
 
 
 def _name(entry: Any) -> str:
-    """Return the name of an entry, or that of the first thing that it refers to; empty if it has no name."""
+    """Return the name of an entry, else the name of the first value that it refers to; empty without a name."""
     values = (entry, *(getattr(entry, field.name) for field in fields(entry)))
     names = (value.name for value in values if isinstance(getattr(value, "name", None), str))
     return next(names, "")

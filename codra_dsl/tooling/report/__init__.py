@@ -1,1 +1,1 @@
-"""What people and tools read: findings and graphs, in every form."""
+"""Reports for people and tools: findings and graphs, in every format."""

@@ -1,4 +1,4 @@
-"""The dependency graph as text for Graphviz, and as the picture that Graphviz draws of it."""
+"""The dependency graph as text for Graphviz, and as the picture that Graphviz draws."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from codra_dsl.tooling.report.looks import (
     shown,
 )
 
-# The picture is laid out with a wide font, so that labels fit whichever of these a browser has.
+# The picture is laid out with a wide font, so that labels fit in any of the fonts that a browser may have.
 _FONT = "DejaVu Sans,Verdana,Arial,sans-serif"
 _LABEL_PT = 12
 _LETTER_EM = 0.62
@@ -37,31 +37,31 @@ _DRAWN = re.compile(
     re.DOTALL,
 )
 _SMALLEST = 0.85
-"""A picture shrinks with its window by so much at most, so that its labels can still be read."""
+"""The smallest scale to which a picture shrinks with its window, so that labels stay legible."""
 
 
 MAX_QUICK = 1500
-"""Nodes that Graphviz lays out in seconds; the time grows faster than their number."""
+"""The number of nodes that Graphviz lays out in seconds; the time grows faster than the number."""
 
 
 class DrawingError(Exception):
-    """A picture cannot be drawn here; the message says what to do."""
+    """A picture cannot be drawn on this machine; the message states what to do."""
 
 
-_CURE = (
+_INSTALL_HINT = (
     "pip install 'codra-dsl[viz]', and on Debian "
     "apt-get install --no-install-recommends libglib2.0-0 libx11-6 libxext6 libxrender1"
 )
 
 
 def render_dot(graph: Graph) -> str:
-    """Return the graph in the language of Graphviz: the nodes and edges of the JSON, each with its `kind`."""
+    """Return the graph in Graphviz's language, with the nodes and edges of the JSON and their `kind`."""
     nodes = (_node(element, _text(label_of(element))) for element in graph.elements)
     return _digraph([*nodes, *(_arrow(link, link.source, link.target) for link in graph.links)])
 
 
 def render_svg(graph: Graph) -> str:
-    """Return the graph as a picture with a legend; several specs stand in a frame each.
+    """Return the graph as a picture with a legend; with several specs, each has a frame.
 
     Raises:
         DrawingError: if Graphviz is not installed or cannot draw.
@@ -70,9 +70,9 @@ def render_svg(graph: Graph) -> str:
 
 
 def drawing(graph: Graph) -> str:
-    """Return the same picture for a page that styles it: no legend, no title, nothing but the `svg` element.
+    """Return the same picture for a page with its own style: only the `svg` element, without legend and title.
 
-    Node number n of the graph has the id `n` with its number, edge number n has `e` with its number.
+    Node number n of the graph has the id `n` with its number, and edge number n has `e` with its number.
 
     Raises:
         DrawingError: if Graphviz is not installed or cannot draw.
@@ -84,7 +84,7 @@ def drawing(graph: Graph) -> str:
 
 
 def _flowing(graph: Graph) -> str:
-    """Return the graph as it is drawn: arrows point where knowledge goes, observers stand in a frame with their own."""
+    """Return the graph as drawn: arrows follow the flow of knowledge, and each observer has a frame."""
     lines: list[str] = []
     numbers = {element.id: number for number, element in enumerate(graph.elements)}
     for spec in graph.specs:
@@ -104,7 +104,7 @@ def _digraph(lines: Iterable[str]) -> str:
     graph = {"rankdir": "LR", "fontname": _FONT, "nodesep": 0.16, "ranksep": 0.5, "newrank": "true"}
     node = {"fontname": _FONT, "fontsize": _LABEL_PT, "margin": "0.1,0.05", "height": 0.36, "penwidth": 0.8}
     edge = {"arrowsize": 0.7}
-    defaults = (f"{kind} {_attributes(each)};" for kind, each in (("graph", graph), ("node", node), ("edge", edge)))
+    defaults = (f"{kind} {_attributes(values)};" for kind, values in (("graph", graph), ("node", node), ("edge", edge)))
     body = "".join(f"  {line}\n" for line in (*defaults, *lines))
     return f"digraph codra {{\n{body}}}\n"
 
@@ -122,19 +122,19 @@ def _numbered(element: Element, number: int) -> str:
 
 
 def _text(label: str) -> str:
-    """Return a label that Graphviz shows as it is: it reads entities."""
+    """Return a label that Graphviz shows unchanged, although it decodes entities."""
     return _ENTITY.sub("&amp;", label)
 
 
-_ROOM: Mapping[str, float] = {"hexagon": 1.25, "house": 1.15, "octagon": 1.2, "ellipse": 1.35}
-"""How much wider than its label a shape must be."""
+_WIDTH_FACTOR: Mapping[str, float] = {"hexagon": 1.25, "house": 1.15, "octagon": 1.2, "ellipse": 1.35}
+"""The ratio of a shape's width to that of its label."""
 
 
 def _width_in(label: str, look: NodeLook) -> float:
-    """Return the least width of a node in inches, in which its label fits even where no font can be measured."""
+    """Return the minimum width of a node in inches, in which its label fits even if no font can be measured."""
     longest = max(map(_letters, label.split("\n")))
     width_in = 0.2 + longest * _LETTER_EM * _LABEL_PT / 72
-    return width_in * _ROOM.get(look.shape, 1.0)
+    return width_in * _WIDTH_FACTOR.get(look.shape, 1.0)
 
 
 def _letters(text: str) -> int:
@@ -147,12 +147,12 @@ def _arrow(link: Link, source: str, target: str, **more: str) -> str:
     if more:
         attributes["class"] = link.kind.value
     if link.kind is EdgeKind.FEEDBACK:
-        attributes["constraint"] = "false"  # it closes a circle, which has no left and right
+        attributes["constraint"] = "false"  # it closes a cycle, which has no left and right
     return f"{_quoted(source)} -> {_quoted(target)} {_attributes(attributes)};"
 
 
 def _frames(elements: Iterable[Element], numbers: Mapping[str, int]) -> Iterator[str]:
-    """Yield all nodes, those of one observer in a frame: its algorithms and what they identify."""
+    """Yield all nodes; each observer has a frame with its algorithms and the variables that they identify."""
     frames: dict[str, list[Element]] = {}
     for element in elements:
         frames.setdefault(element.observer, []).append(element)
@@ -166,7 +166,7 @@ def _frames(elements: Iterable[Element], numbers: Mapping[str, int]) -> Iterator
         yield from (f"  {line}" for line in lines)
         made = [element for element in inside if element.kind is NodeKind.CONTEXT]
         makers = [element for element in inside if element.kind is not NodeKind.CONTEXT]
-        yield from (_side_by_side(each) for each in (makers, made) if each)
+        yield from (_side_by_side(side) for side in (makers, made) if side)
         yield "}"
 
 
@@ -179,23 +179,23 @@ def _attributes(values: Mapping[str, object]) -> str:
 
 
 def _quoted(text: str) -> str:
-    r"""Return a quoted string in the language of Graphviz, in which `\N`, `\G` and the like would mean something."""
+    r"""Return a quoted string in Graphviz's language, in which `\N`, `\G` and the like would have a meaning."""
     return '"' + text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n") + '"'
 
 
 def _drawn(dot: str) -> str:
-    """Return what Graphviz draws; it comes with pygraphviz as a library, so that no program is started."""
+    """Return Graphviz's drawing. Graphviz comes with pygraphviz as a library, so no program is started."""
     try:
         import pygraphviz  # noqa: PLC0415 - an extra, with shared libraries that a machine may not have
     except ImportError as error:
-        raise DrawingError(f"cannot draw: {error}; {_CURE}") from error
+        raise DrawingError(f"cannot draw: {error}; {_INSTALL_HINT}") from error
     try:
-        with os.fdopen(os.memfd_create("dot"), "w+b") as stream:  # pygraphviz itself would write a file to /tmp
+        with os.fdopen(os.memfd_create("dot"), "w+b") as stream:  # pygraphviz would write a file to /tmp
             stream.write(dot.encode())
             stream.seek(0)
             graph = pygraphviz.AGraph()
             graph.read(stream)
-        with redirect_stderr(io.StringIO()):  # it has an opinion on large graphs
+        with redirect_stderr(io.StringIO()):  # Graphviz prints warnings about large graphs
             picture = graph.draw(None, format="svg", prog="dot")
     except (OSError, ValueError) as error:
         raise DrawingError(f"cannot draw: {error}") from error
@@ -203,10 +203,10 @@ def _drawn(dot: str) -> str:
 
 
 def _match(picture: str) -> re.Match[str]:
-    found = _DRAWN.search(picture)
-    if found is None:
-        raise DrawingError("cannot draw: Graphviz has drawn no picture")
-    return found
+    match = _DRAWN.search(picture)
+    if match is None:
+        raise DrawingError("cannot draw: Graphviz returned no picture")
+    return match
 
 
 # The legend, below the picture
@@ -217,7 +217,7 @@ _COLUMN = 440
 
 
 def _with_legend(drawn: re.Match[str], graph: Graph) -> str:
-    """Return a picture with its legend below; it shrinks with its window, down to where it can still be read."""
+    """Return a picture with its legend below; it shrinks with its window as long as it stays legible."""
     rows = list(_rows(graph))
     height = int(drawn["height"]) + 20 + _ROW * max((row for _, row, _ in rows), default=0) + _ROW
     width = max(int(drawn["width"]), 16 + _COLUMN * (1 + max((column for column, _, _ in rows), default=0)))
@@ -235,12 +235,12 @@ def _with_legend(drawn: re.Match[str], graph: Graph) -> str:
 
 
 def _rows(graph: Graph) -> Iterator[tuple[int, int, str]]:
-    """Yield column, row and drawing of what the legend tells: only what there is in the picture."""
-    boxes = [_sample(NODES[each], NODES[each].meaning) for each in nodes_of(graph)]
+    """Yield column, row and drawing of each entry of the legend, which shows only kinds that the picture has."""
+    boxes = [_sample(NODES[kind], NODES[kind].meaning) for kind in nodes_of(graph)]
     observed = [element.observer for element in graph.elements if element.observer]
     if len(observed) > len(set(observed)):
         boxes.append(_box("#f7f7f7", "#bbbbbb", 6, "") + _words(FRAME))
-    arrows = [_arrow_sample(EDGES[each]) for each in edges_of(graph)]
+    arrows = [_arrow_sample(EDGES[kind]) for kind in edges_of(graph)]
     if any(latency_of(element) for element in graph.elements):
         arrows.append(f'<text x="{_SAMPLE / 2}" y="4" text-anchor="middle">≤ 1 s</text>{_words(WORST_CASE)}')
     for column, samples in enumerate((boxes, arrows)):
@@ -273,7 +273,7 @@ _DASHES: Mapping[str, str] = {"dashed": ' stroke-dasharray="5 2"', "dotted": ' s
 
 
 def _arrow_sample(look: EdgeLook) -> str:
-    """Return an arrow from A to B with what it says."""
+    """Return an arrow from A to B with its meaning."""
     width = 2 if look.style == "bold" else 1
     line = f'<path d="M12,0H46" stroke="{look.colour}" stroke-width="{width}"{_DASHES.get(look.style, "")}/>'
     fill = "white" if look.head == "empty" else look.colour if look.head in ("normal", "vee") else "none"

@@ -1,4 +1,4 @@
-"""Pages about kinds of findings: what each means for a robot, a spec that has it, and the same spec mended."""
+"""Pages about kinds of findings: the consequence for a robot, a spec that has it, and the same spec corrected."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from codra_dsl.tooling.report.findings import as_json
 from codra_dsl.workspace.suppression import known_rules
 
 FOLDER = Path(__file__).parent / "pages"
-"""Where the pages are: `CDRnnnn.md` for each code."""
+"""The folder of the pages: `CDRnnnn.md` for each code."""
 
 FAMILIES: Mapping[str, str] = {
     "CDR0": "Files and limits",
@@ -37,18 +37,18 @@ FAMILIES: Mapping[str, str] = {
     "CDR7": "Context quality",
     "CDR79": "Comments that silence findings",
 }
-"""What codes are about, by how they begin; the longest beginning counts."""
+"""The families of codes by prefix; the longest prefix counts."""
 
 _INDENT = "  "
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Page:
-    """What there is to say about one kind of finding.
+    """The page about one kind of finding.
 
     Attributes:
-        summary: what is wrong, in one sentence.
-        markdown: the whole page, with a heading.
+        summary: the problem, in one sentence.
+        markdown: the complete page, with a heading.
     """
 
     code: str
@@ -60,12 +60,12 @@ class Page:
 
 @cache
 def all_rules() -> Mapping[str, Rule]:
-    """Return every rule of every room by its code, in the order of codes."""
+    """Return every rule by its code, in the order of codes."""
     return dict(sorted(known_rules().items()))
 
 
 def page_of(code: str) -> Page | None:
-    """Return the page about a code; None where there is none."""
+    """Return the page about a code, or None."""
     rule, file = all_rules().get(code), FOLDER / f"{code}.md"
     if rule is None or not file.is_file():
         return None
@@ -79,15 +79,15 @@ def all_pages() -> Iterator[Page]:
     yield from (page for page in map(page_of, all_rules()) if page is not None)
 
 
-def code_of(asked: str) -> str | None:
-    """Return the code that is asked for by itself or by its rule's name, in letters of any case."""
-    if asked.upper() in all_rules():
-        return asked.upper()
-    return next((code for code, rule in all_rules().items() if rule.name == asked.casefold()), None)
+def code_of(name: str) -> str | None:
+    """Return the code with this name, or the code of the rule with this name, ignoring case."""
+    if name.upper() in all_rules():
+        return name.upper()
+    return next((code for code, rule in all_rules().items() if rule.name == name.casefold()), None)
 
 
 def family_of(code: str) -> str:
-    """Return what a code is about, for a heading."""
+    """Return the family of a code, for a heading."""
     return FAMILIES[max((prefix for prefix in FAMILIES if code.startswith(prefix)), key=len)]
 
 
@@ -108,7 +108,7 @@ def as_text(page: Page) -> str:
 
 
 def _head_of_block(fence: str) -> list[str]:
-    """Return what names a block that is not the spec itself."""
+    """Return the heading of a block that is not the spec itself."""
     file = re.search(r"file=(\S+)", fence)
     if file is not None:
         return [f"{file[1]}:"]
@@ -116,7 +116,7 @@ def _head_of_block(fence: str) -> list[str]:
 
 
 def _unmarked(line: str) -> str:
-    """Return a line of prose: headings without `#`, and what is quoted as findings quote it."""
+    """Return a line of prose: headings without `#`, and backquotes as the quotes of findings."""
     return re.sub("^#+ ", "", line).replace("`", "'")
 
 

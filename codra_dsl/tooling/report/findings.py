@@ -1,6 +1,6 @@
-"""Findings as text for people, a line each for editors, and JSON for tools.
+"""Findings as text for people, one line per finding for editors, and JSON for tools.
 
-Text that comes from a spec is shown, never obeyed: what a terminal would take for a command appears as a replacement
+Text from a spec is only shown: characters that a terminal would interpret as a command are replaced by a replacement
 character.
 """
 
@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from codra_dsl.language.diagnostics import Diagnostic, Fix, Place, Related, Severity, Span
 
 Sources = Callable[[str], str | None]
-"""The text of a file by its path in findings; None where it cannot be had."""
+"""Return the text of a file by its path in findings, or None if it is not available."""
 
 _TAB = "    "
 _REPLACEMENT = "\N{REPLACEMENT CHARACTER}"
@@ -31,7 +31,7 @@ _NOT_ASCII = re.compile("[^\x00-\x7f]+")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Palette:
-    """What begins and ends a colour on a terminal."""
+    """The codes that begin and end a colour on a terminal."""
 
     error: str = ""
     warning: str = ""
@@ -52,53 +52,55 @@ COLOURED = Palette(
 
 
 def render_full(diagnostics: Iterable[Diagnostic], sources: Sources, palette: Palette = PLAIN) -> str:
-    """Return findings with the lines that they are about, a caret below the offender, and the way out."""
+    """Return findings with the lines that they are about, a caret below the error, and the help."""
     lines = _Lines(sources)
-    return "\n".join("\n".join(_full(found, lines, palette)) + "\n" for found in diagnostics)
+    return "\n".join("\n".join(_full(diagnostic, lines, palette)) + "\n" for diagnostic in diagnostics)
 
 
 def render_concise(diagnostics: Iterable[Diagnostic], palette: Palette = PLAIN) -> str:
-    """Return findings one a line: place, severity, code, message, way out, and where templates are used."""
-    return "".join(f"{_headline(found, palette)}{_in_brackets(help(found))}\n" for found in diagnostics)
+    """Return findings, one a line: place, severity, code, message, help, and where templates are used."""
+    return "".join(f"{_headline(diagnostic, palette)}{_in_brackets(help(diagnostic))}\n" for diagnostic in diagnostics)
 
 
 def render_json(diagnostics: Iterable[Diagnostic]) -> str:
     """Return findings as JSON, one object a line; lines and columns are 1-based, columns count code points."""
     lines = []
-    for found, number in numbered(diagnostics):
-        fingerprint = found.fingerprint if number == 1 else f"{found.fingerprint}:{number}"
-        lines.append(as_json({**_object(found), "fingerprint": fingerprint}) + "\n")
+    for diagnostic, number in numbered(diagnostics):
+        fingerprint = diagnostic.fingerprint if number == 1 else f"{diagnostic.fingerprint}:{number}"
+        lines.append(as_json({**_object(diagnostic), "fingerprint": fingerprint}) + "\n")
     return "".join(lines)
 
 
 def numbered(diagnostics: Iterable[Diagnostic]) -> Iterator[tuple[Diagnostic, int]]:
-    """Yield each finding with its number, from 1 on, among those of the run that have its fingerprint."""
+    """Yield each finding with its number, from 1 on, among those of the run with the same fingerprint."""
     seen: Counter[str] = Counter()
-    for found in diagnostics:
-        seen[found.fingerprint] += 1
-        yield found, seen[found.fingerprint]
+    for diagnostic in diagnostics:
+        seen[diagnostic.fingerprint] += 1
+        yield diagnostic, seen[diagnostic.fingerprint]
 
 
 def as_json(value: object, indent: int | None = None) -> str:
-    """Return JSON in ASCII letters; half a surrogate pair, which a reader of JSON may refuse, is replaced.
+    """Return JSON in ASCII; half a surrogate pair, which a JSON parser may reject, is replaced.
 
-    Nothing in it is a command of GitHub's runner, should it go to a log.
+    The result contains no command of GitHub's runner, which may read it in a log.
     """
     text = _HALF_A_PAIR.sub(_REPLACEMENT, json.dumps(value, ensure_ascii=False, indent=indent))
     text = text.replace("##[", r"##\u005b")
     return _NOT_ASCII.sub(lambda letters: json.dumps(letters[0])[1:-1], text)  # outside strings JSON is ASCII
 
 
-def help(found: Diagnostic) -> str:
-    """Return on one line how to be rid of a finding and, of one in a template's text, which use gives it."""
-    uses = list(dict.fromkeys(each.place.use for each in (found, *found.per_use) if each.place.use is not None))
+def help(diagnostic: Diagnostic) -> str:
+    """Return in one line how to fix a finding and, for a finding in a template, the use that causes it."""
+    uses = list(
+        dict.fromkeys(case.place.use for case in (diagnostic, *diagnostic.per_use) if case.place.use is not None)
+    )
     used = [f"used at {shown_place(uses[0])}{f' and {len(uses) - 1} more' if uses[1:] else ''}"] if uses else []
-    return "; ".join([*([found.help] if found.help else []), *used])
+    return "; ".join([*([diagnostic.help] if diagnostic.help else []), *used])
 
 
-def related_places(found: Diagnostic) -> tuple[Related, ...]:
-    """Return all other places of a finding: those that it names, and the uses of templates that these stand in."""
-    named = [(found.place, ""), *((each.place, each.message) for each in found.related)]
+def related_places(diagnostic: Diagnostic) -> tuple[Related, ...]:
+    """Return all other places of a finding: those that it names, and the uses of the templates that contain these."""
+    named = [(diagnostic.place, ""), *((related.place, related.message) for related in diagnostic.related)]
     places: list[Related] = []
     for place, message in named:
         places += [Related(message, Place(place.span))] if message else []
@@ -106,27 +108,27 @@ def related_places(found: Diagnostic) -> tuple[Related, ...]:
     return tuple(dict.fromkeys(places))
 
 
-def _full(found: Diagnostic, lines: _Lines, palette: Palette) -> list[str]:
-    line = lines.at(found.place.span)
-    shown = [_headline(found, palette)]
-    help_ = f"{palette.help}help: {visible(found.help)}{palette.end}" if found.help else ""
-    width = len(str(found.place.span.line))
+def _full(diagnostic: Diagnostic, lines: _Lines, palette: Palette) -> list[str]:
+    line = lines.at(diagnostic.place.span)
+    shown = [_headline(diagnostic, palette)]
+    help_ = f"{palette.help}help: {visible(diagnostic.help)}{palette.end}" if diagnostic.help else ""
+    width = len(str(diagnostic.place.span.line))
     bar = f"{palette.gutter}{'':{width}} |{palette.end}"
     if line is not None:
-        text, before, marked = _marked(line, found.place.span)
-        number = f"{palette.gutter}{found.place.span.line} |{palette.end}"
-        caret = f"{palette.of(found.severity)}{'^' * marked}{palette.end}"
+        text, before, marked = _marked(line, diagnostic.place.span)
+        number = f"{palette.gutter}{diagnostic.place.span.line} |{palette.end}"
+        caret = f"{palette.of(diagnostic.severity)}{'^' * marked}{palette.end}"
         shown += [bar, f"{number} {text}".rstrip(), f"{bar} {' ' * before}{caret} {help_}".rstrip()]
     elif help_:
         shown.append(f"{'':{width}} {help_}")
-    notes = ((shown_place(each.place.span), visible(each.message)) for each in related_places(found))
+    notes = ((shown_place(related.place.span), visible(related.message)) for related in related_places(diagnostic))
     return shown + [f"{'':{width}} {palette.gutter}={palette.end} {place}: {message}" for place, message in notes]
 
 
-def _headline(found: Diagnostic, palette: Palette) -> str:
-    place = f"{palette.place}{shown_place(found.place.span)}{palette.end}"
-    kind = f"{palette.of(found.severity)}{found.severity}[{found.code}]{palette.end}"
-    return f"{place}: {kind}: {visible(found.message)}"
+def _headline(diagnostic: Diagnostic, palette: Palette) -> str:
+    place = f"{palette.place}{shown_place(diagnostic.place.span)}{palette.end}"
+    kind = f"{palette.of(diagnostic.severity)}{diagnostic.severity}[{diagnostic.code}]{palette.end}"
+    return f"{place}: {kind}: {visible(diagnostic.message)}"
 
 
 def shown_place(span: Span) -> str:
@@ -138,18 +140,18 @@ def _in_brackets(text: str) -> str:
     return f" ({visible(text)})" if text else ""
 
 
-def _object(found: Diagnostic) -> dict[str, object]:
-    related = [{"message": each.message, **range_of(each.place.span)} for each in related_places(found)]
+def _object(diagnostic: Diagnostic) -> dict[str, object]:
+    related = [{"message": note.message, **range_of(note.place.span)} for note in related_places(diagnostic)]
     return {
-        "code": found.code,
-        "name": found.rule.name,
-        "severity": found.severity.value,
-        "message": found.message,
-        **range_of(found.place.span),
-        "path": found.path,
-        "help": found.help,
+        "code": diagnostic.code,
+        "name": diagnostic.rule.name,
+        "severity": diagnostic.severity.value,
+        "message": diagnostic.message,
+        **range_of(diagnostic.place.span),
+        "path": diagnostic.path,
+        "help": diagnostic.help,
         "related": related,
-        "fix": _fix(found.fix),
+        "fix": _fix(diagnostic.fix),
     }
 
 
@@ -161,7 +163,7 @@ def _fix(fix: Fix | None) -> dict[str, object] | None:
 
 
 def range_of(span: Span) -> dict[str, object]:
-    """Return a span as JSON has it."""
+    """Return a span as an object of JSON."""
     return {
         "file": span.file,
         "line": span.line,
@@ -172,14 +174,14 @@ def range_of(span: Span) -> dict[str, object]:
 
 
 class _Lines:
-    """The lines of files, each file read once."""
+    """The lines of files; each file is read once."""
 
     def __init__(self, sources: Sources) -> None:
         self._sources = sources
         self._files: dict[str, list[str]] = {}
 
     def at(self, span: Span) -> str | None:
-        """Return the line where a span begins."""
+        """Return the first line of a span."""
         if span.file not in self._files:
             text = self._sources(span.file)
             self._files[span.file] = [] if text is None else text.replace("\r\n", "\n").split("\n")
@@ -201,22 +203,22 @@ def _marked(line: str, span: Span) -> tuple[str, int, int]:
 
 
 def visible(text: str) -> str:
-    """Return text as it can be shown on one line: tabs as blanks, and no control, format or surrogate character."""
+    """Return text in a form for one line: tabs as blanks, without control, format and surrogate characters."""
     return "".join(_TAB if letter == "\t" else letter if letter.isprintable() else _REPLACEMENT for letter in text)
 
 
 def as_markdown(text: str) -> str:
-    """Return text as Markdown that shows it and nothing else."""
+    """Return text as Markdown that shows it unchanged."""
     return visible(text).translate(_MARKUP)
 
 
 def visible_lines(text: str) -> str:
-    """Return text as it can be shown, line by line."""
+    """Return text in a form that can be shown, line by line."""
     return "\n".join(map(visible, text.split("\n")))
 
 
 def _columns(text: str) -> int:
-    """Return how many columns of a terminal a text takes."""
+    """Return the number of terminal columns that a text takes."""
     return sum(_column(letter) for letter in visible(text))
 
 

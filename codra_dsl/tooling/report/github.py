@@ -1,7 +1,7 @@
 """Findings for GitHub Actions: annotations, the log, and the summary of the step.
 
-GitHub shows ten errors and ten warnings of a step and drops the rest without a word. So the most severe findings
-become annotations, one more says how many there are beside them, and the log and the summary have all.
+GitHub shows ten errors and ten warnings of a step and silently drops the rest. Therefore only the most severe findings
+become annotations, one more annotation states the number of the others, and the log and the summary have all.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from codra_dsl.language.diagnostics import Diagnostic, Severity, Span
 from codra_dsl.tooling.report.findings import as_markdown, help, related_places, render_concise, shown_place, visible
 
 MAX_ANNOTATIONS = 10
-"""How many annotations of one severity GitHub shows for a step."""
+"""The number of annotations of one severity that GitHub shows for a step."""
 MAX_SUMMARY_BYTES = 512 * 1024
-"""How much of the summary of a step, which GitHub refuses when it is larger than 1 MiB, findings may take."""
+"""The largest part of a step's summary that findings use; GitHub rejects a summary of more than 1 MiB."""
 
 _COMMAND = "::"
 _BEGINS_A_COMMAND = re.compile(r"^(?=[^\S\n]*::)", re.MULTILINE)
@@ -29,51 +29,51 @@ def render_github(diagnostics: Iterable[Diagnostic], folder: str = "") -> str:
 
     Args:
         diagnostics: in file order.
-        folder: of the files' root within the repository, with `/`.
+        folder: the path of the files' root within the repository, with `/`.
     """
-    found = tuple(diagnostics)
-    annotated = [each for severity in Severity for each in _of(found, severity)[:MAX_ANNOTATIONS]]
-    commands = [_annotation(each, folder) for each in annotated]
-    if len(annotated) < len(found):
-        commands.append(_rest(found, annotated))
-    return "".join(f"{command}\n" for command in commands) + without_commands(render_concise(found))
+    findings = tuple(diagnostics)
+    annotated = [diagnostic for severity in Severity for diagnostic in _of(findings, severity)[:MAX_ANNOTATIONS]]
+    commands = [_annotation(diagnostic, folder) for diagnostic in annotated]
+    if len(annotated) < len(findings):
+        commands.append(_rest(findings, annotated))
+    return "".join(f"{command}\n" for command in commands) + without_commands(render_concise(findings))
 
 
 def without_commands(text: str) -> str:
-    """Return text none of whose lines the runner takes for a command.
+    """Return text in which the runner recognises no line as a command.
 
-    It takes for one what begins with `::`, after blanks, and what holds `##[` anywhere.
+    A line is a command if it begins with `::`, after blanks, or contains `##[`.
     """
     return _BEGINS_A_COMMAND.sub("./", text.replace("##[", "## ["))
 
 
 def render_summary(diagnostics: Sequence[Diagnostic], title: str) -> str:
-    """Return findings as Markdown; empty if there are none."""
+    """Return findings as Markdown; empty without findings."""
     if not diagnostics:
         return ""
     lines = [f"\n### {as_markdown(title)}\n\n", "| place | finding | message |\n", "| --- | --- | --- |\n"]
-    size, told = 0, 0
-    for found in diagnostics:
-        row = _row(found)
+    size, shown = 0, 0
+    for diagnostic in diagnostics:
+        row = _row(diagnostic)
         size += len(row.encode())
         if size > MAX_SUMMARY_BYTES:
             break
         lines.append(row)
-        told += 1
-    if told < len(diagnostics):
-        lines.append(f"\nand {len(diagnostics) - told} more: see the log\n")
+        shown += 1
+    if shown < len(diagnostics):
+        lines.append(f"\nand {len(diagnostics) - shown} more: see the log\n")
     return "".join(lines)
 
 
-def _annotation(found: Diagnostic, folder: str) -> str:
-    lines = [found.message, *([f"help: {found.help}"] if found.help else [])]
-    lines += [f"{shown_place(each.place.span)}: {each.message}" for each in related_places(found)]
-    properties = _place(found.place.span, folder) | {"title": f"{found.code} {found.rule.name}"}
-    return _command(found.severity.value, properties, "\n".join(map(visible, lines)))
+def _annotation(diagnostic: Diagnostic, folder: str) -> str:
+    lines = [diagnostic.message, *([f"help: {diagnostic.help}"] if diagnostic.help else [])]
+    lines += [f"{shown_place(related.place.span)}: {related.message}" for related in related_places(diagnostic)]
+    properties = _place(diagnostic.place.span, folder) | {"title": f"{diagnostic.code} {diagnostic.rule.name}"}
+    return _command(diagnostic.severity.value, properties, "\n".join(map(visible, lines)))
 
 
 def _place(span: Span, folder: str) -> dict[str, str]:
-    """Return where an annotation stands; GitHub takes columns within one line only."""
+    """Return the place of an annotation; GitHub accepts columns only within one line."""
     if span.file == _STANDARD_INPUT:
         return {}
     file = visible(f"{folder}/{span.file}" if folder else span.file)
@@ -83,28 +83,30 @@ def _place(span: Span, folder: str) -> dict[str, str]:
     return place
 
 
-def _rest(found: Sequence[Diagnostic], annotated: Sequence[Diagnostic]) -> str:
-    hidden = [(severity, len(_of(found, severity)) - len(_of(annotated, severity))) for severity in Severity]
-    told = " and ".join(f"{number} more {severity.value}{'s' * (number > 1)}" for severity, number in hidden if number)
-    return _command("notice", {"title": "codra"}, f"{told}: see the log or the summary of this step")
+def _rest(findings: Sequence[Diagnostic], annotated: Sequence[Diagnostic]) -> str:
+    hidden = [(severity, len(_of(findings, severity)) - len(_of(annotated, severity))) for severity in Severity]
+    counts = " and ".join(
+        f"{number} more {severity.value}{'s' * (number > 1)}" for severity, number in hidden if number
+    )
+    return _command("notice", {"title": "codra"}, f"{counts}: see the log or the summary of this step")
 
 
-def _of(found: Iterable[Diagnostic], severity: Severity) -> list[Diagnostic]:
-    return [each for each in found if each.severity is severity]
+def _of(diagnostics: Iterable[Diagnostic], severity: Severity) -> list[Diagnostic]:
+    return [diagnostic for diagnostic in diagnostics if diagnostic.severity is severity]
 
 
 def _command(name: str, properties: Mapping[str, str], message: str) -> str:
-    told = ",".join(f"{key}={_escaped(value, _PROPERTY)}" for key, value in properties.items())
-    return f"{_COMMAND}{name} {told}{_COMMAND}{_escaped(message, _DATA)}"
+    text = ",".join(f"{key}={_escaped(value, _PROPERTY)}" for key, value in properties.items())
+    return f"{_COMMAND}{name} {text}{_COMMAND}{_escaped(message, _DATA)}"
 
 
 def _escaped(text: str, escapes: Mapping[str, str]) -> str:
     return text.translate({ord(letter): escape for letter, escape in escapes.items()})
 
 
-def _row(found: Diagnostic) -> str:
-    span = found.place.span
+def _row(diagnostic: Diagnostic) -> str:
+    span = diagnostic.place.span
     place = f"{as_markdown(span.file)}:{span.line}:{span.column}"
-    more = help(found)
+    more = help(diagnostic)
     help_ = f" *({as_markdown(more)})*" if more else ""
-    return f"| {place} | {found.severity.value} {found.code} | {as_markdown(found.message)}{help_} |\n"
+    return f"| {place} | {diagnostic.severity.value} {diagnostic.code} | {as_markdown(diagnostic.message)}{help_} |\n"

@@ -1,8 +1,8 @@
-"""The dependency graph of compiled specs as one value, and as JSON; its neighbours draw it.
+"""The dependency graph of compiled specs as one value, and as JSON; other modules of this package draw it.
 
 In JSON and for Graphviz an edge reads as a sentence: a skill decides on a variable, an observer runs an algorithm, an
-algorithm requires one variable and identifies another. Pictures follow what is known instead, from left to right: from
-the variables that perception needs, through what it identifies, to the decisions.
+algorithm requires one variable and identifies another. In pictures, arrows follow the flow of knowledge, from left to
+right: from the variables that perception needs, through those that it identifies, to the decisions.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ class Element:
     """A node of the graph.
 
     Attributes:
-        label: what people read.
+        label: its name for people.
         spec: the name of its spec.
-        group: the use of a template that made it, else the file that declares it, as the generated module is called.
-        use: the use of a template that made it, or nothing.
-        observer: the id of the observer that identifies or runs it, or that it is; nothing where none does.
-        about: what `graph.json` says of it.
-        description: of a variable.
-        worst_case_s: from declared to known, of a variable that observers identify.
+        group: the name of its generated module, from the use of a template or the file that declares it.
+        use: the use of a template that created it, or an empty string.
+        observer: the id of the observer that identifies it, runs it, or is it; may be empty.
+        about: its entry in `graph.json`.
+        description: the description of a variable.
+        worst_case_s: the longest time from declared to known, for a variable that observers identify.
     """
 
     id: str
@@ -63,7 +63,7 @@ class Link:
 
     @property
     def flow(self) -> tuple[str, str]:
-        """Return what is needed, then who needs it: the way that an arrow points in a picture."""
+        """Return the needed element, then the one that needs it: the direction of an arrow in a picture."""
         return (self.target, self.source) if self.kind in _AGAINST_THE_FLOW else (self.source, self.target)
 
 
@@ -78,7 +78,7 @@ _AGAINST_THE_FLOW = frozenset(
         EdgeKind.WEIGHS,
     }
 )
-"""Edges whose sentence ends where knowledge comes from."""
+"""Edges whose target is the source of the knowledge."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,7 +87,7 @@ class Graph:
 
     Attributes:
         specs: their names.
-        absent: names that are declared but needed by no decision, so that they are no elements.
+        absent: names that are declared, but are not elements because no decision needs them.
     """
 
     specs: tuple[str, ...]
@@ -104,10 +104,17 @@ class Graph:
         )
 
     def choices(self) -> Choices:
-        """Return what selectors can choose from."""
+        """Return the nodes that selectors can match."""
         nodes = (
-            Choice(id=each.id, name=each.name, kind=each.kind, label=each.label, file=each.file, use=each.use)
-            for each in self.elements
+            Choice(
+                id=element.id,
+                name=element.name,
+                kind=element.kind,
+                label=element.label,
+                file=element.file,
+                use=element.use,
+            )
+            for element in self.elements
         )
         kinds = tuple(kind.value for kind in NodeKind)
         return Choices(nodes=tuple(nodes), edges=[link.flow for link in self.links], kinds=kinds, absent=self.absent)
@@ -131,10 +138,10 @@ def graph_of(plans: Sequence[BuildPlan]) -> Graph:
 def render_json(graph: Graph) -> str:
     """Return the graph with the place of each node in the spec, and the worst case of each variable."""
     edges = ({"source": link.source, "target": link.target, "kind": link.kind.value} for link in graph.links)
-    return object_of(nodes=list_of(map(_told, graph.elements)), edges=list_of(edges))
+    return object_of(nodes=list_of(map(_node_object, graph.elements)), edges=list_of(edges))
 
 
-def _told(element: Element) -> dict[str, object]:
+def _node_object(element: Element) -> dict[str, object]:
     latency = {"worst_case_s": element.worst_case_s} if element.kind is NodeKind.CONTEXT else {}
     place = {"file": element.file, "line": element.line}
     return {"id": element.id, "kind": element.kind.value, **element.about, **latency, **place}
@@ -166,7 +173,7 @@ def _elements(plan: BuildPlan) -> Iterator[Element]:
 
 
 def _groups(plan: BuildPlan) -> tuple[Mapping[Node, str], Mapping[str, str]]:
-    """Return the module of each node, and the use that made each module that a use has made."""
+    """Return the module of each node, and the use of a template for each module that comes from one."""
     trees = {tree.name: tree for tree in plan.forest}
     groups: dict[Node, str] = {}
     for module in plan.modules:
@@ -178,7 +185,7 @@ def _groups(plan: BuildPlan) -> tuple[Mapping[Node, str], Mapping[str, str]]:
         groups |= dict.fromkeys(nodes, module.name)
     taken = entry_names(plan.checked.spec)
     for node, _ in graph_nodes(plan):
-        if node not in groups:  # of knowledge or loops, which have modules of their own
+        if node not in groups:  # nodes of knowledge and loops, which have separate modules
             groups[node] = module_name(_origin(plan, node), taken)
     return groups, {module.name: module.use.instance for module in plan.modules if module.use is not None}
 
@@ -198,20 +205,20 @@ _SECTIONS = {
 
 
 def _origin(plan: BuildPlan, node: Node) -> str:
-    """Return where an element of knowledge or loops is declared; a type that only nodes name, with these."""
+    """Return the place of declaration of an element of knowledge or loops; an undeclared type has that of its nodes."""
     spec = plan.checked.spec
     key = (_SECTIONS[node.kind], node.name)
     if key in spec.origins:
         return spec.origins[key]
-    return next(spec.origins["nodes", each.name] for each in spec.nodes if each.type.name == node.name)
+    return next(spec.origins["nodes", declared.name] for declared in spec.nodes if declared.type.name == node.name)
 
 
 def _observers(plan: BuildPlan) -> Mapping[Node, str]:
     """Return the id of the observer that each node belongs to."""
-    found: dict[Node, str] = {}
+    observer_of: dict[Node, str] = {}
     for tree in plan.forest:
         observer = Node(NodeKind.OBSERVER, tree.name)
         nodes = [observer, *(Node(NodeKind.PERCEPTION, branch.name) for branch in tree.branches)]
         nodes += [Node(NodeKind.CONTEXT, name) for name in tree.identifies]
-        found |= dict.fromkeys(nodes, node_id(plan, observer))
-    return found
+        observer_of |= dict.fromkeys(nodes, node_id(plan, observer))
+    return observer_of

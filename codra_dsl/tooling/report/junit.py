@@ -1,8 +1,8 @@
-"""Findings as a report of tests, for the CI systems that read JUnit's XML.
+"""Findings as a test report, for the CI systems that read JUnit's XML.
 
-One suite, and in it a test for each file: it fails if the file has a finding that counts as a failure. So a file keeps
-its test from run to run, and a report is never empty. The root is the suite itself, without one more around it: that
-is what both the common schema (the one of the Apache Ant tasks) and `colcon test-result` take.
+The report is one suite with a test for each file, which fails if the file has a finding that counts as a failure. So a
+file keeps its test from run to run, and a report is never empty. The suite itself is the root element: both the common
+schema (the one of the Apache Ant tasks) and `colcon test-result` expect that.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from codra_dsl.language.diagnostics import Diagnostic
 from codra_dsl.tooling.report.findings import Sources, render_concise, render_full, visible
 
 _BEGINS_A_COMMAND = re.compile(r"^(\s*):(?=:)", re.MULTILINE)
-_UNTOLD_INSTANT = "1970-01-01T00:00:00"  # the schema wants one; equal findings give equal bytes
-_UNTOLD_HOST = "localhost"
-_UNTOLD_TIME_S = "0"
+_FIXED_INSTANT = "1970-01-01T00:00:00"  # the schema requires one; equal findings give equal bytes
+_FIXED_HOST = "localhost"
+_FIXED_TIME_S = "0"
 
 
 def render_junit(
@@ -28,20 +28,20 @@ def render_junit(
     is_failure: Callable[[Diagnostic], bool],
     suite: str,
 ) -> str:
-    """Return findings as XML in ASCII letters.
+    """Return findings as XML in ASCII.
 
     Args:
         diagnostics: in file order.
-        files: that were examined, whether or not there are findings about them.
-        sources: the lines that findings are about.
-        is_failure: whether a finding fails the test of its file; the others are told in the suite's output.
-        suite: what examined the files; the name of the suite and of the class of its tests.
+        files: the files that were examined, with or without findings.
+        sources: returns the lines that findings are about.
+        is_failure: whether a finding fails the test of its file; the others are in the suite's output.
+        suite: the command that examined the files; the name of the suite and of the class of its tests.
     """
-    found = tuple(diagnostics)
+    findings = tuple(diagnostics)
     failures: dict[str, list[Diagnostic]] = {file: [] for file in files}
-    for each in found:
-        failures.setdefault(each.place.span.file, []).extend([each] if is_failure(each) else [])
-    others = [each for each in found if not is_failure(each)]
+    for diagnostic in findings:
+        failures.setdefault(diagnostic.place.span.file, []).extend([diagnostic] if is_failure(diagnostic) else [])
+    others = [diagnostic for diagnostic in findings if not is_failure(diagnostic)]
     root = _suite(suite, tests=len(failures), failures=sum(map(bool, failures.values())))
     ElementTree.SubElement(root, "properties")
     for file, failing in sorted(failures.items()):
@@ -54,20 +54,20 @@ def render_junit(
 
 
 def _without_commands(text: str) -> str:
-    """Return XML that says the same and is no command of GitHub's runner, should it go to a log."""
+    """Return equivalent XML without commands of GitHub's runner, which may read it in a log."""
     return _BEGINS_A_COMMAND.sub(r"\1&#58;", text.replace("##[", "##&#91;"))
 
 
 def _suite(name: str, *, tests: int, failures: int) -> ElementTree.Element:
     counts = {"tests": str(tests), "failures": str(failures), "errors": "0", "skipped": "0"}
-    ran = {"time": _UNTOLD_TIME_S, "timestamp": _UNTOLD_INSTANT, "hostname": _UNTOLD_HOST}
+    ran = {"time": _FIXED_TIME_S, "timestamp": _FIXED_INSTANT, "hostname": _FIXED_HOST}
     return ElementTree.Element("testsuite", {"name": name} | counts | ran)
 
 
 def _add_test(
     root: ElementTree.Element, suite: str, file: str, failing: Sequence[Diagnostic], sources: Sources
 ) -> None:
-    attributes = {"classname": suite, "name": visible(file), "time": _UNTOLD_TIME_S}
+    attributes = {"classname": suite, "name": visible(file), "time": _FIXED_TIME_S}
     test = ElementTree.SubElement(root, "testcase", attributes)
     if failing:
         first, others = failing[0], len(failing) - 1

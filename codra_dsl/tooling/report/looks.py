@@ -1,4 +1,4 @@
-"""How each kind of node and edge looks in every picture, and what it means in words."""
+"""The look of each kind of node and edge in all pictures, and its meaning in words."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from codra_dsl.tooling.report.graphs import Element, Graph
 
 
 class Shown(StrEnum):
-    """What a picture tells apart: the kinds of node, and variables that no observer identifies."""
+    """The kinds that a picture distinguishes: the kinds of node, and variables that no observer identifies."""
 
     CONTEXT = "context"
     GIVEN = "given"
@@ -32,11 +32,11 @@ class Shown(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NodeLook:
-    """How a node looks.
+    """The look of a node.
 
     Attributes:
-        shape: its name in Graphviz.
-        meaning: what it is, in words.
+        shape: the name of its shape in Graphviz.
+        meaning: its meaning, in words.
     """
 
     shape: str
@@ -47,11 +47,11 @@ class NodeLook:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EdgeLook:
-    """How an arrow from A to B looks.
+    """The look of an arrow from A to B.
 
     Attributes:
         style: solid, bold, dotted or dashed.
-        sentence: what an arrow from A to B says.
+        sentence: the meaning of an arrow from A to B.
     """
 
     colour: str
@@ -65,7 +65,7 @@ NODES: Mapping[Shown, NodeLook] = {
         shape="box", fill="#d6e6f5", style="filled,rounded", meaning="context-variable that an observer identifies"
     ),
     Shown.GIVEN: NodeLook(
-        shape="box", fill="#ffffff", style="filled,rounded,dashed", meaning="context-variable that others tell"
+        shape="box", fill="#ffffff", style="filled,rounded,dashed", meaning="context-variable from another source"
     ),
     Shown.PERCEPTION: NodeLook(shape="box", fill="#fff3c4", style="filled", meaning="perception algorithm"),
     Shown.OBSERVER: NodeLook(shape="hexagon", fill="#d8efd3", style="filled", meaning="observer"),
@@ -87,39 +87,39 @@ EDGES: Mapping[EdgeKind, EdgeLook] = {
     ),
     EdgeKind.IDENTIFIES: EdgeLook(colour="#2e7d32", style="bold", head="normal", sentence="A identifies B"),
     EdgeKind.RUNS: EdgeLook(colour="#777777", style="dotted", head="open", sentence="A runs B"),
-    EdgeKind.DECIDES_ON: EdgeLook(colour="#b5541c", style="dashed", head="vee", sentence="A is what B decides on"),
+    EdgeKind.DECIDES_ON: EdgeLook(colour="#b5541c", style="dashed", head="vee", sentence="B decides on A"),
     EdgeKind.FEEDBACK: EdgeLook(
-        colour="#c2185b", style="dashed", head="empty", sentence="A is read by B, which does not wait for it"
+        colour="#c2185b", style="dashed", head="empty", sentence="B reads A, but does not wait for it"
     ),
     EdgeKind.OWNS: EdgeLook(colour="#6a3fa0", style="bold", head="normal", sentence="A may write B"),
     EdgeKind.READS: EdgeLook(colour="#6a3fa0", style="dashed", head="vee", sentence="A is read by B"),
-    EdgeKind.REQUESTS: EdgeLook(colour="#b3123a", style="solid", head="normal", sentence="A may ask for task B"),
+    EdgeKind.REQUESTS: EdgeLook(colour="#b3123a", style="solid", head="normal", sentence="A may request task B"),
     EdgeKind.EXECUTES: EdgeLook(colour="#b3123a", style="bold", head="normal", sentence="A is done by B"),
     EdgeKind.LEADS_FROM: EdgeLook(colour="#777777", style="solid", head="none", sentence="edges B lead from nodes A"),
     EdgeKind.LEADS_TO: EdgeLook(colour="#777777", style="solid", head="open", sentence="edges A lead to nodes B"),
     EdgeKind.WEIGHS: EdgeLook(colour="#00796b", style="solid", head="normal", sentence="A is weighed by B"),
     EdgeKind.SWITCHES: EdgeLook(colour="#b5541c", style="bold", head="normal", sentence="A chooses the branch of B"),
     EdgeKind.SETS: EdgeLook(colour="#b5541c", style="solid", head="normal", sentence="A sets B"),
-    EdgeKind.ANALYSES: EdgeLook(colour="#777777", style="dotted", head="open", sentence="A works out B"),
+    EdgeKind.ANALYSES: EdgeLook(colour="#777777", style="dotted", head="open", sentence="A computes B"),
     EdgeKind.ADAPTS: EdgeLook(colour="#777777", style="dashed", head="open", sentence="A makes B"),
 }
 
-FRAME = "an observer with what it runs and identifies"
-WORST_CASE = "known at the latest so long after it is declared"
+FRAME = "an observer with its algorithms and variables"
+WORST_CASE = "the longest time from declared to known"
 
 
 def shown(element: Element) -> Shown:
-    """Return what a picture shows an element as."""
+    """Return the kind as which a picture shows an element."""
     return Shown.GIVEN if element.is_given else Shown(element.kind.value)
 
 
 def label_of(element: Element) -> str:
-    """Return the label of an element on one line; its name where the label is nothing to see."""
+    """Return the label of an element on one line, or its name if the label has no visible characters."""
     return visible(element.label).strip() or element.name
 
 
 def latency_of(element: Element) -> str:
-    """Return the worst case of a variable in few letters, or nothing."""
+    """Return the worst case of a variable as a short text, or an empty text."""
     return "" if element.worst_case_s is None else f"≤ {_seconds(element.worst_case_s)}"
 
 
@@ -130,10 +130,10 @@ def _seconds(duration_s: float) -> str:
 def nodes_of(graph: Graph) -> tuple[Shown, ...]:
     """Return the kinds of node that a graph has, in the order of the legend."""
     present = {shown(element) for element in graph.elements}
-    return tuple(each for each in NODES if each in present)
+    return tuple(kind for kind in NODES if kind in present)
 
 
 def edges_of(graph: Graph) -> tuple[EdgeKind, ...]:
     """Return the kinds of edge that a graph has, in the order of the legend."""
     present = {link.kind for link in graph.links}
-    return tuple(each for each in EDGES if each in present)
+    return tuple(kind for kind in EDGES if kind in present)

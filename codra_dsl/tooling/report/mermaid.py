@@ -1,7 +1,7 @@
 """The dependency graph as a Mermaid flowchart, for pages that draw Mermaid.
 
-What draws Mermaid refuses long texts and many edges. A graph beyond that is drawn together, a box for each use of a
-template and each file: it is shown whole, and `--select` shows the rest piece by piece.
+Renderers of Mermaid refuse long texts and many edges. A larger graph is condensed to a box for each use of a template
+and each file. So all of it is shown, and `--select` shows parts in full.
 """
 
 from __future__ import annotations
@@ -68,30 +68,30 @@ _ARROWS: Mapping[EdgeKind, str] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Flowchart:
-    """A graph as Mermaid draws it.
+    """A graph as a Mermaid flowchart.
 
     Attributes:
-        is_whole: whether it shows the graph element by element.
-        edges: how many it has.
+        is_complete: whether it shows every element of the graph.
+        edges: the number of its edges.
     """
 
     text: str
-    is_whole: bool
+    is_complete: bool
     edges: int
 
     @property
     def fits(self) -> bool:
-        """Return whether Mermaid draws it unless it was told to draw more."""
+        """Return whether Mermaid draws it with its default limits."""
         return self.edges <= MAX_EDGES and len(self.text) <= MAX_LETTERS
 
 
 def flowchart(graph: Graph) -> Flowchart:
-    """Return the graph as a flowchart: whole if Mermaid draws that, else drawn together."""
-    whole = Flowchart(text=_chart(graph), is_whole=True, edges=len(graph.links) + len(edges_of(graph)))
-    if whole.fits:
-        return whole
+    """Return the graph as a flowchart: complete if Mermaid draws that, else condensed."""
+    complete = Flowchart(text=_chart(graph), is_complete=True, edges=len(graph.links) + len(edges_of(graph)))
+    if complete.fits:
+        return complete
     boxes = overview(graph)
-    return Flowchart(text=_together(boxes), is_whole=False, edges=len(boxes.arrows))
+    return Flowchart(text=_condensed(boxes), is_complete=False, edges=len(boxes.arrows))
 
 
 def _chart(graph: Graph) -> str:
@@ -104,7 +104,7 @@ def _chart(graph: Graph) -> str:
         need, user = link.flow
         lines.append(f"n{numbers[need]} {_ARROWS[link.kind]} n{numbers[user]}")
     lines += _legend(graph)
-    lines += (_style(each) for each in nodes_of(graph))
+    lines += (_style(kind) for kind in nodes_of(graph))
     kinds = [link.kind for link in graph.links] + list(edges_of(graph))
     lines += (_link_style(kind, kinds) for kind in edges_of(graph))
     return "\n  ".join(lines) + "\n"
@@ -131,45 +131,45 @@ def _node(element: Element, number: int) -> str:
 
 
 def _text(label: str) -> str:
-    """Return text that Mermaid shows as it is: all but letters and digits as codes."""
+    """Return text that Mermaid shows unchanged: all characters except letters and digits as codes."""
     return "".join(letter if letter.isalnum() or letter in "_ " else f"#{ord(letter)};" for letter in label)
 
 
 def _legend(graph: Graph) -> list[str]:
-    """Return the legend: for each kind of arrow, one from A to B with what it says."""
+    """Return the legend: for each kind of arrow, an arrow from A to B with its meaning."""
     lines = []
     for number, kind in enumerate(edges_of(graph)):
         sentence = _text(EDGES[kind].sentence)
         lines.append(f'a{number}(("A")) {_ARROWS[kind]}|"{sentence}"| b{number}(("B"))')
-    lines += (f'k_{each}["{_text(NODES[each].meaning)}"]:::{each}' for each in nodes_of(graph))
+    lines += (f'k_{kind}["{_text(NODES[kind].meaning)}"]:::{kind}' for kind in nodes_of(graph))
     if any(latency_of(element) for element in graph.elements):
         lines.append(f'worst_case["≤ 1 s{_text(": " + WORST_CASE)}"]:::plain')
     return _subgraph("legend", "how to read it", lines)
 
 
-def _style(each: Shown) -> str:
-    dashes = ",stroke-dasharray:4 2" if "dashed" in NODES[each].style else ""
-    return f"classDef {each} fill:{NODES[each].fill},stroke:#333333,color:#000000{dashes}"
+def _style(kind: Shown) -> str:
+    dashes = ",stroke-dasharray:4 2" if "dashed" in NODES[kind].style else ""
+    return f"classDef {kind} fill:{NODES[kind].fill},stroke:#333333,color:#000000{dashes}"
 
 
 def _link_style(kind: EdgeKind, kinds: Sequence[EdgeKind]) -> str:
-    numbers = ",".join(str(number) for number, each in enumerate(kinds) if each is kind)
+    numbers = ",".join(str(number) for number, link_kind in enumerate(kinds) if link_kind is kind)
     return f"linkStyle {numbers} stroke:{EDGES[kind].colour}"
 
 
-def _together(whole: Overview) -> str:
+def _condensed(condensed: Overview) -> str:
     """Return a flowchart with a box for each use and file."""
     lines = [
         "flowchart LR",
-        "%% Too large for Mermaid: each box stands for all that a use of a template, a file or an observer declares,",
-        "%% each arrow leads from what is needed to who needs it. `codra graph --select` shows a part in full.",
+        "%% Too large for Mermaid: each box has all nodes that a use of a template, a file or an observer declares,",
+        "%% and each arrow leads to an element from one that it needs. `codra graph --select` shows a part in full.",
     ]
-    for spec in whole.specs:
+    for spec in condensed.specs:
         inside = [
             f'b{number}["{_text(box.label)}<br/>{box.count} node{"" if box.count == 1 else "s"}"]'
-            for number, box in enumerate(whole.boxes)
+            for number, box in enumerate(condensed.boxes)
             if box.spec == spec
         ]
-        lines += _subgraph(f"spec_{spec}", spec, inside) if len(whole.specs) > 1 else inside
-    lines += (f"b{need} --> b{user}" for need, user in whole.arrows)
+        lines += _subgraph(f"spec_{spec}", spec, inside) if len(condensed.specs) > 1 else inside
+    lines += (f"b{need} --> b{user}" for need, user in condensed.arrows)
     return "\n  ".join(lines) + "\n"

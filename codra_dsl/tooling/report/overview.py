@@ -1,4 +1,4 @@
-"""A graph too large for a picture, drawn together: a box for each use of a template and each file."""
+"""A condensed graph, for graphs that are too large for a picture: a box for each use of a template and each file."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from codra_dsl.tooling.report.graphs import Element, Graph
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Box:
-    """Elements that stand together.
+    """Elements that are drawn as one box.
 
     Attributes:
-        spec: the spec that they belong to.
-        count: how many they are.
+        spec: the spec of the elements.
+        count: the number of elements.
     """
 
     spec: str
@@ -28,7 +28,7 @@ class Overview:
     """A graph of boxes.
 
     Attributes:
-        arrows: how many links lead from one box to another, by what is needed and who needs it, as numbers of boxes.
+        arrows: the number of links between two boxes, by the numbers of the needed box and of the one that needs it.
     """
 
     specs: tuple[str, ...]
@@ -37,10 +37,10 @@ class Overview:
 
 
 def overview(graph: Graph) -> Overview:
-    """Return a graph drawn together by uses and files; within one file, by observers."""
+    """Return a graph condensed by uses and files; within one file, by observers."""
     if len({_module(element) for element in graph.elements}) > 1:
-        return _drawn_together(graph, _module)
-    return _drawn_together(graph, _observer)
+        return _condensed(graph, _module)
+    return _condensed(graph, _observer)
 
 
 _Key = tuple[str, str]
@@ -54,7 +54,7 @@ def _observer(element: Element) -> _Key:
     return element.spec, (element.observer or element.id).rpartition("/")[2]
 
 
-def _drawn_together(graph: Graph, key_of: Callable[[Element], _Key]) -> Overview:
+def _condensed(graph: Graph, key_of: Callable[[Element], _Key]) -> Overview:
     counts = Counter(map(key_of, graph.elements))
     numbers = {key: number for number, key in enumerate(counts)}
     box_of = {element.id: numbers[key_of(element)] for element in graph.elements}

@@ -1,7 +1,7 @@
-"""The dependency graph as one page: a single file that needs no network, for any browser.
+"""The dependency graph as one page: a single file for any browser that needs no network.
 
-The template escapes all text. What a spec says is data in the page that nothing runs; the page's policy allows only its
-own script, which it names by its digest.
+The template escapes all text. Text from a spec is data in the page and is never run. The page's security policy allows
+only its own script, by its digest.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from codra_dsl.tooling.report.looks import EDGES, NODES, WORST_CASE, edges_of, l
 
 
 def render_html(graph: Graph) -> str:
-    """Return the graph as a page to explore: search, pan and zoom, what a node needs and what needs it."""
+    """Return the graph as a page to explore: search, pan and zoom, and the needs and dependents of each node."""
     folder = files("codra_dsl.tooling.report") / "viewer"
     style, *scripts = ((folder / name).read_text("utf-8") for name in ("style.css", "graph.js", "script.js"))
     script = "".join(scripts)
@@ -52,7 +52,7 @@ def _environment() -> Environment:
 
 
 def _drawing(graph: Graph) -> str:
-    """Return what Graphviz draws, or nothing where it is slow or not there: then the page lays the graph out itself."""
+    """Return Graphviz's drawing, or nothing if Graphviz is slow or missing: then the page lays out the graph itself."""
     if len(graph.elements) > MAX_QUICK:
         return ""
     try:
@@ -86,12 +86,12 @@ _FACTS = {
 }
 
 
-def _said(value: object) -> object:
+def _fact(value: object) -> object:
     return ", ".join(map(str, value)) if isinstance(value, list) else value
 
 
 def _node(element: Element) -> Mapping[str, object]:
-    facts = {_FACTS[name]: _said(value) for name, value in element.about.items() if name in _FACTS and value != []}
+    facts = {_FACTS[name]: _fact(value) for name, value in element.about.items() if name in _FACTS and value != []}
     if "Looks every" in facts:
         facts["Looks every"] = f"{facts['Looks every']:g} s"
     return {

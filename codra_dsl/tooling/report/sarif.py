@@ -1,6 +1,6 @@
 """Findings in the Static Analysis Results Interchange Format (SARIF 2.1.0, an OASIS standard), for code scanning.
 
-What GitHub's code scanning takes of it, and no more than it takes, decides where the standard leaves a choice.
+Where the standard leaves a choice, the output follows what GitHub's code scanning accepts, and its limits.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ _CYCLES = "CDR51"
 _FINGERPRINT = "codraFinding/v1"
 
 MAX_RESULTS = 25_000
-"""How many results a run may have, lest GitHub refuse all of them."""
+"""The maximum number of results in a run; GitHub rejects a run with more."""
 MAX_RELATED = 100
-"""How many related locations of a result GitHub keeps; it refuses a result with more than 1,000."""
+"""The number of related locations of a result that GitHub keeps; it rejects a result with more than 1,000."""
 MAX_STEPS = 1_000
-"""How many locations of a code flow GitHub keeps; it refuses a result with more than 10,000."""
+"""The number of locations of a code flow that GitHub keeps; it rejects a result with more than 10,000."""
 _MAX_LINKS = 5
 _MAX_DESCRIPTION = 1024
 
@@ -40,20 +40,22 @@ def render_sarif(diagnostics: Iterable[Diagnostic], folder: str = "") -> str:
     """Return findings as one run of SARIF.
 
     Args:
-        diagnostics: in file order; of two with one fingerprint, the order tells them apart.
-        folder: of the files' root within the repository, with `/`.
+        diagnostics: in file order, which distinguishes findings with equal fingerprints.
+        folder: the path of the files' root within the repository, with `/`.
     """
-    all_found = tuple(diagnostics)
-    kept = _most_severe(all_found)
-    rules = {found.code: found.rule for found in sorted(kept, key=lambda found: found.code)}
+    findings = tuple(diagnostics)
+    kept = _most_severe(findings)
+    rules = {diagnostic.code: diagnostic.rule for diagnostic in sorted(kept, key=lambda diagnostic: diagnostic.code)}
     numbers = {code: number for number, code in enumerate(rules)}
     places = _Places(folder)
-    results = [_result(found, numbers[found.code], occurrence, places) for found, occurrence in numbered(kept)]
+    results = [
+        _result(diagnostic, numbers[diagnostic.code], occurrence, places) for diagnostic, occurrence in numbered(kept)
+    ]
     driver = {"name": "codra", "version": __version__, "rules": [_rule(rule) for rule in rules.values()]}
     run = {
         "tool": {"driver": driver},
-        "invocations": [_invocation(len(all_found) - len(kept))],
-        "originalUriBaseIds": {_ROOT: {"description": {"text": "The folder that all paths are relative to."}}},
+        "invocations": [_invocation(len(findings) - len(kept))],
+        "originalUriBaseIds": {_ROOT: {"description": {"text": "The folder to which all paths are relative."}}},
         "columnKind": "unicodeCodePoints",
         "results": results,
     }
@@ -61,17 +63,17 @@ def render_sarif(diagnostics: Iterable[Diagnostic], folder: str = "") -> str:
 
 
 def _most_severe(diagnostics: tuple[Diagnostic, ...]) -> tuple[Diagnostic, ...]:
-    """Return as many findings as GitHub takes; errors stay before warnings do."""
+    """Return as many findings as GitHub accepts, errors before warnings."""
     if len(diagnostics) <= MAX_RESULTS:
         return diagnostics
-    return tuple(sorted(diagnostics, key=lambda found: found.severity is not Severity.ERROR)[:MAX_RESULTS])
+    return tuple(sorted(diagnostics, key=lambda diagnostic: diagnostic.severity is not Severity.ERROR)[:MAX_RESULTS])
 
 
 def _invocation(left_out: int) -> _Object:
     if not left_out:
         return {"executionSuccessful": True}
-    told = f"{left_out} findings more than the {MAX_RESULTS} that code scanning takes are left out."
-    notification = {"level": "warning", "message": {"text": told}}
+    text = f"{left_out} findings are left out, because code scanning accepts at most {MAX_RESULTS}."
+    notification = {"level": "warning", "message": {"text": text}}
     return {"executionSuccessful": True, "toolExecutionNotifications": [notification]}
 
 
@@ -95,7 +97,7 @@ def _rule(rule: Rule) -> _Object:
 
 
 def _page(code: str) -> Page | None:
-    """Return what there is to say about a rule; an installation without pages still has findings."""
+    """Return the page of a rule, or None in an installation without pages."""
     try:
         return page_of(code)
     except OSError:
@@ -109,40 +111,40 @@ def _tag(code: str) -> str:
 # ---------------------------------------------------------------------------------------------------- results
 
 
-def _result(found: Diagnostic, rule_index: int, occurrence: int, places: _Places) -> _Object:
-    related = related_places(found)[:MAX_RELATED]
-    flows = _flows(found, places)
-    location: _Object = {"physicalLocation": places.at(found.place.span)}
-    if found.path:
-        location["logicalLocations"] = [{"fullyQualifiedName": visible(found.path)}]
+def _result(diagnostic: Diagnostic, rule_index: int, occurrence: int, places: _Places) -> _Object:
+    related = related_places(diagnostic)[:MAX_RELATED]
+    flows = _flows(diagnostic, places)
+    location: _Object = {"physicalLocation": places.at(diagnostic.place.span)}
+    if diagnostic.path:
+        location["logicalLocations"] = [{"fullyQualifiedName": visible(diagnostic.path)}]
     optional = {
-        "relatedLocations": [places.noted(each, number) for number, each in enumerate(related, start=1)],
+        "relatedLocations": [places.noted(note, number) for number, note in enumerate(related, start=1)],
         "codeFlows": flows,
-        "fixes": [_fix(found.fix, places)] if found.fix is not None else [],
+        "fixes": [_fix(diagnostic.fix, places)] if diagnostic.fix is not None else [],
     }
     return {
-        "ruleId": found.code,
+        "ruleId": diagnostic.code,
         "ruleIndex": rule_index,
-        "level": found.severity.value,
-        "message": {"text": _message(found, () if flows else related[:_MAX_LINKS])},
+        "level": diagnostic.severity.value,
+        "message": {"text": _message(diagnostic, () if flows else related[:_MAX_LINKS])},
         "locations": [location],
         **{key: value for key, value in optional.items() if value},
-        "partialFingerprints": {_FINGERPRINT: f"{found.fingerprint}:{occurrence}"},
+        "partialFingerprints": {_FINGERPRINT: f"{diagnostic.fingerprint}:{occurrence}"},
     }
 
 
-def _message(found: Diagnostic, linked: Sequence[Related]) -> str:
-    """Return what is wrong, the way out, and links to other places: GitHub shows those that are linked."""
-    sentences = [_sentence(found.message)]
-    sentences += [_sentence(f"Help: {found.help}")] if found.help else []
+def _message(diagnostic: Diagnostic, linked: Sequence[Related]) -> str:
+    """Return the problem, the help, and links to other places, which GitHub shows."""
+    sentences = [_sentence(diagnostic.message)]
+    sentences += [_sentence(f"Help: {diagnostic.help}")] if diagnostic.help else []
     if linked:
-        links = (f"[{_linked(each.message)}]({number})" for number, each in enumerate(linked, start=1))
+        links = (f"[{_linked(related.message)}]({number})" for number, related in enumerate(linked, start=1))
         sentences.append(f"See: {', '.join(links)}.")
     return " ".join(sentences)
 
 
 def _sentence(text: str) -> str:
-    """Return text of which nothing is taken for a link, with an end: where space is short one sentence is shown."""
+    """Return text without links that ends as a sentence: where space is short, only one sentence is shown."""
     shown = visible(text).replace("](", "] (")
     return shown if shown.endswith((".", "!", "?")) else f"{shown}."
 
@@ -151,13 +153,13 @@ def _linked(text: str) -> str:
     return _LINK_LETTERS.sub(r"\\\1", visible(text))
 
 
-def _flows(found: Diagnostic, places: _Places) -> list[_Object]:
+def _flows(diagnostic: Diagnostic, places: _Places) -> list[_Object]:
     """Return the path around a cycle, edge by edge."""
-    if not found.code.startswith(_CYCLES):
+    if not diagnostic.code.startswith(_CYCLES):
         return []
-    here = found.place
-    edges = [each for each in found.related if each.place == here or each.place.span != here.span]
-    steps = [{"location": places.noted(each)} for each in edges[:MAX_STEPS]]
+    here = diagnostic.place
+    edges = [related for related in diagnostic.related if related.place == here or related.place.span != here.span]
+    steps = [{"location": places.noted(edge)} for edge in edges[:MAX_STEPS]]
     return [{"threadFlows": [{"locations": steps}]}] if steps else []
 
 
@@ -185,7 +187,7 @@ class _Places:
         return {"artifactLocation": self.artifact(span.file), "region": _region(span)}
 
     def noted(self, related: Related, number: int | None = None) -> _Object:
-        """Return a location with what is to be seen there, and a number for links to it."""
+        """Return a location with a message about it, and a number for links to it."""
         identity: _Object = {} if number is None else {"id": number}
         place: Place = related.place
         return identity | {"physicalLocation": self.at(place.span), "message": {"text": _sentence(related.message)}}
@@ -197,7 +199,7 @@ class _Places:
 
 
 def _uri(path: str) -> str:
-    """Return a relative reference; bytes of a file name that are no text stay what they are."""
+    """Return a relative reference; bytes of a file name that are not valid text are kept."""
     return quote(_NO_FILE_BYTE.sub("\N{REPLACEMENT CHARACTER}", path), safe="/", errors="surrogateescape")
 
 

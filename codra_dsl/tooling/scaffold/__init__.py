@@ -1,4 +1,4 @@
-"""What `codra init` writes: a project that lints, compiles, type-checks and runs its tests at once."""
+"""The project that `codra init` creates: it passes lint, compiles, type-checks and passes its tests without changes."""
 
 from __future__ import annotations
 

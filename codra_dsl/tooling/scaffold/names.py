@@ -1,4 +1,4 @@
-"""What a new project is called: its spec, its generated package and the modules beside it have this name."""
+"""The name of a new project, which its spec, its generated package and the modules beside it share."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ _OUTSIDE = re.compile(r"[^A-Za-z0-9]+")
 
 
 class ImproperNameError(ValueError):
-    """A name that no spec may have; the message says why, and the way out."""
+    """A name that no spec may have; the message states the reason and how to fix it."""
 
 
 def require_name(name: str) -> str:
-    """Return a name that a spec may have as it is.
+    """Return a name unchanged, if a spec may have it.
 
     Raises:
-        ImproperNameError: for any other.
+        ImproperNameError: if no spec may have it.
     """
     if not is_identifier(name):
         better = _near(name)
@@ -30,10 +30,10 @@ def require_name(name: str) -> str:
 
 
 def name_from_folder(folder: str) -> str:
-    """Return the name that the name of a folder gives: `my-robot` gives `my_robot`.
+    """Return the name of a spec for a folder: `my-robot` gives `my_robot`.
 
     Raises:
-        ImproperNameError: if it gives none.
+        ImproperNameError: if the folder's name gives no valid name.
     """
     name = _near(folder)
     if name is None:
@@ -45,9 +45,9 @@ _EXAMPLE = "--name gripper"
 
 
 def _near(name: str) -> str | None:
-    """Return the name that a spec may have and that looks like this one, or None."""
+    """Return a name that a spec may have and that is similar to this one, or None."""
     near = _OUTSIDE.sub("_", name).strip("_") if name.isascii() else ""
-    return next((each for each in (near, f"{near}_robot") if near and is_identifier(each)), None)
+    return next((candidate for candidate in (near, f"{near}_robot") if near and is_identifier(candidate)), None)
 
 
 def _reason(name: str) -> str:
@@ -60,5 +60,5 @@ def _reason(name: str) -> str:
     return (
         "is a literal"
         if name in ("true", "false", "null")
-        else ("is no name: names hold only letters A to Z, digits and '_', and begin with a letter")
+        else ("is not a name: names have only letters A to Z, digits and '_', and begin with a letter")
     )

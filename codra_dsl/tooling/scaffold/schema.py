@@ -1,7 +1,7 @@
 """The copy of the schema that a project's editors read.
 
-It is checked in, so that an editor needs nothing that is installed. `codra compile` keeps it fresh wherever it is, and
-`codra compile --check` finds it stale.
+It is checked in, so that an editor needs no installation of codra. Like any output, `codra compile` renews it if it is
+there, and `codra compile --check` reports a stale copy.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from codra_dsl.language.project import SCHEMA_COPY, SCHEMA_FILE, has_stale_schem
 
 
 def judge_schema(root: Path) -> tuple[Diagnostic, ...]:
-    """Return a finding when a project's copy of the schema is not the one of this version; nothing is written."""
+    """Return a finding if a project's copy of the schema is not that of this version; nothing is written."""
     if not has_stale_schema(root):
         return ()
     message = f"'{SCHEMA_COPY}' is not the schema of this version of codra"
@@ -23,7 +23,7 @@ def judge_schema(root: Path) -> tuple[Diagnostic, ...]:
 
 
 def renew_schema(root: Path) -> tuple[Diagnostic, ...]:
-    """Replace a project's copy of the schema at once where it is stale; return a finding when that is not possible."""
+    """Replace a stale copy of the schema in a project; return a finding if that fails."""
     copy = root / SCHEMA_COPY
     if not has_stale_schema(root):
         return ()

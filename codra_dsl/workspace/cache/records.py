@@ -1,4 +1,4 @@
-"""Findings as plain data and back. What was read is looked at before it is believed: a cache may hold anything."""
+"""Findings as plain data and back. Data is validated when it is read, because a cache file may hold anything."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ from typing import Any
 from codra_dsl.language.diagnostics import Applicability, Diagnostic, Edit, Fix, Place, Related, Rule, Severity, Span
 
 
-def record_of(found: Diagnostic) -> dict[str, object]:
+def record_of(diagnostic: Diagnostic) -> dict[str, object]:
     """Return a finding as plain data."""
     return {
-        "rule": [found.rule.code, found.rule.name, found.rule.severity],
-        "message": found.message,
-        "place": _of_place(found.place),
-        "path": found.path,
-        "help": found.help,
-        "related": [[each.message, _of_place(each.place)] for each in found.related],
-        "fix": None if found.fix is None else _of_fix(found.fix),
-        "level": found.level,
-        "each_use": [record_of(each) for each in found.per_use],
+        "rule": [diagnostic.rule.code, diagnostic.rule.name, diagnostic.rule.severity],
+        "message": diagnostic.message,
+        "place": _of_place(diagnostic.place),
+        "path": diagnostic.path,
+        "help": diagnostic.help,
+        "related": [[related.message, _of_place(related.place)] for related in diagnostic.related],
+        "fix": None if diagnostic.fix is None else _of_fix(diagnostic.fix),
+        "level": diagnostic.level,
+        "each_use": [record_of(use) for use in diagnostic.per_use],
     }
 
 
@@ -26,7 +26,7 @@ def finding_from(record: Any) -> Diagnostic:
     """Return a finding from plain data.
 
     Raises:
-        TypeError, ValueError, LookupError: if they are not those of one.
+        TypeError, ValueError, LookupError: if the data does not describe a finding.
     """
     code, name, severity = texts_from(record["rule"])
     level = record["level"]
@@ -44,14 +44,14 @@ def finding_from(record: Any) -> Diagnostic:
 
 
 def text_from(value: object) -> str:
-    """Return a value that must be a text."""
+    """Return a value that must be a string."""
     if not isinstance(value, str):
         raise TypeError
     return value
 
 
 def texts_from(values: object) -> tuple[str, ...]:
-    """Return values that must be a list of texts."""
+    """Return values that must be a list of strings."""
     if not isinstance(values, list):
         raise TypeError
     return tuple(map(text_from, values))

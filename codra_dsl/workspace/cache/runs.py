@@ -1,4 +1,4 @@
-"""Keeps runs in a folder of the project and finds them again."""
+"""Store runs in a folder of the project, and look them up."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ FOLDER = ".codra_cache"
 _FORMAT = "codra-cache-1"
 
 _ABOUT_FOLDERS = "call-not-found"
-"""What names of modules it suggests depends on which files there are, not only on what is in them."""
+"""Its suggested module names depend on which files exist, not only on their contents."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Run:
-    """What a run came to, as far as a command shows it.
+    """The results of a run that a command shows.
 
     Attributes:
-        specs: the files of the specs, relative to the project's root; `files` has those of their parts as well, and of
-            the Python modules that calls were compared with.
-        fail_on: what the project's settings say about the least severity that makes a command fail.
-        outputs: the digest of each file that was made, by its path in the output folder.
+        specs: the files of the specs, relative to the project's root; `files` also has those of their parts and of the
+            Python modules with which calls were compared.
+        fail_on: the least severity that makes a command fail, from the project's settings.
+        outputs: the digest of each generated file, by its path in the output folder.
         covered: the files and folders that were compiled, relative to the root.
     """
 
@@ -45,20 +45,20 @@ class Run:
 
 
 def cache_of(root: Path, command: str, paths: Sequence[Path]) -> Cache | None:
-    """Return the cache of one question; None where there is no project, since nothing is written elsewhere.
+    """Return the cache for a command and its paths; None outside of a project, since nothing is written elsewhere.
 
-    None as well where the folder is a link, and where the environment says `CI`: there the folder may have come with
-    what is to be judged.
+    In CI (if the environment variable `CI` is set) and if the folder is a link, the result is None: the folder could
+    have come with the change that is checked.
     """
     is_trusted = not os.environ.get("CI") and not (root / FOLDER).is_symlink()
     return Cache(root, command, paths) if is_trusted and project_of(root) == root else None
 
 
 class Cache:
-    """The cache of one question: one command and the paths that it was asked about."""
+    """The cache for one command and the paths that it was called with."""
 
     def __init__(self, root: Path, command: str, paths: Sequence[Path]) -> None:
-        """Begin; what the paths hold now is what `remember` keeps a run for."""
+        """Take digests of the paths' present contents, to which `remember` ties a run."""
         self._root = root
         self._paths = tuple(paths)
         asked = [_FORMAT, command, *(os.path.relpath(path, root) for path in paths)]
@@ -67,40 +67,40 @@ class Cache:
         self._before = digests_of(root, paths)
 
     def recall(self) -> Run | None:
-        """Return the run that was kept for this question, if nothing that it depends on has changed since."""
+        """Return the stored run, if nothing that it depends on has changed since."""
         try:
             if not self._file.is_file():
                 return None
-            kept = json.loads(self._file.read_bytes())
-            run = _run_from(kept["run"])
-            fresh = kept["made_with"] == made_with() and kept["inputs"] == self._inputs(run.files)
+            stored = json.loads(self._file.read_bytes())
+            run = _run_from(stored["run"])
+            fresh = stored["made_with"] == made_with() and stored["inputs"] == self._inputs(run.files)
         except (OSError, ValueError, TypeError, LookupError, AttributeError, RecursionError):
             return None
         return run if fresh else None
 
     def remember(self, run: Run) -> None:
-        """Keep a run if it can be kept, unless it found an error or what it read has changed meanwhile."""
+        """Store a run, unless it found an error or its inputs have changed in the meantime."""
         if self._before != digests_of(self._root, self._paths) or has_errors(run.diagnostics):
             return
-        if any(found.rule.name == _ABOUT_FOLDERS for found in run.diagnostics):
+        if any(diagnostic.rule.name == _ABOUT_FOLDERS for diagnostic in run.diagnostics):
             return
         inputs = self._inputs(run.files)
         if inputs is None:
             return
-        kept = {"made_with": made_with(), "inputs": inputs, "run": _record_of_run(run)}
+        record = {"made_with": made_with(), "inputs": inputs, "run": _record_of_run(run)}
         try:
-            _write(self._file, json.dumps(kept))
+            _write(self._file, json.dumps(record))
         except OSError:
             return
 
     def _inputs(self, files: Iterable[str]) -> dict[str, str] | None:
-        """Return the digests of what the paths held at the beginning, and of a run's parts elsewhere."""
+        """Return the digests that the paths had at the beginning, and those of a run's parts elsewhere."""
         parts = digests_of(self._root, [self._root / file for file in files if file not in (self._before or ())])
         return None if self._before is None or parts is None else {**parts, **self._before}
 
 
 def _write(file: Path, text: str) -> None:
-    """Write a file at once, in a folder that no repository takes in."""
+    """Write a file atomically, in a folder that git ignores."""
     folder = file.parent
     folder.mkdir(exist_ok=True)
     ignore = folder / ".gitignore"
@@ -118,7 +118,7 @@ def _write(file: Path, text: str) -> None:
 
 def _record_of_run(run: Run) -> dict[str, object]:
     return {
-        "diagnostics": [record_of(each) for each in run.diagnostics],
+        "diagnostics": [record_of(diagnostic) for diagnostic in run.diagnostics],
         "specs": run.specs,
         "files": run.files,
         "fail_on": run.fail_on,
@@ -129,11 +129,11 @@ def _record_of_run(run: Run) -> dict[str, object]:
 
 def _run_from(record: Mapping[str, object]) -> Run:
     outputs = record["outputs"]
-    found = record["diagnostics"]
-    if not isinstance(outputs, dict) or not isinstance(found, list):
+    diagnostics = record["diagnostics"]
+    if not isinstance(outputs, dict) or not isinstance(diagnostics, list):
         raise TypeError
     return Run(
-        diagnostics=tuple(map(finding_from, found)),
+        diagnostics=tuple(map(finding_from, diagnostics)),
         specs=texts_from(record["specs"]),
         files=texts_from(record["files"]),
         fail_on=Severity(text_from(record["fail_on"])),

@@ -1,6 +1,6 @@
-"""What a project wants to hear: its settings, comments that silence findings, and fixes.
+"""The findings that a project wants to have reported: its settings, comments that silence findings, and fixes.
 
-Errors of phases 0 to 6 are binding: neither settings nor comments take them away, for nothing compiles with them.
+Errors of phases 0 to 6 are binding: settings and comments cannot silence them, because they prevent compiling.
 """
 
 from codra_dsl.workspace.suppression.fixing import Fixed, fix_all

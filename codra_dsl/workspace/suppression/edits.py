@@ -1,4 +1,4 @@
-"""Edits on the bytes of a file: what no edit covers stays as it is, byte for byte."""
+"""Edits on the bytes of a file: bytes that no edit covers stay the same."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ _LINE_BREAK = re.compile(r"\r\n|\r|\n")
 
 @dataclass(frozen=True, slots=True, order=True)
 class Splice:
-    """A range of a text, in code points, and what stands there after an edit."""
+    """A range of a text, in code points, and the text that replaces it."""
 
     start: int
     end: int
     text: str
 
     def meets(self, other: Splice) -> bool:
-        """Return whether two splices are about the same letters or insert at the same place."""
+        """Return whether two splices overlap or insert at the same place."""
         if self.start == self.end or other.start == other.end:
             return self.start <= other.end and other.start <= self.end
         return self.start < other.end and other.start < self.end
@@ -30,10 +30,10 @@ class Splice:
 
 @dataclass(frozen=True, slots=True)
 class EditableText:
-    """A file's text as edits see it: lines and columns as in findings, the byte order mark in front of all.
+    """A file's text in terms of edits: lines and columns as in findings, after a byte order mark.
 
     Attributes:
-        line_break: what ends its first line; edits that add lines end them so.
+        line_break: the line break of its first line, which edits use as well.
     """
 
     text: str
@@ -41,7 +41,7 @@ class EditableText:
     line_break: str
 
     def splice(self, edit: Edit) -> Splice | None:
-        """Return where an edit takes place; None where the text has no such range."""
+        """Return the range of an edit; None if the text has no such range."""
         start = self._offset(edit.span.line, edit.span.column)
         end = self._offset(edit.span.end_line, edit.span.end_column)
         if start is None or end is None or end < start:
@@ -56,7 +56,7 @@ class EditableText:
         return offset if offset <= end else None
 
     def after(self, splices: Iterable[Splice]) -> bytes:
-        """Return the file's bytes after splices that do not meet."""
+        """Return the file's bytes after splices that do not overlap."""
         pieces: list[str] = []
         at = 0
         for splice in sorted(splices):
@@ -66,22 +66,22 @@ class EditableText:
 
 
 def editable(data: bytes) -> EditableText | None:
-    """Return a file's bytes as a text that can be edited; None where they are no UTF-8."""
+    """Return a file's bytes as an editable text; None if they are not UTF-8."""
     try:
         text = data.decode("utf-8")
     except UnicodeDecodeError:
         return None
     first = len(_BYTE_ORDER_MARK) if text.startswith(_BYTE_ORDER_MARK) else 0
     breaks = list(_LINE_BREAK.finditer(text))
-    starts = (first, *(each.end() for each in breaks))
+    starts = (first, *(line_break.end() for line_break in breaks))
     return EditableText(text, starts, breaks[0][0] if breaks else "\n")
 
 
 def splices_of(edits: Sequence[Edit], text: EditableText) -> tuple[Splice, ...] | None:
-    """Return where edits of one file take place; None where one cannot, or two of them meet."""
-    found = [text.splice(edit) for edit in edits]
-    splices = sorted(splice for splice in found if splice is not None)
+    """Return the ranges of edits of one file; None if the text lacks one of them, or if two of them overlap."""
+    ranges = [text.splice(edit) for edit in edits]
+    splices = sorted(splice for splice in ranges if splice is not None)
     if len(splices) < len(edits):
         return None
-    meeting = any(one.meets(other) for one, other in pairwise(splices))
-    return None if meeting else tuple(splices)
+    overlaps = any(one.meets(other) for one, other in pairwise(splices))
+    return None if overlaps else tuple(splices)

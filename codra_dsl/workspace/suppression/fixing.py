@@ -1,6 +1,6 @@
-"""Safe fixes: applied in rounds until nothing more can be fixed, and never at the price of a new error.
+"""Safe fixes, applied in rounds until nothing more can be fixed, and never at the cost of a new error.
 
-Texts are values here: `fix_all` neither reads nor writes files. What it calls `lint` says what is found in them.
+Texts are values here: `fix_all` neither reads nor writes files. Its argument `lint` returns the findings about them.
 """
 
 from __future__ import annotations
@@ -15,16 +15,16 @@ from codra_dsl.language.diagnostics import Diagnostic, Edit, Severity, is_safe
 from codra_dsl.workspace.suppression.edits import EditableText, Splice, editable, splices_of
 
 MAX_ROUNDS = 50
-"""How often fixes are looked for in what fixes have made."""
+"""The maximum number of rounds in which fixes are applied to the results of fixes."""
 
 MAX_LINTS = 300
-"""How often specs are linted in all, before nothing is fixed."""
+"""The maximum number of times that specs are linted; beyond it, nothing is fixed."""
 
 Texts = Mapping[str, bytes]
-"""What files hold, by their names in findings."""
+"""The contents of files, by their names in findings."""
 
 Lint = Callable[[Texts], Sequence[Diagnostic]]
-"""Returns the findings about specs with some files changed."""
+"""Return the findings about specs with some files changed."""
 
 _INDEX = re.compile(r"\.[0-9]+(?=\.|$)")
 
@@ -33,12 +33,12 @@ _Key = tuple[str, tuple[str, ...]]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fixed:
-    """What fixing came to.
+    """The result of fixing.
 
     Attributes:
-        texts: the files that change, with what they hold then.
-        applied: the findings that were fixed, in the order in which they were.
-        diagnostics: what is found afterwards.
+        texts: the files that change, with their new contents.
+        applied: the findings that were fixed, in the order of fixing.
+        diagnostics: the findings afterwards.
     """
 
     texts: Texts
@@ -47,13 +47,13 @@ class Fixed:
 
 
 def fix_all(lint: Lint, texts: Texts) -> Fixed:
-    """Return what specs come to by safe fixes.
+    """Return the result of applying the safe fixes of specs.
 
-    All fixes are tried together. Where an error comes of it, the first fix that brings one is left out and the others
-    are tried again from the beginning.
+    All fixes are tried together. If that causes an error, the first fix that causes one is left out and the others are
+    tried again from the beginning.
 
     Args:
-        lint: is given those of the files that have changed.
+        lint: called with those of the files that have changed.
         texts: the files that may be changed.
     """
     fixing = _Fixing(lint, texts)
@@ -64,12 +64,12 @@ def fix_all(lint: Lint, texts: Texts) -> Fixed:
 
 
 class _TooManyError(Exception):
-    """Ends the search for fixes that bring no error."""
+    """End the search for fixes that cause no error."""
 
 
 @dataclass(slots=True)
 class _State:
-    """Texts as they come to be, what is found in them, and which fixes made them."""
+    """Texts after some fixes, the findings about them, and the fixes that were applied."""
 
     diagnostics: tuple[Diagnostic, ...]
     texts: dict[str, bytes] = field(default_factory=dict)
@@ -77,7 +77,7 @@ class _State:
 
 
 class _Fixing:
-    """Attributes: `before` has what is found before anything is fixed."""
+    """Attributes: `before` holds the findings before anything is fixed."""
 
     def __init__(self, lint: Lint, texts: Texts) -> None:
         self._lint = lint
@@ -86,7 +86,7 @@ class _Fixing:
         self.before = self._linted({})
 
     def run(self) -> Fixed:
-        """Return what can be fixed without a new error."""
+        """Return the result of all fixes that cause no new error."""
         refused: set[_Key] = set()
         while True:
             state = self._to_end(lambda key: key not in refused)
@@ -103,7 +103,7 @@ class _Fixing:
         return tuple(self._lint(texts))
 
     def _to_end(self, allowed: Callable[[_Key], bool]) -> _State:
-        """Apply what is allowed, round by round, until there is nothing more to fix."""
+        """Apply the allowed fixes, round by round, until there is nothing more to fix."""
         state = _State(self.before)
         seen: list[dict[str, bytes]] = []
         while len(seen) < MAX_ROUNDS:
@@ -115,27 +115,27 @@ class _Fixing:
         return state
 
     def _round(self, state: _State, allowed: Callable[[_Key], bool]) -> tuple[dict[str, bytes], list[Diagnostic]]:
-        """Apply fixes that do not meet; of those that do, the first."""
+        """Apply fixes that do not overlap; of overlapping ones, the first."""
         texts: dict[str, EditableText] = {}
         taken: dict[str, list[Splice]] = {}
         applied: list[Diagnostic] = []
-        wanted = (found for found in state.diagnostics if is_safe(found) and allowed(_key(found)))
-        for found in wanted:
-            splices = self._splices(found, state, texts)
-            if splices is None or any(_meets(one, taken.get(file, ())) for file, one in splices):
+        wanted = (diagnostic for diagnostic in state.diagnostics if is_safe(diagnostic) and allowed(_key(diagnostic)))
+        for diagnostic in wanted:
+            splices = self._splices(diagnostic, state, texts)
+            if splices is None or any(_meets(splice, taken.get(file, ())) for file, splice in splices):
                 continue
-            for file, one in splices:
-                insort(taken.setdefault(file, []), one)
-            applied.append(found)
+            for file, splice in splices:
+                insort(taken.setdefault(file, []), splice)
+            applied.append(diagnostic)
         return state.texts | {file: texts[file].after(several) for file, several in taken.items()}, applied
 
     def _splices(
-        self, found: Diagnostic, state: _State, texts: dict[str, EditableText]
+        self, diagnostic: Diagnostic, state: _State, texts: dict[str, EditableText]
     ) -> list[tuple[str, Splice]] | None:
-        """Return where a finding's fix changes which file; None where it cannot be applied as a whole."""
-        assert found.fix is not None
+        """Return the ranges that a finding's fix changes in each file; None if it cannot be applied completely."""
+        assert diagnostic.fix is not None
         edits: dict[str, list[Edit]] = {}
-        for edit in found.fix.edits:
+        for edit in diagnostic.fix.edits:
             edits.setdefault(edit.span.file, []).append(edit)
         splices: list[tuple[str, Splice]] = []
         for file, several in edits.items():
@@ -152,11 +152,11 @@ class _Fixing:
         return None if data is None else editable(data)
 
     def _worse(self, state: _State) -> bool:
-        """Return whether there are errors that were not there before."""
+        """Return whether there are errors that did not exist before."""
         return not _errors(state.diagnostics) <= _errors(self.before)
 
     def _culprit(self, keys: list[_Key], refused: set[_Key]) -> _Key:
-        """Return a fix that brings an error: the last of the shortest beginning of a list of fixes that does."""
+        """Return a fix that causes an error: the last of the shortest prefix of a list of fixes that causes one."""
         good, bad = 0, len(keys)
         while bad - good > 1:
             middle = (good + bad) // 2
@@ -169,21 +169,21 @@ class _Fixing:
 
 
 def _meets(splice: Splice, taken: Sequence[Splice]) -> bool:
-    """Return whether a splice meets one of others, which are sorted and do not meet each other."""
+    """Return whether a splice overlaps one of some others, which are sorted and do not overlap each other."""
     at = bisect(taken, splice)
     return any(splice.meets(other) for other in taken[max(0, at - 1) : at + 1])
 
 
-def _key(found: Diagnostic) -> _Key:
-    """Return what tells a fix from others, wherever its lines have gone."""
-    edits = found.fix.edits if found.fix is not None else ()
-    return found.fingerprint, tuple(edit.text for edit in edits)
+def _key(diagnostic: Diagnostic) -> _Key:
+    """Return the identity of a fix, independent of its lines."""
+    edits = diagnostic.fix.edits if diagnostic.fix is not None else ()
+    return diagnostic.fingerprint, tuple(edit.text for edit in edits)
 
 
 def _errors(diagnostics: Sequence[Diagnostic]) -> Counter[tuple[str, ...]]:
-    """Return the errors among findings, by what they say: lines and the indexes of items may move."""
+    """Return the errors among findings, by their messages, because lines and the indexes of items may move."""
     return Counter(
-        (found.code, found.place.span.file, _INDEX.sub("", found.path), found.message)
-        for found in diagnostics
-        if found.severity is Severity.ERROR
+        (diagnostic.code, diagnostic.place.span.file, _INDEX.sub("", diagnostic.path), diagnostic.message)
+        for diagnostic in diagnostics
+        if diagnostic.severity is Severity.ERROR
     )

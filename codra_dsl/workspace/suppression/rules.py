@@ -25,7 +25,7 @@ RULES = rules(
 )
 
 OWN_PREFIX = "CDR79"
-"""What the codes of findings about comments begin with: no comment silences those."""
+"""The prefix of the codes of findings about comments, which no comment can silence."""
 
 
 @cache
@@ -36,7 +36,7 @@ def known_rules() -> Mapping[str, Rule]:
 
 
 def nearest_code(written: str) -> str | None:
-    """Return the code that is probably meant: that of a rule's name, else a similar one."""
+    """Return the code that was probably intended: the code of a rule with this name, otherwise a similar code."""
     named = {code.casefold(): code for code in known_rules()}
     named |= {rule.name: code for code, rule in known_rules().items()}
     same = written.casefold()

@@ -1,4 +1,4 @@
-"""`[tool.codra.lint]` in a project's `pyproject.toml`: data only. What is wrong in it is a finding with its place."""
+"""`[tool.codra.lint]` in a project's `pyproject.toml`, as data. Errors in it are findings with a place."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ _SEVERITIES = {severity.value: severity for severity in Severity}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
-    """What a project wants to hear about its specs.
+    """The findings that a project wants to have reported about its specs.
 
-    Of several codes and prefixes that fit a rule the longest counts; `ignore` wins over an equal one in `select`.
+    If several codes and prefixes match a rule, the longest counts; `ignore` wins over an equal one in `select`.
 
     Attributes:
-        select: codes and prefixes of what is reported.
-        ignore: codes and prefixes of what is not.
-        severity: by code or prefix, how bad it is, in place of what the rule says.
+        select: codes and prefixes of findings that are reported.
+        ignore: codes and prefixes of findings that are not reported.
+        severity: the severity by code or prefix, in place of the rule's own.
         fail_on: the least severity that makes a command fail.
     """
 
@@ -46,7 +46,7 @@ class Settings:
         return rule.is_binding or _longest(self.select, rule.code) > _longest(self.ignore, rule.code)
 
     def level(self, rule: Rule) -> Severity:
-        """Return how bad findings of a rule are; binding ones are errors whatever the settings say."""
+        """Return the severity of findings of a rule; binding ones are always errors."""
         if rule.is_binding:
             return rule.severity
         fitting = [prefix for prefix in self.severity if rule.code.startswith(prefix)]
@@ -58,7 +58,7 @@ def _longest(prefixes: Iterable[str], code: str) -> int:
 
 
 def settings_of(root: Path) -> tuple[Settings, tuple[Diagnostic, ...]]:
-    """Return the settings of a project, as far as they can be understood, and what is wrong with them."""
+    """Return the valid part of a project's settings, and the findings about the rest."""
     data = settings_in(root)
     if data is None:
         return Settings(), ()
@@ -67,9 +67,9 @@ def settings_of(root: Path) -> tuple[Settings, tuple[Diagnostic, ...]]:
     except UnicodeDecodeError as error:
         before = data[: error.start].decode("utf-8", "replace")
         line, column = before.count("\n") + 1, len(before) - before.rfind("\n")
-        return Settings(), (_unreadable(f"the byte 0x{data[error.start]:02x} is no UTF-8", line, column),)
+        return Settings(), (_unreadable(f"the byte 0x{data[error.start]:02x} is not UTF-8", line, column),)
     if text.startswith(_BYTE_ORDER_MARK):
-        return Settings(), (_unreadable("it begins with a byte order mark, which cannot be seen", 1, 1),)
+        return Settings(), (_unreadable("it begins with a byte order mark, which is invisible", 1, 1),)
     try:
         document = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -77,7 +77,7 @@ def settings_of(root: Path) -> tuple[Settings, tuple[Diagnostic, ...]]:
     except RecursionError:
         return Settings(), (_unreadable("it is nested too deeply", 1, 1),)
     reading = _Reading(document, text)
-    return reading.settings(), tuple(reading.found)
+    return reading.settings(), tuple(reading.diagnostics)
 
 
 def _no_toml(complaint: str, text: str) -> Diagnostic:
@@ -91,24 +91,24 @@ def _no_toml(complaint: str, text: str) -> Diagnostic:
 def _unreadable(what: str, line: int, column: int) -> Diagnostic:
     return Diagnostic(
         rule=RULES["unreadable-settings"],
-        message=f"'{SETTINGS}' is no TOML: {what}",
+        message=f"'{SETTINGS}' is not valid TOML: {what}",
         place=Place(Span(SETTINGS, line, column, line, column)),
         path="tool.codra",
-        help="correct it there; a key stands once in its table",
+        help="correct it there; a key may occur only once in a table",
     )
 
 
 class _Reading:
-    """Reads the settings from a document. `found` has what is wrong with them."""
+    """Reads the settings from a document. `diagnostics` has the findings about them."""
 
     def __init__(self, document: Mapping[str, object], text: str) -> None:
-        self.found: list[Diagnostic] = []
+        self.diagnostics: list[Diagnostic] = []
         self._places = TomlPlaces(SETTINGS, text)
         tool = document.get("tool")
         self._codra = tool.get("codra", {}) if isinstance(tool, dict) else {}
 
     def settings(self) -> Settings:
-        """Return the settings as far as they are right."""
+        """Return the valid part of the settings."""
         codra = self._table(self._codra, _TABLES_OF_OURS, _TABLE[:2])
         lint = self._table(codra.get("lint", {}), _KEYS, _TABLE)
         read = {key: self._codes(key, lint[key]) for key in ("select", "ignore") if key in lint}
@@ -124,13 +124,13 @@ class _Reading:
 
     def _add(self, rule: str, message: str, help: str, place: Place, *steps: str | int) -> None:
         path = ".".join(map(str, steps))
-        self.found.append(Diagnostic(rule=RULES[rule], message=message, place=place, path=path, help=help))
+        self.diagnostics.append(Diagnostic(rule=RULES[rule], message=message, place=place, path=path, help=help))
 
     def _wrong(self, message: str, help: str, steps: Steps) -> None:
         self._add("wrong-setting", message, help, self._places.value(*steps), *steps)
 
     def _table(self, table: object, known: Iterable[str], steps: Steps) -> Mapping[str, object]:
-        """Return a table, empty where it is none, and report keys that nobody knows."""
+        """Return a table, or an empty one if the value is not a table, and report unknown keys."""
         header = f"[{'.'.join(map(str, steps))}]"
         if not isinstance(table, dict):
             self._wrong(f"{header} must be a table", f"write {header} on a line of its own", steps)
@@ -145,35 +145,36 @@ class _Reading:
         return table
 
     def _codes(self, key: str, value: object) -> tuple[str, ...]:
-        """Return the codes and prefixes in a list, as far as they are right."""
+        """Return the valid codes and prefixes in a list."""
         if not isinstance(value, list):
             self._wrong(f"'{key}' must be a list of codes", f'write {key} = ["CDR7102"]', (*_TABLE, key))
             return ()
         right: list[str] = []
-        for index, item in enumerate(value):
+        for index, code in enumerate(value):
             steps = (*_TABLE, key, index)
-            if item in right:
+            if code in right:
                 place = self._places.value(*steps)
-                self._add("repeated-code", f"'{item}' stands twice in '{key}'", "remove one of them", place, *steps)
-            elif self._is_code(item, steps, way="ignored" if key == "ignore" else ""):
-                right.append(str(item))
+                self._add("repeated-code", f"'{code}' occurs twice in '{key}'", "remove one of them", place, *steps)
+            elif self._is_code(code, steps, forbidden="ignored" if key == "ignore" else ""):
+                right.append(str(code))
         return tuple(right)
 
-    def _is_code(self, item: object, steps: Steps, *, way: str) -> bool:
-        """Report what is no code or prefix of one; `way` says what cannot be done to those that are binding."""
-        if not isinstance(item, str):
+    def _is_code(self, code: object, steps: Steps, *, forbidden: str) -> bool:
+        """Report values that are not a code or prefix, and binding ones; `forbidden` is what these cannot be."""
+        if not isinstance(code, str):
             self._wrong("a code is a text", 'write "CDR7102", or a prefix such as "CDR71"', steps)
             return False
-        fitting = [rule for code, rule in known_rules().items() if code.startswith(item)]
+        fitting = [rule for known_code, rule in known_rules().items() if known_code.startswith(code)]
         place = self._places.value(*steps) if isinstance(steps[-1], int) else self._places.key(*steps)
-        if not fitting or not _PREFIX.fullmatch(item):
-            near = nearest_code(item)
+        if not fitting or not _PREFIX.fullmatch(code):
+            near = nearest_code(code)
             help = f"did you mean '{near}'?" if near else "a code is CDR and four digits; a prefix is its beginning"
-            self._add("unknown-code-in-settings", f"there is no code '{item}'", help, place, *steps)
+            self._add("unknown-code-in-settings", f"there is no code '{code}'", help, place, *steps)
             return False
-        if way and all(rule.is_binding for rule in fitting):
-            what = f"'{item}' is an error" if len(item) == len("CDR0000") else f"'{item}' are errors"
-            message = f"{what} without which nothing compiles, and cannot be {way}"
+        if forbidden and all(rule.is_binding for rule in fitting):
+            is_code = len(code) == len("CDR0000")
+            what = f"'{code}' is an error that prevents" if is_code else f"'{code}' are errors that prevent"
+            message = f"{what} compiling, and cannot be {forbidden}"
             self._add("binding-code-in-settings", message, "remove it; correct the spec", place, *steps)
             return False
         return True
@@ -183,7 +184,7 @@ class _Reading:
         for index, code in enumerate(read.get("ignore", ())):
             if twice[code] > 1:
                 place = self._places.value(*_TABLE, "ignore", index)
-                message = f"'{code}' stands in 'select' and in 'ignore', which wins"
+                message = f"'{code}' is in both 'select' and 'ignore', and 'ignore' wins"
                 self._add("repeated-code", message, "remove one of them", place, *_TABLE, "ignore", index)
 
     def _severities(self, value: object) -> dict[str, Severity]:
@@ -197,16 +198,14 @@ class _Reading:
         for code, written in table.items():
             severity = self._severity(f"the severity of '{code}'", written, "severity", code)
             lowered = "lowered" if severity is Severity.WARNING else ""
-            if severity is not None and self._is_code(code, (*_TABLE, "severity", code), way=lowered):
+            if severity is not None and self._is_code(code, (*_TABLE, "severity", code), forbidden=lowered):
                 yield code, severity
 
     def _severity(self, what: str, written: object, *steps: str) -> Severity | None:
         if isinstance(written, str) and written in _SEVERITIES:
             return _SEVERITIES[written]
         near = suggest(written, _SEVERITIES) if isinstance(written, str) else None
-        help = (
-            f"did you mean '{near}'?" if near else 'write "error" or "warning"; what is not wanted goes to \'ignore\''
-        )
+        help = f"did you mean '{near}'?" if near else 'write "error" or "warning"; to hide findings, use \'ignore\''
         shown = f"'{written}'" if isinstance(written, str) else f"a {type(written).__name__}"
         self._wrong(f"{what} cannot be {shown}", help, (*_TABLE, *steps))
         return None

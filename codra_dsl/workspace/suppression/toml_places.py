@@ -1,6 +1,7 @@
-"""Where keys and values stand in a TOML text, which Python's `tomllib` does not tell.
+"""Find the places of keys and values in a TOML text, which Python's `tomllib` does not report.
 
-So it is asked another way: what stands there is the one whose change changes just that key or value of the document.
+Each occurrence of the text is replaced in turn. The occurrence whose replacement changes exactly the key or value in
+question of the parsed document is its place.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from codra_dsl.language.diagnostics import Place, Span
 Steps = tuple[str | int, ...]
 
 MAX_TRIES = 500
-"""How many occurrences of a text are tried; past them a key or value stands at the file's beginning."""
+"""The maximum number of occurrences that are tried; beyond it, the place is the beginning of the file."""
 
 _ELSE = "codra-looks-for-this"
 _QUOTES = "\"'"
@@ -31,21 +32,21 @@ class TomlPlaces:
     text: str
 
     def key(self, *steps: str | int) -> Place:
-        """Return the place of a key, by the steps that lead to it; of a list's item, that of the list."""
+        """Return the place of a key, by the steps that lead to it; for an item of a list, the place of the list."""
         *table, key = [step for step in steps if isinstance(step, str)]
         start, end = self._sought(key, _ELSE, lambda document: _ELSE in _at(document, table)) or (0, 0)
         return self._place(start, end)
 
     def value(self, *steps: str | int) -> Place:
-        """Return the place of a value, or else of its key."""
+        """Return the place of a value, otherwise of its key."""
         value = _at(tomllib.loads(self.text), steps)
         written = value if isinstance(value, str) else str(value).lower()
         instead = _ELSE if isinstance(value, str) else f"'{_ELSE}'"
-        found = self._sought(written, instead, lambda document: _at(document, steps) == _ELSE)
-        return self.key(*steps) if found is None else self._place(*found)
+        span = self._sought(written, instead, lambda document: _at(document, steps) == _ELSE)
+        return self.key(*steps) if span is None else self._place(*span)
 
     def _sought(self, written: str, instead: str, is_it: Callable[[dict[str, object]], bool]) -> tuple[int, int] | None:
-        """Return the occurrence of a text that is it: the document tells when something else stands in its place."""
+        """Return the occurrence of a text whose replacement passes the test `is_it` in the parsed document."""
         for match in islice(re.finditer(re.escape(written), self.text), MAX_TRIES):
             start, end = match.span()
             try:
@@ -64,7 +65,7 @@ class TomlPlaces:
 
 
 def _at(document: Any, steps: Sequence[str | int]) -> Any:
-    """Return what the steps lead to; an empty table where they lead nowhere."""
+    """Return the value at the end of the steps, or an empty table if it does not exist."""
     for step in steps:
         try:
             document = document[step]

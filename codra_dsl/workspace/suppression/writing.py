@@ -1,4 +1,4 @@
-"""Puts fixed texts into their files: at once or not at all, owner and mode as they were, never out of the project."""
+"""Write fixed texts to their files: atomically, with owner and mode preserved, and never outside of the project."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ _LINES = re.compile(r"[^\n]*\n|[^\n]+")
 
 
 def rewritable(files: Iterable[str], root: Path) -> dict[str, bytes]:
-    """Return what those of some files hold that may be rewritten: that are there, in the project, and not too large."""
-    found = ((file, _text(file, root)) for file in files)
-    return {file: data for file, data in found if data is not None}
+    """Return the contents of those files that may be rewritten: they exist in the project and are not too large."""
+    contents = ((file, _text(file, root)) for file in files)
+    return {file: data for file, data in contents if data is not None}
 
 
 def _text(file: str, root: Path) -> bytes | None:
@@ -33,7 +33,7 @@ def _text(file: str, root: Path) -> bytes | None:
 
 
 def rewrite(file: str, root: Path, before: bytes, after: bytes) -> Diagnostic | None:
-    """Replace a file's bytes, unless it holds others than those that were fixed; return a finding where that fails."""
+    """Replace a file's bytes, unless they are not those that were fixed; return a finding if that fails."""
     try:
         path = _inside(file, root)
         if path.read_bytes() != before:
@@ -47,7 +47,7 @@ def rewrite(file: str, root: Path, before: bytes, after: bytes) -> Diagnostic | 
 
 
 def unified(before: bytes, after: bytes, file: str) -> str:
-    """Return the difference between two texts of a file in unified form; lines keep the ends that they have."""
+    """Return the difference between two texts of a file in unified form; line ends are preserved."""
     old, new = (_LINES.findall(data.decode("utf-8", "replace")) for data in (before, after))
     name = _quoted(file)
     lines = difflib.unified_diff(old, new, name, name)
@@ -55,7 +55,7 @@ def unified(before: bytes, after: bytes, file: str) -> str:
 
 
 def _quoted(file: str) -> str:
-    """Return a file's name as git and patch write it: letters that could end it stand as bytes, in quotes."""
+    """Return a file's name as git and patch write it: characters that could end it as escaped bytes, in quotes."""
     if file.isprintable() and not set('"\\') & set(file):
         return f"{file}\t" if " " in file else file
     plain = frozenset(range(0x20, 0x7F)) - frozenset(b'"\\')
@@ -69,10 +69,10 @@ def _unwritten(file: str, reason: str) -> Diagnostic:
 
 
 def _inside(file: str, root: Path) -> Path:
-    """Return a file where it really stands.
+    """Return a file's real path.
 
     Raises:
-        ValueError: if that is outside the project.
+        ValueError: if it is outside of the project.
     """
     path = (root / file).resolve(strict=True)
     path.relative_to(root.resolve())

@@ -1,4 +1,4 @@
-"""Many trials over all cores, each kept when it is done, so that a campaign that was stopped goes on where it was."""
+"""Run many trials on all cores. Each is stored when it is done, so a stopped campaign continues where it stopped."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from codra_papers.experiments.campaign.records import TrialRecord, records_of
 from codra_papers.experiments.campaign.workers import run_in_processes
 
 TRIALS = "trials"
-"""The folder, within that of an experiment, in which each trial keeps its record and frames."""
+"""The folder, within that of an experiment, for the records and frames of trials."""
 
 _STAGING = ".codra-"
 
@@ -29,40 +29,40 @@ class CampaignBusyError(Exception):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Progress:
-    """How far a campaign is.
+    """The progress of a campaign.
 
     Attributes:
-        done: trials that need not be run any more, of `total`.
-        found: those of them that were there before.
-        latest: the name of the one that was done last; empty at the start.
+        done: trials that are complete, of `total`.
+        reused: trials among them whose records existed at the start.
+        latest: the name of the trial that was completed last; empty at the start.
     """
 
     done: int
     total: int
-    found: int
+    reused: int
     latest: str
 
 
 def run_campaign(
     trials: Sequence[AnyTrial], folder: Path, *, processes: int | None = None, progress: Callable[[Progress], None]
 ) -> Mapping[str, Any]:
-    """Run all trials that have not been run, and return what came of all, by name, in the order given.
+    """Run all trials that have no valid record, and return the outcomes of all trials by name, in the order given.
 
-    A trial was run if its record is there and was made from the same trial, spec, code and libraries. What it comes to
-    does not depend on the number of processes, nor on what else is run.
+    A record is valid if it was made from the same trial, spec, code and libraries. An outcome does not depend on the
+    number of processes or on the other trials.
 
     Args:
-        trials: of different names, each the name of a file.
-        folder: of the experiment; trials are kept in a folder within it.
-        processes: how many run at once; None for one a core.
-        progress: is told at the start and after each trial.
+        trials: with different names that are valid file names.
+        folder: of the experiment; records go to a folder within it.
+        processes: how many run at once; None for one per core.
+        progress: called at the start and after each trial.
 
     Raises:
-        ValueError: if a name is no name of a file, or is there twice.
+        ValueError: if a name is not a valid file name, or occurs twice.
         SpecError: if a spec has errors.
         CampaignBusyError: if another program runs trials in that folder.
-        TrialError: if a trial fails; those that were done before are kept.
-        OSError: if something cannot be written.
+        TrialError: if a trial fails; trials that were completed before keep their records.
+        OSError: if a file cannot be written.
     """
     _check_names([trial.name for trial in trials])
     place = folder / TRIALS
@@ -70,12 +70,12 @@ def run_campaign(
     with _alone_in(place):
         records = records_of(trials, place)
         outcomes = {record.trial.name: outcome for record in records if (outcome := record.read()) is not None}
-        found = len(outcomes)
-        progress(Progress(done=found, total=len(trials), found=found, latest=""))
+        reused = len(outcomes)
+        progress(Progress(done=reused, total=len(trials), reused=reused, latest=""))
         missing = [record for record in records if record.trial.name not in outcomes]
         for outcome in _run(missing, place, processes or cores()):
             outcomes[outcome.name] = outcome
-            progress(Progress(done=len(outcomes), total=len(trials), found=found, latest=outcome.name))
+            progress(Progress(done=len(outcomes), total=len(trials), reused=reused, latest=outcome.name))
     return {trial.name: outcomes[trial.name] for trial in trials}
 
 
@@ -85,7 +85,7 @@ def cores() -> int:
 
 
 def _run(missing: Sequence[TrialRecord], place: Path, processes: int) -> Iterator[AnyOutcome]:
-    """Run trials; what is made on the way stands in a folder that is gone in the end, however that comes."""
+    """Run trials with a temporary folder, which is removed at the end in any case."""
     if not missing:
         return
     with tempfile.TemporaryDirectory(prefix=_STAGING, dir=place) as staging:
@@ -99,12 +99,12 @@ def _check_names(names: Sequence[str]) -> None:
     for name in names:
         is_hidden = not name or name.startswith(".") or not name.isprintable()
         if is_hidden or Path(name).name != name or Path(name).suffix in (".json", ".error") or len(name.encode()) > 200:
-            raise ValueError(f"the trial {name!r} has a name that cannot be that of a folder")
+            raise ValueError(f"the trial {name!r} has a name that a folder cannot have")
 
 
 @contextmanager
 def _alone_in(place: Path) -> Iterator[None]:
-    """Keep other programs out of the folder of trials, and remove what one left there that was killed."""
+    """Lock the folder of trials against other programs, and remove temporary files of killed ones."""
     descriptor = os.open(place, os.O_RDONLY)
     try:
         with suppress(OSError):  # a file system without locks
@@ -112,8 +112,8 @@ def _alone_in(place: Path) -> Iterator[None]:
                 fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError as error:
                 raise CampaignBusyError(f"another program runs trials in '{place}'") from error
-        for left in place.glob(f"{_STAGING}*"):
-            shutil.rmtree(left, ignore_errors=True)
+        for stale in place.glob(f"{_STAGING}*"):
+            shutil.rmtree(stale, ignore_errors=True)
         yield
     finally:
         os.close(descriptor)

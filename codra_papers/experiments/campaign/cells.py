@@ -1,4 +1,4 @@
-"""How numbers are written in the tables and sentences of a report."""
+"""Formats of numbers in the tables and sentences of a report."""
 
 from __future__ import annotations
 
@@ -9,35 +9,45 @@ from codra_papers.experiments.campaign.statistics import Estimate, Share, ratio_
 
 
 def rounded(value: float | None, digits: int) -> float | None:
-    """Return a number as it is shown; None stays None."""
+    """Return a number rounded for display; None stays None."""
     return None if value is None else round(value, digits)
 
 
 def ratio(share: Share) -> float | None:
-    """Return a ratio as P1 writes it, with three digits."""
+    """Return a ratio with three digits, as in P1."""
     return rounded(ratio_of_sums([share]), 3)
 
 
-def interval(found: Estimate, digits: int = 3) -> str:
-    """Return an estimate in words: the value and the ends of its interval."""
-    if found.value is None:
+def interval(estimate: Estimate, digits: int = 3) -> str:
+    """Return an estimate as text: the value and the ends of its interval."""
+    if estimate.value is None:
         return "none"
-    if found.low is None or found.high is None:
-        return f"{found.value:+.{digits}f}, no interval"
-    return f"{found.value:+.{digits}f} [{found.low:+.{digits}f}, {found.high:+.{digits}f}]"
+    if estimate.low is None or estimate.high is None:
+        return f"{estimate.value:+.{digits}f}, no interval"
+    return f"{estimate.value:+.{digits}f} [{estimate.low:+.{digits}f}, {estimate.high:+.{digits}f}]"
 
 
-def percent(found: Estimate) -> str:
+def percent(estimate: Estimate) -> str:
     """Return an estimate of a share as percentages."""
-    return with_ends(found, lambda share: f"{100 * share:.1f}", "none")
+    return with_ends(estimate, lambda share: f"{100 * share:.1f}", "none")
 
 
-def with_ends(found: Estimate, shown: Callable[[float], str], nothing: str) -> str:
-    """Return an estimate, each number as `shown` writes it, with the ends of its interval where it has one."""
-    if found.value is None:
-        return nothing
-    ends = "" if found.low is None or found.high is None else f" [{shown(found.low)}, {shown(found.high)}]"
-    return f"{shown(found.value)}{ends}"
+def with_ends(estimate: Estimate, formatted: Callable[[float], str], absent: str) -> str:
+    """Return an estimate as text: the value, and the ends of its interval if it has one.
+
+    Args:
+        estimate: what to format.
+        formatted: returns one number as text.
+        absent: the text for an estimate without a value.
+    """
+    if estimate.value is None:
+        return absent
+    ends = (
+        ""
+        if estimate.low is None or estimate.high is None
+        else f" [{formatted(estimate.low)}, {formatted(estimate.high)}]"
+    )
+    return f"{formatted(estimate.value)}{ends}"
 
 
 def plain_table(caption: str, header: Iterable[str], rows: Iterable[Iterable[Cell]]) -> Table:
@@ -46,7 +56,7 @@ def plain_table(caption: str, header: Iterable[str], rows: Iterable[Iterable[Cel
 
 
 def marked_below(table: Table, limit: float, rows: Iterable[int]) -> Table:
-    """Return a table with the numbers of some rows marked that lie below a limit."""
+    """Return a table with numbers below a limit marked, in the given rows."""
     low = frozenset(
         (row, column)
         for row in rows

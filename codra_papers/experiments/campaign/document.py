@@ -1,4 +1,4 @@
-"""What an experiment reports, before it is a page: sections of words, tables and pictures, and results as data."""
+"""The content of a report: sections with paragraphs, tables and pictures, and the results as data."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 Cell = str | int | float | bool | None
-"""A number is shown as it is rounded by who puts it in; None as a dash."""
+"""A value in a table. Numbers are shown as given, so round them first; None is shown as a dash."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -23,10 +23,10 @@ class Table:
     """A table.
 
     Attributes:
-        caption: what it shows, in a sentence or two.
+        caption: a description in one or two sentences.
         header: of its columns.
-        rows: each with a cell for each column.
-        marked: the cells, by row and column from 0, that deserve a second look, e.g. ratios below 0.9 (P1, Table 2).
+        rows: each with one cell per column.
+        marked: the cells, by row and column from 0, that are highlighted, e.g. ratios below 0.9 (P1, Table 2).
     """
 
     caption: str
@@ -37,10 +37,10 @@ class Table:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drawing:
-    """A picture that was drawn.
+    """A vector drawing.
 
     Attributes:
-        svg: a whole SVG document.
+        svg: a complete SVG document.
     """
 
     caption: str
@@ -49,10 +49,10 @@ class Drawing:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Photograph:
-    """A frame that was kept.
+    """A stored frame.
 
     Attributes:
-        path: of a PNG file; tags found in it are outlined when it is shown.
+        path: of a PNG file; when it is shown, detected tags are outlined.
     """
 
     caption: str
@@ -75,9 +75,9 @@ class Document:
     """A report.
 
     Attributes:
-        title: of the experiment.
-        summary: what was found, in a few sentences.
-        results: the same as data: what `json.dumps` takes, with units in its keys.
+        title: the title of the experiment.
+        summary: the results in a few sentences.
+        results: the same results as data for `json.dumps`, with units in the keys.
     """
 
     title: str

@@ -1,4 +1,4 @@
-"""What an experiment is: trials, and what is made of their outcomes."""
+"""The parts of an experiment: its trials, and the function that judges their outcomes."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from typing import Any, Protocol
 from codra_papers.experiments.campaign.document import Document
 
 FIRST_REPORTED_SEED = 301
-"""Thresholds were tuned on seeds 1 to 5, and 101 to 130 are known (docs/papers/protocol.md)."""
+"""The first seed of reports. Thresholds were tuned on 1 to 5; 101 to 130 are known (docs/papers/protocol.md)."""
 
 
 class World(StrEnum):
-    """Where the trials of an experiment run, which says what its spec must have."""
+    """The world in which the trials of an experiment run. It determines the declarations that the spec needs."""
 
     LAB = "lab"
     STORE = "store"
 
 
 class AnyOutcome(Protocol):
-    """What came of a trial, as plain data that can be kept in a file."""
+    """The outcome of a trial, as plain data that can be stored in a file."""
 
     @property
     def name(self) -> str:
@@ -36,17 +36,17 @@ class AnyOutcome(Protocol):
 
     @property
     def duration_s(self) -> float:
-        """Return how long it lasted, in simulated time."""
+        """Return the duration of the trial in simulated time."""
         ...
 
     @property
     def loops(self) -> int:
-        """Return how many rounds of its work were completed: loops, or missions."""
+        """Return how many rounds of its work were completed: loops in the lab, missions in the store."""
         ...
 
     @property
     def error(self) -> str | None:
-        """Return what ended it early; None if nothing did."""
+        """Return the error that ended the trial early, or None."""
         ...
 
     @property
@@ -55,7 +55,7 @@ class AnyOutcome(Protocol):
         ...
 
     def files(self) -> Sequence[str]:
-        """Return the files that were kept with it, relative to its folder."""
+        """Return the stored files that belong to it, relative to its folder."""
         ...
 
     def to_json(self) -> str:
@@ -64,11 +64,11 @@ class AnyOutcome(Protocol):
 
 
 class AnyTrial(Protocol):
-    """One run of an experiment, told completely enough to be run again: a frozen value."""
+    """One run of an experiment: a frozen value with everything that is needed to run it again."""
 
     @property
     def name(self) -> str:
-        """Return its name, unique in its experiment; also the name of the file that keeps what came of it."""
+        """Return its name, unique in its experiment; also the name of its record."""
         ...
 
     @property
@@ -78,7 +78,7 @@ class AnyTrial(Protocol):
 
     @property
     def seed(self) -> int:
-        """Return the seed of all that chance decides in it."""
+        """Return the seed of all random numbers in it."""
         ...
 
     @property
@@ -87,22 +87,22 @@ class AnyTrial(Protocol):
         ...
 
     def run(self, folder: Path) -> AnyOutcome:
-        """Run it; files to be kept go to the folder, which is made if there are some."""
+        """Run it; files to be stored go to the folder, which is created if there are any."""
         ...
 
     def outcome(self, text: str) -> AnyOutcome:
-        """Return what its outcome's `to_json` wrote."""
+        """Return the outcome that `to_json` wrote as this text."""
         ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
-    """How an experiment is asked for.
+    """The settings of an experiment.
 
     Attributes:
         spec: the file of the spec under test.
-        seeds: how many further seeds intervals are drawn from; each experiment says what for.
-        folder: where what comes of it goes.
+        seeds: the number of further seeds for confidence intervals; each experiment defines their use.
+        folder: for everything that the experiment writes.
     """
 
     spec: Path
@@ -116,11 +116,12 @@ class Experiment:
 
     Attributes:
         name: as on the command line.
-        question: what it asks, in a sentence.
-        seeds: how many further seeds it uses unless told otherwise.
-        trials: which runs it needs.
-        judge: what is made of their outcomes: it draws no chance but by fixed seeds, so a report can be made again.
-        then: which further runs it needs, by what came of these, e.g. with what a search has found; None if none.
+        question: that it answers, in a sentence.
+        seeds: the default number of further seeds.
+        trials: returns the runs that it needs.
+        judge: makes the report from their outcomes. It uses fixed seeds only, so a report can be reproduced.
+        then: returns further runs that depend on the outcomes of the first ones, e.g. with the result of a search; or
+            None.
         world: in which they run.
     """
 

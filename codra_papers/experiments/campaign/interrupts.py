@@ -1,4 +1,4 @@
-"""Ctrl-C, at a better moment."""
+"""Delay Ctrl-C to a better moment."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from contextlib import contextmanager
 
 @contextmanager
 def interrupts_held_back() -> Iterator[None]:
-    """Let an interrupt come when the block is over.
+    """Deliver interrupts only after the block.
 
-    A process that begins within the block holds interrupts back for ever, so that Ctrl-C at a terminal, which goes to
-    all processes, leaves it alone: who began it ends it.
+    A process that is started within the block blocks interrupts for ever. Ctrl-C at a terminal goes to all processes;
+    such a process ignores it, and the process that started it has to end it.
     """
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:

@@ -1,4 +1,7 @@
-"""A report as one page: a single file that needs no network and runs no script, for any browser and for paper."""
+"""Render a report as one HTML file that needs no network and no script, for any browser and for paper.
+
+Drawings are embedded as images and not as elements, so that names in one drawing cannot clash with those of another.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +24,7 @@ _NOT_IN_NAMES = re.compile(r"[^a-z0-9]+")
 
 
 class _Kind(StrEnum):
-    """What the template tells apart."""
+    """The kinds of blocks that the template distinguishes."""
 
     WORDS = "words"
     TABLE = "table"
@@ -46,7 +49,7 @@ class _ShownTable:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Image:
-    """A picture as a data URI; or, in its place, why there is none."""
+    """A picture as a data URI, or the reason why it is missing."""
 
     caption: str
     uri: str = ""
@@ -74,10 +77,10 @@ def render_page(
     """Return a report as HTML.
 
     Args:
-        experiment: what was asked.
-        document: what was found.
-        outcomes: what came of the trials, by name.
-        provenance: what it was made with.
+        experiment: its name and question.
+        document: the content of the report.
+        outcomes: of the trials, by name.
+        provenance: of the report.
     """
     return (
         _environment()
@@ -115,7 +118,7 @@ def _anchor(number: int, title: str) -> str:
 
 
 def _blocks(parts: Sequence[Part]) -> Sequence[_Block]:
-    """Return parts as they are shown: photographs that follow each other stand side by side."""
+    """Return parts as blocks; consecutive photographs become one block and are shown side by side."""
     blocks: list[_Block] = []
     for are_photographs, group in groupby(parts, lambda part: isinstance(part, Photograph)):
         if are_photographs:
@@ -151,16 +154,18 @@ def _uri(kind: str, data: bytes) -> str:
 
 
 def _table(table: Table) -> _ShownTable:
-    """Return a table in which a column without words stands to the right; one without rows says so."""
-    told = table.rows or [("none", *[""] * (len(table.header) - 1))]
-    columns = [[row[column] for row in told if row[column] not in _ABSENT] for column in range(len(table.header))]
-    numeric = [bool(cells) and all(map(_is_number, cells)) for cells in columns]
+    """Return a table whose numeric columns are aligned to the right; without rows, its only row reads "none"."""
+    cells_by_row = table.rows or [("none", *[""] * (len(table.header) - 1))]
+    columns = [
+        [row[column] for row in cells_by_row if row[column] not in _ABSENT] for column in range(len(table.header))
+    ]
+    numeric = [bool(column) and all(map(_is_number, column)) for column in columns]
     rows = [
         [
             _ShownCell(text=_text(cell), is_number=numeric[column], is_marked=(number, column) in table.marked)
             for column, cell in enumerate(row)
         ]
-        for number, row in enumerate(told)
+        for number, row in enumerate(cells_by_row)
     ]
     header = [
         _ShownCell(text=text, is_number=is_number, is_marked=False)
@@ -176,7 +181,7 @@ _FIGURE = re.compile(rf"{_BETWEEN_DIGITS}\d{_BETWEEN_DIGITS}")
 
 
 def _is_number(cell: Cell) -> bool:
-    """Return whether a cell is a number, also one that was rounded to text."""
+    """Return whether a cell is a number, or text that shows a rounded number."""
     if isinstance(cell, str):
         return _FIGURE.fullmatch(cell) is not None
     return cell is not None and not isinstance(cell, bool)
@@ -192,14 +197,14 @@ def _text(cell: Cell) -> str:
             return str(cell)
 
 
-# What every report ends with
+# Sections at the end of every report
 
 
 def _made_with(made: Provenance) -> Section:
-    before = f"; {made.found} had been run before" if made.found else ""
+    before = f"; {made.reused} had been run before" if made.reused else ""
     revision = "in no git repository"
     if made.revision is not None:
-        state = "nothing was changed since" if made.revision.is_clean else "with changes that are not committed"
+        state = "no uncommitted changes" if made.revision.is_clean else "with uncommitted changes"
         revision = f"{made.revision.commit}, {state}"
     rows = [
         ("Command", made.command),
@@ -217,10 +222,17 @@ def _made_with(made: Provenance) -> Section:
 
 def _trials(outcomes: Mapping[str, AnyOutcome]) -> Section:
     rows = [
-        (name, str(each.seed), f"{each.duration_s:.1f}", str(each.loops), str(each.frames), each.error)
-        for name, each in outcomes.items()
+        (
+            name,
+            str(outcome.seed),
+            f"{outcome.duration_s:.1f}",
+            str(outcome.loops),
+            str(outcome.frames),
+            outcome.error,
+        )
+        for name, outcome in outcomes.items()
     ]
     header = ("Trial", "Seed", "Simulated s", "Loops", "Frames", "Ended by an error")
-    marked = frozenset((number, 5) for number, each in enumerate(outcomes.values()) if each.error)
+    marked = frozenset((number, 5) for number, outcome in enumerate(outcomes.values()) if outcome.error)
     caption = "All trials. Loops are those of the main execution, or missions; frames were rendered for perception."
     return Section(title="Trials", parts=[Table(caption=caption, header=header, rows=rows, marked=marked)])

@@ -1,4 +1,4 @@
-"""Kept frames for people: small pictures with the detected tags outlined."""
+"""Stored frames as small pictures for people, with the detected tags outlined."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ _TEXT = (0, 0, 255)
 _QUALITY = (cv2.IMWRITE_JPEG_QUALITY, 80)
 _COLOURS_OF_EVERY_PIXEL = (cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444)
 _FRACTION_BITS = 4
-"""OpenCV draws between pixels where coordinates are in sixteenths."""
+"""`cv2.polylines` takes coordinates in sixteenths of a pixel."""
 
 
 class NoPictureError(Exception):
-    """A file is no picture that can be read."""
+    """A file is missing or is not a readable picture."""
 
 
 def developed(path: Path) -> bytes:
-    """Return a kept frame as JPEG, of its own size, with each detected tag outlined and numbered.
+    """Return a stored frame as JPEG in its original size, with each detected tag outlined and numbered.
 
     Raises:
-        NoPictureError: if the file is not there, or no picture.
+        NoPictureError: if the file is missing or not a readable picture.
     """
     picture = _picture(path)
     drawn = picture.copy()
@@ -48,12 +48,12 @@ def _picture(path: Path) -> NDArray[np.uint8]:
         raise NoPictureError(f"'{path}' cannot be read: {error.strerror}") from error
     picture = cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
     if picture is None:
-        raise NoPictureError(f"'{path}' is no picture")
+        raise NoPictureError(f"'{path}' is not a picture")
     return np.asarray(picture, dtype=np.uint8)
 
 
 def _tags(picture: NDArray[np.uint8]) -> list[tuple[int, NDArray[np.float64]]]:
-    """Return the tags that detection, which asks for nothing but pixels, finds in a picture in OpenCV's colours."""
+    """Detect tags in a picture with OpenCV's order of colours. Detection uses only the pixels; the pose is a dummy."""
     height, width = picture.shape[:2]
     frame = Frame(
         pixels=np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2RGB), dtype=np.uint8),
@@ -61,4 +61,4 @@ def _tags(picture: NDArray[np.uint8]) -> list[tuple[int, NDArray[np.float64]]]:
         believed_map_from_camera=Pose(rotation=np.eye(3), translation_m=np.zeros(3)),
         stamp_s=0.0,
     )
-    return [(found.tag_id, found.corners_px) for found in detect(frame)]
+    return [(tag.tag_id, tag.corners_px) for tag in detect(frame)]

@@ -1,4 +1,4 @@
-"""What a report was made with, so that it can be made again."""
+"""Everything that is needed to reproduce a report."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ class Revision:
     """The state of a working tree.
 
     Attributes:
-        commit: what is checked out.
-        is_clean: whether nothing differs from it.
+        commit: that is checked out.
+        is_clean: whether the working tree equals it.
     """
 
     commit: str
@@ -31,7 +31,7 @@ class Revision:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Provenance:
-    """What a report was made with.
+    """The inputs and the environment of a report.
 
     Attributes:
         command: the command line.
@@ -40,9 +40,9 @@ class Provenance:
         code: a digest of the code of codra.
         revision: of the project's working tree; None if it is in no repository.
         seeds: of all trials.
-        cores: how many the machine offers, and how many processes used them.
-        elapsed_s: how long this call took, without making the page.
-        found: how many trials had been run before.
+        cores: how many the machine offers; `processes` is how many trials ran at once.
+        elapsed_s: how long this call took, without rendering the page.
+        reused: how many trials had been run before.
     """
 
     command: str
@@ -54,11 +54,11 @@ class Provenance:
     cores: int
     processes: int
     elapsed_s: float
-    found: int
+    reused: int
 
 
 def versions() -> Mapping[str, str]:
-    """Return the versions of all that an outcome, or what is made of it, depends on."""
+    """Return the versions of everything that outcomes and reports depend on."""
     return {
         "codra": __version__,
         "Python": platform.python_version(),
@@ -70,11 +70,11 @@ def versions() -> Mapping[str, str]:
 
 
 def revision_of(root: Path, but: Path) -> Revision | None:
-    """Return the state of the working tree that a project is in; None if there is none.
+    """Return the state of a project's working tree; None if it is in no repository.
 
     Args:
         root: the project's folder.
-        but: a folder that may differ: where results go.
+        but: a folder in which differences are ignored, for results.
     """
     try:
         repository = Repository.around(root.resolve())

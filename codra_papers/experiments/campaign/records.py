@@ -1,4 +1,4 @@
-"""The place where what came of a trial is kept, and how it is known what it was made from."""
+"""Records of trials on disk, with digests of everything that the trials were made from."""
 
 from __future__ import annotations
 
@@ -18,25 +18,26 @@ from codra_dsl.language.project import root_of
 from codra_papers.experiments.campaign.experiment import AnyOutcome, AnyTrial
 
 _LIBRARIES = frozenset({"numpy", "mujoco", "opencv-python-headless", "opencv-python", "py_trees", "networkx"})
-"""What a frame, what is seen in it, and ways in the store are computed with."""
+"""The libraries that compute frames, perception, and routes in the store."""
 
 
 PACKAGES = (Path(codra_dsl.__file__).parent, Path(codra_papers.__file__).parent)
 
 
 class ChangedMeanwhileError(Exception):
-    """What a trial is made from is not what it was when the trial began."""
+    """The inputs of a trial changed while it ran."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrialRecord:
-    """What is kept of a trial: `NAME.json`, and the frames in the folder `NAME`.
+    """The record of a trial: the file `NAME.json`, and the frames in the folder `NAME`.
 
-    The first line of the file tells what the trial was made from and what the rest of the file should be, as digests.
+    The first line of the file holds two digests: of everything that the trial was made from, and of the rest of the
+    file.
 
     Attributes:
-        folder: in which it is kept.
-        digest: of all that the trial is made from.
+        folder: the folder of the record.
+        digest: of everything that the trial is made from.
     """
 
     trial: AnyTrial
@@ -50,7 +51,7 @@ class TrialRecord:
 
     @property
     def error_path(self) -> Path:
-        """Return the file that tells how the trial failed, if it did."""
+        """Return the file with the traceback of the trial, which exists if it failed."""
         return self.folder / f"{self.trial.name}.error"
 
     @property
@@ -59,7 +60,7 @@ class TrialRecord:
         return self.folder / self.trial.name
 
     def read(self) -> AnyOutcome | None:
-        """Return what is kept; None if there is nothing, it is damaged, or was made from something else."""
+        """Return the outcome in the record; None if the record is missing or damaged, or its inputs have changed."""
         try:
             head, _, text = self.path.read_text(encoding="utf-8").partition("\n")
             if head != self._head(text):
@@ -70,13 +71,16 @@ class TrialRecord:
         return outcome if all((self.frames / name).is_file() for name in outcome.files()) else None
 
     def make(self, staging: Path) -> None:
-        """Run the trial and keep what came of it, all or nothing.
+        """Run the trial and write its record, completely or not at all.
+
+        The digest of the inputs is computed again after the run: an outcome of changed inputs is never stored under the
+        old digest.
 
         Args:
-            staging: an empty folder of this run alone, on the same disk.
+            staging: an empty folder for this run only, on the same disk.
 
         Raises:
-            ChangedMeanwhileError: if it is not known what it was made from.
+            ChangedMeanwhileError: if the inputs of the trial changed while it ran.
         """
         text = self.trial.run(staging / "frames").to_json()
         if _digest_of_trial(self.trial, _spec_digest(self.trial.spec)) != self.digest:
@@ -94,26 +98,31 @@ class TrialRecord:
 
 
 def records_of(trials: Sequence[AnyTrial], folder: Path) -> Sequence[TrialRecord]:
-    """Return where trials are kept.
+    """Return the records of trials.
 
     Raises:
-        ValueError: if something in a trial is told by its address alone, such as a function.
+        ValueError: if the `repr` of a value in a trial contains an address, as that of a function does.
         SpecError: if a spec has errors.
     """
     specs = {spec: _spec_digest(spec) for spec in {trial.spec for trial in trials}}
-    return [TrialRecord(trial=each, folder=folder, digest=_digest_of_trial(each, specs[each.spec])) for each in trials]
+    return [
+        TrialRecord(trial=trial, folder=folder, digest=_digest_of_trial(trial, specs[trial.spec])) for trial in trials
+    ]
 
 
 def _digest_of_trial(trial: AnyTrial, spec_digest: str) -> str:
-    told = repr(trial).replace(repr(trial.spec), repr(Path(trial.spec.name)))
-    if " at 0x" in told:
-        raise ValueError(f"the trial '{trial.name}' is told by addresses, which mean nothing in another run: {told}")
-    return sha256("\n".join((told, spec_digest, code_digest(), _libraries())).encode()).hexdigest()
+    description = repr(trial).replace(repr(trial.spec), repr(Path(trial.spec.name)))
+    if " at 0x" in description:
+        raise ValueError(
+            f"the description of trial '{trial.name}' contains memory addresses, which change with every run;"
+            f" use frozen dataclasses instead of functions: {description}"
+        )
+    return sha256("\n".join((description, spec_digest, code_digest(), _libraries())).encode()).hexdigest()
 
 
 @cache
 def code_digest() -> str:
-    """Return a digest of the code of both packages, on which an outcome can depend."""
+    """Return a digest of the code of both packages; outcomes can depend on all of it."""
     digests = (_digest_of(package, _code_files(package)) for package in PACKAGES)
     return sha256("\n".join(digests).encode()).hexdigest()
 
@@ -123,7 +132,7 @@ def _code_files(package: Path) -> Sequence[Path]:
 
 
 def _spec_digest(spec: Path) -> str:
-    """Return a digest of a spec's file, of what it includes, and of the project's modules that it calls."""
+    """Return a digest of a spec: its file, the files that it includes, and the project's modules that it calls."""
     return _digest_of(root_of(spec), source_files(spec))
 
 
@@ -137,6 +146,8 @@ def _digest_of(root: Path, files: Sequence[Path]) -> str:
 
 @cache
 def _libraries() -> str:
-    """Return the versions of what frames and perception are made with."""
-    there = {name: each.version for name in _LIBRARIES for each in metadata.distributions(name=name)}
-    return f"{platform.python_version()} {sorted(there.items())}"
+    """Return the versions of the libraries that frames and perception depend on."""
+    installed = {
+        name: distribution.version for name in _LIBRARIES for distribution in metadata.distributions(name=name)
+    }
+    return f"{platform.python_version()} {sorted(installed.items())}"

@@ -1,4 +1,4 @@
-"""The experiments by name: those of this package, and those of a project's own modules."""
+"""Experiments by name: those of this package, and those in a project's own modules."""
 
 from __future__ import annotations
 
@@ -13,29 +13,29 @@ _CONSTANT = "EXPERIMENT"
 
 
 class NoExperimentError(LookupError):
-    """There is no such experiment; the message says why."""
+    """An experiment does not exist; the message gives the reason."""
 
 
 def experiments() -> Mapping[str, Experiment]:
-    """Return the experiments of this package by name, in order: whatever its modules call `EXPERIMENT`."""
+    """Return the experiments of this package by name, in order: the constants `EXPERIMENT` of its modules."""
     studies = importlib.import_module(_STUDIES)
     names = sorted(module.name for module in pkgutil.iter_modules(studies.__path__))
     modules = [importlib.import_module(f"{_STUDIES}.{name}") for name in names]
-    found = [each for module in modules if isinstance(each := getattr(module, _CONSTANT, None), Experiment)]
-    return {each.name: each for each in found}
+    known = [value for module in modules if isinstance(value := getattr(module, _CONSTANT, None), Experiment)]
+    return {experiment.name: experiment for experiment in known}
 
 
 def experiment_in(place: str) -> Experiment:
-    """Return an experiment of a project's own, by `module:CONSTANT`.
+    """Return an experiment of a project, by `module:CONSTANT`.
 
     Raises:
-        NoExperimentError: if there is none.
+        NoExperimentError: if it does not exist.
     """
     module, _, constant = place.partition(":")
     try:
-        found = getattr(importlib.import_module(module), constant)
+        constant_value = getattr(importlib.import_module(module), constant)
     except (ImportError, ValueError, AttributeError) as error:
         raise NoExperimentError(f"'{place}' cannot be imported: {error}") from error
-    if not isinstance(found, Experiment):
-        raise NoExperimentError(f"'{place}' is no Experiment")
-    return found
+    if not isinstance(constant_value, Experiment):
+        raise NoExperimentError(f"'{place}' is not an Experiment")
+    return constant_value

@@ -1,4 +1,7 @@
-"""What an experiment leaves in its folder: a page for people and the same as data."""
+"""Write the results of an experiment into its folder: an HTML page for people, and JSON.
+
+Values that differ between runs, such as how long a run took, are on the page and never in `results.json`.
+"""
 
 from __future__ import annotations
 
@@ -24,11 +27,11 @@ def write_results(
     outcomes: Mapping[str, AnyOutcome],
     provenance: Provenance,
 ) -> Sequence[Path]:
-    """Write the page and the data into a folder, both or neither changed; return their paths.
+    """Write the page and the data into a folder; if one fails, neither changes. Return their paths.
 
     Raises:
-        OSError: if that is not possible.
-        ValueError: if the results hold what JSON cannot, such as a number that is none.
+        OSError: if a file cannot be written.
+        ValueError: if the results contain values that JSON cannot represent, such as NaN.
     """
     texts = {
         folder / PAGE: render_page(experiment, document, outcomes, provenance),
@@ -45,13 +48,13 @@ def write_results(
 def as_json(
     experiment: Experiment, document: Document, outcomes: Mapping[str, AnyOutcome], provenance: Provenance
 ) -> str:
-    """Return the results as JSON in the form of `results.schema.json`, without anything that differs from run to run.
+    """Return the results as JSON in the form of `results.schema.json`, without values that differ between runs.
 
     Raises:
-        ValueError: if the results hold what JSON cannot, such as a number that is none.
+        ValueError: if the results contain values that JSON cannot represent, such as NaN.
     """
     revision = provenance.revision
-    told = {
+    report = {
         "version": _VERSION,
         "experiment": experiment.name,
         "question": experiment.question,
@@ -62,9 +65,14 @@ def as_json(
         "revision": None if revision is None else {"commit": revision.commit, "is_clean": revision.is_clean},
         "seeds": list(provenance.seeds),
         "trials": {
-            name: {"seed": each.seed, "duration_s": each.duration_s, "loops": each.loops, "error": each.error}
-            for name, each in outcomes.items()
+            name: {
+                "seed": outcome.seed,
+                "duration_s": outcome.duration_s,
+                "loops": outcome.loops,
+                "error": outcome.error,
+            }
+            for name, outcome in outcomes.items()
         },
         "results": document.results,
     }
-    return json.dumps(told, indent=2, allow_nan=False) + "\n"
+    return json.dumps(report, indent=2, allow_nan=False) + "\n"

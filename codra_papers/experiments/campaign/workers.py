@@ -1,4 +1,9 @@
-"""Trials side by side, each in a fresh process: what one leaves behind touches no other, and none outlives us."""
+"""Run trials in parallel, each in a process of its own.
+
+A fresh process has no state of another trial. That process also writes the trial's record, so outcomes are always read
+from the disk, no matter which call ran the trial. Trial processes block interrupts and watch the program that started
+them: Ctrl-C is reported once, and if that program is killed, its trial processes end too.
+"""
 
 from __future__ import annotations
 
@@ -27,14 +32,14 @@ from codra_papers.experiments.campaign.records import ChangedMeanwhileError, Tri
 from codra_papers.lab.simulator.gl import GraphicsUnavailableError, choose_backend, rely_on
 
 _SPAWN = multiprocessing.get_context("spawn")
-_TOLD_ENOUGH = (
+_EXPLAINED_ERRORS = (
     ChangedMeanwhileError,
     SpecError,
     CallError,
     NotDeclaredError,
     UnknownNameError,
 )
-"""What says by itself what is wrong, and is no bug."""
+"""Errors of the trial's input: their message is enough, no traceback is needed."""
 
 
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
@@ -44,16 +49,16 @@ _KEPT = ":".join(
     f"glibc.malloc.{name}={setting}"
     for name, setting in (("trim_threshold", 512 << 20), ("mmap_threshold", 32 << 20), ("tcache_count", 5000))
 )
-"""How much memory may be free, from which size on a piece is not kept, and how many small pieces are at hand."""
+"""How much free memory is kept, from which size a block is returned at once, and how many small blocks are cached."""
 
 
 class TrialError(Exception):
     """A trial failed.
 
     Attributes:
-        trial: which one.
-        reason: in a line.
-        details: the file that tells more; None if there is no more to tell.
+        trial: the trial that failed.
+        reason: why, in one line.
+        details: the file with the traceback; None if the reason is enough.
     """
 
     def __init__(self, trial: AnyTrial, reason: str, details: Path | None) -> None:
@@ -64,17 +69,17 @@ class TrialError(Exception):
 
 
 class _Done(Enum):
-    """What a process says that has kept what came of its trial."""
+    """The message of a process that has written its trial's record."""
 
     DONE = "done"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Failure:
-    """What a process says whose trial raised something.
+    """The message of a process whose trial raised an exception.
 
     Attributes:
-        error_number: of what the operating system refused; 0 for anything else.
+        error_number: `errno` of an operating system error; 0 for any other error.
         traceback: empty if the reason is enough.
     """
 
@@ -83,7 +88,7 @@ class _Failure:
     traceback: str = ""
 
 
-_Told = _Done | _Failure
+_Report = _Done | _Failure
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,62 +97,64 @@ class _Worker:
 
     record: TrialRecord
     process: SpawnProcess
-    told: connection.Connection
+    reports: connection.Connection
 
     def outcome(self) -> AnyOutcome:
-        """Return what came of the trial, once the process has said something or ended.
+        """Wait for the process to report or to end, and return the outcome of its trial.
 
         Raises:
-            TrialError: if nothing came of it.
-            OSError: if that is what the operating system refused.
+            TrialError: if the trial has no outcome.
+            OSError: if the operating system refused to write it.
         """
         try:
-            told = self.told.recv()
+            report = self.reports.recv()
         except EOFError:
             self.process.join()
             raise TrialError(self.record.trial, _end_of(self.process.exitcode or 0), None) from None
         self.process.join()
-        if isinstance(told, _Failure):
-            raise _error_of(self.record, told)
+        if isinstance(report, _Failure):
+            raise _error_of(self.record, report)
         outcome = self.record.read()
         if outcome is None:
             raise TrialError(self.record.trial, f"its record '{self.record.path}' was changed meanwhile", None)
         return outcome
 
     def end(self) -> None:
-        """End the process, whatever it does, and give back what it held."""
+        """Kill the process if it still runs, and release its resources."""
         self.process.kill()
         self.process.join()
         self.process.close()
-        self.told.close()
+        self.reports.close()
 
 
 def run_in_processes(records: Sequence[TrialRecord], staging: Path, processes: int) -> Iterator[AnyOutcome]:
-    """Run trials, so many at once, in the order given; yield what came of each when it is done.
+    """Run trials in the order given, several at once; yield each outcome as soon as its trial is done.
+
+    A failed trial ends them all: a report needs every trial, and fixing the code changes the digests of all records.
 
     Args:
         records: of the trials.
-        staging: an empty folder for what is made on the way, on the disk of the records.
+        staging: an empty folder for temporary files, on the same disk as the records.
         processes: how many run at once.
 
     Raises:
-        TrialError: if a trial fails; the others are given up.
-        OSError: if something cannot be written.
+        TrialError: if a trial fails; the others are killed.
+        OSError: if a file cannot be written.
     """
     backend = _backend([record.trial for record in records])
     waiting = list(reversed(records))
     running: dict[connection.Connection, _Worker] = {}
-    resource_tracker.ensure_running()  # later it would let interrupts through again as it starts
+    resource_tracker.ensure_running()  # started later, it would unblock interrupts
     try:
         while waiting or running:
-            with interrupts_held_back():  # also until it is known whom to end
+            with interrupts_held_back():  # until the new process is in `running`, so that `finally` ends it
                 while waiting and len(running) < processes:
                     worker = _started(waiting.pop(), staging / str(len(waiting)), backend)
-                    running[worker.told] = worker
-            for told in connection.wait(list(running)):
-                assert isinstance(told, connection.Connection)
-                outcome = running[told].outcome()
-                running.pop(told).end()
+                    running[worker.reports] = worker
+            for connected in connection.wait(list(running)):
+                assert isinstance(connected, connection.Connection)
+                outcome = running[connected].outcome()
+                running.pop(connected).end()
                 yield outcome
     finally:
         for worker in running.values():
@@ -155,10 +162,12 @@ def run_in_processes(records: Sequence[TrialRecord], staging: Path, processes: i
 
 
 def _backend(trials: Sequence[AnyTrial]) -> str | None:
-    """Return what draws the frames of trials, lest each of their processes finds it out; None if none draws any.
+    """Return the graphics backend that draws the frames of trials; None if no trial draws any.
+
+    It is determined once here, so that the processes of trials need not do it again.
 
     Raises:
-        TrialError: if nothing here draws.
+        TrialError: if no graphics backend works on this machine.
     """
     drawing = [trial for trial in trials if trial.draws_frames]
     try:
@@ -179,10 +188,10 @@ def _started(record: TrialRecord, staging: Path, backend: str | None) -> _Worker
 
 @contextmanager
 def _memory_kept() -> Iterator[None]:
-    """Let a process that begins now keep the memory that it frees.
+    """Let a process that is started within the block keep the memory that it frees.
 
-    Perception makes and frees pictures of a megabyte all the time. GNU's C library gives each back to the system, which
-    clears every page when it is asked for the next: that takes as long as the work on the picture.
+    Perception allocates and frees pictures of one megabyte all the time. GNU's C library gives each back to the system,
+    which clears every page at the next allocation: that takes as long as the work on the picture.
     """
     before = os.environ.get(_TUNABLES)
     os.environ[_TUNABLES] = _KEPT if before is None else f"{_KEPT}:{before}"
@@ -214,33 +223,33 @@ def _end_of(code: int) -> str:
 # In the process of a trial
 
 
-def _work(record: TrialRecord, staging: Path, backend: str | None, told: connection.Connection) -> None:
-    """Run a trial and say what became of it."""
+def _work(record: TrialRecord, staging: Path, backend: str | None, reports: connection.Connection) -> None:
+    """Run a trial and report how it ended."""
     threading.Thread(target=_end_with_parent, daemon=True).start()
     if backend is not None:
         rely_on(backend)
     tempfile.tempdir = str(staging)
-    told.send(_made(record, staging))
-    told.close()
-    gc.freeze()  # the end gives back all memory anyway: to search it for cycles before would take long
+    reports.send(_made(record, staging))
+    reports.close()
+    gc.freeze()  # the process frees all memory as it ends; a last search for reference cycles would take long
 
 
-def _made(record: TrialRecord, staging: Path) -> _Told:
+def _made(record: TrialRecord, staging: Path) -> _Report:
     try:
         record.make(staging)
-    except _TOLD_ENOUGH as error:
+    except _EXPLAINED_ERRORS as error:
         return _Failure(reason=str(error))
     except OSError as error:
         if error.errno is None or not _is_ours(error, record.folder):
             return _unexpected(error)
         return _Failure(reason=str(error), error_number=error.errno)
-    except Exception as error:  # noqa: BLE001  it is told by who began this process
+    except Exception as error:  # noqa: BLE001  the parent process reports it
         return _unexpected(error)
     return _Done.DONE
 
 
 def _is_ours(error: OSError, folder: Path) -> bool:
-    """Return whether an error is about keeping what came of a trial; that a disk is full is about no file by name."""
+    """Return whether writing the record failed; an error that names no file counts if the disk is full."""
     if error.filename is None:
         return error.errno in _FULL
     return isinstance(error.filename, str) and Path(error.filename).is_relative_to(folder)
@@ -256,7 +265,7 @@ def _unexpected(error: Exception) -> _Failure:
 
 
 def _end_with_parent() -> None:
-    """End this process when the one that began it is no more, however that ended."""
+    """End this process as soon as its parent has ended, also if it was killed."""
     parent = multiprocessing.parent_process()
     assert parent is not None
     parent.join()

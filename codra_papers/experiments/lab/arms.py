@@ -1,4 +1,4 @@
-"""The arms of an experiment: what each one's observers are, and whether they follow the main execution's needs."""
+"""The arms of an experiment: the observers of each, and whether they follow the needs of the main execution."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ class Arm:
     """One way to observe.
 
     Attributes:
-        name: unique in its experiment; people read it in tables.
-        need: for what its observers run.
-        edits: how its spec differs from the experiment's.
+        name: unique in its experiment, and shown in tables.
+        need: the variables for which its observers run.
+        edits: the differences between its spec and the experiment's.
     """
 
     name: str
@@ -39,7 +39,7 @@ class Arm:
     edits: tuple[SpecVariant, ...] = ()
 
     def edited(self, name: str, edit: SpecVariant) -> Arm:
-        """Return an arm that differs from this one in one edit more and in nothing else."""
+        """Return an arm that differs from this one only in one more edit."""
         return replace(self, name=name, edits=(*self.edits, edit))
 
 
@@ -58,15 +58,15 @@ NAIVE_PACED = Arm(name="naive, every 7.2 s", need=Need.EVERYTHING, edits=(_PERIO
 PRECONDITIONS = Arm(name="preconditions", need=Need.EVERYTHING, edits=(_PERIODICALLY,))
 NEED = Arm(name="preconditions and need", need=Need.ANNOUNCED, edits=(_PERIODICALLY,))
 NEED_ON_EVENT = Arm(name="need, on event", need=Need.ANNOUNCED)
-"""The spec as it is, which says of each variable how it is refreshed."""
+"""The unchanged spec, which declares how each variable is refreshed."""
 
 
 def observers(arm: Arm, spec: Spec, folder: Path) -> Observers:
     """Compile an arm.
 
     Args:
-        arm: which.
-        spec: the experiment's, without errors.
+        arm: to be compiled.
+        spec: of the experiment, without errors.
         folder: an empty folder for the generated code.
 
     Raises:

@@ -1,4 +1,4 @@
-"""Whom the main execution speaks to in an experiment: one arm that answers it, or none, and all that only listen."""
+"""Connect the main execution to the arms of an experiment: one arm, or none, answers it; the others only listen."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ class Asked:
 
     Attributes:
         instant_s: when the main execution needed the variable.
-        skill: the skill under way.
-        since_s: how old the evidence may be: 0 for a preview; the end of the action for what monitors it.
-        held: what each arm held at that instant, by arm.
-        answer: what it was decided on.
-        answered_s: when.
+        skill: the skill that was running.
+        since_s: how old the evidence may be: 0 for a preview; the end of the action if the decision monitors it.
+        held: the value that each arm held at that instant, by arm.
+        answer: the value on which the decision was based.
+        answered_s: when the answer was there.
         waited_s: how long it waited for the arm that answers.
         looked_s: how long the robot looked by itself; 0 if context answered.
         last: what that arm held when it answered, or when the robot began to look instead; None if no arm answers.
@@ -48,7 +48,7 @@ class Asked:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SkillSpan:
-    """When a skill was under way."""
+    """The time in which a skill was running."""
 
     name: str
     start_s: float
@@ -56,14 +56,14 @@ class SkillSpan:
 
 
 class Fanout:
-    """What a main execution tells, told to every arm that follows it; what it asks, answered by one arm or by looking.
+    """Passes all reports of the main execution to every arm that follows. One arm, or looking, answers its requests.
 
     Without an arm that answers, every decision is made by looking, as P1's robot did while observers only watched
-    (section 4.1): what the robot does then depends on no arm.
+    (section 4.1): the actions of the robot then do not depend on any arm.
 
     Attributes:
         asked: the decisions, in order of time.
-        skills: the skills that ended, likewise.
+        skills: the skills that ended, in order of time.
     """
 
     def __init__(
@@ -75,13 +75,13 @@ class Fanout:
         answering: str | None,
         decision_s: float = 0.0,
     ) -> None:
-        """Gather the arms.
+        """Connect the arms.
 
         Args:
             clock: of all of them.
             arms: by name.
-            following: those that are told of skills and of what comes next.
-            answering: the one that answers.
+            following: the arms that are notified of skills and of what comes next.
+            answering: the arm that answers; None if no arm answers.
             decision_s: how long it takes to ask it.
         """
         self.asked: list[Asked] = []
@@ -101,25 +101,25 @@ class Fanout:
             start_s = self._clock.now_s()
             self._under_way.append(name)
             try:
-                yield _Together(skills)
+                yield _SharedSkill(skills)
             finally:
                 self._under_way.pop()
                 self.skills.append(SkillSpan(name=name, start_s=start_s, end_s=self._clock.now_s()))
 
     def expect(self, *skills: str) -> None:
-        """Tell which skills come next."""
+        """Announce which skills come next."""
         for manager in self._following:
             manager.expect(*skills)
 
     def set(self, name: str, value: Any) -> None:
-        """Tell every arm what the main execution knows itself."""
+        """Pass a value that the main execution knows itself to every arm."""
         for manager in self._arms.values():
             manager.set(name, value)
 
     def decide(
         self, name: str, otherwise: Callable[[], Any], *, since_s: float = 0.0, wait_up_to_s: float = 0.0
     ) -> Any:
-        """Let the answering arm decide, or look; note what every arm held when it was asked."""
+        """Let the answering arm decide, or look; record the values that every arm held at the request."""
         asked_s, held = self._clock.now_s(), {arm: manager.get(name) for arm, manager in self._arms.items()}
         self._clock.sleep(0.0 if self._answering is None else self._decision_s)
         waits_from_s = self._clock.now_s()
@@ -156,12 +156,12 @@ class Fanout:
         return None if self._answering is None else self._answering.get(name)
 
     def slot(self, *resources: str) -> AbstractContextManager[None]:
-        """Hold slots of the answering arm; those of arms that only listen are their own."""
+        """Hold slots of the answering arm; arms that only listen have slots of their own."""
         return nullcontext() if self._answering is None else self._answering.slot(*resources)
 
 
-class _Together:
-    """One skill under way in several arms."""
+class _SharedSkill:
+    """One skill that is running in several arms."""
 
     def __init__(self, skills: Sequence[ActingSkill]) -> None:
         self._skills = skills

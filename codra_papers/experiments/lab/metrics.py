@@ -1,7 +1,7 @@
-"""What the protocol counts: seconds in the common window, time to first knowledge, lag, and answers to decisions.
+"""The metrics of the protocol: seconds in the common window, time to first knowledge, lag, and answers to decisions.
 
-The window of a variable in a run begins when the last of its arms has identified it first: P1's Table 2 compares arms
-over the same seconds. An arm that never identifies the variable would leave no window to the others; it is left out.
+The window of a variable in a run begins when the last arm has first identified it: P1's Table 2 compares arms over the
+same seconds. An arm that never identifies the variable would leave the others no window, so it is left out.
 """
 
 from __future__ import annotations
@@ -35,17 +35,17 @@ class Seconds:
 
     @property
     def paper(self) -> Share:
-        """Return right of held seconds: P1's ratio."""
+        """Return right seconds of held seconds: P1's ratio."""
         return Share(self.right_s, self.right_s + self.wrong_s)
 
     @property
     def strict(self) -> Share:
-        """Return right of all seconds: not to know is no better than to be wrong."""
+        """Return right seconds of all seconds: an unknown value counts like a wrong one."""
         return Share(self.right_s, self.right_s + self.wrong_s + self.unknown_s)
 
 
 def seconds(held: Sequence[Piece], truth: Sequence[Piece], start_s: float = 0.0) -> Seconds:
-    """Return how long what was held was right, wrong and unknown, from an instant to the end of the run."""
+    """Return how long held values were right, wrong and unknown, from an instant to the end of the run."""
     lasted = {"right": 0.0, "wrong": 0.0, "unknown": 0.0}
     window = [Piece(start_s, math.inf, None)]
     held = [Piece(max(piece.start_s, start_s), piece.end_s, piece.value) for piece, _, _ in overlaps(held, window)]
@@ -56,11 +56,11 @@ def seconds(held: Sequence[Piece], truth: Sequence[Piece], start_s: float = 0.0)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Window:
-    """The part of a run over which its arms are compared on a variable.
+    """The part of a run in which its arms are compared on a variable.
 
     Attributes:
-        start_s: when the last arm identified it first; None if none ever did.
-        left_out: the arms that never did.
+        start_s: when the last arm first identified it; None if no arm did.
+        left_out: the arms that never identified it.
     """
 
     start_s: float | None
@@ -71,22 +71,22 @@ def window(outcome: Outcome, variable: str) -> Window:
     """Return a run's window for a variable."""
     first_s = {name: arm.first_s[variable] for name, arm in outcome.arms.items()}
     return Window(
-        start_s=max((found for found in first_s.values() if found is not None), default=None),
-        left_out=frozenset(name for name, found in first_s.items() if found is None),
+        start_s=max((identified_s for identified_s in first_s.values() if identified_s is not None), default=None),
+        left_out=frozenset(name for name, identified_s in first_s.items() if identified_s is None),
     )
 
 
 def in_window(outcome: Outcome, variable: str, arm: str) -> Seconds | None:
-    """Return an arm's seconds in the window of a variable; None if it is left out of it."""
+    """Return an arm's seconds in the window of a variable; None if the arm is left out."""
     common = window(outcome, variable)
     if common.start_s is None or arm in common.left_out:
         return None
     return seconds(outcome.arms[arm].held[variable], outcome.truth[variable], common.start_s)
 
 
-def total(found: Iterable[Seconds | None]) -> Seconds:
-    """Return what seconds add up to over runs; those of an arm that was left out add nothing."""
-    return sum((each for each in found if each is not None), Seconds())
+def total(seconds_by_run: Iterable[Seconds | None]) -> Seconds:
+    """Return the sum of seconds over runs; runs in which the arm was left out add 0."""
+    return sum((run_seconds for run_seconds in seconds_by_run if run_seconds is not None), Seconds())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -98,21 +98,21 @@ class Causes:
 
 
 def causes(spans: Iterable[WrongSpan]) -> Causes:
-    """Return how long what was held was wrong, by cause."""
-    told = list(spans)
+    """Return how long held values were wrong, by cause."""
+    wrong_spans = list(spans)
     return Causes(
-        seen_wrongly_s=math.fsum(span.end_s - span.start_s for span in told if not span.was_true),
-        changed_since_s=math.fsum(span.end_s - span.start_s for span in told if span.was_true),
+        seen_wrongly_s=math.fsum(span.end_s - span.start_s for span in wrong_spans if not span.was_true),
+        changed_since_s=math.fsum(span.end_s - span.start_s for span in wrong_spans if span.was_true),
     )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Lags:
-    """How long after changes of the truth an arm held the new value.
+    """The delays after which an arm held the new value after changes of the truth.
 
     Attributes:
         seen_s: of each change that was seen; 0 if the arm held the new value before it was true.
-        unseen: how many changes were not, until the next one or the end of the run.
+        unseen: the number of changes that were not seen before the next change or the end of the run.
     """
 
     seen_s: tuple[float, ...] = ()
@@ -123,12 +123,12 @@ class Lags:
         return Lags(seen_s=self.seen_s + other.seen_s, unseen=self.unseen + other.unseen)
 
     def quantile_s(self, share: float) -> float | None:
-        """Return the lag that this share of the seen changes do not exceed; None if none was seen."""
+        """Return the lag that this share of the seen changes does not exceed; None if none was seen."""
         return float(np.quantile(self.seen_s, share)) if self.seen_s else None
 
 
 def lags(held: Sequence[Piece], truth: Sequence[Piece]) -> Lags:
-    """Return how long after each change of the truth what was held followed."""
+    """Return the delay between each change of the truth and the change of the held value."""
     seen_s: list[float] = []
     for change in truth[1:]:
         followed = (
@@ -142,13 +142,13 @@ def lags(held: Sequence[Piece], truth: Sequence[Piece]) -> Lags:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Answers:
-    """What an arm held at the instants when decisions needed it.
+    """The values that an arm held when decisions needed them.
 
     Attributes:
-        right: it held what was true.
-        wrong: it held what was not.
-        fell_back: it held nothing: the main execution would look by itself.
-        fresh: for how many there was evidence from after the action that is monitored; of a preview, any evidence.
+        right: the held value was true.
+        wrong: the held value was not true.
+        fell_back: the value was unknown: the main execution would look by itself.
+        fresh: there was evidence from after the monitored action; for a preview, any evidence counts.
     """
 
     right: int
@@ -158,12 +158,12 @@ class Answers:
 
 
 def answers(decisions: Iterable[Decision], arm: str) -> Answers:
-    """Return how often an arm held the truth when it was needed."""
-    told = list(decisions)
-    held = [(decision.held[arm], decision.truth) for decision in told]
+    """Return how often an arm held the truth when a decision needed it."""
+    needed = list(decisions)
+    held = [(decision.held[arm], decision.truth) for decision in needed]
     return Answers(
         right=sum(value == fact for value, fact in held if value is not None),
         wrong=sum(value != fact for value, fact in held if value is not None),
         fell_back=sum(value is None for value, _ in held),
-        fresh=sum(decision.fresh[arm] for decision in told),
+        fresh=sum(decision.fresh[arm] for decision in needed),
     )

@@ -1,4 +1,4 @@
-"""What came of a trial, as plain data that can be kept in a file."""
+"""The outcome of a trial, as plain data that can be stored in a file."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from codra_dsl.runtime.values.conditions import Value
 from codra_papers.experiments.lab.scoring import Piece
 
 OWN_LOOK = "own look"
-"""What took evidence that no arm took: the main execution itself."""
+"""The name of the algorithm for evidence that no arm took: the main execution looked itself."""
 
 BEFORE_THE_ACTION = "before_the_action"
-"""Why context has no answer although it knows the variable: it has no evidence from after the action."""
+"""Why context has no answer although it knows the variable: the evidence is from before the action."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Basis:
-    """On what evidence a value rested that was not true when a decision needed it.
+    """The evidence for a value that was not true when a decision needed it.
 
     Attributes:
         algorithm: that took the evidence; `OWN_LOOK` if the main execution did.
-        evidence_s: when.
-        values: what it returned.
-        was_true: whether the value was true at that instant: if so, it has changed since; if not, it was seen wrongly.
-        frame: the picture's file, relative to the folder of the trial's record; empty if there is none.
+        evidence_s: when it was taken.
+        values: that the algorithm returned.
+        was_true: whether the value was true at that instant. If so, it has changed since; if not, it was seen wrongly.
+        frame: the picture's file, relative to the folder of the trial's record, or empty.
     """
 
     algorithm: str
@@ -38,21 +38,21 @@ class Basis:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Decision:
-    """What a decision needed, and what each arm held then (P1, Figure 7).
+    """A decision of the main execution, and the values that each arm held then (P1, Figure 7).
 
     Attributes:
-        truth: what was true when the main execution asked.
+        truth: the true value when the main execution asked.
         held: the value that each arm held then, None for unknown.
-        fresh: whether each arm's evidence was from after the action that the decision monitors; of a preview always.
-        answer: what the main execution went by.
-        answered_s: when it had that answer: it asked, waited and looked in between.
+        fresh: whether each arm's evidence was from after the action that the decision monitors; always for a preview.
+        answer: the value that the main execution used.
+        answered_s: when it had that answer: between asking and this instant it waited and looked.
         waited_s: how long it waited for the arm that answers.
         looked_s: how long the robot looked by itself.
-        has_looked: whether it did: context had no answer, or was not asked.
+        has_looked: whether it did, because context had no answer or was not asked.
         unanswered: why context had no answer: the reason why the variable was unknown, or `BEFORE_THE_ACTION`; empty if
             it had one or was not asked.
         wrong: by arm, the basis of each value held at `instant_s` that was not true.
-        wrong_answer: the basis of the answer if that was not true at `answered_s`.
+        wrong_answer: the basis of the answer if it was not true at `answered_s`.
     """
 
     instant_s: float
@@ -74,11 +74,11 @@ class Decision:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KeptFrame:
-    """A frame that was kept, and what an algorithm measured in it.
+    """A stored frame, and the values that an algorithm measured in it.
 
     Attributes:
         file: of the picture, relative to the folder of the trial.
-        believed_map_from_camera: where the robot believed its camera to be: rotation, shape (3, 3), and translation.
+        believed_map_from_camera: the believed pose of the camera: rotation, shape (3, 3), and translation.
     """
 
     file: str
@@ -91,10 +91,10 @@ class KeptFrame:
 
 @dataclass(frozen=True, slots=True)
 class WrongSpan:
-    """A span of time in which an arm held what was not true.
+    """A span of time in which an arm held a value that was not true.
 
     Attributes:
-        was_true: whether it was true at the instant of its evidence: if so, it has changed since; if not, it was seen
+        was_true: whether it was true at the instant of its evidence. If so, it has changed since; if not, it was seen
             wrongly.
     """
 
@@ -105,11 +105,11 @@ class WrongSpan:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ArmOutcome:
-    """What one arm held and did in a trial.
+    """The values that one arm held in a trial, and its jobs.
 
     Attributes:
-        held: by variable.
-        wrong: when a held value was not true, by variable.
+        held: the held values, by variable.
+        wrong: the spans in which held values were not true, by variable.
         first_s: when an observer first identified each variable; None if never.
         triggers: how many jobs of each algorithm were started.
         slot_s: for how long its observers held slots.
@@ -124,15 +124,16 @@ class ArmOutcome:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
-    """What came of a trial. All of it is plain data: `to_json` and `from_json` are inverse to each other.
+    """The outcome of a trial. All of it is plain data: `from_json` is the inverse of `to_json`.
 
     Attributes:
-        error: what ended the main execution early; None if nothing did.
-        interruptions: instants in s and texts of errors after which it began anew.
-        frames: how many frames were rendered for perception, and `perceived` how many instants it looked at.
-        truth: what was true, by variable.
+        error: that ended the main execution early, or None.
+        interruptions: instants in s and texts of errors after which it started again.
+        frames: how many frames were rendered for perception.
+        perceived: at how many instants perception looked.
+        truth: the true values, by variable.
         skills: the main execution's skills as (name, start in s, end in s).
-        kept: frames to be looked at again.
+        kept: frames that are stored to be analysed again.
     """
 
     name: str
@@ -150,9 +151,9 @@ class Outcome:
     kept: Sequence[KeptFrame]
 
     def files(self) -> Sequence[str]:
-        """Return the pictures that were kept, relative to the folder of the trial."""
-        told = [basis for each in self.decisions for basis in (*each.wrong.values(), each.wrong_answer)]
-        return [*(basis.frame for basis in told if basis and basis.frame), *(kept.file for kept in self.kept)]
+        """Return the stored pictures, relative to the folder of the trial."""
+        bases = [basis for decision in self.decisions for basis in (*decision.wrong.values(), decision.wrong_answer)]
+        return [*(basis.frame for basis in bases if basis and basis.frame), *(kept.file for kept in self.kept)]
 
     def to_json(self) -> str:
         """Return it as JSON."""
@@ -160,28 +161,28 @@ class Outcome:
 
     @classmethod
     def from_json(cls, text: str) -> Outcome:
-        """Return what `to_json` wrote."""
-        told = json.loads(text)
-        arms = {name: _arm(arm) for name, arm in told["arms"].items()}
-        decisions = [_decision(each) for each in told["decisions"]]
-        truth = {name: _pieces(found) for name, found in told["truth"].items()}
-        told |= {"truth": truth, "arms": arms, "decisions": decisions}
-        told |= {name: [tuple(each) for each in told[name]] for name in ("skills", "interruptions")}
-        told["kept"] = [KeptFrame(**each) for each in told["kept"]]
-        return cls(**told)
+        """Return the outcome that `to_json` wrote as this text."""
+        content = json.loads(text)
+        arms = {name: _arm(arm) for name, arm in content["arms"].items()}
+        decisions = [_decision(decision) for decision in content["decisions"]]
+        truth = {name: _pieces(timeline) for name, timeline in content["truth"].items()}
+        content |= {"truth": truth, "arms": arms, "decisions": decisions}
+        content |= {name: [tuple(entry) for entry in content[name]] for name in ("skills", "interruptions")}
+        content["kept"] = [KeptFrame(**frame) for frame in content["kept"]]
+        return cls(**content)
 
 
-def _arm(told: Mapping[str, Any]) -> ArmOutcome:
-    held = {name: _pieces(found) for name, found in told["held"].items()}
-    wrong = {name: tuple(WrongSpan(**each) for each in found) for name, found in told["wrong"].items()}
-    return ArmOutcome(**{**told, "held": held, "wrong": wrong})
+def _arm(content: Mapping[str, Any]) -> ArmOutcome:
+    held = {name: _pieces(timeline) for name, timeline in content["held"].items()}
+    wrong = {name: tuple(WrongSpan(**span) for span in spans) for name, spans in content["wrong"].items()}
+    return ArmOutcome(**{**content, "held": held, "wrong": wrong})
 
 
-def _decision(told: Mapping[str, Any]) -> Decision:
-    wrong = {arm: Basis(**basis) for arm, basis in told["wrong"].items()}
-    wrong_answer = None if told["wrong_answer"] is None else Basis(**told["wrong_answer"])
-    return Decision(**{**told, "wrong": wrong, "wrong_answer": wrong_answer})
+def _decision(content: Mapping[str, Any]) -> Decision:
+    wrong = {arm: Basis(**basis) for arm, basis in content["wrong"].items()}
+    wrong_answer = None if content["wrong_answer"] is None else Basis(**content["wrong_answer"])
+    return Decision(**{**content, "wrong": wrong, "wrong_answer": wrong_answer})
 
 
-def _pieces(told: Sequence[Mapping[str, Any]]) -> tuple[Piece, ...]:
-    return tuple(Piece(**each) for each in told)
+def _pieces(content: Sequence[Mapping[str, Any]]) -> tuple[Piece, ...]:
+    return tuple(Piece(**piece) for piece in content)

@@ -1,4 +1,4 @@
-"""Pictures of a run: what each arm held over what was true."""
+"""Pictures of a run: the values that each arm held, beside the truth."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ def draw_timeline(
     """Draw one row per variable: a strip of its truth and below it one strip per arm, coloured by agreement.
 
     Args:
-        path: where the picture goes; the ending (`.png`, `.svg`) says in which form.
-        truth: what was true, by variable.
-        arms: what each arm held, by arm and variable.
-        labels: what people read for each variable.
+        path: of the picture; its suffix (`.png`, `.svg`) selects the format.
+        truth: the true values, by variable.
+        arms: the values that each arm held, by arm and variable.
+        labels: the label of each variable.
     """
     names = list(truth)
     figure = Figure(figsize=(16, 1.6 + 0.28 * len(names) * (1 + len(arms))), layout="constrained")
@@ -44,7 +44,7 @@ def draw_timeline(
         [row * _ROW + _STRIP * (1 + len(arms)) / 2 for row in range(len(names))], [labels[n] for n in names]
     )
     axes.set_ylim(len(names) * _ROW, -0.1)
-    axes.set_xlim(0, max(piece.end_s for found in truth.values() for piece in found))
+    axes.set_xlim(0, max(piece.end_s for timeline in truth.values() for piece in timeline))
     axes.set_xlabel("time in s")
     axes.set_title(f"in each row from the top: truth, {', '.join(arms)}", fontsize=10, loc="left")
     colours = {"true": TRUE, "false": FALSE, "held, right": RIGHT, "held, wrong": WRONG, "unknown": UNKNOWN}

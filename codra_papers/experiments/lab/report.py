@@ -1,4 +1,4 @@
-"""What a run in the laboratory prints and draws."""
+"""The printed tables and the pictures of a run in the laboratory."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ def write_pictures(run: LabRun, folder: Path, labels: Mapping[str, str]) -> Iter
     """Write frames with the detected tags drawn in, the timeline over the truth, and the records; yield each path.
 
     Args:
-        run: what there is to show.
-        folder: is made if it does not exist.
-        labels: what people read for each variable.
+        run: to be shown.
+        folder: created if it does not exist.
+        labels: the label of each variable.
     """
     folder.mkdir(parents=True, exist_ok=True)
     for arm in run.arms:
@@ -66,7 +66,7 @@ def _jobs_text(run: LabRun) -> str:
 def _spent_text(run: LabRun) -> str:
     everything = sum(run.arms[0].spent.values(), Cost())
     rows = [
-        (name, *(str(getattr(spent, each)) for each in _ENDS), *(f"{getattr(spent, each):.1f}" for each in _TIMES))
+        (name, *(str(getattr(spent, end)) for end in _ENDS), *(f"{getattr(spent, time):.1f}" for time in _TIMES))
         for name, spent in {**run.arms[0].spent, "all": everything}.items()
     ]
     return text_table((f"spent by {run.arms[0].name}", *_ENDS, *_TIMES.values()), rows)
@@ -74,5 +74,5 @@ def _spent_text(run: LabRun) -> str:
 
 def _decisions_text(run: LabRun) -> str:
     counted = {**run.decisions, "all": sum(run.decisions.values(), Counter())}
-    rows = [(name, *(str(counts[what]) for what in _ANSWERS)) for name, counts in counted.items()]
+    rows = [(name, *(str(counts[answer]) for answer in _ANSWERS)) for name, counts in counted.items()]
     return text_table(("decisions", *_ANSWERS.values()), rows)

@@ -1,4 +1,4 @@
-"""What a spec must declare to run in the laboratory."""
+"""The declarations that a spec needs to run in the laboratory."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from codra_papers.lab.sequential_perception import VISION
 
 
 def missing_declarations(spec: Spec) -> tuple[str, ...]:
-    """Return, in words, what the laboratory's main execution needs and a spec does not declare."""
+    """Return, as text, the declarations that the laboratory's main execution needs and a spec lacks."""
     skills = {skill.name for skill in spec.skills}
     true_or_false = {variable.name for variable in spec.context if variable.type.kind is Kind.BOOL}
     shared = {resource.name for resource in spec.resources if resource.slots is not None}

@@ -1,4 +1,4 @@
-"""A run in the laboratory: its arms on the same frames, one main execution, all scored against ground truth."""
+"""A run in the laboratory: one main execution, and arms on the same frames, scored against ground truth."""
 
 from __future__ import annotations
 
@@ -31,20 +31,20 @@ from codra_papers.lab.simulator.world import LabWorld
 OBSERVED = "observed"
 
 PICTURED = ("centrifuge_open", "centrifuge_locked", "pcr_cycler_open", "pcr_cycler_locked")
-"""The variables whose first misjudged frame is shown."""
+"""The variables for which the first misjudged frame is shown."""
 
 Work = Callable[[Mission], None]
-"""What the main execution does: a frozen value, so that it can be sent to a process and told in a report."""
+"""The work of the main execution: a frozen value, so that it can be sent to a process and described in a report."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ArmRun:
-    """What one arm held and did.
+    """The values that one arm held, its jobs and their costs.
 
     Attributes:
         held: by context-variable.
         jobs: how many jobs of each algorithm were started.
-        spent: what each observer cost and brought.
+        spent: the costs and the results of each observer.
     """
 
     name: str
@@ -57,20 +57,21 @@ class ArmRun:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LabRun:
-    """All that a run showed.
+    """Everything that a run showed.
 
     Attributes:
         loops: how many sample-processing loops were completed.
-        error: the main execution's unrecoverable error, if that ended it.
-        interruptions: the instants and texts of unrecoverable errors after which it began anew.
-        frames: how many were rendered.
-        perceived: how many of these perception functions took.
-        looks_s: the instants of those that the main execution took itself.
+        error: the main execution's unrecoverable error, if one ended it.
+        interruptions: the instants and texts of unrecoverable errors after which it started again.
+        frames: how many frames were rendered.
+        perceived: how many of these perception functions used.
+        looks_s: the instants of the frames that the main execution took itself.
         asked: the decisions of the main execution.
-        skills: when each of its skills was under way.
-        decisions: how many decisions were `answered` from context, by what an observer saw (`OBSERVED`) or what the
-            main execution itself had found out before, and how many `fell_back`, by variable; empty if no arm answered.
-        pictures: frames at telling moments, by a name that tells the moment.
+        skills: when each of its skills was running.
+        decisions: by variable, how many decisions were `answered` from context, how many of these from an observer's
+            evidence (`OBSERVED`) rather than from an earlier look of the main execution itself, and how many
+            `fell_back`; empty if no arm answered.
+        pictures: frames at notable moments, by a name that describes the moment.
     """
 
     duration_s: float
@@ -93,7 +94,7 @@ class OneLoop:
     """Process one batch of samples."""
 
     def __call__(self, mission: Mission) -> None:
-        """Do it."""
+        """Process one batch."""
         mission.run_loop()
 
 
@@ -105,13 +106,13 @@ class Loops:
     """Process batch after batch, until time is up."""
 
     def __call__(self, mission: Mission) -> None:
-        """Do it."""
+        """Process batches for ever."""
         while True:
             mission.run_loop()
 
 
-def telling_moments(run: LabRun) -> Mapping[str, float]:
-    """Return instants worth a picture, by a name that tells why."""
+def notable_moments(run: LabRun) -> Mapping[str, float]:
+    """Return instants that are worth a picture, by a name that gives the reason."""
     moments: dict[str, float] = {}
     for arm in run.arms:
         moments |= {f"{arm.name}-{name}": instant_s for name, instant_s in _most_markers(arm).items()}
@@ -120,7 +121,7 @@ def telling_moments(run: LabRun) -> Mapping[str, float]:
 
 
 def _most_markers(arm: ArmRun) -> Mapping[str, float]:
-    """Return, by algorithm, when the evidence was taken that rests on the most markers."""
+    """Return, by algorithm, the instant of the evidence with the most markers."""
     best: dict[str, tuple[int, float]] = {}
     for event in arm.record.of(Kind.JOB):
         markers = event.details.get("values", {}).get("markers")
@@ -130,35 +131,35 @@ def _most_markers(arm: ArmRun) -> Mapping[str, float]:
 
 
 def _misjudged(arm: ArmRun, truth: Mapping[str, Sequence[Piece]]) -> Mapping[str, float]:
-    """Return, by variable, when evidence was first taken that gave it a value that was not true at that instant."""
-    found: dict[str, float] = {}
+    """Return, by variable, the instant of the first evidence that gave it a value that was not true at that instant."""
+    evidence_by_variable: dict[str, float] = {}
     for event in arm.record.of(Kind.VARIABLE):
-        if event.what == "identified" and event.name in PICTURED and event.name not in found:
+        if event.what == "identified" and event.name in PICTURED and event.name not in evidence_by_variable:
             evidence_s = event.details["evidence_s"]
             facts = (piece.value for piece in truth[event.name] if piece.start_s <= evidence_s < piece.end_s)
             if next(facts, None) not in (None, event.details["value"]):
-                found[event.name] = evidence_s
-    return found
+                evidence_by_variable[event.name] = evidence_s
+    return evidence_by_variable
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LabSettings:
-    """How to run.
+    """The settings of a run.
 
     Attributes:
-        seed: of everything that chance decides.
+        seed: of all random numbers.
         laboratory: in which the robot works.
-        duration_s: how long at most; None for as long as the work takes.
-        work: what the main execution does.
+        duration_s: the maximum duration; None for as long as the work takes.
+        work: of the main execution.
         answering: the arm that answers the main execution's decisions; None if it looks at each of them.
         decision_s: how long it takes the main execution to ask that arm.
-        repair_s: how long someone takes to set things right after an unrecoverable error; the work then begins anew.
-            None if such an error ends the run (P1, section 4.1). With it, say how long the run lasts.
-        expect: whether the main execution says beforehand what comes next.
-        moments: tells the instants of which frames are kept, by name.
-        progress: is told the present instant now and then.
-        journal: where the journal of the answering arm goes, if anywhere; those of other arms go beside it, with the
-            arm's name in their own.
+        repair_s: how long someone takes to repair the situation after an unrecoverable error; the work then starts
+            again. None if such an error ends the run (P1, section 4.1). If it is set, set `duration_s` too.
+        expect: whether the main execution announces what comes next.
+        moments: returns the instants of frames to store, by name.
+        progress: called with the present instant now and then.
+        journal: the journal of the answering arm; None for no journal. Those of other arms are beside it, with the
+            arm's name in their file names.
     """
 
     seed: int = 1
@@ -170,43 +171,46 @@ class LabSettings:
     repair_s: float | None = None
     pace: Pace = Pace.FAST
     expect: Expect = Expect.ONE_AHEAD
-    moments: Callable[[LabRun], Mapping[str, float]] = telling_moments
+    moments: Callable[[LabRun], Mapping[str, float]] = notable_moments
     progress: Callable[[float], None] = lambda _: None
     journal: Path | None = None
 
 
 def run_lab(observers: Sequence[Observers], settings: LabSettings) -> LabRun:
-    """Let the robot work while every arm watches, each with slots of its own, on the same frames.
+    """Let the robot work while every arm watches the same frames, each with slots of its own.
 
     Args:
-        observers: the arms, by different names.
-        settings: how to run.
+        observers: the arms, with different names.
+        settings: of the run.
     """
     with ExitStack() as stack:
         stack.enter_context(surveyed(settings.laboratory.machines))
         world = LabWorld(settings.seed, settings.laboratory)
         frames = stack.enter_context(FrameSource(world))
-        clock = _clock(settings, stack)  # last of all that takes long: in real time it runs from here
+        clock = _clock(settings, stack)  # after everything slow: in real time it runs from here
         camera, own_camera = (WatchedCamera(ArmCamera(frames, clock)) for _ in range(2))
         resources = {"camera": camera, "base": Localization(world, clock)}
         managers = {
-            each.arm.name: stack.enter_context(
-                each.start(
-                    clock=clock, resources=resources, seed=settings.seed, record=_record(each.arm.name, settings)
+            arm_observers.arm.name: stack.enter_context(
+                arm_observers.start(
+                    clock=clock,
+                    resources=resources,
+                    seed=settings.seed,
+                    record=_record(arm_observers.arm.name, settings),
                 )
             )
-            for each in observers
+            for arm_observers in observers
         }
-        audience = _gathered(clock, managers, observers, settings)
+        fanout = _gathered(clock, managers, observers, settings)
         robot = Robot(world, clock, Random(f"{settings.seed} robot"))
-        eyes = SequentialPerception(robot, own_camera, audience, clock, seed=settings.seed)
-        mission = Mission(robot, eyes, audience, clock, settings.expect)
+        perception = SequentialPerception(robot, own_camera, fanout, clock, seed=settings.seed)
+        mission = Mission(robot, perception, fanout, clock, settings.expect)
         disturb(world, clock)
         interruptions: list[tuple[float, str]] = []
         error = _execute(mission, settings, clock, interruptions)
         end_s = clock.now_s()
         for manager in managers.values():
-            manager.close()  # in real time jobs would go on while the run is judged
+            manager.close()  # in real time jobs would continue while the run is judged
         truth = _truth_pieces(GroundTruth(world).over(0.0, end_s), list(managers.values()))
         arms = [_arm(name, manager, truth, end_s) for name, manager in managers.items()]
         answering = managers.get(settings.answering or "")
@@ -220,8 +224,8 @@ def run_lab(observers: Sequence[Observers], settings: LabSettings) -> LabRun:
             looks_s=sorted(own_camera.instants_s),
             arms=arms,
             truth=truth,
-            asked=tuple(audience.asked),
-            skills=tuple(audience.skills),
+            asked=tuple(fanout.asked),
+            skills=tuple(fanout.skills),
             decisions={} if answering is None else _decisions(answering.record),
             pictures={},
         )
@@ -248,21 +252,21 @@ class WatchedCamera:
         return frame
 
     def processing_s(self, mean_s: float) -> float:
-        """Return how long the computer behind it takes from now for work that takes so long in the mean."""
+        """Return the processing time, from now, of work with this mean duration on the camera's computer."""
         return self._camera.processing_s(mean_s)
 
 
 def _gathered(
     clock: Clock, managers: Mapping[str, Manager], observers: Sequence[Observers], settings: LabSettings
 ) -> Fanout:
-    """Declare everything where that is the arm's way, and let the main execution speak to all arms."""
-    for each in observers:
-        if each.arm.need is Need.EVERYTHING:
-            _declare_all(managers[each.arm.name])
+    """Declare all variables for arms that need everything, and connect the main execution to all arms."""
+    for arm_observers in observers:
+        if arm_observers.arm.need is Need.EVERYTHING:
+            _declare_all(managers[arm_observers.arm.name])
     return Fanout(
         clock,
         managers,
-        following=[each.arm.name for each in observers if each.arm.need is Need.ANNOUNCED],
+        following=[arm_observers.arm.name for arm_observers in observers if arm_observers.arm.need is Need.ANNOUNCED],
         answering=settings.answering,
         decision_s=settings.decision_s,
     )
@@ -275,14 +279,14 @@ def _clock(settings: LabSettings, stack: ExitStack) -> LimitedClock:
 
 
 def _record(arm: str, settings: LabSettings) -> EventLog:
-    """Return what takes the events of an arm: all of them, since they are scored in the end."""
+    """Return the event log of an arm. It keeps all events, since they are scored at the end."""
     if settings.journal is None:
         return EventLog(math.inf)
     return Journal(settings.journal if arm == settings.answering else beside(settings.journal, arm), math.inf)
 
 
 def beside(journal: Path, arm: str) -> Path:
-    """Return where the journal of another arm goes."""
+    """Return the path of another arm's journal."""
     return journal.with_name(f"{journal.stem}.{arm}{journal.suffix}")
 
 
@@ -294,7 +298,7 @@ def _declare_all(manager: Manager) -> None:
 def _execute(
     mission: Mission, settings: LabSettings, clock: Clock, interruptions: list[tuple[float, str]]
 ) -> str | None:
-    """Let the main execution run to its end; return the unrecoverable error that ended it, if one did."""
+    """Run the main execution to its end; return the unrecoverable error that ended it, if there was one."""
     try:
         while True:
             try:
@@ -310,10 +314,10 @@ def _execute(
 
 
 def _truth_pieces(spans: Sequence[TruthSpan], managers: Sequence[Manager]) -> Mapping[str, Sequence[Piece]]:
-    """Return what was true, by variable: of those that an arm's spec models, of all if there is no arm."""
-    told = tuple(spans[0].values) if spans else ()
-    modelled = {name for manager in managers for name in manager.modelled()} if managers else set(told)
-    names = [name for name in told if name in modelled]
+    """Return the true values of all variables that an arm's spec models; of all variables without arms."""
+    variables = tuple(spans[0].values) if spans else ()
+    modelled = {name for manager in managers for name in manager.modelled()} if managers else set(variables)
+    names = [name for name in variables if name in modelled]
     return {name: pieces([(span.start_s, span.values[name]) for span in spans], spans[-1].end_s) for name in names}
 
 

@@ -1,4 +1,4 @@
-"""What an arm held, against what was true: seconds right, wrong and unknown (P1, section 4.1 and Table 2)."""
+"""Score the held values of an arm against the truth: seconds right, wrong and unknown (P1, section 4.1 and Table 2)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from codra_dsl.runtime.values.conditions import Value
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """A span of time, half-open, in which a value stood; None stands for unknown."""
+    """A half-open span of time with one value; None is unknown."""
 
     start_s: float
     end_s: float
@@ -24,11 +24,11 @@ class Score:
     """How a variable was held over a run.
 
     Attributes:
-        right_s: the held value equals the truth: P1's agreement time.
-        wrong_s: it is known and differs: P1's disagreement time.
-        unknown_s: nothing is held.
+        right_s: the time in which the held value equals the truth: P1's agreement time.
+        wrong_s: the time in which it is known and differs: P1's disagreement time.
+        unknown_s: the time in which no value is held.
         identified: how often an observer gave it a value.
-        first_s: when an observer first did, None if never.
+        first_s: when an observer first did; None if never.
     """
 
     name: str
@@ -40,22 +40,22 @@ class Score:
 
     @property
     def ratio(self) -> float | None:
-        """Return right / (right + wrong), as P1's Table 2 does; None while nothing was ever held."""
+        """Return right / (right + wrong), as P1's Table 2 does; None if no value was ever held."""
         held_s = self.right_s + self.wrong_s
         return self.right_s / held_s if held_s else None
 
 
 def held_pieces(record: EventLog, names: Sequence[str], end_s: float) -> Mapping[str, tuple[Piece, ...]]:
-    """Return what a context manager held of each variable from 0 s to the end of a run, from its record."""
+    """Return the values of each variable that a context manager held from 0 s to the end of a run, from its record."""
     changes: dict[str, list[tuple[float, Value | None]]] = {name: [(0.0, None)] for name in names}
     for event in record.of(Kind.VARIABLE):
         if event.details.get("present") and event.name in changes and event.instant_s < end_s:
             changes[event.name].append((event.instant_s, event.details["value"]))
-    return {name: pieces(found, end_s) for name, found in changes.items()}
+    return {name: pieces(variable_changes, end_s) for name, variable_changes in changes.items()}
 
 
 def pieces(changes: Sequence[tuple[float, Value | None]], end_s: float) -> tuple[Piece, ...]:
-    """Return the pieces between changes, given in order of time; neighbours of the same value become one."""
+    """Return the pieces between changes, given in order of time; equal neighbours are merged."""
     merged: list[Piece] = []
     starts = [start_s for start_s, _ in changes]
     for (start_s, value), next_s in zip(changes, [*starts[1:], end_s], strict=True):
@@ -89,14 +89,14 @@ def score(name: str, held: Sequence[Piece], truth: Sequence[Piece], record: Even
 
 def overlaps(left: Sequence[Piece], right: Sequence[Piece]) -> list[tuple[Piece, Piece, float]]:
     """Return the pairs of pieces that overlap, with the length of their overlap, in order of time."""
-    found: list[tuple[Piece, Piece, float]] = []
+    pairs: list[tuple[Piece, Piece, float]] = []
     position = 0
     for piece in left:
         while position < len(right) and right[position].end_s <= piece.start_s:
             position += 1
-        for index in range(position, len(right)):  # a slice would copy all that is still to come
+        for index in range(position, len(right)):  # a slice would copy all remaining pieces
             other = right[index]
             if other.start_s >= piece.end_s:
                 break
-            found.append((piece, other, min(piece.end_s, other.end_s) - max(piece.start_s, other.start_s)))
-    return found
+            pairs.append((piece, other, min(piece.end_s, other.end_s) - max(piece.start_s, other.start_s)))
+    return pairs

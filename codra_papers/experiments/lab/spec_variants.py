@@ -1,4 +1,4 @@
-"""How the spec of one arm differs from that of another: frozen values that turn a spec into a spec."""
+"""Differences between the specs of arms: frozen values that turn a spec into another."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ from codra_dsl.language.model import (
 )
 
 SpecVariant = Callable[[Spec], Spec]
-"""What turns a spec into another: a frozen value, so that it can be sent to a process and told in a report."""
+"""Turns a spec into another: a frozen value, so that it can be sent to a process and described in a report."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Naive:
-    """No idea of when perception can be trusted (P1, section 4.1): the same calls without any condition.
+    """No knowledge of when perception can be trusted (P1, section 4.1): the same calls without any condition.
 
-    What is called, with what, what it returns and what that means for the variables stays as it is. No skill is left:
-    every variable that has an algorithm gets its observer.
+    The functions, their arguments, their results and the meaning of these for variables stay the same. No skill is
+    left: every variable that has an algorithm gets its observer.
 
     Attributes:
-        pause_s: the least time between two jobs of one algorithm that needs a slot; 0 to look again as soon as done.
+        pause_s: the minimum time between two jobs of one algorithm that needs a slot; 0 to look again immediately.
     """
 
     pause_s: float = 0.0
 
     def __str__(self) -> str:
-        """Return it as a report tells it."""
+        """Return its description in a report."""
         pause = f", {self.pause_s} s between two jobs of the vision slot" if self.pause_s else ""
         return f"no conditions{pause}"
 
@@ -52,11 +52,13 @@ class Naive:
 
 
 def _without_pause(spec: Spec, algorithms: tuple[Algorithm, ...]) -> tuple[ObserverSetting, ...]:
-    """Give every tree a period of 0 s and the same priority; its name stays."""
+    """Give every tree a period of 0 s and the same priority; keep its name."""
     named = {reference.name for setting in spec.observers for reference in setting.identifies}
     settings = [replace(setting, period_s=0.0, priority=0) for setting in spec.observers]
-    for algorithm in sorted(algorithms, key=lambda each: each.rank):  # the first of alternatives names their tree
-        variables = tuple(Reference(name=one.variable.name, place=one.variable.place) for one in algorithm.identifies)
+    for algorithm in sorted(algorithms, key=lambda algorithm: algorithm.rank):  # the first alternative names the tree
+        variables = tuple(
+            Reference(name=entry.variable.name, place=entry.variable.place) for entry in algorithm.identifies
+        )
         if not named & {reference.name for reference in variables}:
             named |= {reference.name for reference in variables}
             settings.append(
@@ -72,33 +74,33 @@ class Refreshed:
     refresh: Refresh
 
     def __str__(self) -> str:
-        """Return it as a report tells it."""
+        """Return its description in a report."""
         return f"refresh: {self.refresh.value}"
 
     def __call__(self, spec: Spec) -> Spec:
-        """Return the spec with that `refresh` for all of them."""
+        """Return the spec with that `refresh` for all variables."""
         return replace(spec, context=tuple(replace(variable, refresh=self.refresh) for variable in spec.context))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WithoutValidity:
-    """Let every value stand for ever, as P1's flag `known` does (section 3.3)."""
+    """Let every value stay valid for ever, as P1's flag `known` does (section 3.3)."""
 
     def __str__(self) -> str:
-        """Return it as a report tells it."""
+        """Return its description in a report."""
         return "no valid_for"
 
     def __call__(self, spec: Spec) -> Spec:
         """Return the spec without any `valid_for`."""
-        return replace(spec, context=tuple(replace(each, valid_for_s=FOREVER_S) for each in spec.context))
+        return replace(spec, context=tuple(replace(variable, valid_for_s=FOREVER_S) for variable in spec.context))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WithoutChanges:
-    """Let no skill say what it changes: what an action makes out of date stays known."""
+    """Remove `changes` from all skills: a value that an action makes out of date stays known."""
 
     def __str__(self) -> str:
-        """Return it as a report tells it."""
+        """Return its description in a report."""
         return "no changes"
 
     def __call__(self, spec: Spec) -> Spec:
@@ -108,12 +110,12 @@ class WithoutChanges:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Confirmed:
-    """Ask several results to agree before a value is believed, wherever a single condition identifies it.
+    """Require several results to agree before a value is believed, wherever a single condition identifies it.
 
     Attributes:
-        needed: how many, of
-        of: the last so many results; 1 of 1 takes confirmation away.
-        variables: whose names end so.
+        needed: how many results have to agree,
+        of: among this many latest results; 1 of 1 removes confirmation.
+        variables: the ends of the names of the variables.
     """
 
     needed: int
@@ -121,8 +123,8 @@ class Confirmed:
     variables: tuple[str, ...]
 
     def __str__(self) -> str:
-        """Return it as a report tells it."""
-        return f"confirm: {self.needed} of {self.of} for {', '.join(f'*{each}' for each in self.variables)}"
+        """Return its description in a report."""
+        return f"confirm: {self.needed} of {self.of} for {', '.join(f'*{name}' for name in self.variables)}"
 
     def __call__(self, spec: Spec) -> Spec:
         """Return the spec with that `confirm`."""
@@ -147,10 +149,10 @@ class Confirmed:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Without:
-    """Take one condition away: of `observable_when` (a precondition) or of `accept_when` (a refinement).
+    """Remove one condition: of `observable_when` (a precondition) or of `accept_when` (a refinement).
 
     Attributes:
-        algorithm: the end of the names of those that lose it, e.g. `_lid` for the lids of all machines.
+        algorithm: the end of the names of the algorithms that lose it, e.g. `_lid` for the lids of all machines.
         condition: the end of its text, e.g. `_lid_in_FOV`.
     """
 
@@ -158,7 +160,7 @@ class Without:
     condition: str
 
     def __str__(self) -> str:
-        """Return it as a report tells it."""
+        """Return its description in a report."""
         return f"*{self.algorithm} without *{self.condition}"
 
     def __call__(self, spec: Spec) -> Spec:
@@ -182,4 +184,4 @@ class Without:
         )
 
     def _kept(self, conditions: tuple[Condition, ...]) -> tuple[Condition, ...]:
-        return tuple(each for each in conditions if not each.text.endswith(self.condition))
+        return tuple(condition for condition in conditions if not condition.text.endswith(self.condition))

@@ -1,4 +1,4 @@
-"""One run of an experiment, told completely enough to be run again."""
+"""One run of an experiment, described completely enough to be run again."""
 
 from __future__ import annotations
 
@@ -38,15 +38,15 @@ class Trial:
     """One run of an experiment.
 
     Attributes:
-        name: unique in its experiment; also the name of the file that keeps what came of it.
+        name: unique in its experiment; also the name of its record.
         spec: the file of the experiment's spec.
         laboratory: in which the robot works.
         answering: the arm that answers the main execution's decisions; None if it looks at each of them.
         decision_s: how long it takes to ask that arm.
-        repair_s: how long it takes to set things right after an unrecoverable error; None if that ends the run.
-        work: what the main execution does.
-        duration_s: how long it does so at most.
-        frames_kept: how many frames are kept, besides those of wrong decisions, to be looked at again.
+        repair_s: how long a repair takes after an unrecoverable error; None if the error ends the run.
+        work: of the main execution.
+        duration_s: the maximum duration.
+        frames_kept: how many frames are stored to be analysed again, besides those of wrong decisions.
     """
 
     name: str
@@ -63,26 +63,26 @@ class Trial:
 
     @property
     def draws_frames(self) -> bool:
-        """Return that it draws frames of the laboratory."""
+        """Return True: every trial in the laboratory renders frames."""
         return True
 
     def run(self, folder: Path) -> Outcome:
-        """Run it; frames that are kept go to the folder."""
+        """Run it; stored frames go to the folder."""
         return run_trial(self, folder)
 
     def outcome(self, text: str) -> Outcome:
-        """Return what its outcome's `to_json` wrote."""
+        """Return the outcome that `to_json` wrote as this text."""
         return Outcome.from_json(text)
 
 
-@paused_collector()
+@paused_collector()  # nothing refers back to a completed job, so its memory is freed without it
 def run_trial(trial: Trial, folder: Path, progress: Callable[[float], None] = lambda _: None) -> Outcome:
-    """Run a trial, and keep frames of what was decided wrongly and of evidence to be looked at again.
+    """Run a trial, and store frames of wrong decisions and of evidence to be analysed again.
 
     Args:
-        trial: what to run.
-        folder: where frames go; it is made.
-        progress: is told the present instant of the world now and then.
+        trial: to be run.
+        folder: for frames; it is created.
+        progress: called with the present simulated instant now and then.
 
     Raises:
         SpecError: if the spec, or an arm's, has errors.
@@ -111,18 +111,18 @@ def store_frame(frame: Frame, path: Path) -> None:
     """Write a frame's pixels as PNG.
 
     Raises:
-        OSError: if that is not possible.
+        OSError: if the file cannot be written.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     _, data = cv2.imencode(".png", cv2.cvtColor(frame.pixels, cv2.COLOR_RGB2BGR))
     path.write_bytes(data.tobytes())
 
 
-# Which frames are kept
+# Which frames are stored
 
 
 def _moments(run: LabRun, trial: Trial) -> Mapping[str, float]:
-    """Return the instants of frames to keep, by file name: of evidence for wrong decisions, and evenly over the run."""
+    """Return the instants of frames to store, by file name: evidence for wrong decisions, and evenly over the run."""
     instants = {
         basis.evidence_s
         for decision in _decisions(run, trial)
@@ -139,7 +139,7 @@ def _file_of(instant_s: float) -> str:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Evidence:
-    """What a job of an arm returned on a frame."""
+    """The values that a job of an arm returned for a frame."""
 
     arm: str
     algorithm: str
@@ -148,18 +148,18 @@ class _Evidence:
 
 
 def _evenly(run: LabRun, count: int) -> Sequence[_Evidence]:
-    """Return evidence from frames, of all arms, evenly over a run."""
-    found = [
+    """Return evidence from frames, of all arms, evenly spread over a run."""
+    evidence = [
         _Evidence(arm=arm.name, algorithm=event.name, evidence_s=event.details["evidence_s"][1], values=values)
         for arm in run.arms
         for event in arm.record.of(Kind.JOB)
         if event.what == "returned" and "distance" not in (values := event.details["values"])
     ]
-    found.sort(key=lambda each: (each.evidence_s, each.arm, each.algorithm))
-    return [found[len(found) * index // count] for index in range(count)] if found else []
+    evidence.sort(key=lambda entry: (entry.evidence_s, entry.arm, entry.algorithm))
+    return [evidence[len(evidence) * index // count] for index in range(count)] if evidence else []
 
 
-# What came of it
+# The outcome
 
 
 def _outcome(trial: Trial, run: LabRun) -> Outcome:
@@ -191,23 +191,23 @@ def _arm_outcome(arm: ArmRun, truth: Mapping[str, Sequence[Piece]]) -> ArmOutcom
 
 
 def wrong_spans(record: EventLog, truth: Mapping[str, Sequence[Piece]]) -> Mapping[str, Sequence[WrongSpan]]:
-    """Return when held values were not true, by variable, with whether they were when their evidence was taken.
+    """Return the spans in which held values were not true, by variable, and whether their evidence was true.
 
     Args:
-        record: what a context manager identified and forgot.
+        record: of a context manager.
         truth: by variable, from 0 s to the end of the run.
     """
-    found: dict[str, list[Event]] = {name: [] for name in truth}
+    events_by_name: dict[str, list[Event]] = {name: [] for name in truth}
     for event in record.of(Kind.VARIABLE):
-        if event.details.get("present") and event.name in found:
-            found[event.name].append(event)
-    return {name: _wrong(events, truth[name]) for name, events in found.items()}
+        if event.details.get("present") and event.name in events_by_name:
+            events_by_name[event.name].append(event)
+    return {name: _wrong(events, truth[name]) for name, events in events_by_name.items()}
 
 
 def _wrong(events: Sequence[Event], truth: Sequence[Piece]) -> tuple[WrongSpan, ...]:
     spans: list[WrongSpan] = []
     ends = (*(event.instant_s for event in events[1:]), truth[-1].end_s)
-    for event, end_s in zip(events, ends, strict=False):  # no event at all leaves one end
+    for event, end_s in zip(events, ends, strict=False):  # without events there is still one end
         value = event.details["value"]
         held = Piece(event.instant_s, end_s, value)
         for _, fact, duration_s in overlaps([held], truth):
@@ -245,7 +245,7 @@ def _decisions(run: LabRun, trial: Trial) -> Sequence[Decision]:
 
 
 _Returned = Mapping[tuple[str, float], Mapping[str, Any]]
-"""What jobs returned, by algorithm and the end of their evidence."""
+"""The values that jobs returned, by algorithm and end of the evidence."""
 
 
 def _returned(arm: ArmRun) -> _Returned:
@@ -291,7 +291,7 @@ def _unanswered(asked: Asked) -> str:
 
 
 def _wrong_answer(asked: Asked, truth: Sequence[Piece], returned: _Returned, looks_s: Sequence[float]) -> Basis | None:
-    """Return the basis of an answer that was not true when it was given; None if it was, or there was none."""
+    """Return the basis of an answer that was not true when it was given; None if it was true or missing."""
     if asked.answer is None or asked.answer == value_at(truth, asked.answered_s):
         return None
     if asked.last is not None and not asked.has_looked:
@@ -320,7 +320,7 @@ def _basis(reading: Reading[Any], truth: Sequence[Piece], returned: _Returned) -
 
 
 def value_at(pieces: Sequence[Piece], instant_s: float) -> Value | None:
-    """Return the value that stands at an instant; at the end of the last piece, what stood before."""
+    """Return the value at an instant; at and after the end of the last piece, its value."""
     for piece in pieces:
         if instant_s < piece.end_s:
             return piece.value

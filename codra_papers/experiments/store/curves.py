@@ -16,20 +16,20 @@ _CHOSEN = "chosen"
 
 
 def draw_adaptation(path: Path, events: Iterable[Event], metrics: Iterable[str], weights: Iterable[str]) -> None:
-    """Draw metrics, weights, and the instants at which a course was chosen.
+    """Draw metrics, weights, and the instants at which an action was chosen.
 
     Args:
-        path: where the picture goes; the ending (`.png`, `.svg`) says in which form.
+        path: of the picture; its suffix (`.png`, `.svg`) selects the format.
         events: of a run, in order.
         metrics: the context-variables that the upper half shows.
-        weights: those that the lower half shows.
+        weights: the context-variables that the lower half shows.
     """
-    told = list(events)
-    chosen = [(each.instant_s, str(each.details["action"])) for each in told if each.what == _CHOSEN]
+    run_events = list(events)
+    chosen = [(event.instant_s, str(event.details["action"])) for event in run_events if event.what == _CHOSEN]
     figure = Figure(figsize=(10, 6), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True)
-    _draw(upper, curves(told, metrics), "metrics")
-    _draw(lower, curves(told, weights), "weights of actions")
+    _draw(upper, curves(run_events, metrics), "metrics")
+    _draw(lower, curves(run_events, weights), "weights of actions")
     for axes in (upper, lower):
         for instant_s, _ in chosen:
             axes.axvline(instant_s, color="#5a6b75", linewidth=0.8, linestyle=":")
@@ -40,14 +40,14 @@ def draw_adaptation(path: Path, events: Iterable[Event], metrics: Iterable[str],
 
 
 def curves(events: Iterable[Event], names: Iterable[str]) -> Mapping[str, Curve]:
-    """Return what variables were, as pairs of instant and value; while a variable is unknown its value is nan."""
-    found: dict[str, Curve] = {name: [] for name in names}
-    for each in events:
-        if each.kind is Kind.VARIABLE and each.name in found:
-            value = each.details.get("value")
+    """Return the values of variables as pairs of instant and value; the value of an unknown variable is nan."""
+    values: dict[str, Curve] = {name: [] for name in names}
+    for event in events:
+        if event.kind is Kind.VARIABLE and event.name in values:
+            value = event.details.get("value")
             number = float(value) if isinstance(value, (int, float)) else float("nan")
-            found[each.name].append((each.instant_s, number))
-    return found
+            values[event.name].append((event.instant_s, number))
+    return values
 
 
 def _draw(axes: Axes, shown: Mapping[str, Curve], title: str) -> None:

@@ -1,4 +1,4 @@
-"""A run in the shop: one robot, what it knows, and the people who order at its page."""
+"""A run in the shop: one robot, its knowledge graph, and the people who order at its page."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ class PageSettings:
     """A run with the picker's page.
 
     Attributes:
-        port: at which the page is; 0 for one that is free.
-        opened: is told where the page is.
+        port: of the page; 0 for a free one.
+        opened: called with the URL of the page.
     """
 
     port: int = 0
@@ -42,15 +42,15 @@ class PageSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StoreRunSettings:
-    """How to run.
+    """The settings of a run.
 
     Attributes:
-        shop: how it opens, and what happens in it.
-        duration_s: how long; infinite until it is interrupted.
-        progress: is told the present instant now and then.
-        journal: where it goes, if anywhere.
-        page: None if there is none.
-        opened: is told the shop before anything happens in it, to follow it or to let more happen.
+        shop: its situation and seed.
+        duration_s: how long the run lasts; infinite until it is interrupted.
+        progress: called with the present instant now and then.
+        journal: the file of the journal; None for no journal.
+        page: None for no page.
+        opened: called with the shop before anything happens in it, e.g. to observe it or to schedule more events.
     """
 
     shop: StoreSettings = field(default_factory=StoreSettings)
@@ -64,11 +64,11 @@ class StoreRunSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StoreRun:
-    """What a run came to.
+    """The result of a run.
 
     Attributes:
-        orders: how many there were, by what became of them.
-        record: what was told of the run: the newest of it, if it is very much.
+        orders: how many orders ended in each state.
+        record: the events of the run; in a very long run the latest of them.
     """
 
     duration_s: float
@@ -79,10 +79,10 @@ class StoreRun:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Compiled:
-    """What the compiler made of a spec that declares what the shop's agents write.
+    """The compiled form of a spec with declarations for everything that the shop's agents write.
 
     Attributes:
-        loops: None if the spec has none; then orders are served by the book.
+        loops: None if the spec has none; orders are then served by the book.
     """
 
     start: Start
@@ -90,21 +90,21 @@ class Compiled:
 
     @classmethod
     def of(cls, package: ModuleType) -> Compiled:
-        """Return it from its package."""
+        """Return it from the generated package."""
         return cls(start=package.start, loops=getattr(package, "loops", None))
 
 
 def run_store(compiled: Compiled, settings: StoreRunSettings) -> StoreRun:
-    """Let the robot serve orders until time is up: by the loops of its spec, or by the book.
+    """Let the robot serve orders until time is up, with the loops of its spec or by the book.
 
     Args:
         compiled: the spec.
         settings: how to run.
 
     Raises:
-        LookupError: if the spec lacks something that the shop's agents name.
-        PermissionError: if it lets others write what is theirs.
-        OSError: if the page's port is taken.
+        LookupError: if the spec does not declare an element that the shop's agents use.
+        PermissionError: if the spec lets others write what belongs to the shop's agents.
+        OSError: if the page's port is in use.
     """
     with ExitStack() as stack:
         clock = LimitedClock(SimClock(), settings.duration_s, settings.progress)
@@ -121,7 +121,7 @@ def run_store(compiled: Compiled, settings: StoreRunSettings) -> StoreRun:
 
 
 def _serving(compiled: Compiled, codra: ContextManager[Any, Any], clock: Clock, stack: ExitStack) -> Callable[[], None]:
-    """Return what serves orders for ever."""
+    """Return a function that serves orders for ever."""
     if compiled.loops is None:
         return OrdersByTheBook(codra.knowledge, clock).serve
     robot = {"mission": Mission(codra.knowledge).leaves(), "picking": Picking(codra.knowledge).leaves()}
@@ -132,10 +132,10 @@ def _serving(compiled: Compiled, codra: ContextManager[Any, Any], clock: Clock, 
 def _page(
     store: Store, codra: ContextManager[Any, Any], settings: PageSettings | None, stack: ExitStack
 ) -> Callable[[], None]:
-    """Open the page, if there is to be one; return what serves it."""
+    """Open the page, if there is one; return a function that serves it."""
     if settings is None:
         return lambda: None
-    from codra_papers.store.page.server import PageServer  # noqa: PLC0415 - its libraries are an extra
+    from codra_papers.store.page.server import PageServer  # noqa: PLC0415 - its libraries are an optional extra
 
     server = stack.enter_context(PageServer(store, port=settings.port, variables=codra.model.variables))
     settings.opened(server.url)
@@ -158,7 +158,7 @@ def _outcomes(store: Store) -> Mapping[str, int]:
 
 
 def store_text(run: StoreRun) -> str:
-    """Return what a run came to, as lines of text."""
+    """Return the result of a run as lines of text."""
     score = run.score
     orders = ", ".join(f"{count} {state}" for state, count in run.orders.items()) or "none"
     return "\n".join(

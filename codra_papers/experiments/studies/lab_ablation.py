@@ -1,4 +1,7 @@
-"""`lab-ablation`: what is each precondition and each refinement worth?"""
+"""`lab-ablation`: the value of each precondition and each refinement.
+
+The conditions to remove are read from the spec and not listed here, so that added conditions are studied as well.
+"""
 
 from __future__ import annotations
 
@@ -17,44 +20,44 @@ from codra_papers.experiments.lab.trials import Trial
 from codra_papers.experiments.studies.beyond.arm_comparison import (
     IN_VIEW,
     LIDS_AND_LATCHES,
-    Standing,
+    ArmComparison,
+    arm_comparison_tables,
+    arm_comparisons,
+    arm_comparisons_as_data,
     runs_sentence,
-    standings,
-    standings_as_data,
-    standings_tables,
 )
 from codra_papers.experiments.studies.beyond.workloads import both_and_back
 from codra_papers.experiments.studies.robustness.findings import vision_algorithms
 from codra_papers.experiments.studies.robustness.tables import arms_table
 
 _LEAST = 0.001
-"""The least difference of ratios that a summary tells; tables tell all."""
+"""The smallest difference of ratios that the summary reports; tables contain all of them."""
 
 _MACHINES = ("centrifuge", "pcr_cycler")
 
 _NOTE = (
-    "Each arm lacks one condition, wherever the spec asks for it: of observable_when (a precondition) or of "
-    "accept_when (a refinement). All of them observe everything all the time that the other conditions hold, on the "
+    "Each arm lacks one condition, wherever the spec requires it: of observable_when (a precondition) or of "
+    "accept_when (a refinement). All of them observe everything while the other conditions hold, on the "
     "same frames; naive observers lack all conditions. The main execution tends the centrifuge, the PCR-cycler and the "
     "centrifuge again, which is shorter than a loop: no tray is carried and no rotor turned."
 )
 
 
 def conditions(spec: Spec) -> Sequence[Without]:
-    """Return what can be taken away: each condition of algorithms that are alike once, whatever their machine."""
-    found = (
+    """Return the removable conditions; a condition that algorithms of several machines share is listed once."""
+    removable = (
         Without(algorithm=_alike(algorithm), condition=_without_machine(condition.text))
         for algorithm in spec.perception
         for condition in (*algorithm.observable_when, *algorithm.accept_when)
     )
-    return tuple(dict.fromkeys(found))
+    return tuple(dict.fromkeys(removable))
 
 
 def _alike(algorithm: Algorithm) -> str:
-    """Return the end of the names of all algorithms that do the same with another machine."""
+    """Return the end of the names of all algorithms that do the same for another machine."""
     for machine in _MACHINES:
-        _, found, end = algorithm.name.partition(machine)
-        if found:
+        _, separator, end = algorithm.name.partition(machine)
+        if separator:
             return end
     return algorithm.name
 
@@ -64,7 +67,7 @@ def _without_machine(text: str) -> str:
 
 
 def arms(settings: Settings) -> tuple[Arm, ...]:
-    """Return the spec with all conditions, without each of them, and without any."""
+    """Return the spec with all conditions, without each of them, and without all of them."""
     removed = (
         PRECONDITIONS.edited(f"*{edit.algorithm} without *{edit.condition}", edit)
         for edit in conditions(read_spec(settings.spec))
@@ -73,7 +76,7 @@ def arms(settings: Settings) -> tuple[Arm, ...]:
 
 
 def trials(settings: Settings) -> Sequence[Trial]:
-    """Return one run a seed, with all arms in it."""
+    """Return one run per seed, with all arms in it."""
     return both_and_back(settings, arms(settings))
 
 
@@ -83,36 +86,46 @@ def judge(settings: Settings, outcomes: Mapping[str, Outcome]) -> Document:
     Raises:
         SpecError: if the spec has errors.
     """
-    told, vision = list(outcomes.values()), vision_algorithms(read_spec(settings.spec))
-    lids, views = (standings(told, names, PRECONDITIONS.name, vision) for names in (LIDS_AND_LATCHES, IN_VIEW))
+    runs, vision = list(outcomes.values()), vision_algorithms(read_spec(settings.spec))
+    lids, views = (arm_comparisons(runs, names, PRECONDITIONS.name, vision) for names in (LIDS_AND_LATCHES, IN_VIEW))
     caption = (
         "{}, over all runs. Differences are to all conditions, with 95 % intervals over paired runs: below zero, the "
-        "condition that was taken away was worth something."
+        "removed condition was worth something."
     )
     sections = (
         Section(title="Arms", parts=(Words(text=_NOTE), arms_table(arms(settings)))),
-        Section(title="Lids and latches", parts=standings_tables(lids, caption.format("Lids and latches"))),
-        Section(title="What is in view", parts=standings_tables(views, caption.format("Bases and lids in view"))),
+        Section(title="Lids and latches", parts=arm_comparison_tables(lids, caption.format("Lids and latches"))),
+        Section(
+            title="Bases and lids in view", parts=arm_comparison_tables(views, caption.format("Bases and lids in view"))
+        ),
     )
     return Document(
-        title="lab-ablation: what each condition is worth",
-        summary=(*_summary("Lids and latches", lids), *_summary("What is in view", views), runs_sentence(told)),
+        title="lab-ablation: the value of each condition",
+        summary=(*_summary("Lids and latches", lids), *_summary("Bases and lids in view", views), runs_sentence(runs)),
         sections=sections,
-        results={"lids_and_latches": standings_as_data(lids), "in_view": standings_as_data(views)},
+        results={"lids_and_latches": arm_comparisons_as_data(lids), "in_view": arm_comparisons_as_data(views)},
     )
 
 
-def _summary(what: str, found: Sequence[Standing]) -> Iterator[str]:
-    """Say which conditions are worth something for sure, which cost something, and of which nothing can be said."""
-    ablated = [one for one in found if one.arm not in (PRECONDITIONS.name, NAIVE.name)]
-    told = [one for one in ablated if one.paper_difference is not None and _matters(one.paper_difference)]
-    missed = [one for one in told if one.paper_difference and one.paper_difference.is_negative]
-    better = [one for one in told if one.paper_difference and one.paper_difference.is_positive]
-    yield f"{what}: the ratio falls, the whole interval below zero, in {_told(missed)}."
-    yield f"{what}: the ratio rises, the whole interval above zero, in {_told(better)}."
+def _summary(group: str, comparisons: Sequence[ArmComparison]) -> Iterator[str]:
+    """Yield sentences: which conditions certainly help or harm, and for how many the effect is unclear."""
+    ablated = [comparison for comparison in comparisons if comparison.arm not in (PRECONDITIONS.name, NAIVE.name)]
+    relevant = [
+        comparison
+        for comparison in ablated
+        if comparison.paper_difference is not None and _matters(comparison.paper_difference)
+    ]
+    missed = [
+        comparison for comparison in relevant if comparison.paper_difference and comparison.paper_difference.is_negative
+    ]
+    better = [
+        comparison for comparison in relevant if comparison.paper_difference and comparison.paper_difference.is_positive
+    ]
+    yield f"{group}: the ratio falls, with the interval below zero, in {_differences(missed)}."
+    yield f"{group}: the ratio rises, with the interval above zero, in {_differences(better)}."
     unsure = len(ablated) - len(missed) - len(better)
     yield (
-        f"{what}: for {unsure} of {len(ablated)} conditions the interval holds zero, there is none, "
+        f"{group}: for {unsure} of {len(ablated)} conditions the interval contains zero or is missing, "
         f"or the difference is below {_LEAST}."
     )
 
@@ -121,8 +134,15 @@ def _matters(difference: Estimate) -> bool:
     return difference.value is not None and abs(difference.value) >= _LEAST
 
 
-def _told(found: Sequence[Standing]) -> str:
-    return "; ".join(f"{one.arm} ({interval(one.paper_difference)})" for one in found if one.paper_difference) or "none"
+def _differences(comparisons: Sequence[ArmComparison]) -> str:
+    return (
+        "; ".join(
+            f"{comparison.arm} ({interval(comparison.paper_difference)})"
+            for comparison in comparisons
+            if comparison.paper_difference
+        )
+        or "none"
+    )
 
 
 EXPERIMENT = Experiment(

@@ -1,4 +1,4 @@
-"""`lab-budgets`: what is left of each arm's knowledge when more and more machines share one vision slot?"""
+"""`lab-budgets`: how much knowledge is left to each arm if more and more machines share one vision slot?"""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from codra_papers.experiments.lab.trials import Trial
 from codra_papers.experiments.studies.beyond.arm_comparison import (
     IN_VIEW,
     LIDS_AND_LATCHES,
-    Standing,
+    ArmComparison,
+    arm_comparison_tables,
+    arm_comparisons,
+    arm_comparisons_as_data,
     reported_seeds,
     runs_sentence,
-    standings,
-    standings_as_data,
-    standings_tables,
 )
 from codra_papers.experiments.studies.beyond.curves import Curve, Point, curves
 from codra_papers.experiments.studies.beyond.more_machines import FURTHER, spec_with, use_line
@@ -32,12 +32,12 @@ from codra_papers.lab.simulator.laboratory import LABORATORY
 ARMS = (NAIVE, PRECONDITIONS, NEED)
 
 MACHINES = (2, 4, 8)
-"""How many there are, the two of the protocol among them."""
+"""The numbers of machines, including the two of the protocol."""
 
 _NOTE = (
-    "Two machines are those of the protocol; the others stand in free places of the same room, each made known to the "
-    "spec by one line under use. The robot tends the PCR-cycler and the centrifuge, whatever else there is, and looks "
-    "at each of its decisions by itself; all observers of an arm share its one vision slot."
+    "Two machines are those of the protocol; the others are in free places of the same room, each added to the "
+    "spec by one line under use. The robot always tends the PCR-cycler and the centrifuge, and looks at each of its "
+    "decisions by itself; all observers of an arm share its one vision slot."
 )
 
 
@@ -45,7 +45,7 @@ def trials(settings: Settings) -> Sequence[Trial]:
     """Return one run for each number of machines and seed.
 
     Raises:
-        SpecError: if the spec has errors, or no place for the lines.
+        SpecError: if the spec has errors, or no block for the lines.
         OSError: if a spec cannot be written.
     """
     return [
@@ -66,7 +66,7 @@ def judge(settings: Settings, outcomes: Mapping[str, Outcome]) -> Document:
     """Return the report on the outcomes of `trials`.
 
     Raises:
-        SpecError: if the spec has errors, or no place for the lines.
+        SpecError: if the spec has errors, or no block for the lines.
         OSError: if a spec cannot be written.
     """
     vision = {trial.name: vision_algorithms(read_spec(trial.spec)) for trial in trials(settings)}
@@ -75,7 +75,7 @@ def judge(settings: Settings, outcomes: Mapping[str, Outcome]) -> Document:
         for count in MACHINES
     }
     lids, views = (
-        {count: standings(told, names, NAIVE.name, vision[told[0].name]) for count, told in by_count.items()}
+        {count: arm_comparisons(runs, names, NAIVE.name, vision[runs[0].name]) for count, runs in by_count.items()}
         for names in (LIDS_AND_LATCHES, IN_VIEW)
     )
     return Document(
@@ -84,29 +84,32 @@ def judge(settings: Settings, outcomes: Mapping[str, Outcome]) -> Document:
         sections=tuple(_sections(lids, views)),
         results={
             "lines": [use_line(machine) for machine in FURTHER],
-            "lids_and_latches": {str(count): standings_as_data(found) for count, found in lids.items()},
-            "in_view": {str(count): standings_as_data(found) for count, found in views.items()},
+            "lids_and_latches": {
+                str(count): arm_comparisons_as_data(comparisons) for count, comparisons in lids.items()
+            },
+            "in_view": {str(count): arm_comparisons_as_data(comparisons) for count, comparisons in views.items()},
         },
     )
 
 
-_ByCount = Mapping[int, Sequence[Standing]]
+_ByCount = Mapping[int, Sequence[ArmComparison]]
 
 
 def _summary(lids: _ByCount) -> Iterator[str]:
-    for count, found in lids.items():
-        for one in found:
-            if one.paper_difference is not None and one.strict_difference is not None:
-                lag = one.lags.quantile_s(0.5)
-                naive = found[0].lags.quantile_s(0.5)
+    for count, comparisons in lids.items():
+        for comparison in comparisons:
+            if comparison.paper_difference is not None and comparison.strict_difference is not None:
+                lag = comparison.lags.quantile_s(0.5)
+                naive = comparisons[0].lags.quantile_s(0.5)
                 yield (
-                    f"With {count} machines, {one.arm} less naive: ratio {interval(one.paper_difference)}, strict "
-                    f"ratio {interval(one.strict_difference)}; median lag {_seconds(lag)} (naive {_seconds(naive)})."
+                    f"With {count} machines, {comparison.arm} less naive: ratio "
+                    f"{interval(comparison.paper_difference)}, strict ratio {interval(comparison.strict_difference)}; "
+                    f"median lag {_seconds(lag)} (naive {_seconds(naive)})."
                 )
 
 
-def _seconds(found: float | None) -> str:
-    return "none" if found is None else f"{found:.1f} s"
+def _seconds(lag_s: float | None) -> str:
+    return "none" if lag_s is None else f"{lag_s:.1f} s"
 
 
 def _sections(lids: _ByCount, views: _ByCount) -> Iterator[Section]:
@@ -118,26 +121,28 @@ def _sections(lids: _ByCount, views: _ByCount) -> Iterator[Section]:
     )
     for count in lids:
         parts = (
-            *standings_tables(lids[count], caption.format("Lids and latches of the two machines tended", count)),
-            *standings_tables(views[count], caption.format("Their bases and lids in view", count)),
+            *arm_comparison_tables(lids[count], caption.format("Lids and latches of the two machines tended", count)),
+            *arm_comparison_tables(views[count], caption.format("Their bases and lids in view", count)),
         )
         yield Section(title=f"{count} machines", parts=parts)
 
 
 def _drawn(lids: _ByCount) -> Drawing:
-    told = [
+    strict_ratios = [
         Curve(
             name=arm.name,
-            points=tuple(Point(x=count, y=_of(found, arm.name).strict_ratio) for count, found in lids.items()),
+            points=tuple(
+                Point(x=count, y=_of(comparisons, arm.name).strict_ratio) for count, comparisons in lids.items()
+            ),
         )
         for arm in ARMS
     ]
     caption = "Strict ratio of lids and latches of the two machines tended: right of all seconds."
-    return curves(told, "machines that share one vision slot", "strict ratio", caption)
+    return curves(strict_ratios, "machines that share one vision slot", "strict ratio", caption)
 
 
-def _of(found: Sequence[Standing], arm: str) -> Standing:
-    return next(one for one in found if one.arm == arm)
+def _of(comparisons: Sequence[ArmComparison], arm: str) -> ArmComparison:
+    return next(comparison for comparison in comparisons if comparison.arm == arm)
 
 
 EXPERIMENT = Experiment(

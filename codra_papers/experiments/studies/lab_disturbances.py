@@ -1,4 +1,4 @@
-"""`lab-disturbances`: what do observers believe when somebody else interferes, and how soon are they right again?"""
+"""`lab-disturbances`: what do observers believe when somebody interferes, and how soon are they right again?"""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ WATCHED = (LID, f"{PCR_CYCLER}_locked", f"{PCR_CYCLER}_base_in_FOV", f"{PCR_CYCL
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Episode:
-    """A disturbance and the quiet after it.
+    """A disturbance and the quiet time after it.
 
     Attributes:
         start_s: when it begins.
         over_s: when it is over.
-        until_s: to when it is looked at what was believed after it.
+        until_s: the end of the time in which beliefs after it are judged.
     """
 
     name: str
@@ -87,19 +87,21 @@ EPISODES = (
         ),
     ),
 )
-"""What happens in each run, at the same instants: late enough for a slip or two to be mended before."""
+"""The events of each run, at the same instants: late enough to repair one or two failed actions before."""
 
 _NOTE = (
-    "The robot opens the PCR-cycler, draws its arm back, and waits beside it, where its camera sees the whole machine. "
-    "Then this happens, to all arms alike, and at the end the robot closes what is open. It looks at each of its own "
-    "decisions by itself. Nobody tells any arm that something happened. Disturbances follow one another: an arm that "
-    "never noticed the lid being closed is right again by itself once somebody opens it."
+    "The robot opens the PCR-cycler, draws its arm back, and waits beside it, where its camera sees the complete "
+    "machine. Then all arms see the same disturbances, and at the end the robot closes the machine if it is open. It "
+    "looks at each of its own decisions by itself. No arm is informed of a disturbance. Disturbances follow one "
+    "another: an arm that never noticed the lid being closed is right again by itself once somebody opens it."
 )
 
 
 def trials(settings: Settings) -> Sequence[Trial]:
-    """Return one run a seed, with all disturbances in it."""
-    laboratory = replace(LABORATORY, disturbances=tuple(each for episode in EPISODES for each in episode.disturbances))
+    """Return one run per seed, with all disturbances in it."""
+    laboratory = replace(
+        LABORATORY, disturbances=tuple(disturbance for episode in EPISODES for disturbance in episode.disturbances)
+    )
     return [
         Trial(
             name=f"run-{seed}",
@@ -115,13 +117,13 @@ def trials(settings: Settings) -> Sequence[Trial]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Belief:
-    """What an arm believed of a variable in one episode, over runs.
+    """The values of a variable that an arm held in one episode, over runs.
 
     Attributes:
         during: while the disturbance lasted.
         after: from its end on.
-        right_again_s: by run, from the disturbance's begin to the instant from which on the arm was right; None if it
-            was not at the end.
+        right_again_s: by run, from the beginning of the disturbance to the instant from which on the arm was right;
+            None if it was not right at the end.
     """
 
     episode: Episode
@@ -133,7 +135,7 @@ class Belief:
 
 
 def believed(outcomes: Sequence[Outcome], episode: Episode, variable: str, arm: str) -> Belief:
-    """Return what an arm believed in the runs that lasted through an episode."""
+    """Return the values that an arm held in the runs that lasted through an episode."""
     pairs = [
         (outcome.arms[arm].held[variable], outcome.truth[variable])
         for outcome in outcomes
@@ -150,14 +152,16 @@ def believed(outcomes: Sequence[Outcome], episode: Episode, variable: str, arm: 
 
 
 def _within(held: Sequence[Piece], truth: Sequence[Piece], start_s: float, end_s: float) -> Seconds:
-    told = [Piece(each.start_s, min(each.end_s, end_s), each.value) for each in truth if each.start_s < end_s]
-    return seconds(held, told, start_s)
+    truth_until_end = [
+        Piece(piece.start_s, min(piece.end_s, end_s), piece.value) for piece in truth if piece.start_s < end_s
+    ]
+    return seconds(held, truth_until_end, start_s)
 
 
 def right_again_s(held: Sequence[Piece], truth: Sequence[Piece], start_s: float, end_s: float) -> float | None:
-    """Return how long after an instant a held value became right to stay so until another; None if it did not.
+    """Return how long after an instant a held value became right and stayed so until another; None if it did not.
 
-    Unknown is not right.
+    An unknown value is not right.
     """
     last_s = start_s
     for piece, fact, _ in overlaps(held, truth):
@@ -170,104 +174,116 @@ def right_again_s(held: Sequence[Piece], truth: Sequence[Piece], start_s: float,
 def judge(settings: Settings, outcomes: Mapping[str, Outcome]) -> Document:
     """Return the report on the outcomes of `trials`."""
     del settings
-    told = list(outcomes.values())
-    found = [believed(told, episode, name, arm.name) for episode in EPISODES for name in WATCHED for arm in ARMS]
+    runs = list(outcomes.values())
+    beliefs = [believed(runs, episode, name, arm.name) for episode in EPISODES for name in WATCHED for arm in ARMS]
     return Document(
         title="lab-disturbances: what observers believe when somebody else interferes",
-        summary=(*_summary(found), runs_sentence(told)),
+        summary=(*_summary(beliefs), runs_sentence(runs)),
         sections=(
             Section(title="Arms", parts=(Words(text=_NOTE), arms_table(ARMS))),
-            *(_section(episode, [one for one in found if one.episode is episode]) for episode in EPISODES),
+            *(_section(episode, [belief for belief in beliefs if belief.episode is episode]) for episode in EPISODES),
             Section(
                 title="One run over time",
                 parts=tuple(
-                    drawings.timeline(told[0], name, "What was true and what each arm held; red behind what was wrong.")
+                    drawings.timeline(
+                        runs[0],
+                        name,
+                        "The true value and the value that each arm held; wrong values have a red background.",
+                    )
                     for name in (LID, WATCHED[2])
                 ),
             ),
         ),
-        results={episode.name: [_as_data(one) for one in found if one.episode is episode] for episode in EPISODES},
+        results={
+            episode.name: [_as_data(belief) for belief in beliefs if belief.episode is episode] for episode in EPISODES
+        },
     )
 
 
-def _section(episode: Episode, found: Sequence[Belief]) -> Section:
+def _section(episode: Episode, beliefs: Sequence[Belief]) -> Section:
     caption = (
         f"From {episode.start_s:g} s to {episode.over_s:g} s, and after it to {episode.until_s:g} s: seconds over all "
         "runs. Marked: seconds wrong."
     )
-    rows = [_believed_row(one) for one in found]
+    rows = [_believed_row(belief) for belief in beliefs]
     header = ("variable", "arm", "during: right s", "wrong s", "unknown s", "after: right s", "wrong s", "unknown s")
     marked = frozenset((row, column) for row, cells in enumerate(rows) for column in (3, 6) if cells[column])
     again = plain_table(
-        "Right again: mean from the begin to when the arm was right to stay so, over the runs in which it was before "
-        "the next disturbance; unknown is not right. Less naive: with 95 % intervals over the runs in which both were.",
+        "Right again: mean time from the beginning until the arm was right and stayed so, over the runs in which this "
+        "was before the next disturbance; unknown is not right. Less naive: with 95 % intervals over the runs in which "
+        "both were.",
         ("variable", "arm", "right again s", "less naive s", "runs never"),
-        [_again_row(one, _naive(found, one.variable)) for one in found],
+        [_again_row(belief, _naive(beliefs, belief.variable)) for belief in beliefs],
     )
     parts = (Table(caption=caption, header=header, rows=rows, marked=marked), again)
     return Section(title=episode.name.capitalize(), parts=parts)
 
 
-def _believed_row(one: Belief) -> Sequence[Cell]:
-    during, after = one.during, one.after
+def _believed_row(belief: Belief) -> Sequence[Cell]:
+    during, after = belief.during, belief.after
     return (
-        label(one.variable),
-        one.arm,
-        *(round(each, 1) for each in (during.right_s, during.wrong_s, during.unknown_s)),
-        *(round(each, 1) for each in (after.right_s, after.wrong_s, after.unknown_s)),
+        label(belief.variable),
+        belief.arm,
+        *(round(duration_s, 1) for duration_s in (during.right_s, during.wrong_s, during.unknown_s)),
+        *(round(duration_s, 1) for duration_s in (after.right_s, after.wrong_s, after.unknown_s)),
     )
 
 
-def _again_row(one: Belief, naive: Belief) -> Sequence[Cell]:
-    told = [each for each in one.right_again_s if each is not None]
+def _again_row(belief: Belief, naive: Belief) -> Sequence[Cell]:
+    durations_s = [duration_s for duration_s in belief.right_again_s if duration_s is not None]
     return (
-        label(one.variable),
-        one.arm,
-        rounded(math.fsum(told) / len(told), 1) if told else None,
-        None if one.arm == naive.arm else interval(_less(one, naive), 1),
-        len(one.right_again_s) - len(told),
+        label(belief.variable),
+        belief.arm,
+        rounded(math.fsum(durations_s) / len(durations_s), 1) if durations_s else None,
+        None if belief.arm == naive.arm else interval(_less(belief, naive), 1),
+        len(belief.right_again_s) - len(durations_s),
     )
 
 
-def _naive(found: Sequence[Belief], variable: str) -> Belief:
-    return next(one for one in found if one.variable == variable and one.arm == NAIVE.name)
+def _naive(beliefs: Sequence[Belief], variable: str) -> Belief:
+    return next(belief for belief in beliefs if belief.variable == variable and belief.arm == NAIVE.name)
 
 
-def _less(one: Belief, other: Belief) -> Estimate:
+def _less(belief: Belief, other: Belief) -> Estimate:
     """Return how much later one arm was right again than another, over the runs in which both were."""
-    pairs = zip(one.right_again_s, other.right_again_s, strict=True)
+    pairs = zip(belief.right_again_s, other.right_again_s, strict=True)
     both = [left - right for left, right in pairs if left is not None and right is not None]
     return mean_interval(both) if both else Estimate(value=None, low=None, high=None)
 
 
-def _summary(found: Sequence[Belief]) -> Iterator[str]:
+def _summary(beliefs: Sequence[Belief]) -> Iterator[str]:
     for episode in EPISODES:
-        lids = [one for one in found if one.episode is episode and one.variable == LID]
+        lids = [belief for belief in beliefs if belief.episode is episode and belief.variable == LID]
         what = f"{episode.name.capitalize()}, {len(lids[0].right_again_s)} runs"
-        if not any(_wrong_s(one) for one in lids):
+        if not any(_wrong_s(belief) for belief in lids):
             yield f"{what}: no arm was wrong about {label(LID)} for any time."
         else:
-            yield f"{what}: {'; '.join(f'{one.arm}, {_wrong_s(one):.0f} s wrong, {_again(one)}' for one in lids)}."
+            beliefs_text = "; ".join(f"{lid.arm}, {_wrong_s(lid):.0f} s wrong, {_again(lid)}" for lid in lids)
+            yield f"{what}: {beliefs_text}."
 
 
-def _wrong_s(one: Belief) -> float:
-    return one.during.wrong_s + one.after.wrong_s
+def _wrong_s(belief: Belief) -> float:
+    return belief.during.wrong_s + belief.after.wrong_s
 
 
-def _again(one: Belief) -> str:
-    told = [each for each in one.right_again_s if each is not None]
-    never = len(one.right_again_s) - len(told)
-    mean = f"right again after {math.fsum(told) / len(told):.1f} s" if told else "not right again"
-    return f"{mean} ({never} of {len(one.right_again_s)} runs never)" if told and never else mean
+def _again(belief: Belief) -> str:
+    durations_s = [duration_s for duration_s in belief.right_again_s if duration_s is not None]
+    never = len(belief.right_again_s) - len(durations_s)
+    mean = f"right again after {math.fsum(durations_s) / len(durations_s):.1f} s" if durations_s else "not right again"
+    return f"{mean} ({never} of {len(belief.right_again_s)} runs never)" if durations_s and never else mean
 
 
-def _as_data(one: Belief) -> Mapping[str, Any]:
+def _as_data(belief: Belief) -> Mapping[str, Any]:
     return {
-        "variable": label(one.variable),
-        "arm": one.arm,
-        "during_s": {"right": one.during.right_s, "wrong": one.during.wrong_s, "unknown": one.during.unknown_s},
-        "after_s": {"right": one.after.right_s, "wrong": one.after.wrong_s, "unknown": one.after.unknown_s},
-        "right_again_s": list(one.right_again_s),
+        "variable": label(belief.variable),
+        "arm": belief.arm,
+        "during_s": {
+            "right": belief.during.right_s,
+            "wrong": belief.during.wrong_s,
+            "unknown": belief.during.unknown_s,
+        },
+        "after_s": {"right": belief.after.right_s, "wrong": belief.after.wrong_s, "unknown": belief.after.unknown_s},
+        "right_again_s": list(belief.right_again_s),
     }
 
 

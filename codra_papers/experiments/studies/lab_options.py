@@ -1,4 +1,4 @@
-"""`lab-options`: what do validity, changes, confirmation and looking on events each do?"""
+"""`lab-options`: the effects of validity, changes, confirmation and looking on events."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ from codra_papers.experiments.lab.trials import Trial
 from codra_papers.experiments.studies.beyond.arm_comparison import (
     IN_VIEW,
     LIDS_AND_LATCHES,
-    Standing,
+    ArmComparison,
+    arm_comparison_tables,
+    arm_comparisons,
+    arm_comparisons_as_data,
     runs_sentence,
-    standings,
-    standings_as_data,
-    standings_tables,
 )
 from codra_papers.experiments.studies.beyond.workloads import both_and_back
 from codra_papers.experiments.studies.robustness.findings import vision_algorithms
 from codra_papers.experiments.studies.robustness.tables import arms_table
 
-AS_IT_STANDS = Arm(name="as it stands", need=Need.ANNOUNCED)
+UNCHANGED = Arm(name="as it stands", need=Need.ANNOUNCED)
 
 _JUDGED = ("_open", "_locked")
 
@@ -45,10 +45,10 @@ OPTIONS: Mapping[str, SpecVariant] = {
     "periodic": Refreshed(refresh=Refresh.PERIODIC),
     "on event": Refreshed(refresh=Refresh.ON_EVENT),
 }
-"""The options, each changed alone: on where the spec has it off, off where it has it on."""
+"""The options, each changed alone: switched on if the spec has it off, and off if the spec has it on."""
 
 _NOTE = (
-    "Each arm changes one option of the spec and nothing else; an option that the spec has already that way is left "
+    "Each arm changes one option of the spec and nothing else; an option that would not change the spec is left "
     "out. All of them look only while a skill needs the variable, on the same frames. The main execution looks at each "
     "of its decisions by itself. It tends the centrifuge, the PCR-cycler and the centrifuge again, which is shorter "
     "than a loop: no tray is carried and no rotor turned."
@@ -56,14 +56,14 @@ _NOTE = (
 
 
 def arms(settings: Settings) -> tuple[Arm, ...]:
-    """Return the spec as it stands, and with each option changed that changes it; and naive observers to compare."""
+    """Return the unchanged spec, the spec with each option changed if that changes it, and naive observers."""
     spec = read_spec(settings.spec)
-    changed = [AS_IT_STANDS.edited(name, edit) for name, edit in OPTIONS.items() if edit(spec) != spec]
-    return (AS_IT_STANDS, *changed, NAIVE)
+    changed = [UNCHANGED.edited(name, edit) for name, edit in OPTIONS.items() if edit(spec) != spec]
+    return (UNCHANGED, *changed, NAIVE)
 
 
 def trials(settings: Settings) -> Sequence[Trial]:
-    """Return one run a seed, with all arms in it."""
+    """Return one run per seed, with all arms in it."""
     return both_and_back(settings, arms(settings))
 
 
@@ -73,39 +73,41 @@ def judge(settings: Settings, outcomes: Mapping[str, Outcome]) -> Document:
     Raises:
         SpecError: if the spec has errors.
     """
-    told, vision = list(outcomes.values()), vision_algorithms(read_spec(settings.spec))
-    lids, views = (standings(told, names, AS_IT_STANDS.name, vision) for names in (LIDS_AND_LATCHES, IN_VIEW))
-    caption = "{}, over all runs. Differences are to the spec as it stands, with 95 % intervals over paired runs."
+    runs, vision = list(outcomes.values()), vision_algorithms(read_spec(settings.spec))
+    lids, views = (arm_comparisons(runs, names, UNCHANGED.name, vision) for names in (LIDS_AND_LATCHES, IN_VIEW))
+    caption = "{}, over all runs. Differences are to the unchanged spec, with 95 % intervals over paired runs."
     return Document(
-        title="lab-options: what each option does",
-        summary=(*_summary(lids), runs_sentence(told)),
+        title="lab-options: the effect of each option",
+        summary=(*_summary(lids), runs_sentence(runs)),
         sections=(
             Section(title="Arms", parts=(Words(text=_NOTE), arms_table(arms(settings)))),
             Section(
                 title="Lids and latches",
-                parts=standings_tables(lids, caption.format("Lids and latches of both machines")),
+                parts=arm_comparison_tables(lids, caption.format("Lids and latches of both machines")),
             ),
             Section(
-                title="What is in view",
-                parts=standings_tables(views, caption.format("Bases and lids in view")),
+                title="Bases and lids in view",
+                parts=arm_comparison_tables(views, caption.format("Bases and lids in view")),
             ),
         ),
-        results={"lids_and_latches": standings_as_data(lids), "in_view": standings_as_data(views)},
+        results={"lids_and_latches": arm_comparisons_as_data(lids), "in_view": arm_comparisons_as_data(views)},
     )
 
 
-def _summary(found: Sequence[Standing]) -> Iterator[str]:
-    base = found[0]
-    for one in found[1:]:
-        if one.paper_difference is None or one.strict_difference is None:
+def _summary(comparisons: Sequence[ArmComparison]) -> Iterator[str]:
+    base = comparisons[0]
+    for comparison in comparisons[1:]:
+        if comparison.paper_difference is None or comparison.strict_difference is None:
             continue
         fewer = (
-            "no triggers to compare" if not base.triggers else f"{one.triggers / base.triggers:.2f} times the triggers"
+            "no triggers to compare"
+            if not base.triggers
+            else f"{comparison.triggers / base.triggers:.2f} times the triggers"
         )
         yield (
-            f"{one.arm}: ratio {interval(one.paper_difference)}, strict ratio {interval(one.strict_difference)} "
-            f"against the spec as it stands; {fewer}, {one.answers.wrong} wrong values at decisions (as it stands: "
-            f"{base.answers.wrong})."
+            f"{comparison.arm}: ratio {interval(comparison.paper_difference)}, strict ratio "
+            f"{interval(comparison.strict_difference)} against the unchanged spec; {fewer}, "
+            f"{comparison.answers.wrong} wrong values at decisions (unchanged: {base.answers.wrong})."
         )
 
 

@@ -1,4 +1,8 @@
-"""`lab-robustness`: does context make observers steadier, and what does it save (P1, section 4.1)?"""
+"""`lab-robustness`: does context make observers more stable, and what does it save (P1, section 4.1)?
+
+Runs store frames together with the poses that the robot believed. The report detects tags in these frames again with
+the spec's functions and without a simulator, so reported detections can be verified.
+"""
 
 from __future__ import annotations
 
@@ -29,34 +33,34 @@ from codra_papers.experiments.studies.robustness.mistakes import Mistake, mistak
 ARMS = (NAIVE, NAIVE_PACED, PRECONDITIONS, NEED, NEED_ON_EVENT)
 
 FURTHER_ARMS = tuple(arm for arm in ARMS if arm is not NAIVE_PACED)
-"""Those of the runs for intervals: what P1's pace does to the naive observers, the runs of the tables tell."""
+"""The arms of the runs for intervals; the effect of P1's pace on naive observers is shown by the runs of the tables."""
 
 RUNS = 10
-"""As in P1's Table 2."""
+"""The number of runs in the tables, as in P1's Table 2."""
 
 FIRST_FURTHER_SEED = FIRST_REPORTED_SEED + RUNS
-"""Intervals are over runs of these seeds, none of which is in a table."""
+"""The first seed of the runs for intervals; none of these runs is in a table."""
 
 FRAMES_KEPT = 25
-"""Of each run in the tables, to be detected again."""
+"""How many frames of each run in the tables are detected again."""
 
 COMPARED = (
     *((arm.name, NAIVE.name) for arm in FURTHER_ARMS if arm is not NAIVE),
     (NEED.name, PRECONDITIONS.name),
     (NEED_ON_EVENT.name, NEED.name),
 )
-"""The pairs of arms whose difference is told: each arm, less the one that it is compared with."""
+"""The pairs of arms with reported differences: each arm, less the one with which it is compared."""
 
 _NOTE = (
-    "All arms watch the same frames of a run, each with a vision slot of its own; the same work begun at the same "
+    "All arms watch the same frames of a run, each with a vision slot of its own; the same work started at the same "
     "instant takes the same time in each. The main execution looks at each of its decisions by itself and uses none of "
-    "them, so what happens in a run depends on no arm. Right, wrong and unknown seconds add up to the run. Ratios over "
-    "runs are of sums, as in P1's Total."
+    "the arms, so a run does not depend on any arm. Right, wrong and unknown seconds add up to the run. Ratios over "
+    "runs are ratios of sums, as in P1's Total."
 )
 
 
 def trials(settings: Settings) -> Sequence[Trial]:
-    """Return the ten runs of the tables, and the further ones."""
+    """Return the ten runs of the tables, and the further runs."""
     seeds = range(FIRST_REPORTED_SEED, FIRST_FURTHER_SEED + settings.seeds)
     return [
         Trial(
@@ -76,24 +80,24 @@ def judge(settings: Settings, outcomes: Mapping[str, Outcome]) -> Document:
     Raises:
         SpecError: if the spec has errors.
     """
-    found = _found(settings, outcomes)
+    findings = _findings(settings, outcomes)
     return Document(
         title="lab-robustness: observer stability through context",
-        summary=tuple(_summary(found)),
-        sections=tuple(_sections(settings, found)),
-        results=_results(found),
+        summary=tuple(_summary(findings)),
+        sections=tuple(_sections(settings, findings)),
+        results=_results(findings),
     )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Found:
-    """Everything that the report tells.
+class _Findings:
+    """The content of the report.
 
     Attributes:
         runs: those of the tables.
         further: those of the intervals.
         vision: the algorithms that need the vision slot.
-        wrong: at decisions, of the runs of the tables.
+        wrong: wrong values at decisions, in the runs of the tables.
     """
 
     runs: Runs
@@ -104,11 +108,11 @@ class _Found:
     again: Sequence[DetectedAgain]
 
 
-def _found(settings: Settings, outcomes: Mapping[str, Outcome]) -> _Found:
+def _findings(settings: Settings, outcomes: Mapping[str, Outcome]) -> _Findings:
     spec = read_spec(settings.spec)
     runs = Runs([outcome for outcome in outcomes.values() if outcome.seed < FIRST_FURTHER_SEED])
     further = Runs([outcome for outcome in outcomes.values() if outcome.seed >= FIRST_FURTHER_SEED])
-    return _Found(
+    return _Findings(
         runs=runs,
         further=further,
         vision=vision_algorithms(spec),
@@ -118,38 +122,40 @@ def _found(settings: Settings, outcomes: Mapping[str, Outcome]) -> _Found:
     )
 
 
-def _summary(found: _Found) -> Iterator[str]:
-    yield from summary.ratio_sentences(found.runs, found.comparisons)
-    yield from summary.cause_sentences(found.runs)
-    yield from summary.trigger_sentences(found.runs, found.vision)
-    yield from summary.decision_sentences(found.runs, found.wrong)
-    yield from summary.frame_sentences(found.runs, found.again)
+def _summary(findings: _Findings) -> Iterator[str]:
+    yield from summary.ratio_sentences(findings.runs, findings.comparisons)
+    yield from summary.cause_sentences(findings.runs)
+    yield from summary.trigger_sentences(findings.runs, findings.vision)
+    yield from summary.decision_sentences(findings.runs, findings.wrong)
+    yield from summary.frame_sentences(findings.runs, findings.again)
 
 
-def _sections(settings: Settings, found: _Found) -> Iterator[Section]:
-    runs = found.runs
+def _sections(settings: Settings, findings: _Findings) -> Iterator[Section]:
+    runs = findings.runs
     yield Section(title="Runs and arms", parts=(Words(text=_NOTE), tables.arms_table(ARMS), tables.runs_table(runs)))
     for name in LIDS:
         parts = (tables.table_2(runs, name), tables.table_2_of_the_paper(name))
         yield Section(title=f"Table 2: {label(name)}", parts=parts)
     yield _all_variables(runs)
-    yield _intervals(found)
+    yield _intervals(findings)
     yield Section(
         title="Triggers",
         parts=(
-            tables.triggers_table(runs, found.vision),
-            tables.reduction_table(runs, found.further, (NAIVE.name, NAIVE_PACED.name), found.vision),
+            tables.triggers_table(runs, findings.vision),
+            tables.reduction_table(runs, findings.further, (NAIVE.name, NAIVE_PACED.name), findings.vision),
         ),
     )
     yield Section(title="First knowledge and lag", parts=(tables.knowledge_table(runs),))
     yield _over_time(runs)
-    yield Section(title="When decisions needed a value", parts=(tables.answers_table(runs), *_rings(runs, found.wrong)))
+    yield Section(
+        title="When decisions needed a value", parts=(tables.answers_table(runs), *_rings(runs, findings.wrong))
+    )
     yield Section(
         title="Decisions on wrong values",
-        parts=(mistakes_table(found.wrong), *photographs(found.wrong, settings.folder)),
+        parts=(mistakes_table(findings.wrong), *photographs(findings.wrong, settings.folder)),
     )
     yield Section(title="Why values were wrong", parts=(tables.causes_table(runs),))
-    yield Section(title="Frames", parts=(Words(text=" ".join(summary.frame_sentences(runs, found.again))),))
+    yield Section(title="Frames", parts=(Words(text=" ".join(summary.frame_sentences(runs, findings.again))),))
 
 
 def _all_variables(runs: Runs) -> Section:
@@ -163,16 +169,19 @@ def _all_variables(runs: Runs) -> Section:
     )
 
 
-def _intervals(found: _Found) -> Section:
-    told = tables.comparison_table(found.comparisons)
-    if not found.further.outcomes:
+def _intervals(findings: _Findings) -> Section:
+    table = tables.comparison_table(findings.comparisons)
+    if not findings.further.outcomes:
         return Section(title="How sure differences are", parts=(Words(text="No further seeds were run."),))
     caption = "Differences between arms with their 95 % intervals; to the right of zero the first arm is better."
-    return Section(title="How sure differences are", parts=(drawings.forest(found.comparisons, caption), told))
+    return Section(title="How sure differences are", parts=(drawings.forest(findings.comparisons, caption), table))
 
 
 def _over_time(runs: Runs) -> Section:
-    caption = "What was true and what each arm held over one run, as P1's Figure 6; red behind what was wrong."
+    caption = (
+        "The true value and the value that each arm held over one run, as in P1's Figure 6; wrong values have a red "
+        "background."
+    )
     return Section(
         title="One run over time",
         parts=tuple(drawings.timeline(outcome, LIDS[0], caption) for outcome in runs.outcomes[:1]),
@@ -180,7 +189,7 @@ def _over_time(runs: Runs) -> Section:
 
 
 def _rings(runs: Runs, wrong: Sequence[Mistake]) -> Iterator[Drawing]:
-    """Draw decisions, as P1's Figure 7 does, for each lid in the run with the most wrong ones."""
+    """Draw decisions, as P1's Figure 7 does, for each lid in the run with the most wrong values."""
     for name in LIDS:
         counts = [
             sum(mistake.outcome is outcome and mistake.decision.variable == name for mistake in wrong)
@@ -188,19 +197,19 @@ def _rings(runs: Runs, wrong: Sequence[Mistake]) -> Iterator[Drawing]:
         ]
         outcome = runs.outcomes[counts.index(max(counts))]
         caption = (
-            f"Where the main execution needed {label(name)}, as P1's Figure 7, in the run in which most held values "
-            "were wrong then; magenta where they were. A ring in the middle: the arm held nothing."
+            f"The decisions on {label(name)}, as in P1's Figure 7, in the run with the most wrong values at decisions; "
+            "wrong values are magenta. A ring in the middle: the value was unknown to the arm."
         )
         yield drawings.decisions(outcome, name, caption)
 
 
-def _results(found: _Found) -> Mapping[str, object]:
+def _results(findings: _Findings) -> Mapping[str, object]:
     return {
-        "tables": results.runs_as_data(found.runs),
-        "further": results.runs_as_data(found.further),
-        "intervals": results.comparisons_as_data(found.comparisons),
-        "decisions_on_wrong_values": results.mistakes_as_data(found.wrong),
-        "frames_detected_again": results.detected_as_data(found.again),
+        "tables": results.runs_as_data(findings.runs),
+        "further": results.runs_as_data(findings.further),
+        "intervals": results.comparisons_as_data(findings.comparisons),
+        "decisions_on_wrong_values": results.mistakes_as_data(findings.wrong),
+        "frames_detected_again": results.detected_as_data(findings.again),
         "paper": results.paper_as_data(),
     }
 

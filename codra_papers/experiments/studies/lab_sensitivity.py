@@ -1,4 +1,7 @@
-"""`lab-sensitivity`: in which laboratories, and with which numbers in a spec, does the advantage vanish?"""
+"""`lab-sensitivity`: in which laboratories, and with which numbers in a spec, does the advantage vanish?
+
+The numbers to vary are read from the spec and not listed here, so that added numbers are varied as well.
+"""
 
 from __future__ import annotations
 
@@ -17,12 +20,12 @@ from codra_papers.experiments.lab.spec_variants import SpecVariant
 from codra_papers.experiments.lab.trials import Trial
 from codra_papers.experiments.studies.beyond.arm_comparison import (
     LIDS_AND_LATCHES,
-    Standing,
+    ArmComparison,
+    arm_comparison,
+    arm_comparisons_as_data,
     ratios,
     reported_seeds,
     runs_sentence,
-    standing,
-    standings_as_data,
 )
 from codra_papers.experiments.studies.beyond.curves import Curve, Panel, at, differences, panels
 from codra_papers.experiments.studies.beyond.parameters import Parameter, parameters
@@ -34,16 +37,16 @@ from codra_papers.lab.simulator.laboratory import LABORATORY, Laboratory
 WORK = Tending(machines=(CENTRIFUGE, PCR_CYCLER))
 
 STRONGEST = 8
-"""So many numbers of the spec are drawn: those that change the difference to naive observers most."""
+"""How many numbers of the spec are drawn: those that change the difference to naive observers most."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Variation:
-    """A laboratory that differs from that of the protocol in one thing.
+    """A laboratory that differs from that of the protocol in one property.
 
     Attributes:
-        axis: in what.
-        value: as it is drawn.
+        axis: the property.
+        value: of the property, as it is drawn.
     """
 
     axis: str
@@ -81,18 +84,18 @@ VARIATIONS = (
 _AS_IT_IS = "as it is"
 
 _ROTOR = "_rotor"
-"""No rotor is turned here."""
+"""The end of the names of rotor variables, which are left out: no rotor is turned here."""
 
 _NOTE = (
     "The robot tends the centrifuge and the PCR-cycler, and looks at each of its decisions by itself. Each laboratory "
-    "differs from the protocol's in one thing; in it, observers with preconditions and naive ones watch the same "
-    "frames. In the laboratory as it is, each number of the spec is also halved and made one and a half times as "
-    "large, an arm each; a small whole number is rounded up. No rotor is turned, so its numbers are left out."
+    "differs from the protocol's in one property; in it, observers with preconditions and naive ones watch the same "
+    "frames. In the unchanged laboratory, each number of the spec is also halved and made one and a half times as "
+    "large, with one arm each; counts are rounded up. No rotor is turned, so its numbers are left out."
 )
 
 
 def arms(settings: Settings) -> tuple[Arm, ...]:
-    """Return naive observers, the spec as it stands, and with each of its numbers smaller and larger."""
+    """Return naive observers, the unchanged spec, and the spec with each of its numbers smaller and larger."""
     spec = read_spec(settings.spec)
     changed = [
         PRECONDITIONS.edited(f"{parameter.name} {times}", edit)
@@ -108,7 +111,7 @@ def _changes(parameter: Parameter) -> Sequence[tuple[str, SpecVariant]]:
 
 
 def trials(settings: Settings) -> Sequence[Trial]:
-    """Return, for each seed, a run in each laboratory, and one with all arms in the laboratory as it is."""
+    """Return, for each seed, a run in each laboratory, and one with all arms in the unchanged laboratory."""
     changed = arms(settings)
     return [
         trial
@@ -117,39 +120,39 @@ def trials(settings: Settings) -> Sequence[Trial]:
             Trial(name=f"{_AS_IT_IS} {seed}", spec=settings.spec, seed=seed, arms=changed, work=WORK),
             *(
                 Trial(
-                    name=f"{each.name} {seed}",
+                    name=f"{variation.name} {seed}",
                     spec=settings.spec,
                     seed=seed,
                     arms=(NAIVE, PRECONDITIONS),
-                    laboratory=each.laboratory,
+                    laboratory=variation.laboratory,
                     work=WORK,
                 )
-                for each in VARIATIONS
+                for variation in VARIATIONS
             ),
         )
     ]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Found:
-    """What the report tells: how arms stand in each laboratory, naive first, each less naive.
+class _Findings:
+    """The content of the report: comparisons of the arms with naive ones in each laboratory, naive first.
 
     Attributes:
-        by_name: of a variation, or of the laboratory as it is.
-        strongest: names of the numbers that change most, the strongest first.
+        by_name: by the name of a variation, or of the unchanged laboratory.
+        strongest: the numbers that change the advantage most, the strongest first.
     """
 
-    by_name: Mapping[str, Sequence[Standing]]
+    by_name: Mapping[str, Sequence[ArmComparison]]
     strongest: Sequence[Parameter]
 
-    def of(self, name: str, arm: str) -> Standing | None:
-        """Return how an arm stands in a laboratory; None if it is not in it."""
-        return next((one for one in self.by_name[name] if one.arm == arm), None)
+    def of(self, name: str, arm: str) -> ArmComparison | None:
+        """Return the comparison of an arm in a laboratory; None if the arm is not in it."""
+        return next((comparison for comparison in self.by_name[name] if comparison.arm == arm), None)
 
     def advantage(self, name: str, arm: str = PRECONDITIONS.name) -> Estimate | None:
         """Return how much better an arm is than naive observers, by the ratio."""
-        found = self.of(name, arm)
-        return None if found is None else found.paper_difference
+        comparison = self.of(name, arm)
+        return None if comparison is None else comparison.paper_difference
 
 
 def judge(settings: Settings, outcomes: Mapping[str, Outcome]) -> Document:
@@ -158,74 +161,74 @@ def judge(settings: Settings, outcomes: Mapping[str, Outcome]) -> Document:
     Raises:
         SpecError: if the spec has errors.
     """
-    found = _found(settings, outcomes)
+    findings = _findings(settings, outcomes)
     return Document(
         title="lab-sensitivity: where the advantage vanishes",
-        summary=(*_summary(found), runs_sentence(list(outcomes.values()))),
-        sections=tuple(_sections(found)),
-        results={name: standings_as_data(told) for name, told in found.by_name.items()},
+        summary=(*_summary(findings), runs_sentence(list(outcomes.values()))),
+        sections=tuple(_sections(findings)),
+        results={name: arm_comparisons_as_data(comparisons) for name, comparisons in findings.by_name.items()},
     )
 
 
-def _found(settings: Settings, outcomes: Mapping[str, Outcome]) -> _Found:
+def _findings(settings: Settings, outcomes: Mapping[str, Outcome]) -> _Findings:
     spec = read_spec(settings.spec)
     vision = vision_algorithms(spec)
-    by_name: dict[str, Sequence[Standing]] = {}
-    for name in (_AS_IT_IS, *(each.name for each in VARIATIONS)):
-        told = [outcome for key, outcome in outcomes.items() if key.rpartition(" ")[0] == name]
-        by_name[name] = [standing(told, LIDS_AND_LATCHES, arm, NAIVE.name, vision) for arm in told[0].arms]
-    every = _Found(by_name=by_name, strongest=())
-    ordered = sorted(parameters(spec, besides=_ROTOR), key=lambda each: -_strength(every, each))
-    return replace(every, strongest=ordered[:STRONGEST])
+    by_name: dict[str, Sequence[ArmComparison]] = {}
+    for name in (_AS_IT_IS, *(variation.name for variation in VARIATIONS)):
+        runs = [outcome for key, outcome in outcomes.items() if key.rpartition(" ")[0] == name]
+        by_name[name] = [arm_comparison(runs, LIDS_AND_LATCHES, arm, NAIVE.name, vision) for arm in runs[0].arms]
+    all_findings = _Findings(by_name=by_name, strongest=())
+    ordered = sorted(parameters(spec, besides=_ROTOR), key=lambda parameter: -_strength(all_findings, parameter))
+    return replace(all_findings, strongest=ordered[:STRONGEST])
 
 
-def _strength(found: _Found, parameter: Parameter) -> float:
-    """Return by how much a number changes the advantage at most."""
-    nominal = _value(found.advantage(_AS_IT_IS))
-    told = (found.advantage(_AS_IT_IS, f"{parameter.name} {times}") for times, _ in _changes(parameter))
-    return max((abs(_value(each) - nominal) for each in told if each is not None), default=0.0)
+def _strength(findings: _Findings, parameter: Parameter) -> float:
+    """Return the largest change of the advantage by a number."""
+    nominal = _value(findings.advantage(_AS_IT_IS))
+    advantages = (findings.advantage(_AS_IT_IS, f"{parameter.name} {times}") for times, _ in _changes(parameter))
+    return max((abs(_value(advantage) - nominal) for advantage in advantages if advantage is not None), default=0.0)
 
 
 def _value(estimate: Estimate | None) -> float:
     return 0.0 if estimate is None or estimate.value is None else estimate.value
 
 
-def _summary(found: _Found) -> Iterator[str]:
-    nominal = found.advantage(_AS_IT_IS)
+def _summary(findings: _Findings) -> Iterator[str]:
+    nominal = findings.advantage(_AS_IT_IS)
     if nominal is not None:
-        yield f"In the laboratory as it is, preconditions less naive: ratio {interval(nominal)} of lids and latches."
-    for kind, told in (("laboratories", _laboratories(found)), ("numbers of the spec", _numbers(found))):
-        gone = [f"{name} ({interval(one)})" for name, one in told if not one.is_positive]
+        yield f"In the unchanged laboratory, preconditions less naive: ratio {interval(nominal)} of lids and latches."
+    for kind, estimates in (("laboratories", _laboratories(findings)), ("numbers of the spec", _numbers(findings))):
+        gone = [f"{name} ({interval(estimate)})" for name, estimate in estimates if not estimate.is_positive]
         yield (
-            f"Of {len(told)} {kind}, the advantage is not above zero with its whole interval in {len(gone)}"
+            f"Of {len(estimates)} {kind}, the interval of the advantage is not completely above zero in {len(gone)}"
             f"{': ' if gone else ''}{'; '.join(gone)}."
         )
 
 
-def _laboratories(found: _Found) -> Sequence[tuple[str, Estimate]]:
-    told = ((each.name, found.advantage(each.name)) for each in VARIATIONS)
-    return [(name, one) for name, one in told if one is not None]
+def _laboratories(findings: _Findings) -> Sequence[tuple[str, Estimate]]:
+    advantages = ((variation.name, findings.advantage(variation.name)) for variation in VARIATIONS)
+    return [(name, estimate) for name, estimate in advantages if estimate is not None]
 
 
-def _numbers(found: _Found) -> Sequence[tuple[str, Estimate]]:
-    names = (f"{each.name} {times}" for each in found.strongest for times, _ in _changes(each))
-    told = ((name, found.advantage(_AS_IT_IS, name)) for name in names)
-    return [(name, one) for name, one in told if one is not None]
+def _numbers(findings: _Findings) -> Sequence[tuple[str, Estimate]]:
+    names = (f"{parameter.name} {times}" for parameter in findings.strongest for times, _ in _changes(parameter))
+    advantages = ((name, findings.advantage(_AS_IT_IS, name)) for name in names)
+    return [(name, estimate) for name, estimate in advantages if estimate is not None]
 
 
-def _sections(found: _Found) -> Iterator[Section]:
+def _sections(findings: _Findings) -> Iterator[Section]:
     yield Section(title="What was varied", parts=(Words(text=_NOTE),))
-    yield Section(title="Laboratories", parts=(_curves(found), _laboratory_table(found)))
+    yield Section(title="Laboratories", parts=(_curves(findings), _laboratory_table(findings)))
     caption = (
-        f"The {len(found.strongest)} numbers of the spec that change the advantage most, at half and one and a half: "
-        "ratio of lids and latches, less that of naive observers, with 95 % intervals over paired runs."
+        f"The {len(findings.strongest)} numbers of the spec that change the advantage most, at half and one and a "
+        "half: ratio of lids and latches, less that of naive observers, with 95 % intervals over paired runs."
     )
-    drawn = differences(_numbers(found), "ratio, less naive", caption)
-    yield Section(title="Numbers of the spec", parts=(drawn, _number_table(found)))
+    drawn = differences(_numbers(findings), "ratio, less naive", caption)
+    yield Section(title="Numbers of the spec", parts=(drawn, _number_table(findings)))
 
 
-def _curves(found: _Found) -> Drawing:
-    told = [
+def _curves(findings: _Findings) -> Drawing:
+    axis_panels = [
         Panel(
             title=axis,
             across=_ACROSS[axis],
@@ -233,37 +236,42 @@ def _curves(found: _Found) -> Drawing:
             curves=[
                 Curve(
                     name="preconditions less naive",
-                    points=[at(value, found.advantage(name)) for value, name in _along(axis)],
+                    points=[at(value, findings.advantage(name)) for value, name in _along(axis)],
                 )
             ],
         )
         for axis in _ACROSS
     ]
-    caption = "The ratio of lids and latches less that of naive observers. The grey line: the laboratory as it is."
-    return panels(told, "ratio, less naive", caption)
+    caption = "The ratio of lids and latches less that of naive observers. The grey line: the unchanged laboratory."
+    return panels(axis_panels, "ratio, less naive", caption)
 
 
 def _along(axis: str) -> Sequence[tuple[float, str]]:
-    """Return the laboratories of an axis, that of the protocol among them, in order."""
-    return sorted([(_NOMINAL[axis], _AS_IT_IS), *((each.value, each.name) for each in VARIATIONS if each.axis == axis)])
+    """Return the laboratories of an axis, including that of the protocol, in order."""
+    return sorted(
+        [
+            (_NOMINAL[axis], _AS_IT_IS),
+            *((variation.value, variation.name) for variation in VARIATIONS if variation.axis == axis),
+        ]
+    )
 
 
 _HEADER = ("", "arm", "ratio", "strict ratio", "ratio, less naive", "strict, less naive", "wrong at decisions")
 
 
-def _laboratory_table(found: _Found) -> Table:
+def _laboratory_table(findings: _Findings) -> Table:
     both = (NAIVE.name, PRECONDITIONS.name)
     rows = [
-        (name, *ratios(one), one.answers.wrong)
-        for name in found.by_name
-        for one in (found.of(name, arm) for arm in both)
-        if one is not None
+        (name, *ratios(comparison), comparison.answers.wrong)
+        for name in findings.by_name
+        for comparison in (findings.of(name, arm) for arm in both)
+        if comparison is not None
     ]
     return plain_table("Lids and latches in each laboratory, over all runs.", _HEADER, rows)
 
 
-def _number_table(found: _Found) -> Table:
-    rows = [("as it is", *ratios(one), one.answers.wrong) for one in found.by_name[_AS_IT_IS]]
+def _number_table(findings: _Findings) -> Table:
+    rows = [("as it is", *ratios(comparison), comparison.answers.wrong) for comparison in findings.by_name[_AS_IT_IS]]
     return plain_table("Lids and latches with other numbers in the spec, over all runs.", _HEADER, rows)
 
 

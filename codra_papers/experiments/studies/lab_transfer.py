@@ -1,4 +1,4 @@
-"""`lab-transfer`: does a spec hold for a machine that nothing in it was made for?"""
+"""`lab-transfer`: does a spec work for a machine for which it was not made?"""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from codra_papers.experiments.lab.arms import NAIVE, NAIVE_PACED, NEED, NEED_ON_
 from codra_papers.experiments.lab.outcomes import Outcome
 from codra_papers.experiments.lab.trials import Trial
 from codra_papers.experiments.studies.beyond.arm_comparison import (
-    Standing,
+    ArmComparison,
+    arm_comparison_tables,
+    arm_comparisons,
+    arm_comparisons_as_data,
     reported_seeds,
     runs_sentence,
-    standings,
-    standings_as_data,
-    standings_tables,
 )
 from codra_papers.experiments.studies.beyond.more_machines import FURTHER, spec_with, use_line
 from codra_papers.experiments.studies.beyond.workloads import Tending
@@ -31,27 +31,27 @@ from codra_papers.lab.simulator.laboratory import LABORATORY
 ARMS = (NAIVE, NAIVE_PACED, PRECONDITIONS, NEED, NEED_ON_EVENT)
 
 THIRD = FURTHER[0]
-"""A shaker: wider than the PCR-cycler and narrower than the centrifuge, with six tags of sizes between theirs."""
+"""A shaker: its width and the sizes of its six tags are between those of the PCR-cycler and the centrifuge."""
 
 _WHAT = ("in_observable_distance", "in_manipulation_distance", "base_in_FOV", "lid_in_FOV", "open", "locked")
 _MACHINES = (THIRD.name, PCR_CYCLER)
 
 
 def extended(settings: Settings) -> Path:
-    """Write the spec under test with one line more.
+    """Write the spec under test with one additional line.
 
     Raises:
-        SpecError: if it has errors, or no place for the line.
+        SpecError: if it has errors, or no block for the line.
         OSError: if it cannot be written.
     """
     return spec_with(settings.spec, [THIRD], settings.folder / "spec")
 
 
 def trials(settings: Settings) -> Sequence[Trial]:
-    """Return one run a seed, in a laboratory with a third machine.
+    """Return one run per seed, in a laboratory with a third machine.
 
     Raises:
-        SpecError: if the spec has errors, or no place for the line.
+        SpecError: if the spec has errors, or no block for the line.
         OSError: if it cannot be written.
     """
     spec = extended(settings)
@@ -72,35 +72,44 @@ def judge(settings: Settings, outcomes: Mapping[str, Outcome]) -> Document:
     """Return the report on the outcomes of `trials`.
 
     Raises:
-        SpecError: if the spec has errors, or no place for the line.
+        SpecError: if the spec has errors, or no block for the line.
         OSError: if it cannot be written.
     """
-    told, vision = list(outcomes.values()), vision_algorithms(read_spec(extended(settings)))
-    found = {
-        machine: standings(told, (f"{machine}_open", f"{machine}_locked"), NAIVE.name, vision) for machine in _MACHINES
+    runs, vision = list(outcomes.values()), vision_algorithms(read_spec(extended(settings)))
+    comparisons = {
+        machine: arm_comparisons(runs, (f"{machine}_open", f"{machine}_locked"), NAIVE.name, vision)
+        for machine in _MACHINES
     }
     return Document(
         title="lab-transfer: a third machine by one line",
-        summary=(*(line for machine in _MACHINES for line in _summary(machine, found[machine])), runs_sentence(told)),
-        sections=tuple(_sections(told, found)),
+        summary=(
+            *(line for machine in _MACHINES for line in _summary(machine, comparisons[machine])),
+            runs_sentence(runs),
+        ),
+        sections=tuple(_sections(runs, comparisons)),
         results={"line": use_line(THIRD)}
-        | {machine: {"lid_and_latch": standings_as_data(found[machine])} for machine in _MACHINES},
+        | {machine: {"lid_and_latch": arm_comparisons_as_data(comparisons[machine])} for machine in _MACHINES},
     )
 
 
-def _summary(machine: str, found: Sequence[Standing]) -> Iterator[str]:
-    for one in found:
-        if one.arm in (PRECONDITIONS.name, NEED.name) and one.paper_difference and one.strict_difference:
+def _summary(machine: str, comparisons: Sequence[ArmComparison]) -> Iterator[str]:
+    for comparison in comparisons:
+        if (
+            comparison.arm in (PRECONDITIONS.name, NEED.name)
+            and comparison.paper_difference
+            and comparison.strict_difference
+        ):
             yield (
-                f"Lid and latch of the {machine}, {one.arm} less naive: ratio {interval(one.paper_difference)}, strict "
-                f"ratio {interval(one.strict_difference)}; {one.answers.wrong} wrong values at decisions."
+                f"Lid and latch of the {machine}, {comparison.arm} less naive: ratio "
+                f"{interval(comparison.paper_difference)}, strict ratio {interval(comparison.strict_difference)}; "
+                f"{comparison.answers.wrong} wrong values at decisions."
             )
 
 
-def _sections(told: Sequence[Outcome], found: Mapping[str, Sequence[Standing]]) -> Iterator[Section]:
+def _sections(outcomes: Sequence[Outcome], comparisons: Mapping[str, Sequence[ArmComparison]]) -> Iterator[Section]:
     note = (
-        f"To the spec under test one line is added: “{use_line(THIRD)}”. No threshold was chosen for the "
-        "shaker: what the template does not ask for is its default. The robot tends the shaker, the PCR-cycler and the "
+        f"One line is added to the spec under test: “{use_line(THIRD)}”. No threshold was chosen for the "
+        "shaker: parameters of the template have their defaults. The robot tends the shaker, the PCR-cycler and the "
         "shaker again, and looks at each of its decisions by itself."
     )
     yield Section(title="Arms", parts=(Words(text=note), arms_table(ARMS)))
@@ -109,19 +118,19 @@ def _sections(told: Sequence[Outcome], found: Mapping[str, Sequence[Standing]]) 
         "runs."
     )
     for machine in _MACHINES:
-        parts = (*standings_tables(found[machine], caption.format(machine)), _variables(told, machine))
+        parts = (*arm_comparison_tables(comparisons[machine], caption.format(machine)), _variables(outcomes, machine))
         yield Section(title=f"The {machine}", parts=parts)
-    caption = "What was true and what each arm held; red behind what was wrong."
-    yield Section(title="One run over time", parts=(drawings.timeline(told[0], f"{THIRD.name}_open", caption),))
+    caption = "The true value and the value that each arm held; wrong values have a red background."
+    yield Section(title="One run over time", parts=(drawings.timeline(outcomes[0], f"{THIRD.name}_open", caption),))
 
 
-def _variables(told: Sequence[Outcome], machine: str) -> Table:
-    runs = Runs(told)
+def _variables(outcomes: Sequence[Outcome], machine: str) -> Table:
+    runs = Runs(outcomes)
     counted: Sequence[tuple[str, Counted]] = (("ratio", paper), ("strict ratio", strict))
     rows = [
-        (f"{machine}_{what}", name, *(ratio(how(runs.total(f"{machine}_{what}", arm))) for arm in runs.arms))
-        for what in _WHAT
-        for name, how in counted
+        (f"{machine}_{suffix}", name, *(ratio(counted_as(runs.total(f"{machine}_{suffix}", arm))) for arm in runs.arms))
+        for suffix in _WHAT
+        for name, counted_as in counted
     ]
     return plain_table(f"All variables of the {machine}.", ("variable", "", *runs.arms), rows)
 

@@ -1,1 +1,1 @@
-"""How well tags are detected: the measured map of detection error, and frames with the detected tags drawn in."""
+"""Detection quality: the measured map of detection error, and frames with the detected tags drawn in."""

@@ -1,4 +1,4 @@
-"""Frames for people: the detected tags drawn in."""
+"""Frames with the detected tags drawn in, for people to look at."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""The map of detection error: how well tags and lids are measured, by distance, viewing angle and number of tags.
+"""The map of detection error: accuracy of tag and lid measurements by distance, viewing angle and number of tags.
 
-It is declared, not fitted: `python -m codra_papers.lab.detection.error_map FOLDER` draws the frames, measures in
-them and writes the map as a table and as a picture. The robot stands still in ordinary light, so the map shows
-the best case.
+It is measured, not fitted: `python -m codra_papers.lab.detection.error_map FOLDER` draws the frames, measures in
+them and writes the map as a table and as a picture. The robot is at rest in ordinary light, so the map shows
+the best case. `docs/papers/protocol.md` has the checked-in map, and a test measures it again.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ SEED = 77
 DISTANCES_M = (0.4, 0.6, 0.8, 1.0, 1.3, 1.6, 2.0, 2.5, 3.0)
 ANGLES_DEG = (0, 15, 30, 45, 60, 75)
 VIEWS_PER_CELL = 20
-"""Frames for each machine, distance and angle."""
+"""Number of frames for each machine, distance and angle."""
 
 WRONG_SIDE_RAD = 0.3
-"""A lid's angle that is so far off comes from a tag's pose that was taken for its mirror image."""
+"""An error of a lid's angle above which the pose of a tag was confused with its mirror image."""
 
 RANGES_M = ((0.0, 0.9), (0.9, 1.8), (1.8, 9.0))
-"""Distances that lids are grouped by."""
+"""Ranges of distance that group the lid measurements."""
 
 _TRIES = 400
 _BEHIND_M = 0.7
@@ -47,10 +47,10 @@ _BEHIND_M = 0.7
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class View:
-    """What one frame showed of the tag that it was taken for, and of the lid.
+    """Measurements in one frame: of the tag that the camera was placed for, and of the lid.
 
     Attributes:
-        corner_error_px: the farthest corner's; None if the tag was not found.
+        corner_error_px: the largest error of a corner; None if the tag was not detected.
         lid_error_rad: None if the lid's angle could not be measured.
         lid_markers: how many tags of base and lid were seen.
     """
@@ -87,7 +87,7 @@ def views(cells: Iterable[tuple[str, float, int]], per_cell: int = VIEWS_PER_CEL
 
     Args:
         cells: machine, distance in metres and viewing angle in degrees.
-        per_cell: how many frames for each.
+        per_cell: how many frames per cell.
     """
     measured: list[View] = []
     geometry = GeometricCamera()
@@ -96,7 +96,7 @@ def views(cells: Iterable[tuple[str, float, int]], per_cell: int = VIEWS_PER_CEL
         world = LabWorld(SEED)
         with FrameSource(world) as frames:
             for number in range(per_cell):
-                tag = _stand(world, random, MACHINES[machine], distance_m, angle_deg, at_s=2.0 * number)
+                tag = _place_camera(world, random, MACHINES[machine], distance_m, angle_deg, at_s=2.0 * number)
                 if tag is not None:
                     instant_s = 2.0 * number + 1.0
                     seen = {view.tag_id: view for view in geometry.tags_in_view(world.state(instant_s))}
@@ -105,10 +105,10 @@ def views(cells: Iterable[tuple[str, float, int]], per_cell: int = VIEWS_PER_CEL
     return measured
 
 
-def _stand(
+def _place_camera(
     world: LabWorld, random: Random, machine: Machine, distance_m: float, angle_deg: int, *, at_s: float
 ) -> Tag | None:
-    """Turn the machine's parts and put the camera before one of its tags; None if the room has no place for it."""
+    """Turn the machine's lid and place the camera in front of one of its tags; None if the room has no space for it."""
     tags = [tag for tag in machine.tags if tag.part in (Part.BASE, Part.LID)]
     for _ in range(_TRIES):
         lid_rad = random.uniform(*machine.joint(Part.LID).range_rad)
@@ -132,14 +132,14 @@ def _direction(random: Random, angle_deg: int) -> Array:
 
 
 def _has_room(machine: Machine, eye_m: Array) -> bool:
-    """Return whether an arm's camera could be there: in the room, before the machine, at most 1.6 m high."""
+    """Return whether an arm's camera can be there: in the room, in front of the machine, at most 1.6 m high."""
     in_machine = machine.map_from_base.inverse().apply(eye_m)
     in_room = bool(np.all(eye_m[:2] > 0.2) and np.all(eye_m[:2] < np.array(ROOM_M) - 0.2))
     return in_room and 0.5 < eye_m[2] < 1.6 and bool(in_machine[0] > 0.2 and in_machine[2] > 0.0)
 
 
 def _put(world: LabWorld, eye_m: Array, target_m: Array, at_s: float) -> None:
-    """Let the robot jump to behind its camera."""
+    """Move the robot instantly to a place behind its camera."""
     heading_rad = atan2(target_m[1] - eye_m[1], target_m[0] - eye_m[0])
     base = (eye_m[0] - _BEHIND_M * cos(heading_rad), eye_m[1] - _BEHIND_M * sin(heading_rad), heading_rad)
     robot_from_map = Pose.planar(*base).inverse()
@@ -153,13 +153,13 @@ def _turn(world: LabWorld, machine: str, lid_rad: float, at_s: float) -> None:
 
 
 def _view(frame: Frame, state: LabState, machine: str, cell: tuple[float, int], tag: TagInView | None) -> View:
-    found = {detection.tag_id: detection.corners_px for detection in detect(frame)}
+    corners_by_tag = {detection.tag_id: detection.corners_px for detection in detect(frame)}
     lid = localize_lid(machine=machine, camera=StillCamera(frame), job=_Timeless())
     true_rad = state.joints_rad[JointKey(machine, Part.LID)]
     is_whole = tag is not None and tag.margin_px >= 4.0 and tag.covered == 0.0
     corner_error_px = None
-    if tag is not None and tag.tag_id in found:
-        corner_error_px = float(np.linalg.norm(found[tag.tag_id] - tag.corners_px, axis=1).max())
+    if tag is not None and tag.tag_id in corners_by_tag:
+        corner_error_px = float(np.linalg.norm(corners_by_tag[tag.tag_id] - tag.corners_px, axis=1).max())
     return View(
         machine=machine,
         distance_m=cell[0],
@@ -172,23 +172,23 @@ def _view(frame: Frame, state: LabState, machine: str, cell: tuple[float, int], 
 
 
 def table(measured: Sequence[View]) -> list[Row]:
-    """Return the map: a row for each cell that frames were drawn for."""
+    """Return the map: one row per cell for which frames were drawn."""
     return [*_tag_rows(measured), *_lid_rows(measured)]
 
 
 def _tag_rows(measured: Sequence[View]) -> Iterator[Row]:
     for machine, distance_m, angle_deg in dict.fromkeys((v.machine, v.distance_m, v.angle_deg) for v in measured):
         here = [v for v in measured if (v.machine, v.distance_m, v.angle_deg) == (machine, distance_m, angle_deg)]
-        whole = [view for view in here if view.is_whole]
-        errors = [view.corner_error_px for view in whole if view.corner_error_px is not None]
+        complete = [view for view in here if view.is_whole]
+        errors = [view.corner_error_px for view in complete if view.corner_error_px is not None]
         yield Row(
             about="tag",
             machine=machine,
             distance_m=f"{distance_m:g}",
             angle_deg=angle_deg,
             markers=None,
-            samples=len(whole),
-            found_share=round(len(errors) / len(whole), 3) if whole else None,
+            samples=len(complete),
+            found_share=round(len(errors) / len(complete), 3) if complete else None,
             error_median=_quantile(errors, 0.5),
             error_p95=_quantile(errors, 0.95),
             wrong_side_share=None,
@@ -232,13 +232,13 @@ def write_table(rows: Sequence[Row], path: Path) -> None:
 
 
 def read_table(path: Path) -> list[Mapping[str, str]]:
-    """Return the rows of a map that was written, as text by column."""
+    """Return the rows of a written map, as text by column."""
     with path.open(encoding="utf-8", newline="") as file:
         return list(csv.DictReader(file))
 
 
 def main(folder: Path) -> None:
-    """Measure the whole map and write it into a folder: `detection-map.csv` and `detection-map.svg`."""
+    """Measure the complete map and write it into a folder: `detection-map.csv` and `detection-map.svg`."""
     from codra_papers.lab.detection.error_picture import draw  # it needs matplotlib
 
     rows = table(views(product(MACHINES, DISTANCES_M, ANGLES_DEG)))

@@ -19,18 +19,18 @@ _COLOURS = ("#33526e", "#2e9e5b", "#d1352b")
 
 
 def draw(rows: Sequence[Row], path: Path) -> None:
-    """Draw a map: per machine how often a tag is found, how far off its corners are, and how far off the lid's angle.
+    """Draw a map: for each machine the share of detected tags, the error of their corners and of the lid's angle.
 
     Args:
         rows: the map.
-        path: where the picture goes; the ending (`.png`, `.svg`) says in which form.
+        path: the file to write; its suffix (`.png`, `.svg`) selects the format.
     """
     figure = Figure(figsize=(13, 7.5), layout="constrained")
     for line, machine in enumerate(_MACHINES):
         here = [row for row in rows if row.machine == machine]
         tags = [row for row in here if row.about == "tag"]
-        found = _grid(figure.add_subplot(2, 3, 3 * line + 1), tags, [row.found_share for row in tags], 1.0)
-        found.set_title(f"{machine}: share of whole tags found")
+        detected = _grid(figure.add_subplot(2, 3, 3 * line + 1), tags, [row.found_share for row in tags], 1.0)
+        detected.set_title(f"{machine}: share of whole tags found")
         corners = _grid(figure.add_subplot(2, 3, 3 * line + 2), tags, [row.error_median for row in tags], 1.0)
         corners.set_title(f"{machine}: corner error, median in px")
         _lids(figure.add_subplot(2, 3, 3 * line + 3), [row for row in here if row.about == "lid"], machine)
@@ -39,7 +39,7 @@ def draw(rows: Sequence[Row], path: Path) -> None:
 
 
 def _grid(axes: Axes, tags: Sequence[Row], values: Sequence[float | None], highest: float) -> Axes:
-    """Draw a number for each distance and angle."""
+    """Draw one number per distance and angle."""
     distances = sorted({float(row.distance_m) for row in tags})
     angles = sorted({row.angle_deg for row in tags if row.angle_deg is not None})
     cells = np.full((len(angles), len(distances)), np.nan)

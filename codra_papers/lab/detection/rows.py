@@ -11,14 +11,14 @@ class Row:
 
     Attributes:
         about: "tag" for one tag by distance and angle; "lid" for a lid's angle by the number of tags of base and lid.
-        distance_m: of the camera from the tag; for lids from the nearest and to the farthest of the group.
-        angle_deg: between the tag's normal and the line of sight, 0 from straight before it; empty for lids.
-        markers: how many tags the lid's angle rests on; empty for tags.
-        samples: frames that show the tag whole, frames that give the lid's angle.
-        found_share: of these frames, in how many the tag was found; empty for lids.
-        error_median: of a corner in px, of a lid's angle in rad.
-        error_p95: below it lie 95 % of the errors.
-        wrong_side_share: of lids' angles, how many are off by more than 0.3 rad; empty for tags.
+        distance_m: distance of the camera from the tag; for lids the nearest and the farthest of the group.
+        angle_deg: angle between the tag's normal and the line of sight, 0 from straight ahead; empty for lids.
+        markers: number of tags that the lid's angle is computed from; empty for tags.
+        samples: number of frames that show the complete tag, or that give the lid's angle.
+        found_share: share of these frames in which the tag was detected; empty for lids.
+        error_median: median error of a corner in px, of a lid's angle in rad.
+        error_p95: 95 % of the errors lie below it.
+        wrong_side_share: share of lids' angles that are wrong by more than 0.3 rad; empty for tags.
     """
 
     about: str

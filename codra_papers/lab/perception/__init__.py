@@ -1,1 +1,1 @@
-"""What the laboratory's robot computes from frames: tags, poses, and the functions that `specs/lab.yaml` names."""
+"""Computations of the laboratory's robot on frames: tags, poses, and the functions that `specs/lab.yaml` names."""

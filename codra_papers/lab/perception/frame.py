@@ -1,4 +1,4 @@
-"""What a camera hands to perception: pixels, intrinsics, where the robot believes the camera is, and when."""
+"""Camera frames for perception: pixels, intrinsics, the believed pose of the camera, and the time."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Intrinsics:
     focal_px: float
 
     def matrix(self) -> Array:
-        """Return the camera matrix, shape (3, 3), as OpenCV takes it; nobody can change it."""
+        """Return the camera matrix, shape (3, 3), as OpenCV expects it. It is read-only."""
         return _matrix(self)
 
     def project(self, points_m: Array) -> Array:
@@ -46,13 +46,13 @@ def _matrix(camera: Intrinsics) -> Array:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Frame:
-    """One camera image, as a robot's driver would deliver it. It holds nothing that only a simulator knows.
+    """One camera image, as a robot's driver would deliver it. It contains no information that only a simulator has.
 
     Attributes:
         pixels: shape (height, width, 3), RGB, uint8, read-only.
         intrinsics: the camera's calibration.
-        believed_map_from_camera: from the robot's own localisation and joints, so with their error.
-        stamp_s: when the shutter closed, in seconds of the clock that everything in the world uses.
+        believed_map_from_camera: pose from the robot's own localisation and joints, including their errors.
+        stamp_s: when the shutter closed, in seconds of the clock of the world.
     """
 
     pixels: NDArray[np.uint8]
@@ -69,13 +69,13 @@ class Camera(Protocol):
         ...
 
     def processing_s(self, mean_s: float) -> float:
-        """Return how long the computer behind it takes from now for work that takes so long in the mean."""
+        """Return the duration of work that the camera's computer begins now, given its mean duration."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class StillCamera:
-    """A camera that shows one frame whenever it is asked, and whose computer always takes the mean time."""
+    """A camera that always returns the same frame, and whose computer always takes the mean time."""
 
     frame: Frame
 
@@ -92,5 +92,5 @@ class Base(Protocol):
     """The handle that perception functions get as `base`: the mobile base's own state."""
 
     def believed_map_from_base(self) -> Pose:
-        """Return where the robot believes its base stands now."""
+        """Return where the robot currently believes its base to be."""
         ...

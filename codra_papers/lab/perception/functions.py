@@ -1,12 +1,12 @@
-"""What the laboratory's observers and its main execution measure: the functions that `specs/lab.yaml` names.
+"""The perception functions of the laboratory's observers and its main execution, as named by `specs/lab.yaml`.
 
-Each sees what its handles give (a camera's frames, the base's own localisation) and the layout, which says where tags
-sit on parts but not how the joints stand. None knows the simulator or who asks.
+A function uses its handles (a camera's frames, the base's own localisation) and the layout, which lists the places of
+tags on parts but not the angles of joints. No function knows the simulator or its caller.
 
-Each takes its evidence in one instant, says so, then spends the time that such processing takes on a robot. In P1 ten
-hours of naive observers, which look again as soon as they have looked, make 5006 triggers (section 4.1): 7.2 s each. A
-naive round over this laboratory's cameras is a view and a lid call for each of two machines and a rotor call; the means
-below add up to the same: 2 x 0.4 s + 2 x 2.4 s + 1.6 s = 7.2 s.
+A function takes its evidence at one instant, reports that instant, and then spends the time that such processing takes
+on a robot. In P1 ten hours of naive observers, which look again as soon as they have looked, make 5006 triggers
+(section 4.1): 7.2 s each. A naive round over this laboratory's cameras is a view and a lid call for each of two
+machines and a rotor call; the means below add up to the same: 2 x 0.4 s + 2 x 2.4 s + 1.6 s = 7.2 s.
 """
 
 from __future__ import annotations
@@ -39,15 +39,15 @@ LOCALIZE_ROTOR_S = 1.6
 """Mean time of `localize_rotor`."""
 
 _POSES_KEPT = 32
-"""Observers of several arms look at one frame within an instant or two: a few poses of each of its parts are enough."""
+"""Observers of several arms use the same frame within an instant or two, so a few poses per part are enough."""
 
 
 def measure_distance(*, machine: str, base: Base, job: Job) -> Mapping[str, Any]:
-    """Measure how far the robot stands from a machine, from its localisation alone.
+    """Measure the distance of the robot from a machine, with its localisation only.
 
     Returns:
-        `distance`: horizontal, in metres, from the origin of the robot's base, as the robot believes it to stand, to
-        the origin of the machine's base in the map.
+        `distance`: horizontal, in metres, from the origin of the robot's base, at its believed pose, to the origin of
+        the machine's base in the map.
     """
     start_s = job.now_s()
     distance_m = machine_named(machine).distance_m(base.believed_map_from_base())
@@ -57,56 +57,58 @@ def measure_distance(*, machine: str, base: Base, job: Job) -> Mapping[str, Any]
 
 
 def find_in_view(*, machine: str, camera: Camera, job: Job) -> Mapping[str, Any]:
-    """Measure how much of a machine the camera has in view.
+    """Measure how much of a machine is in the camera's view.
 
     Returns:
         `base_share`, `lid_share`: percent of the corners of the part's tags that the frame shows, see `_share_in_view`.
-        `sharpness`: whether seeing no tag means that there is none, see `sharpness.sharpness`.
+        `sharpness`: the quality of the frame, see `sharpness.sharpness`: is an undetected tag really absent?
     """
     frame = _look(camera, job)
-    told = machine_named(machine)
+    surveyed_machine = machine_named(machine)
     job.sleep(camera.processing_s(FIND_IN_VIEW_S))
     return {
-        "base_share": _share_in_view(told, Part.BASE, frame),
-        "lid_share": _share_in_view(told, Part.LID, frame),
+        "base_share": _share_in_view(surveyed_machine, Part.BASE, frame),
+        "lid_share": _share_in_view(surveyed_machine, Part.LID, frame),
         "sharpness": sharpness(frame),
     }
 
 
 def localize_lid(*, machine: str, camera: Camera, job: Job) -> Mapping[str, Any]:
-    """Measure how a machine's lid and latch stand.
+    """Measure the joint angles of a machine's lid and latch.
 
     Returns:
-        `markers`: how many tags of base and lid the poses rest on.
+        `markers`: how many tags of base and lid the poses are computed from.
         `lid_angle`: the hinge's angle in rad, None unless base and lid were both localised. With few markers it may be
         far off (P1, section 4.1: too few visible markers for reliable localisation).
         `latched`: whether the lever is nearer to its locked than to its open end; None unless base and lever were
         localised.
     """
     frame = _look(camera, job)
-    told = machine_named(machine)
-    base, lid, latch = (_localized(told, part, frame) for part in (Part.BASE, Part.LID, Part.LATCH))
-    latch_angle_rad = _joint_angle_rad(told.joint(Part.LATCH), base, latch)
+    surveyed_machine = machine_named(machine)
+    base, lid, latch = (_localized(surveyed_machine, part, frame) for part in (Part.BASE, Part.LID, Part.LATCH))
+    latch_angle_rad = _joint_angle_rad(surveyed_machine.joint(Part.LATCH), base, latch)
     job.sleep(camera.processing_s(LOCALIZE_LID_S))
     return {
         "markers": _markers(base) + _markers(lid),
-        "lid_angle": _joint_angle_rad(told.joint(Part.LID), base, lid),
-        "latched": None if latch_angle_rad is None else latch_angle_rad < sum(told.joint(Part.LATCH).range_rad) / 2,
+        "lid_angle": _joint_angle_rad(surveyed_machine.joint(Part.LID), base, lid),
+        "latched": None
+        if latch_angle_rad is None
+        else latch_angle_rad < sum(surveyed_machine.joint(Part.LATCH).range_rad) / 2,
     }
 
 
 def localize_rotor(*, machine: str, camera: Camera, job: Job) -> Mapping[str, Any]:
-    """Measure how the rotor of a centrifuge stands.
+    """Measure the rotor angle of a centrifuge.
 
     Returns:
-        `markers`: how many tags of the rotor its pose rests on.
+        `markers`: how many tags of the rotor its pose is computed from.
         `rotor_angle`: in rad from -pi / 2 to 3 / 2 pi, so that neither of the two positions, 0 and pi, lies at the
         seam; None unless base and rotor were both localised.
     """
     frame = _look(camera, job)
-    told = machine_named(machine)
-    base, rotor = (_localized(told, part, frame) for part in (Part.BASE, Part.ROTOR))
-    angle_rad = _joint_angle_rad(told.joint(Part.ROTOR), base, rotor)
+    surveyed_machine = machine_named(machine)
+    base, rotor = (_localized(surveyed_machine, part, frame) for part in (Part.BASE, Part.ROTOR))
+    angle_rad = _joint_angle_rad(surveyed_machine.joint(Part.ROTOR), base, rotor)
     job.sleep(camera.processing_s(LOCALIZE_ROTOR_S))
     return {
         "markers": _markers(rotor),
@@ -125,12 +127,12 @@ def _localized(machine: Machine, part: Part, frame: Frame) -> PartPose | None:
     return part_pose(machine.tags_on(part), detect(frame), frame.intrinsics)
 
 
-def _markers(found: PartPose | None) -> int:
-    return 0 if found is None else len(found.tag_ids)
+def _markers(pose: PartPose | None) -> int:
+    return 0 if pose is None else len(pose.tag_ids)
 
 
 def _joint_angle_rad(joint: Joint, base: PartPose | None, moving: PartPose | None) -> float | None:
-    """Return the turn about a joint's axis that comes nearest to how two parts were localised, in (-pi, pi]."""
+    """Return the turn about a joint's axis that fits the poses of two parts best, in (-pi, pi]."""
     if base is None or moving is None:
         return None
     base_from_moving = base.camera_from_part.inverse() @ moving.camera_from_part
@@ -144,23 +146,23 @@ def _joint_angle_rad(joint: Joint, base: PartPose | None, moving: PartPose | Non
 def _share_in_view(machine: Machine, part: Part, frame: Frame) -> float:
     """Return the percentage of the corners of a part's tags that a frame shows, 0 if no tag could be localised.
 
-    All four corners of a detected tag count. No detector finds a tag that the edge of the image cuts, so of such a tag
-    those corners count that the pose, which the other tags give, puts inside the image. Whatever else is not found is
-    taken for hidden, or for facing away. Over 500 views it lies on the right side of 50 % in 93 of 100; it claims too
-    much in one of 100, and misses parts whose tags are seen at a slant in six.
+    All four corners of a detected tag count. A detector cannot find a tag that the edge of the image cuts. The pose
+    from the other tags shows which corners of such a tag are inside the image, and these corners count. All other
+    undetected tags count as hidden or as facing away. Over 500 views the share lies on the right side of 50 % in 93 of
+    100; it is too large in one of 100, and misses parts whose tags are seen at a slant in six.
     """
-    found = _localized(machine, part, frame)
-    if found is None:
+    pose = _localized(machine, part, frame)
+    if pose is None:
         return 0.0
     tags = machine.tags_on(part)
-    shown = [4 if tag.tag_id in found.tag_ids else _corners_of_a_cut_tag(tag, found, frame.intrinsics) for tag in tags]
+    shown = [4 if tag.tag_id in pose.tag_ids else _corners_of_a_cut_tag(tag, pose, frame.intrinsics) for tag in tags]
     return 100.0 * sum(shown) / (4 * len(tags))
 
 
-def _corners_of_a_cut_tag(tag: Tag, found: PartPose, intrinsics: Intrinsics) -> int:
-    """Return how many corners lie inside the image if some do not; else 0, as the tag should have been found."""
-    camera_from_tag = found.camera_from_part @ tag.part_from_tag
-    corners_m = found.camera_from_part.apply(tag.corners_m())
+def _corners_of_a_cut_tag(tag: Tag, pose: PartPose, intrinsics: Intrinsics) -> int:
+    """Return how many corners lie inside the image if some lie outside; else 0: the tag was detectable."""
+    camera_from_tag = pose.camera_from_part @ tag.part_from_tag
+    corners_m = pose.camera_from_part.apply(tag.corners_m())
     faces_away = camera_from_tag.rotation[:, 2] @ camera_from_tag.translation_m >= 0.0
     if faces_away or corners_m[:, 2].min() <= 0.0:
         return 0

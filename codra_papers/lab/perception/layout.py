@@ -1,6 +1,6 @@
-"""The laboratory as it is built: machines, their joints, and the AprilTags on them, as a tag survey would list them.
+"""The laboratory as built: machines, their joints, and the AprilTags on them, as a tag survey would list them.
 
-Perception may know this file (a robot's map of its tags). It never knows the state of the joints.
+Perception may use this module (a robot's map of its tags). It never gets the state of the joints.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def _corners_m(tag: Tag) -> Array:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Joint:
-    """A hinge between a machine's base and another part; at 0 rad the part's frame stands at `base_from_part`.
+    """A hinge between a machine's base and another part; at 0 rad the part's pose is `base_from_part`.
 
     Attributes:
         axis: unit vector in the part's own frame; turning is right-handed about it, through the part's origin.
@@ -79,7 +79,7 @@ class Joint:
 
 
 class Shape(StrEnum):
-    """What machines there are; those of one shape differ in where they stand, their names and the ids of their tags."""
+    """The kinds of machines. Machines of one shape differ in their places, their names and the ids of their tags."""
 
     CENTRIFUGE = "centrifuge"
     PCR_CYCLER = "pcr_cycler"
@@ -91,9 +91,9 @@ class Machine:
     """A machine on its table.
 
     Attributes:
-        name: unique in its laboratory; the instance of a spec's template that is about it.
+        name: unique in its laboratory; also the name of the machine's template instance in a spec.
         map_from_base: the machine's base in the laboratory's map (not the robot's base): origin on the table top under
-            the middle of the housing, x out of the front towards who stands before it, y to that one's right, z up.
+            the middle of the housing, x out of the front towards a user, y to the user's right, z up.
         joints: one per moving part: the lid opens with growing angle, the latch locks at 0 rad, the rotor turns freely.
     """
 
@@ -112,9 +112,9 @@ class Machine:
         return tuple(tag for tag in self.tags if tag.part is part)
 
     def map_from_part(self, part: Part, angle_rad: float) -> Pose:
-        """Return where a part stands in the map when its joint is at an angle.
+        """Return the pose of a part in the map when its joint is at an angle.
 
-        The base has no joint and no use for the angle.
+        For the base, which has no joint, the angle is ignored.
         """
         if part is Part.BASE:
             return self.map_from_base
@@ -125,27 +125,27 @@ class Machine:
     def distance_m(self, map_from_robot: Pose) -> float:
         """Return the horizontal distance from the origin of a robot's base to the origin of this machine's base.
 
-        It is what `in_observable_distance` and `in_manipulation_distance` are about.
+        `in_observable_distance` and `in_manipulation_distance` compare this distance with their limits.
         """
         x_m, y_m, _ = map_from_robot.translation_m - self.map_from_base.translation_m
         return hypot(x_m, y_m)
 
     def parts(self) -> tuple[Part, ...]:
-        """Return its parts: the base first, then those that move."""
+        """Return the machine's parts: the base first, then the moving parts."""
         return (Part.BASE, *(joint.part for joint in self.joints))
 
     def standing(self, x_m: float, y_m: float, heading_rad: float) -> Machine:
-        """Return the same machine at another place: its table is as high as before."""
+        """Return the same machine at another place, with the same table height."""
         height_m = float(self.map_from_base.translation_m[2])
         return replace(self, map_from_base=_on_table(x_m, y_m, heading_rad, height_m))
 
     def named(self, name: str, first_tag_id: int) -> Machine:
-        """Return another machine of this shape, whose tags are numbered from an id on."""
+        """Return another machine of this shape, with its tags numbered from an id on."""
         ids = {tag.tag_id: first_tag_id + index for index, tag in enumerate(self.tags)}
         return replace(self, name=name, tags=tuple(replace(tag, tag_id=ids[tag.tag_id]) for tag in self.tags))
 
     def with_tags(self, scale: float) -> Machine:
-        """Return the same machine with tags so many times as large, in the same places."""
+        """Return the same machine with tags scaled by a factor, in the same places."""
         return replace(self, tags=tuple(replace(tag, size_m=tag.size_m * scale) for tag in self.tags))
 
 
@@ -158,7 +158,7 @@ TILE_PER_TAG = 10 / 8
 _CENTRIFUGE_PANEL_RAD = 0.52
 _PCR_CYCLER_PANEL_RAD = 0.60
 _SHAKER_PANEL_RAD = 0.50
-"""How far up the front panels look."""
+"""Elevation of the front panels' normals."""
 
 
 def _facing(elevation_rad: float, centre_m: tuple[float, float, float]) -> Pose:
@@ -192,10 +192,10 @@ def _lever(pivot: Pose) -> Joint:
 
 
 def _centrifuge() -> Machine:
-    """A floor-standing centrifuge, 0.76 m wide: six tags far apart, two more on the rotor under the lid.
+    """Return a floor centrifuge, 0.76 m wide: six tags far apart, two more on the rotor under the lid.
 
-    The lid's tags look out of its front edge and a little down, so that they are seen from above when it is closed and
-    from the front when it stands open.
+    The lid's tags face out of its front edge and a little down, so that they are seen from above when it is closed and
+    from the front when it is open.
     """
     panel = _facing(_CENTRIFUGE_PANEL_RAD, (0.36, 0.0, 0.22))
     rotor = Joint(
@@ -224,9 +224,9 @@ def _centrifuge() -> Machine:
 
 
 def _pcr_cycler() -> Machine:
-    """A bench-top PCR-cycler, 0.34 m wide: eight tags close together, most of them in every view of it.
+    """Return a bench-top PCR-cycler, 0.34 m wide: eight tags close together, most of them in every view of it.
 
-    It stands in the middle of the room, and who looks at it has the centrifuge in the background.
+    It is in the middle of the room, so views of it have the centrifuge in the background.
     """
     panel = _facing(_PCR_CYCLER_PANEL_RAD, (0.21, 0.0, 0.11))
     tags = (
@@ -251,12 +251,12 @@ def _pcr_cycler() -> Machine:
 def shaker(x_m: float, y_m: float, heading_rad: float) -> Machine:
     """Return a bench-top shaker, 0.48 m wide: three tags on its front, two on its lid, one on its lever.
 
-    It is in no laboratory by itself.
+    The default laboratory does not contain it.
 
     Args:
-        x_m: where it stands in the map.
+        x_m: its position in the map.
         y_m: likewise.
-        heading_rad: where its front looks.
+        heading_rad: the direction of its front.
     """
     panel = _facing(_SHAKER_PANEL_RAD, (0.27, 0.0, 0.16))
     tags = (
@@ -281,8 +281,8 @@ def _up_a_lever(length_m: float) -> Pose:
 
 
 def _on_table(x_m: float, y_m: float, heading_rad: float, height_m: float) -> Pose:
-    standing = Pose.planar(x_m, y_m, heading_rad)
-    return Pose(standing.rotation, np.array([x_m, y_m, height_m]))
+    upright = Pose.planar(x_m, y_m, heading_rad)
+    return Pose(upright.rotation, np.array([x_m, y_m, height_m]))
 
 
 MACHINES: Mapping[str, Machine] = MappingProxyType(
@@ -292,23 +292,23 @@ MACHINES: Mapping[str, Machine] = MappingProxyType(
 
 
 class _Survey:
-    """What this process's robot was told of its laboratory."""
+    """The tag survey of the laboratory in which this process's robot works."""
 
     machines: ClassVar[Mapping[str, Machine]] = MACHINES
-    telling: ClassVar[Lock] = Lock()
+    in_use: ClassVar[Lock] = Lock()
 
 
 @contextmanager
 def surveyed(machines: Iterable[Machine]) -> Iterator[None]:
-    """Let perception in this process go by these machines, to the end of the `with` statement.
+    """Let perception in this process use these machines until the `with` statement ends.
 
-    Perception functions name a machine and see frames. What they know of it comes from the tag survey of the
-    laboratory that the robot works in; a process has one robot.
+    Perception functions get the name of a machine and frames, but no laboratory: they know a machine only by the tag
+    survey of the laboratory in which the robot works. A process has one survey, because it has one robot.
 
     Raises:
-        RuntimeError: another laboratory is being worked in.
+        RuntimeError: the robot of this process already works in a laboratory.
     """
-    if not _Survey.telling.acquire(blocking=False):
+    if not _Survey.in_use.acquire(blocking=False):
         raise RuntimeError("this process's robot already works in a laboratory; run another one in another process")
     before = _Survey.machines
     try:
@@ -316,7 +316,7 @@ def surveyed(machines: Iterable[Machine]) -> Iterator[None]:
         yield
     finally:
         _Survey.machines = before
-        _Survey.telling.release()
+        _Survey.in_use.release()
 
 
 def known_tag_ids() -> tuple[int, ...]:
@@ -328,7 +328,7 @@ def machine_named(name: str) -> Machine:
     """Return a machine of the survey.
 
     Raises:
-        ValueError: there is none of that name.
+        ValueError: the survey has no machine of that name.
     """
     if name not in _Survey.machines:
         known = ", ".join(_Survey.machines)

@@ -70,13 +70,13 @@ def looking_at(eye_m: Array, target_m: Array) -> Pose:
 
 @lru_cache(maxsize=64)
 def planar(x_m: float, y_m: float, heading_rad: float) -> Pose:
-    """Return `Pose.planar`, made once for a place where something stands; nobody can change it."""
+    """Return `Pose.planar`, cached for places that are used repeatedly. The pose is read-only."""
     return _kept(Pose.planar(x_m, y_m, heading_rad))
 
 
 @lru_cache(maxsize=64)
 def camera_at(eye_m: tuple[float, float, float], target_m: tuple[float, float, float]) -> Pose:
-    """Return `looking_at` of places given as numbers, made once for a camera that rests; nobody can change it."""
+    """Return `looking_at` of places given as numbers, cached for a resting camera. The pose is read-only."""
     return _kept(looking_at(np.array(eye_m), np.array(target_m)))
 
 
@@ -104,18 +104,18 @@ def _unit(vector: Array) -> Array:
 
 
 def columns(x: Array, y: Array, z: Array) -> Array:
-    """Return what `np.column_stack` does for three vectors of shape (3,), in a third of its time."""
+    """Return the same as `np.column_stack` for three vectors of shape (3,), in a third of its time."""
     stacked = np.empty((3, 3))
     stacked[:, 0], stacked[:, 1], stacked[:, 2] = x, y, z
     return stacked
 
 
 def length(vector: Array) -> float:
-    """Return what `np.linalg.norm` does for a vector, in a fifth of its time."""
+    """Return the same as `np.linalg.norm` for a vector, in a fifth of its time."""
     return sqrt(vector.dot(vector))
 
 
 def cross(left: Array, right: Array) -> Array:
-    """Return what `np.cross` does for two vectors of shape (3,), in a tenth of its time."""
+    """Return the same as `np.cross` for two vectors of shape (3,), in a tenth of its time."""
     (a, b, c), (d, e, f) = left.tolist(), right.tolist()
     return np.array([b * f - c * e, c * d - a * f, a * e - b * d])

@@ -1,4 +1,4 @@
-"""How long perception takes: times drawn anew, or those of a computer that all who look at the same time share."""
+"""Durations of perception: drawn per call, or those of a computer that all simultaneous callers share."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ SPREAD = 0.25
 """Deviation of the logarithm of every processing time: two of three calls take 0.78 to 1.28 times the median."""
 
 SHORTEST_MEAN_S = 0.35
-"""Of the work that a computer is asked about."""
+"""Shortest mean duration of work that `Computer` accepts."""
 
 _POINTS_PER_S = 20.0
-"""More than any hazard: that of the shortest work is 18.5 at most, and it falls with the inverse of the mean."""
+"""Density of points, above every hazard: the shortest work has at most 18.5, and it falls with the inverse mean."""
 
 _CELL_S = 4.0
 _CELLS_KEPT = 8
-"""Who looks at the same time needs the same one or two; they are drawn again for who comes back."""
+"""Simultaneous callers need the same one or two cells. A cell that was dropped is drawn again, with the same points."""
 
 _Points = tuple[tuple[float, float], ...]
 
@@ -30,30 +30,30 @@ def processing_s(random: Random, mean_s: float) -> float:
 
 
 class Computer:
-    """The computer that does a robot's vision: how long it takes depends on the seed, the instant and the mean alone.
+    """The computer for a robot's vision. The duration of work depends only on the seed, the instant and the mean.
 
-    Points lie at random in the plane of instants and hazards, evenly, and work ends at the first point below its own
-    hazard then (thinning; Lewis and Shedler 1979). So each time has the distribution of `processing_s` and depends on
-    none before it, for one call at a time; calls that overlap are alike. Two robots that begin the same work a little
-    apart often end it together, at the same point, and are in step until one of them does something else: they are
-    equally lucky, which in comparisons is known as common random numbers, and look at the same frames.
+    Points lie at random in the plane of instants and hazards, with uniform density, and work ends at the first point
+    below its own hazard at that instant (thinning; Lewis and Shedler 1979). So durations have the distribution of
+    `processing_s`. For consecutive calls they are independent; for overlapping calls they are correlated. Two robots
+    that begin the same work at slightly different instants often end it at the same point and then stay in step, with
+    the same frames, until one of them does something else. In comparisons this is known as common random numbers.
     """
 
     def __init__(self, seed: int) -> None:
         self._points = lru_cache(maxsize=_CELLS_KEPT)(lambda cell: _points(seed, cell))
 
     def processing_s(self, start_s: float, mean_s: float) -> float:
-        """Return how long work takes that begins at an instant.
+        """Return the duration of work that begins at an instant.
 
         Args:
             start_s: the instant.
-            mean_s: how long such work takes in the mean, at least `SHORTEST_MEAN_S`.
+            mean_s: the mean duration of such work, at least `SHORTEST_MEAN_S`.
 
         Raises:
-            ValueError: the mean is shorter, or no finite number.
+            ValueError: the mean is shorter or not finite.
         """
         if not SHORTEST_MEAN_S <= mean_s < inf:
-            raise ValueError(f"a mean of {mean_s:g} s is not a number from {SHORTEST_MEAN_S:g} s on")
+            raise ValueError(f"the mean must be at least {SHORTEST_MEAN_S:g} s and finite, but is {mean_s:g} s")
         median_log, first = _median_log(mean_s), floor(start_s / _CELL_S)
         return next(
             instant_s - start_s
@@ -80,7 +80,7 @@ def _drawn(random: Random, start_s: float) -> Iterator[tuple[float, float]]:
 
 
 def _hazard(elapsed_s: float, median_log: float) -> float:
-    """Return the rate in 1/s at which a log-normal time ends that has not ended before."""
+    """Return the hazard rate, in 1/s, of a log-normal duration that has lasted for some time."""
     away = (log(elapsed_s) - median_log) / SPREAD
     left = erfc(away / sqrt(2)) / 2
     return exp(-(away**2) / 2) / (sqrt(2 * pi) * elapsed_s * SPREAD * left) if left > 0.0 else inf

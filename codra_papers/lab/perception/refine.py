@@ -1,7 +1,7 @@
-"""Corners of square tags to a fraction of a pixel, from the lines of their edges.
+"""Sub-pixel corners of square tags, from the lines of their edges.
 
-OpenCV's own sub-pixel search (`CORNER_REFINE_SUBPIX`) pulls the corners of a lone square inwards, which at 1 m puts a
-tag of 80 mm 9 mm off. A square's sides hold far more pixels than its corners, so each side is fitted with a line
+OpenCV's own sub-pixel search (`CORNER_REFINE_SUBPIX`) pulls the corners of a lone square inwards, which at 1 m
+moves a tag of 80 mm by 9 mm. A square's sides hold far more pixels than its corners, so each side is fitted with a line
 through the places where brightness changes most along its normals, and the corners are where the lines meet.
 """
 
@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from codra_papers.lab.perception.poses import Array
 
 _ROUNDS = 2
-"""The first round leaves the detector's rough corners behind, the second measures along true normals."""
+"""The first round replaces the detector's rough corners, the second measures along the true normals."""
 
 _STATIONS = 24
-"""Places along a side at which its edge is looked for."""
+"""Number of places along a side where the edge is measured."""
 
 _SIDE_MARGIN = 0.08
 """Share of the side at each end without stations: there the neighbouring side blurs the edge."""
@@ -29,29 +29,29 @@ _REACH_CELLS = 0.8
 """How far along a normal to look, in cells of the tag: not beyond its white and its black border."""
 
 _REACH_PX = (1.5, 4.0)
-"""Least and largest reach: the detector's corners are less than that off."""
+"""Smallest and largest reach. The errors of the detector's corners are smaller."""
 
 _LOST_PX = 8.0
-"""A corner that moves farther was led astray; the detector's own, rough corners of its tag are better then."""
+"""If a corner moves farther, the refinement failed, and the detector's rough corners of the tag are used."""
 
 _OUTLIER_PX = 0.7
-"""Edge points farther than this from a side's first line are dropped once: something covers the edge there."""
+"""Edge points farther than this from a side's first line are dropped once, because the edge is covered there."""
 
 _ALONG = np.linspace(_SIDE_MARGIN, 1 - _SIDE_MARGIN, _STATIONS)
 _ACROSS = np.linspace(-1.0, 1.0, _OFFSETS)
 _STEPS = np.arange(_OFFSETS - 1)
 _NEAR = (np.abs(_STEPS - _STEPS[:, None]) <= _OFFSETS // 5).astype(np.float64)
-"""By the steepest of the steps along a normal: 1 for those near it, 0 for the others."""
+"""Row per steepest step along a normal: 1 for steps near it, 0 for the others."""
 
 _TURNED = np.array([1.0, -1.0])
-"""Times (y, x), the direction a quarter of a turn to the left of (x, y) in the image."""
+"""Multiplied with (y, x), it gives the direction a quarter turn to the left of (x, y) in the image."""
 
 _NEXT, _PREVIOUS = [1, 2, 3, 0], [3, 0, 1, 2]
-"""Of each of the four corners, or sides."""
+"""Indices of the next and the previous corner (or side) for each of the four."""
 
 
 def refined_corners_px(grey: NDArray[np.uint8], corners_px: Array) -> Array:
-    """Return corners of black squares on white, shape (n, 4, 2), refined from the detector's.
+    """Return corners of black squares on white, shape (n, 4, 2), refined from the detector's corners.
 
     Args:
         grey: shape (height, width).
@@ -86,13 +86,13 @@ def _edge_points(image: NDArray[np.float32], corners_px: Array) -> tuple[Array, 
 
 
 def _lengths(vectors: Array) -> Array:
-    """Return what `np.linalg.norm` does over the last axis, in half of its time."""
+    """Return the same as `np.linalg.norm` over the last axis, in half of its time."""
     lengths: Array = np.sqrt(np.add.reduce(vectors * vectors, axis=-1))
     return lengths
 
 
 def _depths_px(corners_px: Array, lengths_px: Array) -> Array:
-    """Return how far the square reaches behind each of its sides, shape (n, 4): seen at a slant, not far behind two."""
+    """Return the depth of the square behind each side, shape (n, 4). Seen at a slant, it is small behind two sides."""
     first, second = corners_px[:, 2] - corners_px[:, 0], corners_px[:, 3] - corners_px[:, 1]
     areas_px2 = np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]) / 2
     depths_px: Array = areas_px2[:, None] / np.maximum(lengths_px, 1e-9)
@@ -107,7 +107,7 @@ def _brightness(image: NDArray[np.float32], right_px: Array, down_px: Array) -> 
 
 
 def _steepness(brightness: Array) -> Array:
-    """Return how much brighter each sample is than the one before it, near the steepest place alone."""
+    """Return how much brighter each sample is than the one before it, only near the steepest place."""
     steps = np.maximum(brightness[..., 1:] - brightness[..., :-1], 0.0)
     weights: Array = steps * steps * _NEAR.take(steps.argmax(axis=3), axis=0)
     return weights

@@ -1,4 +1,4 @@
-"""Whether a frame is good enough that seeing no tag in it means that there is none: its light, blur and noise."""
+"""Quality of a frame from its light, blur and noise: is a tag that is not detected really absent?"""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from codra_papers.lab.perception.frame import Frame
 
 _BLUR_LIMIT_PX2 = 1.1
-"""Variance of a blur, summed over both directions, under which the detector begins to miss tags of 20 to 30 pixels: a
+"""Variance of the blur, summed over both directions, at which the detector begins to miss tags of 20 to 30 pixels: a
 motion of 4 to 5 pixels within the exposure."""
 
 _NEEDED_NOISE = 12.0
@@ -24,37 +24,37 @@ _NEEDED_GREYS = 10.0
 
 _SATURATED_GREYS = 250
 _SATURATED_LIMIT = 0.2
-"""Share of the pixels that are too bright to show anything, from which on a tag may be lost among them."""
+"""Share of saturated pixels above which a tag may be lost among them."""
 
 _REACH_PX = 6
 _LENS_BLUR_PX = 0.8
-"""Deviation of the blur that is added, the same in all directions, before slopes are taken from noisy pixels."""
+"""Deviation of the isotropic blur that is added before slopes are computed from noisy pixels."""
 
 _NOISE_LEFT = 0.35
-"""What that blur leaves of the noise; of the noise in a slope it leaves a quarter."""
+"""Share of the noise that remains after that blur; in a slope a quarter remains."""
 
 _FLATTEST_EDGE = 1.5
 _EDGE_OVER_NOISE = 6.0
-"""An edge is steeper than this many deviations of a slope: in a frame of noise alone there is none."""
+"""An edge is steeper than this many deviations of a slope, so a frame with only noise has no edges."""
 
 _AIM_RAD = pi / 12
-"""How far the direction of an edge may be from the one that it is counted for."""
+"""Largest difference between the direction of an edge and the direction that it counts for."""
 
 _FEWEST_EDGES = 40
 _FEWER_SHARE = 0.2
-"""Fewer edges than this share of those of the crossed direction: a motion may have wiped them out."""
+"""With fewer edges than this share of the crossed direction's, a motion may have blurred them away."""
 
 _MOST_EDGES = 12_000
 _SHARPER_PERCENTILE = 25
-"""A frame is as sharp as the sharper quarter of its edges: round things and prints seen near have soft ones."""
+"""The sharper quarter of the edges counts, because round surfaces and prints seen closely have soft edges."""
 
 _LINE_WIDENING = 0.3
-"""A thin line looks sharper than a step under the same blur; that much of the width is added to make up for it."""
+"""A thin line looks sharper than a step under the same blur. This share of the width is added to correct that."""
 
 _BLOCK_PX = 16
 
 _FRAMES_KEPT = 8
-"""Observers of several machines look at one frame within an instant or two, so a few frames are enough."""
+"""Observers of several machines use the same frame within an instant or two, so a few frames are enough."""
 
 _ROUGHNESS = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], dtype=np.float32) / 6
 
@@ -67,7 +67,7 @@ class _Direction:
     """A direction across edges.
 
     Attributes:
-        sharpest_px: width of edges across it in a frame of a still scene.
+        sharpest_px: width of edges across this direction in a frame of a still scene.
     """
 
     right: int
@@ -109,16 +109,17 @@ class _Edges:
 
 @lru_cache(maxsize=_FRAMES_KEPT)
 def sharpness(frame: Frame) -> float:
-    """Return how well a frame would show a small tag: 1 at best, 0 if it shows nothing.
+    """Return how well a frame would show a small tag, from 0 (not at all) to 1 (best).
 
-    A frame is judged once however many callers ask.
+    A frame is evaluated once for all callers.
 
-    It is 1 / (1 + blur + darkness + glare), where each is 1 at the limit beyond which the detector begins to miss tags:
+    The result is 1 / (1 + blur + darkness + glare). Each term is 1 at the limit above which the detector misses tags:
     blur by the widths of edges, in two crossed directions at least; darkness by the brightest parts against the noise;
-    glare by the saturated share. Without enough edges to tell, as in a grey frame, it is 0.
+    glare by the saturated share. Without enough edges, as in a grey frame, it is 0.
 
-    Why 0.5 is where seeing no tag begins to mean something: in 900 drawn frames with light from a twentieth of a day to
-    a day and turns up to 1.5 rad/s, the detector found of the whole tags in view (20 pixels wide or more)
+    From 0.5 on, a missing detection is evidence that no tag is in view. In 900 drawn frames with light from a
+    twentieth of a day to a day and turns up to 1.5 rad/s, the detector found these shares of the complete tags in view
+    (20 pixels wide or more):
 
         sharpness   0-0.2  0.2-0.3  0.3-0.4  0.4-0.5  0.5-0.6  0.6-0.7  0.7-0.8  0.8-1
         found       58 %   80 %     75 %     87 %     100 %    99.8 %   100 %    99.8 %
@@ -146,7 +147,7 @@ def _noise_greys(grey: _Picture) -> float:
 
 
 def _percentile(values: _Picture, percent: float) -> float:
-    """Return what `np.percentile` does for numbers, shape (n,), of which none is NaN, in a third of its time."""
+    """Return the same as `np.percentile` for values of shape (n,) without NaN, in a third of its time."""
     place = (len(values) - 1) * (percent / 100)
     before = min(int(place), len(values) - 2)
     if before < 0:
@@ -157,7 +158,7 @@ def _percentile(values: _Picture, percent: float) -> float:
 
 
 def _edges(grey: _Picture, noise: float) -> _Edges:
-    """Return places that are steeper than noise, evenly drawn from all if there are very many."""
+    """Return places that are steeper than noise, or an evenly spaced selection if there are very many."""
     picture = np.asarray(cv2.GaussianBlur(grey, (0, 0), _LENS_BLUR_PX), dtype=np.float32)
     height, width = picture.shape
     margin = _REACH_PX + 2
@@ -174,10 +175,10 @@ def _edges(grey: _Picture, noise: float) -> _Edges:
 
 
 def _blur_px2(edges: _Edges) -> float | None:
-    """Return the variance of the blur, summed over two crossed directions; None if there are too few edges to tell.
+    """Return the variance of the blur, summed over two crossed directions; None if there are too few edges.
 
-    A motion blurs the edges across it and leaves sharp streaks along it. Whatever its direction, it shows in the worse
-    of the two pairs of crossed directions, or it has wiped out nearly all edges of one direction.
+    A motion blurs the edges across it and leaves sharp streaks along it. A motion in any direction shows in the worse
+    of the two pairs of crossed directions, or it has blurred away nearly all edges of one direction.
     """
     sums_px2: list[float] = []
     for pair in _CROSSED_PAIRS:
@@ -198,7 +199,7 @@ def _added_blur_px2(edges: _Edges, direction: _Direction) -> float | None:
 
 
 def _width_px(edges: _Edges, direction: _Direction) -> float | None:
-    """Return how wide the sharper of edges across a direction are, or None if there are too few to tell.
+    """Return the width of the sharper edges across a direction, or None if there are too few edges.
 
     A width is an edge's height over its slope; for a step under a Gaussian blur it is sqrt(2 pi) times the deviation.
     """
@@ -235,7 +236,7 @@ def _facing(edges: _Edges, direction: _Direction) -> _Edges:
 
 
 def _modulo_pi(angles_rad: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return what `np.mod` does for angles between -2 pi and 2 pi, in a tenth of its time."""
+    """Return the same as `np.mod` with pi, for angles between -2 pi and 2 pi, in a tenth of its time."""
     half_turn = np.float32(pi)
     angles_rad = angles_rad - half_turn * (angles_rad >= half_turn).astype(np.float32)  # `np.where` takes twice as long
     angles_rad = angles_rad + half_turn * (angles_rad <= -half_turn).astype(np.float32)

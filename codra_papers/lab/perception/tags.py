@@ -1,4 +1,4 @@
-"""AprilTags of family 36h11 in pixels: their pictures, and where a frame shows them."""
+"""AprilTags of family 36h11 in pixels: their pictures, and their detection in frames."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ FAMILY_SIZE = 587
 """How many tags the family has; ids run from 0."""
 
 _FRAMES_KEPT = 8
-"""Observers of several machines look at one frame within an instant or two, so a few frames are enough."""
+"""Observers of several machines use the same frame within an instant or two, so a few frames are enough."""
 
 _detecting = Lock()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Detection:
-    """One tag as a frame shows it.
+    """One tag in a frame.
 
     Attributes:
         tag_id: its number in the family.
         corners_px: shape (4, 2), sub-pixel: the black square's top left, top right, bottom right and bottom left as
-            seen on an upright tag, wherever these lie in the image. Pixel centres have whole coordinates.
+            seen on an upright tag, also if the tag is rotated in the image. Pixel centres have whole coordinates.
     """
 
     tag_id: int
@@ -57,9 +57,9 @@ def tag_image(tag_id: int) -> NDArray[np.uint8]:
 
 
 def detect(frame: Frame) -> tuple[Detection, ...]:
-    """Return the laboratory's tags that a frame shows, by growing id; of an id seen twice, none.
+    """Return the laboratory's tags that a frame shows, by growing id. An id that appears twice is dropped.
 
-    A frame is searched once however many callers ask, also from several threads. The same pixels give the same
+    A frame is searched once for all callers, also from several threads. The same pixels give the same
     detections in every process.
     """
     with _detecting:
@@ -75,9 +75,9 @@ def _detect_once(frame: Frame) -> tuple[Detection, ...]:
         return ()
     tag_ids = [known[int(place)] for place in np.asarray(places).ravel()]
     corners_px = refined_corners_px(grey, np.asarray(quads, dtype=np.float64).reshape(-1, 4, 2))
-    found = sorted(zip(tag_ids, corners_px, strict=True), key=lambda item: item[0])
+    by_id = sorted(zip(tag_ids, corners_px, strict=True), key=lambda pair: pair[0])
     return tuple(
-        Detection(tag_id=tag_id, corners_px=corners) for tag_id, corners in found if tag_ids.count(tag_id) == 1
+        Detection(tag_id=tag_id, corners_px=corners) for tag_id, corners in by_id if tag_ids.count(tag_id) == 1
     )
 
 
@@ -88,8 +88,10 @@ def _family() -> cv2.aruco.Dictionary:
 
 @lru_cache(maxsize=1)
 def _detector(tag_ids: tuple[int, ...]) -> cv2.aruco.ArucoDetector:
-    """Return the one detector for some tags, of 15 to 150 px a side, from bright day down to an eighth of it."""
-    cv2.setNumThreads(1)  # the frames are small: more threads cost more than they bring, and take cores from others
+    """Return the shared detector for some tags, of 15 to 150 px a side, from bright day down to an eighth of it."""
+    cv2.setNumThreads(
+        1
+    )  # the frames are small: more threads would cost more time than they save, and take cores from others
     codes = np.ascontiguousarray(_family().bytesList[list(tag_ids)])  # all 587 codes would take 1 ms a candidate
     parameters = cv2.aruco.DetectorParameters()
     parameters.adaptiveThreshWinSizeMin = 5

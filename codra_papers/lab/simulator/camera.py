@@ -1,7 +1,7 @@
-"""The arm camera: what it would deliver at an instant, drawn by one thread and handed to whoever asks.
+"""The arm camera: its frame at an instant, drawn by one thread for all callers.
 
-A frame is a function of (the world's seed, the camera, the instant). It shows blur where things move within the
-exposure, the room's light, the lens, and noise.
+A frame is a function of (the world's seed, the camera, the instant). It shows motion blur within the exposure, the
+room's light, the lens, and noise.
 """
 
 from __future__ import annotations
@@ -38,15 +38,15 @@ EXPOSURE_S = 0.012
 LENS_BLUR_PX = 0.7
 
 _SHARP_BELOW_PX = 0.2
-"""Motion within an exposure that leaves a frame as sharp as one of a still scene."""
+"""With less motion within an exposure, a frame is as sharp as one of a still scene."""
 
 _SUBFRAMES = 6
-"""At most so many instants of an exposure are averaged."""
+"""Largest number of instants of an exposure that are averaged."""
 
 _TOUCHES_M = 1e-6
 _ROUNDER = 1.001
 _NOT_DRAWN = 2
-"""A group of things that no drawing option shows."""
+"""A group of geoms that no drawing option shows."""
 
 _FRAMES_KEPT = 32
 _NOISE_BANK_PX = 1024
@@ -55,10 +55,10 @@ _LEFT_OUT = (
     mujoco.mjtRndFlag.mjRND_REFLECTION,
     mujoco.mjtRndFlag.mjRND_SKYBOX,
 )
-"""What MuJoCo draws unless told not to, at three times the cost; shadows also disturb the poses of tags."""
+"""Features that MuJoCo draws by default, at three times the cost. Shadows also disturb the poses of tags."""
 
 _UNSEEN = frozenset({"t_s", "light", "is_localized", "laboratory"})
-"""What of a state shows nowhere in a picture of the room in ordinary light."""
+"""Fields of a state that do not affect a picture of the room in ordinary light."""
 
 _SEEN = attrgetter(*(field.name for field in fields(LabState) if field.name not in _UNSEEN))
 
@@ -66,18 +66,18 @@ Pixels = NDArray[np.uint8]
 
 
 class Now(Protocol):
-    """What tells the present: a clock."""
+    """A clock that can be read."""
 
     def now_s(self) -> float:
-        """Return the present instant in seconds."""
+        """Return the current time in seconds."""
         ...
 
 
 class FramesByInstant(Protocol):
-    """Anything that has a frame for every instant, and a computer to look at them.
+    """A source of a frame for every instant, with a computer that processes the frames.
 
     Attributes:
-        computer: what looks at its frames.
+        computer: the computer that processes the frames.
     """
 
     computer: Computer
@@ -88,12 +88,12 @@ class FramesByInstant(Protocol):
 
 
 def frames_rendered() -> int:
-    """Return how many frames of the lab this process has drawn."""
+    """Return how many frames of the laboratory this process has drawn."""
     return _Renderer.frames_of_process
 
 
 class ArmCamera:
-    """The handle that perception functions get as `camera`: it takes its frames now, by a clock."""
+    """The handle that perception functions get as `camera`: it takes frames at the clock's current time."""
 
     def __init__(self, frames: FramesByInstant, clock: Now) -> None:
         self._frames = frames
@@ -104,7 +104,7 @@ class ArmCamera:
         return self._frames.frame_at(self._clock.now_s())
 
     def processing_s(self, mean_s: float) -> float:
-        """Return how long the computer takes from now for work that takes so long in the mean."""
+        """Return the duration of work that the computer begins now, given its mean duration."""
         return self._frames.computer.processing_s(self._clock.now_s(), mean_s)
 
 
@@ -112,15 +112,15 @@ class FrameSource:
     """The arm camera of one world. Close it, or use it in a `with` statement.
 
     Attributes:
-        computer: what looks at its frames.
+        computer: the computer that processes the frames.
         rendered: how many frames this source has drawn.
     """
 
     def __init__(self, world: LabWorld) -> None:
-        """Choose how to draw, and start the thread that draws.
+        """Choose an OpenGL backend, and start the drawing thread.
 
         Raises:
-            GraphicsUnavailableError: nothing here draws without a screen.
+            GraphicsUnavailableError: no backend on this computer can draw without a screen.
         """
         self.computer = Computer(world.seed)
         self._world = world
@@ -139,7 +139,7 @@ class FrameSource:
         self.close()
 
     def close(self) -> None:
-        """Free what the drawing thread owns and end it; harmless when done before."""
+        """Free the resources of the drawing thread and end it. Repeated calls do nothing."""
         with self._lock:
             if self._is_closed:
                 return
@@ -149,7 +149,7 @@ class FrameSource:
         self._thread.shutdown(wait=True)
 
     def frame_at(self, instant_s: float) -> Frame:
-        """Return the frame whose exposure ends at an instant; drawn at the first call for it.
+        """Return the frame whose exposure ends at an instant. The first call for an instant draws the frame.
 
         Raises:
             RuntimeError: the source is closed.
@@ -174,10 +174,10 @@ class FrameSource:
 
 
 class GreyFrameSource:
-    """A camera whose lens is covered by grey foil: frames at the same instants and places, but nothing on them.
+    """A camera whose lens is covered by grey foil: frames at the same instants and places, but empty.
 
     Attributes:
-        computer: what looks at its frames.
+        computer: the computer that processes the frames.
     """
 
     def __init__(self, world: LabWorld) -> None:
@@ -192,7 +192,7 @@ class GreyFrameSource:
 
 
 def exposure(world: LabWorld, instant_s: float) -> list[LabState]:
-    """Return the states that a frame averages: one if nothing moves in the image, else about one a pixel of motion."""
+    """Return the states that a frame averages: one if the image is still, else about one per pixel of motion."""
     end = world.state(instant_s)
     if not world.moves_within(instant_s - EXPOSURE_S, instant_s):
         return [end]
@@ -204,14 +204,14 @@ def exposure(world: LabWorld, instant_s: float) -> list[LabState]:
 
 
 class _Renderer:
-    """MuJoCo's drawing, in an OpenGL context that belongs to the thread that made it."""
+    """A MuJoCo renderer. Its OpenGL context belongs to the thread that created it."""
 
     frames_of_process: ClassVar[int] = 0
     _counting: ClassVar[Lock] = Lock()
 
     @classmethod
     def count_frame(cls) -> None:
-        """Count one more frame of this process, whichever source drew it."""
+        """Count one more frame of this process, over all sources."""
         with cls._counting:
             cls.frames_of_process += 1
 
@@ -238,7 +238,7 @@ class _Renderer:
     def expose(self, states: Sequence[LabState]) -> Pixels:
         """Return the average of the room in some states, in ordinary light through a perfect lens.
 
-        While nothing moves the picture drawn last is given out again.
+        While nothing moves, the last picture is returned again.
         """
         if len(states) > 1:
             return _average([self._draw(state) for state in states])
@@ -260,13 +260,13 @@ class _Renderer:
         return np.asarray(cv2.flip(self._upside_down, 0), dtype=np.uint8)
 
     def free(self) -> None:
-        """Give everything back, in the thread that made it."""
+        """Free all resources. Call it in the thread that created them."""
         self._mujoco_context.free()
         self._context.free()
 
 
 class _View:
-    """What the camera may see: what stands beside the picture need not be drawn."""
+    """The view frustum of the camera: geoms outside the picture need not be drawn."""
 
     def __init__(self, stage: Stage, camera: int) -> None:
         model, data = stage.model, stage.data
@@ -280,14 +280,14 @@ class _View:
         self._map_from_eye = data.cam_xmat[camera].reshape(3, 3)
 
     def leave_out(self) -> None:
-        """Put what lies wholly beyond a side of the picture into a group that is not drawn, all else into its own."""
+        """Move geoms that are completely outside the picture to a group that is not drawn, all others to their own."""
         map_from_eye = self._map_from_eye
         away_m = (self._middles_m - self._eye_m) @ (map_from_eye @ self._sides.T)  # the camera looks along its -z
         self._groups_now[:] = np.where((away_m > self._reach_m[:, None]).any(axis=1), _NOT_DRAWN, self._groups)
 
 
 class _Optics:
-    """What lies between the room and a frame: light, lens, sensor, and where the robot believes its camera to be."""
+    """The steps from the room to a frame: light, lens, sensor, and the believed pose of the camera."""
 
     def __init__(self, world: LabWorld) -> None:
         self._world = world
@@ -303,8 +303,8 @@ class _Optics:
         """Return the frame that the sensor makes of an exposure in ordinary light.
 
         Args:
-            exposed: shape (height, width, 3); nobody changes it afterwards.
-            state: at the exposure's end.
+            exposed: shape (height, width, 3). The caller must not change it afterwards.
+            state: the state at the exposure's end.
         """
         here = self._noise_at(state.t_s)
         brighter = cv2.add(self._behind_the_lens(exposed, max(state.light, 0.0)), self._brighter[here])
@@ -314,7 +314,7 @@ class _Optics:
         return Frame(pixels=pixels, intrinsics=INTRINSICS, believed_map_from_camera=believed, stamp_s=state.t_s)
 
     def _behind_the_lens(self, exposed: Pixels, light: float) -> Pixels:
-        """Return what falls on the sensor; while nothing changes, what fell on it last."""
+        """Return the image on the sensor. While nothing changes, the last image is returned."""
         if exposed is not self._exposed or light != self._light:
             lit = exposed if light == 1.0 else cv2.convertScaleAbs(exposed, alpha=light)
             self._blurred = np.asarray(cv2.GaussianBlur(lit, (0, 0), LENS_BLUR_PX), dtype=np.uint8)
@@ -330,16 +330,16 @@ class _Optics:
 
 
 def _shown(state: LabState) -> tuple[Any, ...]:
-    """Return all of a state that a picture of the room shows."""
+    """Return all values of a state that a picture of the room shows."""
     shown: tuple[Any, ...] = _SEEN(state)
     return shown
 
 
 def _drawing_order(stage: Stage) -> tuple[mujoco.MjvOption, mujoco.MjvOption]:
-    """Return options that show what is in the room, and the room itself, which is to be drawn last.
+    """Return two options: one shows the contents of the room, the other the room itself, which must be drawn last.
 
-    OpenGL spends no time on what lies behind something drawn before, and floor and walls lie behind everything. What
-    stands on the floor goes with it, so that things which touch are drawn in the model's order.
+    OpenGL skips fragments behind geoms that are already drawn, and floor and walls lie behind everything. Fixed geoms
+    that touch the floor belong to the room's group, so that touching geoms are drawn in the model's order.
     """
     mujoco.mj_kinematics(stage.model, stage.data)
     is_fixed = (stage.model.body_weldid == 0) & (stage.model.body_mocapid < 0)
@@ -364,7 +364,7 @@ def _average(pictures: list[Pixels]) -> Pixels:
 
 
 def _mounting_error(seed: int) -> Pose:
-    """Return by how much the calibration of the camera on the arm is off: a few millimetres and milliradians."""
+    """Return the calibration error of the camera on the arm: a few millimetres and milliradians."""
     random = Random(f"{seed} mounting")
     axis = (random.gauss(0.0, 1.0), random.gauss(0.0, 1.0), random.gauss(0.0, 1.0))
     offset_m = np.array([random.gauss(0.0, 0.002) for _ in range(3)])

@@ -1,4 +1,4 @@
-"""What happens in the laboratory besides what the robot does: people, and the light."""
+"""Changes in the laboratory that the robot does not cause: people, and the light."""
 
 from __future__ import annotations
 
@@ -13,28 +13,28 @@ from codra_papers.lab.simulator.laboratory import LidMoved, LightDown, PersonBef
 from codra_papers.lab.simulator.world import OUTSIDE, JointKey, LabWorld, Move, Quantity, straight
 
 LID_S = 3.0
-"""How long somebody takes to open or close a lid: shorter than the robot's hand needs to reach it."""
+"""How long a person takes to open or close a lid: less than the robot's hand needs to reach it."""
 
 STEP_S = 2.0
-"""How long somebody takes to step before the camera, and away again."""
+"""How long a person takes to step in front of the camera, and to step away."""
 
 FADE_S = 1.0
-"""How long the light takes to go down, and up again."""
+"""How long the light takes to go down, and to go up again."""
 
 AHEAD_M = 0.45
-"""How far before the camera somebody stands."""
+"""Distance of the person in front of the camera."""
 
 ASIDE_M = 2.0
-"""From how far to the left somebody comes."""
+"""Distance to the left from which the person comes."""
 
 _AGAIN_S = 1.0
 
 
 class Clock(Protocol):
-    """The time in which it happens."""
+    """The clock of the disturbances."""
 
     def now_s(self) -> float:
-        """Return the present instant in seconds."""
+        """Return the current time in seconds."""
         ...
 
     def call_at(self, instant_s: float, callback: Callable[[], None]) -> object:
@@ -43,20 +43,20 @@ class Clock(Protocol):
 
 
 def disturb(world: LabWorld, clock: Clock) -> None:
-    """Let happen what the world's laboratory says, at its instants."""
-    for each in world.laboratory.disturbances:
-        match each:
+    """Schedule the disturbances of the world's laboratory."""
+    for disturbance in world.laboratory.disturbances:
+        match disturbance:
             case LidMoved():
-                begin = partial(_move_lid, world, clock, each)
+                begin = partial(_move_lid, world, clock, disturbance)
             case PersonBefore():
-                begin = partial(_step_in, world, clock, each)
+                begin = partial(_step_in, world, clock, disturbance)
             case LightDown():
-                begin = partial(_dim, world, clock, each)
-        clock.call_at(each.at_s, begin)
+                begin = partial(_dim, world, clock, disturbance)
+        clock.call_at(disturbance.at_s, begin)
 
 
 def _move_lid(world: LabWorld, clock: Clock, moved: LidMoved) -> None:
-    """Move a lid, or wait until nobody's hand is at it."""
+    """Move a lid while the robot's hand is away from it, so that two hands never move one lid; else wait."""
     now_s, key = clock.now_s(), JointKey(moved.machine, Part.LID)
     hand_is_back = world.values(Quantity.REACH, now_s) == (0.0,) and world.rests(Quantity.REACH, now_s)
     if not (hand_is_back and world.rests(key, now_s)):
@@ -68,7 +68,7 @@ def _move_lid(world: LabWorld, clock: Clock, moved: LidMoved) -> None:
 
 
 def _step_in(world: LabWorld, clock: Clock, person: PersonBefore) -> None:
-    """Let somebody come from the left of what the camera sees now, stand before it, and go back."""
+    """Let a person come from the left of the camera's current view, wait in front of it, and go back."""
     now_s = clock.now_s()
     map_from_camera = world.state(now_s).map_from_camera()
     ahead = map_from_camera.rotation[:2, 2] / np.linalg.norm(map_from_camera.rotation[:2, 2])

@@ -1,4 +1,4 @@
-"""How long what the robot does takes. Declared before any observer was tuned."""
+"""Durations of the robot's actions. They were declared before any observer was tuned."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from types import MappingProxyType
 
 
 class Phase(Enum):
-    """What an action consists of; each takes its own time."""
+    """The phases of actions, with a duration for each."""
 
     PLAN_LOOK = auto()
     MOVE_CAMERA = auto()
@@ -76,6 +76,8 @@ DURATIONS: Mapping[Phase, Spread] = MappingProxyType(
         Phase.LOOK_AROUND: Spread(25.0, 6.0),
     }
 )
-"""Fitted to P1, section 4.2. There, four perception tasks each save 15.8 s when opening the PCR-cycler: 87 % of all
-perception and 18 % of the whole, which is therefore 351 s, 73 s of it perception. When closing they save 16.9 s each,
-89 % and 24 %: 282 s, 76 s of it perception. Planning varies most, as P1 says of its own robot."""
+"""Durations fitted to P1, section 4.2, without observers.
+
+There, four perception tasks each save 15.8 s when opening the PCR-cycler: 87 % of all perception and 18 % of the total,
+which is therefore 351 s, 73 s of it perception. When closing they save 16.9 s each, 89 % and 24 %: 282 s, 76 s of it
+perception. Planning varies most, as in P1. See `docs/papers/protocol.md`."""

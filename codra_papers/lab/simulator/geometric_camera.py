@@ -1,4 +1,4 @@
-"""Lines of sight: where tags fall in the image, and what hides them. Geometry only, no pixels."""
+"""Lines of sight: the places of tags in the image, and occlusion. Geometry only, no pixels."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from codra_papers.lab.simulator.scene import Stage
 from codra_papers.lab.simulator.world import JointKey, LabState
 
 _NEAREST_M = 0.05
-"""Nothing nearer to the camera than this, along its axis, counts as in front of it."""
+"""Points nearer to the camera than this, along its axis, do not count as in front of it."""
 
 _RAY_TOLERANCE_M = 0.003
 _COVER_GRID = np.linspace(-0.5, 0.5, 5)
@@ -31,8 +31,8 @@ class TagInView:
     Attributes:
         corners_px: shape (4, 2), in the order of `Tag.corners_m`; some may lie outside the image.
         width_px: of the black square in the image where it is narrowest: its area over its longest side.
-        margin_px: how far the nearest corner stays away from the image's edge; negative if one lies outside.
-        covered: share of the tile, from 0 to 1, that something hides.
+        margin_px: distance of the nearest corner from the image's edge; negative if a corner lies outside.
+        covered: share of the tile, from 0 to 1, that is hidden.
     """
 
     tag_id: int
@@ -42,17 +42,18 @@ class TagInView:
     covered: float
 
     def is_resolved(self) -> bool:
-        """Return whether a detector can be relied on to find the tag in a sharp frame in ordinary light.
+        """Return whether a detector reliably detects the tag in a sharp frame in ordinary light.
 
-        Measured in 600 drawn frames: of 2,600 such tags all were found, each corner within 1 pixel. Tags 16 to 20 px
-        wide are found too, with corners up to 2 px off; of those 14 to 16 px wide seven in eight are, below 10 px none.
+        Measured in 600 drawn frames: all 2,600 such tags were detected, each corner within 1 pixel. Tags 16 to 20 px
+        wide are detected too, with corner errors up to 2 px; of tags 14 to 16 px wide seven in eight are detected,
+        below 10 px none.
         """
         return self.width_px >= 20.0 and self.margin_px >= 4.0 and self.covered == 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _PartTags:
-    """The tags of one part as arrays in one frame, shape (n * 4, 3): corners, and each corner's tag's normal."""
+    """The tags of one part as arrays in one frame, shape (n * 4, 3): corners, and per corner the normal of its tag."""
 
     corners_m: Array
     normals: Array
@@ -60,7 +61,7 @@ class _PartTags:
 
 @lru_cache(maxsize=256)
 def _tags_in_map(machine: Machine, part: Part, angle_rad: float) -> _PartTags:
-    """Return the tags of one part in the map; parts stand still most of the time."""
+    """Return the tags of one part in the map. The result is cached, because parts rest most of the time."""
     map_from_part, part_tags = machine.map_from_part(part, angle_rad), _tags_of(machine, part)
     return _PartTags(
         corners_m=map_from_part.apply(part_tags.corners_m), normals=part_tags.normals @ map_from_part.rotation.T
@@ -77,7 +78,7 @@ def _tags_of(machine: Machine, part: Part) -> _PartTags:
 
 
 class GeometricCamera:
-    """The arm camera without pixels: what it could see in a state. It belongs to one thread at a time."""
+    """The arm camera without pixels: what is visible in a state. Only one thread may use it at a time."""
 
     def __init__(self, laboratory: Laboratory = LABORATORY) -> None:
         self._stage = Stage(laboratory)
@@ -87,20 +88,20 @@ class GeometricCamera:
         """Return the share, 0 to 1, of the corners of each part's tags that the camera sees.
 
         A corner is seen if it lies inside the image, in front of the camera, on a tag that faces the camera, and
-        nothing is before it.
+        is not hidden.
 
         Args:
-            state: where everything is.
-            parts: machines' names and their parts.
+            state: the state of the laboratory.
+            parts: pairs of a machine's name and one of its parts.
         """
         map_from_camera = state.map_from_camera()
-        told = [(state.laboratory.machine(machine), part) for machine, part in parts]
-        corners_m, normals = _corners_in_map(state, told)
+        machine_parts = [(state.laboratory.machine(machine), part) for machine, part in parts]
+        corners_m, normals = _corners_in_map(state, machine_parts)
         seen = _inside_image(map_from_camera.inverse().apply(corners_m))
         seen &= np.einsum("ij,ij->i", map_from_camera.translation_m - corners_m, normals) > 0
         if seen.any():
             seen[seen] = self._unhidden(state, map_from_camera.translation_m, corners_m[seen])
-        ends = np.cumsum([len(_tags_of(machine, part).corners_m) for machine, part in told])
+        ends = np.cumsum([len(_tags_of(machine, part).corners_m) for machine, part in machine_parts])
         return tuple(float(share.mean()) for share in np.split(seen, ends[:-1]))
 
     def tags_in_view(self, state: LabState) -> tuple[TagInView, ...]:
@@ -133,7 +134,7 @@ class GeometricCamera:
         )
 
     def _unhidden(self, state: LabState, eye_m: Array, points_m: Array) -> NDArray[np.bool_]:
-        """Return which points, shape (n, 3) in the map, a ray from the eye reaches."""
+        """Return a mask of the points, shape (n, 3) in the map, that a ray from the eye reaches."""
         if state is not self._placed:
             self._stage.place(state)
             self._placed = state
@@ -144,7 +145,7 @@ class GeometricCamera:
 
 
 def image_motion_px(before: LabState, after: LabState) -> float:
-    """Return how far the scene moves in the image between two states: the farthest that any visible point does.
+    """Return the motion of the scene in the image between two states: the largest of all visible points.
 
     Points are the corners of all tags, and the image's corners and middle at 1 m.
     """
@@ -192,7 +193,7 @@ def _corners_in_map(state: LabState, parts: Iterable[tuple[Machine, Part]]) -> t
 
 
 def _inside_image(points_m: Array) -> NDArray[np.bool_]:
-    """Return which points, shape (n, 3) in the camera's frame, are in front of it and inside the image."""
+    """Return a mask of the points, shape (n, 3) in the camera's frame, in front of it and inside the image."""
     inside: NDArray[np.bool_] = points_m[:, 2] > _NEAREST_M
     pixels = INTRINSICS.project(points_m[inside])
     inside[inside] = ((pixels >= -0.5) & (pixels <= _LAST_PX)).all(axis=1)

@@ -1,4 +1,4 @@
-"""Which OpenGL draws frames without a screen, and a context of it."""
+"""Choice of an OpenGL backend that draws frames without a screen, and its contexts."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ with mujoco.Renderer(model, 8, 8) as renderer:
 _PROBE_TIMEOUT_S = 60.0
 
 _known: list[str] = []
-"""What is known to draw here, once it is."""
+"""The backend that is known to draw on this computer, once it is known."""
 
 
 class Backend(StrEnum):
@@ -30,42 +30,42 @@ class Backend(StrEnum):
 
 
 class GraphicsUnavailableError(Exception):
-    """This machine cannot draw frames; the message names what to install."""
+    """This computer cannot draw frames. The message names the packages to install."""
 
 
 class Context(Protocol):
     """An OpenGL context. It belongs to the thread that made it current."""
 
     def make_current(self) -> None:
-        """Let this thread's OpenGL calls go here."""
+        """Direct this thread's OpenGL calls to this context."""
         ...
 
     def free(self) -> None:
-        """Give the context's memory back."""
+        """Free the context's memory."""
         ...
 
 
 def choose_backend() -> str:
-    """Return "egl" or "osmesa", whichever draws here, and set MUJOCO_GL to it for whoever imports MuJoCo later.
+    """Return the first of "egl" and "osmesa" that draws here, and set MUJOCO_GL to it for later imports of MuJoCo.
 
-    Each is tried in a process of its own, as a failed attempt spoils the process it is made in. If MUJOCO_GL names one
-    of them already, only that one is tried. What drew once is not tried again.
+    Each backend is tried in a separate process, because a failed attempt spoils its process. If MUJOCO_GL already names
+    one of them, only that one is tried. The result is remembered.
 
     Raises:
-        GraphicsUnavailableError: none of them draws.
+        GraphicsUnavailableError: no backend draws.
     """
     if not _known:
-        rely_on(_tried())
+        rely_on(_first_working_backend())
     return _known[0]
 
 
 def rely_on(backend: str) -> None:
-    """Let `choose_backend` return a backend that drew for another process of this program, and try none."""
+    """Let `choose_backend` return a backend that already drew in another process of this program, without a try."""
     os.environ["MUJOCO_GL"] = backend
     _known[:] = [backend]
 
 
-def _tried() -> str:
+def _first_working_backend() -> str:
     """Return the first backend that draws."""
     asked = os.environ.get("MUJOCO_GL", "").strip().lower()
     candidates = [backend for backend in Backend if backend == asked] or list(Backend)
@@ -83,10 +83,10 @@ def _tried() -> str:
 
 
 def make_context(backend: str, width: int, height: int) -> Context:
-    """Return a new context that can draw images of a size, whether or not MuJoCo was imported before the choice.
+    """Return a new context for images of a size. It also works if MuJoCo was imported before the choice.
 
-    Mesa's software draws them in the thread that asks, unless LP_NUM_THREADS says otherwise: the images are small, and
-    threads of its own would only take the other cores from whoever runs there.
+    Mesa's software renderer draws in the calling thread, unless LP_NUM_THREADS is set: the images are small, and more
+    threads would only take the other cores from other processes.
     """
     os.environ.setdefault("LP_NUM_THREADS", "0")
     context: Context = importlib.import_module(f"mujoco.{Backend(backend)}").GLContext(width, height)
@@ -94,7 +94,7 @@ def make_context(backend: str, width: int, height: int) -> Context:
 
 
 def _failure_of(backend: Backend) -> str | None:
-    """Return why a backend does not draw here, in one line, or None if it does."""
+    """Return in one line why a backend does not draw here, or None if it draws."""
     environment = {name: value for name, value in os.environ.items() if name != "PYOPENGL_PLATFORM"}
     environment["MUJOCO_GL"] = backend.value
     command = [sys.executable, "-c", _PROBE]

@@ -1,6 +1,7 @@
-"""What a laboratory is, as one value: machines, light, camera noise, how long things take, and what disturbs it.
+"""A laboratory as one value: machines, light, camera noise, durations and disturbances.
 
-The default is the laboratory that the protocol describes. Experiments ask about others.
+World, scene, truth and robot take this value. The default is the laboratory of the protocol, and a test compares its
+digests with recorded ones. Experiments use other laboratories.
 """
 
 from __future__ import annotations
@@ -11,17 +12,17 @@ from codra_papers.lab.perception.layout import MACHINES, Machine
 from codra_papers.lab.simulator.durations import DURATIONS, Phase, Spread
 
 NOISE_GREYS = 3.0
-"""Standard deviation of the sensor's noise, of 255, independent in each pixel and colour."""
+"""Standard deviation of the sensor's noise, of 255, independent per pixel and colour."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LidMoved:
-    """Somebody else opens or closes a machine's lid, as soon as the robot keeps its hands off.
+    """A person opens or closes a machine's lid as soon as the robot's hand is away from it.
 
     Attributes:
-        at_s: when, at the earliest.
-        machine: its name.
-        open_share: how far open the lid is then: 0 closed, 1 open.
+        at_s: the earliest time.
+        machine: the name of the machine.
+        open_share: how far the lid is open afterwards: 0 closed, 1 open.
     """
 
     at_s: float
@@ -31,10 +32,10 @@ class LidMoved:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PersonBefore:
-    """Somebody steps between the camera and what it looks at, and stands there.
+    """A person steps between the camera and its target, and waits there.
 
     Attributes:
-        lasts_s: how long.
+        lasts_s: how long the person is there.
     """
 
     at_s: float
@@ -46,8 +47,8 @@ class LightDown:
     """The light goes down, and up again.
 
     Attributes:
-        lasts_s: after how long it is up.
-        light: what is left: 1 is an ordinary day, 0 is dark.
+        lasts_s: the time until the light goes up again.
+        light: the remaining light: 1 is an ordinary day, 0 is dark.
     """
 
     at_s: float
@@ -60,15 +61,15 @@ Disturbance = LidMoved | PersonBefore | LightDown
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Laboratory:
-    """A laboratory, and all of it that could be otherwise.
+    """A laboratory, with everything that experiments vary.
 
     Attributes:
-        machines: by different names, with different tags. The sample-processing workflow needs the two of the default.
+        machines: machines with unique names and tags. The sample-processing workflow needs the two of the default.
         light: 1 is an ordinary day, 0 is dark.
         noise_greys: standard deviation of the camera's noise, of 255.
-        durations: of the robot's actions, for every phase.
+        durations: durations of the robot's actions, by phase.
         amplification_s: how long the PCR-cycler works on the samples.
-        disturbances: what happens besides what the robot does; those of one kind do not overlap.
+        disturbances: changes that the robot does not cause; disturbances of one kind do not overlap.
     """
 
     machines: tuple[Machine, ...] = tuple(MACHINES.values())
@@ -82,7 +83,7 @@ class Laboratory:
         """Return a machine.
 
         Raises:
-            ValueError: there is none of that name.
+            ValueError: the laboratory has no machine of that name.
         """
         for machine in self.machines:
             if machine.name == name:
@@ -92,19 +93,21 @@ class Laboratory:
 
     def duration(self, phase: Phase) -> Spread:
         """Return how long a phase of an action takes."""
-        return next(spread for each, spread in self.durations if each is phase)
+        return next(spread for key, spread in self.durations if key is phase)
 
     def with_machines(self, *machines: Machine) -> Laboratory:
         """Return this laboratory with more machines."""
         return replace(self, machines=(*self.machines, *machines))
 
     def with_tags(self, scale: float) -> Laboratory:
-        """Return this laboratory with all tags so many times as large."""
+        """Return this laboratory with all tags scaled by a factor."""
         return replace(self, machines=tuple(machine.with_tags(scale) for machine in self.machines))
 
     def with_standing(self, name: str, x_m: float, y_m: float, heading_rad: float) -> Laboratory:
         """Return this laboratory with one machine at another place."""
-        moved = (each.standing(x_m, y_m, heading_rad) if each.name == name else each for each in self.machines)
+        moved = (
+            machine.standing(x_m, y_m, heading_rad) if machine.name == name else machine for machine in self.machines
+        )
         return replace(self, machines=tuple(moved))
 
 

@@ -1,6 +1,6 @@
-"""The laboratory as a MuJoCo model: what layout.py lists, plus the bodies that carry it, a room, and the robot.
+"""The laboratory as a MuJoCo model: the tags and joints of layout.py, the bodies that carry them, a room, the robot.
 
-Nothing is simulated: a `Stage` is put into a state, and is then drawn or asked what a ray hits.
+There is no physics: a `Stage` is put into a state, and then drawn or used for ray casts.
 """
 
 from __future__ import annotations
@@ -21,22 +21,25 @@ from codra_papers.lab.simulator.laboratory import LABORATORY, Laboratory, Person
 from codra_papers.lab.simulator.world import LabState
 
 ROOM_M = (6.6, 6.0)
-"""The room from x = 0 and y = 0."""
+"""The size of the room, which begins at x = 0 and y = 0."""
 
 CAMERA_NAME = "arm_camera"
 
 PCR_CYCLER_HANDLE_M = (0.485, 0.210, -0.011)
-"""Where a hand takes the PCR-cycler's lid, in the lid's frame: a bar to the right of the machine, clear of its tags."""
+"""Where a hand grips the PCR-cycler's lid, in the lid's frame: a bar to the right of the machine, clear of its tags.
+
+The hand holds the PCR-cycler beside its tags, by this bar and by a stalk on the lever, so that the camera on the hand
+sees the complete machine meanwhile. It holds the centrifuge in its middle, and sees only a part of it."""
 
 PCR_CYCLER_KNOB_M = (0.0, -0.025, 0.095)
-"""Where a hand takes the PCR-cycler's lever, in the lever's frame: the end of a stalk that stands out of it."""
+"""Where a hand grips the PCR-cycler's lever, in the lever's frame: the end of a stalk that sticks out of it."""
 
 _TEXELS_PER_CELL = 20
 _TILE_THICKNESS_M = 0.004
 _SHOULDER_M = (0.05, 0.0, 0.85)
 _LINK_M = 0.65
 ARM_LENGTH_M = 2 * _LINK_M
-"""How far the robot's wrist gets from its shoulder."""
+"""Largest distance of the robot's wrist from its shoulder."""
 
 _WHITE = "0.86 0.87 0.88 1"
 _GREY = "0.55 0.57 0.60 1"
@@ -45,7 +48,7 @@ _ROBOT = "0.80 0.55 0.20 1"
 
 
 class Stage:
-    """The laboratory at one instant, for drawing and for rays. It belongs to one thread at a time."""
+    """The laboratory at one instant, for drawing and ray casts. Only one thread may use it at a time."""
 
     def __init__(self, laboratory: Laboratory = LABORATORY) -> None:
         self.model = mujoco.MjModel.from_xml_string(mjcf(laboratory), textures(laboratory))
@@ -61,7 +64,7 @@ class Stage:
         self._places_m, self._quaternions = self.data.mocap_pos, self.data.mocap_quat
 
     def place(self, state: LabState) -> None:
-        """Put everything where a state says it is."""
+        """Move all bodies to their places in a state."""
         for key, angle_rad in state.joints_rad.items():
             self._angles_rad[self._joint_addresses[key.machine, key.part]] = angle_rad
         for name, pose in _robot_poses(state).items():
@@ -72,15 +75,15 @@ class Stage:
         mujoco.mj_camlight(self.model, self.data)
 
     def first_hit(self, origin_m: Array, points_m: Array) -> Array:
-        """Return how far rays from one origin get, as shares of the way to each point.
+        """Return the first hits of rays from one origin, as shares of the way to each point.
 
         Args:
             origin_m: shape (3,), in the map.
             points_m: shape (n, 3), in the map.
 
         Returns:
-            Shape (n,): 1 where the first thing that a ray hits lies in the point, below 1 where something is before
-            it, -1 where it hits nothing.
+            Shape (n,): 1 where the first hit of a ray is the point, below 1 where a body is in front of the point, -1
+            where the ray hits nothing.
         """
         count = len(points_m)
         rays = np.ascontiguousarray(points_m - origin_m)
@@ -121,7 +124,7 @@ def _floor_picture() -> NDArray[np.uint8]:
 
 
 def _wall_picture() -> NDArray[np.uint8]:
-    """Return a wall with cupboards, notices and sockets: rectangles of many greys, none of them a tag."""
+    """Return a wall with cupboards, notices and sockets: rectangles in many greys, without tags."""
     random = default_rng(2)
     wall = np.full((512, 1024), 190, dtype=np.uint8)
     for _ in range(70):
@@ -136,7 +139,7 @@ def _wall_picture() -> NDArray[np.uint8]:
 
 
 def mjcf(laboratory: Laboratory = LABORATORY) -> str:
-    """Return the whole scene as MJCF, with machines and robot at their zero."""
+    """Return the complete scene as MJCF, with machines and robot in their zero poses."""
     half_height_rad = atan(INTRINSICS.height / 2 / INTRINSICS.focal_px)
     tags = [tag for machine in laboratory.machines for tag in machine.tags]
     visitor = _visitor() if _has_visitors(laboratory) else ""
@@ -239,8 +242,8 @@ def _board(tag: Tag, centre_m: tuple[float, float], half_m: tuple[float, float])
     """Return a board under a tag's tile.
 
     Args:
-        tag: it gives the plane.
-        centre_m: of the board in the tag's frame: right, up.
+        tag: the tag whose plane the board lies under.
+        centre_m: centre of the board in the tag's frame: right, up.
         half_m: half its width and height.
     """
     behind = tag.part_from_tag @ Pose(np.eye(3), np.array([*centre_m, -_TILE_THICKNESS_M - 0.008]))
@@ -248,7 +251,7 @@ def _board(tag: Tag, centre_m: tuple[float, float], half_m: tuple[float, float])
 
 
 def _housing(machine: Machine) -> str:
-    """Return what does not move: the table, the housing and its front panel."""
+    """Return the fixed bodies: the table, the housing and its front panel."""
     match machine.shape:
         case Shape.CENTRIFUGE:
             return _centrifuge_housing(machine)
@@ -340,35 +343,35 @@ def _handle_beside_the_lid() -> str:
 
 
 def _knob() -> str:
-    """Return a stalk that stands out of the lever, for the hand."""
+    """Return a stalk that sticks out of the lever, for the hand."""
     x_m, y_m, z_m = PCR_CYCLER_KNOB_M
     return _box((x_m - 0.006, y_m - 0.006, -0.012), (x_m + 0.006, y_m + 0.006, z_m), _DARK)
 
 
-# Somebody who is not of the laboratory
+# A visitor
 
 _PERSON = "person"
 
 
 def _has_visitors(laboratory: Laboratory) -> bool:
-    return any(isinstance(each, PersonBefore) for each in laboratory.disturbances)
+    return any(isinstance(disturbance, PersonBefore) for disturbance in laboratory.disturbances)
 
 
 def _visitor() -> str:
-    """Return somebody in a dark coat, 1.75 m tall, who stands on the floor."""
+    """Return a person in a dark coat, 1.75 m tall, on the floor."""
     coat = '<geom type="capsule" fromto="0 0 0.35 0 0 1.28" size="0.21" rgba="0.20 0.24 0.34 1"/>'
     head = '<geom type="sphere" pos="0 0 1.63" size="0.12" rgba="0.78 0.62 0.52 1"/>'
     return f'<body name="{_PERSON}" mocap="true">{coat}{head}</body>'
 
 
-# The robot. Its bodies are "mocap" bodies: each is put where the state says. In the hand's frame x is right, y down and
-# z forward, as in the camera's.
+# The robot. Its bodies are "mocap" bodies, which `Stage.place` puts into the poses of a state. In the
+# hand's frame x is right, y down and z forward, as in the camera's.
 
 FINGER_TIP_M = (0.0, 0.06, 0.24)
-"""Where the fingers grip, in the camera's frame, when the hand is put out."""
+"""Where the fingers grip, in the camera's frame, when the hand is extended."""
 
 _DRAWN_BACK_M = 0.30
-"""How far the hand is drawn back when it is not put out: out of the camera's sight."""
+"""How far the hand is drawn back when it is not extended: out of the camera's sight."""
 
 
 def _robot() -> Iterator[str]:
@@ -394,7 +397,7 @@ _MOCAP_BODIES = ("robot_base", "upper_arm", "forearm", "palm", "left_finger", "r
 
 
 def _robot_poses(state: LabState) -> dict[str, Pose]:
-    """Return where every body of the robot is in the map."""
+    """Return the pose of every body of the robot in the map."""
     map_from_robot = state.map_from_robot()
     robot_from_camera = state.robot_from_camera()
     map_from_camera = map_from_robot @ robot_from_camera
@@ -422,17 +425,17 @@ def _shifted(x_m: float, y_m: float, z_m: float) -> Pose:
 
 
 def shoulder_to_wrist_m(state: LabState) -> float:
-    """Return how far the arm is stretched: more than `ARM_LENGTH_M` is out of reach."""
+    """Return how far the arm is stretched. More than `ARM_LENGTH_M` is out of reach."""
     return float(np.linalg.norm(_wrist_m(state) - np.array(_SHOULDER_M)))
 
 
 def _wrist_m(state: LabState) -> Array:
-    """Return where the wrist is in the robot's base frame: behind and below the camera."""
+    """Return the wrist's position in the robot's base frame: behind and below the camera."""
     return state.robot_from_camera().apply(np.array([0.0, 0.08, -0.15]))
 
 
 def _elbow_m(wrist_m: Array) -> Array:
-    """Return the elbow that joins shoulder and wrist by two equal links, bent up and back, or straight if too far."""
+    """Return the elbow between shoulder and wrist: two equal links, bent up and back, or straight if too far."""
     shoulder_m = np.array(_SHOULDER_M)
     way = wrist_m - shoulder_m
     ahead = np.array([way[0], way[1], 0.0]) if way[0] >= 0 else -np.array([way[0], way[1], 0.0])

@@ -1,16 +1,16 @@
-"""What is true in the laboratory: every context-variable of its spec, by definition, from the world's own state.
+"""The true value of every context-variable of the laboratory's spec, by definition, from the world's own state.
 
-The definitions were fixed before any perception was tuned, and perception never sees them.
+The definitions were fixed before any perception was tuned, and perception never uses them.
 
-- `robot_is_localized`: the robot knows where it stands.
+- `robot_is_localized`: the robot is localised.
 - `M_in_observable_distance`, `M_in_manipulation_distance`: `Machine.distance_m` of the robot's true base is below
   1.6 m, below 0.95 m.
 - `M_base_in_FOV`, `M_lid_in_FOV`: at least half of the corners of the part's tags are inside the image, in front of
-  the camera, on tags that face it, with nothing before them. Neither the light nor the distance matters.
+  the camera, on tags that face it, and not hidden. Neither the light nor the distance matters.
 - `M_open`: the lid is more than 0.6 rad from closed.
 - `M_locked`: the latch lever is less than half way from locked (0 rad) to unlocked (1 rad).
 - `M_rotor_in_pos_1`, `..._2`: a centrifuge's rotor is less than 0.2 rad from 0, from half a turn. The lid hides the
-  rotor; it does not change what is true.
+  rotor but does not change the truth.
 """
 
 from __future__ import annotations
@@ -33,15 +33,15 @@ LOCKED_BELOW_RAD = 0.5
 ROTOR_WITHIN_RAD = 0.2
 
 SAMPLES_PER_S = 5.0
-"""How often truth is sampled while something moves; what becomes true between two samples counts half a sample off."""
+"""How often truth is sampled while something moves. Changes between two samples are up to half a sample off."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TruthSpan:
-    """What is true from an instant up to, but not including, another.
+    """The truth from one instant up to, but not including, another.
 
     Attributes:
-        values: by context-variable.
+        values: the values by context-variable.
     """
 
     start_s: float
@@ -50,12 +50,12 @@ class TruthSpan:
 
 
 class GroundTruth:
-    """The truth about one world. It belongs to one thread at a time."""
+    """The truth about one world. Only one thread may use it at a time."""
 
     def __init__(self, world: LabWorld) -> None:
         self._world = world
         self._camera = GeometricCamera(world.laboratory)
-        self._viewed = [(each.name, part) for each in world.laboratory.machines for part in (Part.BASE, Part.LID)]
+        self._viewed = [(machine.name, part) for machine in world.laboratory.machines for part in (Part.BASE, Part.LID)]
 
     def at(self, instant_s: float) -> Mapping[str, bool]:
         """Return the truth of every context-variable at an instant."""
@@ -68,9 +68,9 @@ class GroundTruth:
         return MappingProxyType(truth)
 
     def over(self, start_s: float, end_s: float) -> tuple[TruthSpan, ...]:
-        """Return the truth from one instant to another, as spans in order, without gaps, each unlike the next.
+        """Return the truth from one instant to another, as spans in order and without gaps. Consecutive spans differ.
 
-        While something moves it is sampled `SAMPLES_PER_S` times a second, while all stands still once.
+        Truth is sampled `SAMPLES_PER_S` times a second while something moves, and once while nothing moves.
         """
         spans: list[TruthSpan] = []
         for piece_start_s, piece_end_s in _pieces(self._world, start_s, end_s):
@@ -82,7 +82,7 @@ class GroundTruth:
 
 
 def truth_at(world: LabWorld, instant_s: float) -> Mapping[str, bool]:
-    """Return the truth of every context-variable at one instant; for many instants, `GroundTruth` is quicker."""
+    """Return the truth of every context-variable at one instant; for many instants, `GroundTruth` is faster."""
     return GroundTruth(world).at(instant_s)
 
 
@@ -106,7 +106,7 @@ def _rotor_truth(state: LabState) -> dict[str, bool]:
 
 
 def _pieces(world: LabWorld, start_s: float, end_s: float) -> Iterator[tuple[float, float]]:
-    """Yield spans of time that one sample each stands for, in order and without gaps."""
+    """Yield the spans of time that one sample represents, in order and without gaps."""
     reached_s = start_s
     for moving_from_s, moving_until_s in world.moving_spans():
         begin_s, finish_s = min(max(moving_from_s, reached_s), end_s), min(moving_until_s, end_s)

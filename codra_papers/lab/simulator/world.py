@@ -1,6 +1,6 @@
 """The state of the laboratory at any instant: a pure function of time and of the moves scheduled so far.
 
-Nothing here runs in the background, and nothing depends on who looks.
+Nothing here runs in the background, and the state does not depend on who reads it.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ Path = Callable[[float], Values]
 
 
 class Quantity(StrEnum):
-    """What moves or changes besides the machines' joints, and the numbers that describe it."""
+    """The changing quantities beside the machines' joints, and the numbers that describe them."""
 
     BASE = "base"
     """x, y in metres and heading in radians of the robot's base in the map."""
     GAZE = "gaze"
-    """The camera's place and a point it looks at, both in the robot's base frame: six numbers in metres."""
+    """The camera's position and a point that it looks at, both in the robot's base frame: six numbers in metres."""
     REACH = "reach"
-    """How far the hand is put out past the camera: 0 (behind it, out of sight) to 1."""
+    """How far the hand extends past the camera: 0 (behind it, out of sight) to 1."""
     OPENING = "opening"
     """The gap between the fingers in metres."""
     HOLDING = "holding"
@@ -38,14 +38,14 @@ class Quantity(StrEnum):
     LIGHT = "light"
     """The light in the room: 1 is an ordinary day, 0 is dark."""
     LOCALIZED = "localized"
-    """Whether the robot knows where it stands: 0 or 1."""
+    """Whether the robot is localised: 0 or 1."""
     PERSON = "person"
-    """Where somebody stands who is not of the laboratory: x and y in metres in the map."""
+    """Position of a visitor: x and y in metres in the map."""
 
 
 @dataclass(frozen=True, slots=True, order=True)
 class JointKey:
-    """The joint of one machine that moves one part; its number is the angle in radians."""
+    """The joint that moves one part of one machine. Its value is the angle in radians."""
 
     machine: str
     part: Part
@@ -61,7 +61,7 @@ class Move:
     Attributes:
         delay_s: from the instant of scheduling to the start of the move.
         duration_s: 0 for a jump.
-        path: the values over the progress from 0 to 1; it must begin with the values from before the move.
+        path: the values as a function of the progress from 0 to 1; it must begin with the values before the move.
     """
 
     channel: Channel
@@ -72,17 +72,17 @@ class Move:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LabState:
-    """Everything that a camera or a ground truth could ask about one instant.
+    """The complete state at one instant, for cameras and ground truth.
 
     Attributes:
         base: x, y in metres and heading in radians of the robot's base in the map.
         eye_m: where the camera is, in the robot's base frame.
         target_m: a point on the camera's axis, in the robot's base frame.
-        reach: 0 to 1, how far the hand is put out past the camera.
+        reach: 0 to 1, how far the hand extends past the camera.
         joints_rad: the angles of all machine joints.
         light: 1 is an ordinary day, 0 is dark.
-        person_m: x and y in the map of somebody who is not of the laboratory.
-        laboratory: whose state it is.
+        person_m: x and y of a visitor in the map.
+        laboratory: the laboratory of this state.
     """
 
     t_s: float
@@ -99,19 +99,19 @@ class LabState:
     laboratory: Laboratory
 
     def map_from_robot(self) -> Pose:
-        """Return where the robot's base truly stands."""
+        """Return the true pose of the robot's base."""
         return planar(*self.base)
 
     def robot_from_camera(self) -> Pose:
-        """Return where the arm holds the camera."""
+        """Return the pose in which the arm holds the camera."""
         return camera_at(self.eye_m, self.target_m)
 
     def map_from_camera(self) -> Pose:
-        """Return where the camera truly is (x right, y down, z forward)."""
+        """Return the true pose of the camera (x right, y down, z forward)."""
         return self.map_from_robot() @ self.robot_from_camera()
 
     def map_from_part(self, machine: str, part: Part) -> Pose:
-        """Return where a part of a machine truly is."""
+        """Return the true pose of a part of a machine."""
         angle_rad = self.joints_rad.get(JointKey(machine, part), 0.0)
         return self.laboratory.machine(machine).map_from_part(part, angle_rad)
 
@@ -139,7 +139,8 @@ class _Track:
     def at(self, t_s: float) -> Values:
         """Return the values at an instant.
 
-        A jump shows right after its instant, so that nothing scheduled from an instant on changes what was seen at it.
+        A move shows right after the instant at which it is scheduled. So a frame of that instant is the same whether it
+        is taken before or after the move is scheduled.
         """
         index = bisect_left(self.starts_s, t_s)
         return self.segments[index - 1].at(t_s) if index else self.initial
@@ -170,7 +171,7 @@ TRAVEL_GAZE = (0.25, 0.0, 1.25, 1.6, 0.0, 0.75)
 """Where the arm holds the camera while the robot drives: eye, then target, in the robot's base frame."""
 
 OUTSIDE = (-3.0, -3.0)
-"""Where people stay who are not in the room: x and y in metres."""
+"""Position of people outside the room: x and y in metres."""
 
 _INITIAL: Mapping[Quantity, Values] = MappingProxyType(
     {
@@ -188,19 +189,19 @@ _INITIAL: Mapping[Quantity, Values] = MappingProxyType(
 
 
 class LabWorld:
-    """The laboratory over time. Safe to read from any thread while one thread schedules.
+    """The laboratory over time. Any thread may read it while one thread schedules.
 
     Attributes:
-        seed: of what chance decides.
-        laboratory: what it is.
+        seed: the seed of everything random.
+        laboratory: the description of the laboratory.
     """
 
     def __init__(self, seed: int, laboratory: Laboratory = LABORATORY) -> None:
-        """Create the laboratory as it stands at 0 s.
+        """Create the laboratory in its state at 0 s.
 
         Args:
-            seed: decides the robot's localisation error, and with it nothing else.
-            laboratory: what stands in it, and how light it is.
+            seed: determines the robot's localisation error, and nothing else in this class.
+            laboratory: its machines, its light and its camera noise.
         """
         self.seed = seed
         self.laboratory = laboratory
@@ -217,16 +218,17 @@ class LabWorld:
         """Let channels move from now on.
 
         Args:
-            now_s: the present; never earlier than at the last call.
-            moves: those of one channel one after the other.
+            now_s: the current time, not earlier than in the last call.
+            moves: the moves to schedule; moves of the same channel must be in order.
 
         Raises:
-            ValueError: a move lies in the past, or a channel is still moving by an earlier one; nothing is scheduled
-                then.
+            ValueError: a move lies in the past, or its channel is still moving. No move is scheduled then.
         """
         with self._lock:
             if now_s < self._now_s:
-                raise ValueError(f"moves at {now_s:g} s come after moves at {self._now_s:g} s were scheduled")
+                raise ValueError(
+                    f"cannot schedule moves at {now_s:g} s: moves at {self._now_s:g} s are already scheduled"
+                )
             busy_until_s = {move.channel: self._tracks[move.channel].end_s() for move in moves}
             segments: list[_Segment] = []
             for move in moves:
@@ -242,14 +244,14 @@ class LabWorld:
             return self._tracks[channel].at(t_s)
 
     def rests(self, channel: Channel, t_s: float) -> bool:
-        """Return whether a channel has come to rest by an instant, as far as is scheduled."""
+        """Return whether a channel is at rest from an instant on, according to the moves scheduled so far."""
         with self._lock:
             return self._tracks[channel].rests(t_s)
 
     def moves_to(
         self, now_s: float, channel: Channel, values: Values, duration_s: float, *, delay_s: float = 0.0
     ) -> Move:
-        """Return the straight move of a channel from where it will be then to other values."""
+        """Return the straight move of a channel from its values at the start of the move to other values."""
         with self._lock:
             start = self._tracks[channel].right_after(now_s + delay_s)
         return Move(channel=channel, path=straight(start, values), duration_s=duration_s, delay_s=delay_s)
@@ -281,7 +283,7 @@ class LabWorld:
             return any(track.moves_within(start_s, end_s) for track in self._tracks.values())
 
     def moving_spans(self) -> tuple[tuple[float, float], ...]:
-        """Return when anything moves, as spans from start to end in seconds, in order and joined where they touch."""
+        """Return the spans, start and end in seconds, in which anything moves: ordered, and joined where they touch."""
         with self._lock:
             segments = [segment for track in self._tracks.values() for segment in track.segments]
         spans: list[tuple[float, float]] = []
@@ -293,7 +295,7 @@ class LabWorld:
         return tuple(spans)
 
     def believed_map_from_robot(self, t_s: float) -> Pose:
-        """Return where the robot believes its base stands: a few centimetres off, or much more while it is lost."""
+        """Return the believed pose of the robot's base: a few centimetres off, or much more while the robot is lost."""
         with self._lock:
             x_m, y_m, heading_rad = self._tracks[Quantity.BASE].at(t_s)
             is_localized = self._tracks[Quantity.LOCALIZED].at(t_s)[0] > 0.5
@@ -319,11 +321,12 @@ def _segment(now_s: float, move: Move, busy_until_s: float) -> _Segment:
 
 
 _ROUNDING_S = 1e-3
-"""By so much a move may begin before the last one ends: sums of durations round, and nothing moves in that time."""
+"""A move may begin this much before the last one ends: sums of durations are rounded, and in so short a time a move
+does not change its values noticeably."""
 
 
 class _LocalizationError:
-    """How far the robot's belief is off: slow waves of a few centimetres; while it is lost, an offset on top."""
+    """The localisation error: slow waves of a few centimetres, plus an offset while the robot is lost."""
 
     def __init__(self, seed: int) -> None:
         random = Random(f"{seed} localization")
@@ -345,7 +348,7 @@ class _LocalizationError:
 
 
 def _minimum_jerk(share_of_time: float) -> float:
-    """Return how much of a move is done: smooth, at rest at both ends (Flash and Hogan).
+    """Return the progress of a move: smooth, at rest at both ends (Flash and Hogan).
 
     The second half mirrors the first, so that rounding never carries a move beyond its end.
     """

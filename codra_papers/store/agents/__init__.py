@@ -1,4 +1,4 @@
-"""The agents of P2's robot (P2, section 5.2): each sees its sensors and the knowledge graph, and nothing else."""
+"""The agents of P2's robot (P2, section 5.2). An agent uses only its sensors and the knowledge graph."""
 
 from __future__ import annotations
 
@@ -39,5 +39,5 @@ AGENTS: tuple[type[Agent], ...] = (
 
 
 def start_agents(knowledge: Knowledge, body: Body, clock: Clock) -> tuple[Agent, ...]:
-    """Start all agents of the robot's body, each under its own name."""
+    """Start all agents of the robot's body under their names."""
     return tuple(agent(knowledge, body, clock) for agent in AGENTS)

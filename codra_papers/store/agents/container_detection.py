@@ -1,4 +1,4 @@
-"""P2's ContainerDetectionAgent: woken by `robot -wants-> detecting`, it looks for roll containers and says where."""
+"""P2's ContainerDetectionAgent: woken by `robot -wants-> detecting`, it detects roll containers and their poses."""
 
 from __future__ import annotations
 
@@ -15,37 +15,37 @@ from codra_papers.store.knowledge import pose_of, stand_of
 
 PERIOD_S = 0.2
 PICTURES = 12
-"""So many sharp pictures make one detection."""
+"""Number of sharp pictures in one detection."""
 
 FOUND_IN = 4
-"""A container is there if it was found in so many of them."""
+"""Number of these pictures in which a container must be seen."""
 
 SAME_M = 0.5
-"""Two sightings nearer than this are of one container."""
+"""Two sightings nearer than this belong to one container."""
 
 SURE_WITHIN_M = 4.0
-"""What is known to be nearer than this, and in view, and was not found, is not there any more."""
+"""A known container nearer than this and in view that was not seen is gone."""
 
 
 @dataclass(slots=True)
 class _Candidate:
-    stands: list[Pose2D] = field(default_factory=list)
+    poses: list[Pose2D] = field(default_factory=list)
 
     def mean(self) -> Pose2D:
-        count = len(self.stands)
+        count = len(self.poses)
         heading_rad = atan2(
-            sum(sin(each.heading_rad) for each in self.stands), sum(cos(each.heading_rad) for each in self.stands)
+            sum(sin(pose.heading_rad) for pose in self.poses), sum(cos(pose.heading_rad) for pose in self.poses)
         )
         return Pose2D(
-            sum(each.x_m for each in self.stands) / count, sum(each.y_m for each in self.stands) / count, heading_rad
+            sum(pose.x_m for pose in self.poses) / count, sum(pose.y_m for pose in self.poses) / count, heading_rad
         )
 
 
 class ContainerDetection:
-    """Finds roll containers."""
+    """Detects roll containers."""
 
     def __init__(self, knowledge: Knowledge, body: Body, clock: Clock) -> None:
-        """Wait until somebody wants a detection."""
+        """Wait for requests."""
         self._knowledge = knowledge
         self._handle = knowledge.as_agent("container_detection")
         self._body = body
@@ -76,18 +76,18 @@ class ContainerDetection:
                 self._add(Pose2D(x_m, y_m, robot.heading_rad + sighting.at.heading_rad))
         if self._pictures == PICTURES:
             self._end()
-            found = [each.mean() for each in self._candidates if len(each.stands) >= FOUND_IN]
-            self._tell(found)
-            self._task.finish("found" if found else "lost")
+            poses = [candidate.mean() for candidate in self._candidates if len(candidate.poses) >= FOUND_IN]
+            self._write_containers(poses)
+            self._task.finish("found" if poses else "lost")
 
-    def _add(self, stand: Pose2D) -> None:
+    def _add(self, pose: Pose2D) -> None:
         for candidate in self._candidates:
-            if candidate.mean().distance_m(stand) < SAME_M:
-                candidate.stands.append(stand)
+            if candidate.mean().distance_m(pose) < SAME_M:
+                candidate.poses.append(pose)
                 return
-        self._candidates.append(_Candidate([stand]))
+        self._candidates.append(_Candidate([pose]))
 
-    def _tell(self, found: Sequence[Pose2D]) -> None:
+    def _write_containers(self, poses: Sequence[Pose2D]) -> None:
         snapshot = self._knowledge.snapshot()
         known = {
             node.name: stand_of(snapshot.transform("world", node.name).pose)
@@ -95,19 +95,19 @@ class ContainerDetection:
             if snapshot.parent(node.name) == "world"
         }
         with self._handle.transaction() as change:
-            for stand in found:
-                name = min(known, key=lambda each: (known[each].distance_m(stand), each), default=None)
-                if name is None or known[name].distance_m(stand) > SAME_M:
+            for pose in poses:
+                name = min(known, key=lambda known_name: (known[known_name].distance_m(pose), known_name), default=None)
+                if name is None or known[name].distance_m(pose) > SAME_M:
                     self._count += 1
                     name = f"roll_container_{self._count}"
                     change.insert_node(name, "roll_container")
                 known.pop(name, None)
-                change.place("world", "container_pose", name, pose_of(stand))
+                change.place("world", "container_pose", name, pose_of(pose))
             self._drop(change, snapshot, known)
 
     def _drop(self, change: Transaction, snapshot: Snapshot, unseen: dict[str, Pose2D]) -> None:
         robot = self._body.believed()
-        for name, stand in unseen.items():
-            is_close = hypot(stand.x_m - robot.x_m, stand.y_m - robot.y_m) < SURE_WITHIN_M
+        for name, pose in unseen.items():
+            is_close = hypot(pose.x_m - robot.x_m, pose.y_m - robot.y_m) < SURE_WITHIN_M
             if is_close and snapshot.in_view(name, "camera"):
                 change.delete_node(name)

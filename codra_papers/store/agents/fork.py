@@ -1,4 +1,4 @@
-"""P2's PickUpAgent and DeliverAgent: the motors of the fork, and what hangs on it in the graph."""
+"""P2's PickUpAgent and DeliverAgent: they move the fork, and record its load in the graph."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from codra_papers.store.knowledge import stand_of
 from codra_papers.store.layout import FORK_M
 
 REACH_M = 0.5
-"""What the fork lifts is known to be no farther from its middle than this."""
+"""Largest known distance of a lifted container from the middle of the fork."""
 
 
 class Fork:
     """Raises and lowers the fork."""
 
     def __init__(self, knowledge: Knowledge, body: Body, _: Clock) -> None:
-        """Wait until somebody wants it."""
+        """Wait for requests."""
         self._knowledge = knowledge
         self._handle = knowledge.as_agent("fork")
         self._body = body
@@ -69,5 +69,5 @@ def _on_fork(snapshot: Snapshot) -> str | None:
         for node in snapshot.nodes("roll_container")
         if snapshot.parent(node.name) == "world"
     }
-    name = min(near, key=lambda each: (near[each], each), default=None)
+    name = min(near, key=lambda container: (near[container], container), default=None)
     return name if name is not None and near[name] < REACH_M else None

@@ -1,4 +1,4 @@
-"""Agents that say what single sensors say: where the robot is, how near things are, whether pictures are sharp."""
+"""Agents that record single sensor values: the robot's pose, distances, whether pictures are sharp."""
 
 from __future__ import annotations
 
@@ -13,44 +13,44 @@ PERIOD_S = 0.2
 
 
 class Localisation:
-    """Says where the robot stands, and how sure that is."""
+    """Records the robot's pose and its uncertainty."""
 
     def __init__(self, knowledge: Knowledge, body: Body, clock: Clock) -> None:
-        """Say so five times a second."""
+        """Start to record five times a second."""
         self._handle = knowledge.as_agent("localisation")
         self._body = body
-        self._rounds = Rounds(clock, PERIOD_S, self._tell)
+        self._rounds = Rounds(clock, PERIOD_S, self._record)
 
-    def _tell(self) -> None:
+    def _record(self) -> None:
         with self._handle.transaction() as change:
             change.place("world", "robot_pose", "robot", pose_of(self._body.believed()))
             change.set("robot", "pose_spread", self._body.localisation_spread_m())
 
 
 class CameraAgent:
-    """Says whether the robot holds still enough for the camera."""
+    """Records whether the robot moves slowly enough for sharp pictures."""
 
     def __init__(self, knowledge: Knowledge, body: Body, clock: Clock) -> None:
-        """Say so five times a second."""
+        """Start to record five times a second."""
         self._handle = knowledge.as_agent("camera_agent")
         self._body = body
-        self._rounds = Rounds(clock, PERIOD_S, self._tell)
+        self._rounds = Rounds(clock, PERIOD_S, self._record)
 
-    def _tell(self) -> None:
+    def _record(self) -> None:
         self._handle.set("camera", "camera_steady", self._body.look().is_steady)
 
 
 class Lasers:
-    """Says how far the nearest thing is in front and behind, and all around the nearest that is not on the map."""
+    """Records the distances of the nearest objects in front and behind, and of the nearest one not on the map."""
 
     def __init__(self, knowledge: Knowledge, body: Body, clock: Clock) -> None:
-        """Say so five times a second."""
+        """Start to record five times a second."""
         self._knowledge = knowledge
         self._handle = knowledge.as_agent("lasers")
         self._body = body
-        self._rounds = Rounds(clock, PERIOD_S, self._tell)
+        self._rounds = Rounds(clock, PERIOD_S, self._record)
 
-    def _tell(self) -> None:
+    def _record(self) -> None:
         strange_m = gap_m(moving_points(self._body, containers_m(self._knowledge.snapshot())))
         with self._handle.transaction() as change:
             change.set("robot", "strange_gap", min(strange_m, FARTHEST_M))

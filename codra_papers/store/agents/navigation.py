@@ -1,7 +1,7 @@
-"""P2's NavigationAgent: it drives to the goal that is set in the graph, and tells how the robot's body is.
+"""P2's NavigationAgent: it drives to the goal in the graph, and records the state of the robot's body.
 
-It plans on the map, with the containers that are known to stand there. When the way stays blocked it plans again, round
-what the lasers see; when it has bumped into something it draws back from it first. At last it says what is wrong.
+It plans on the map, with the known containers. If the way stays blocked, it plans again, around the obstacles that the
+lasers see. After a bump it first draws back. If all tries fail, the task ends with the reason.
 """
 
 from __future__ import annotations
@@ -22,27 +22,27 @@ from codra_papers.store.routes import NoRouteError, route
 
 PERIOD_S = 0.5
 TRIES = 8
-"""How often it tries before it says that the way is blocked; each try waits as long as the motion layer does."""
+"""Number of tries before the result is `blocked`. In a try the motion layer waits for a free way."""
 
 TRIES_BACKWARD = 3
-"""The same backwards, where there is no other way."""
+"""The same for driving backwards, where no other way exists."""
 
 MOST_BUMPS = 3
-"""Who bumps into things more often on one way does not get there."""
+"""After more bumps than this on one way the result is `bumped`."""
 
 SETTLE_S = 1.0
-"""So long it stands after a bump."""
+"""How long the robot waits after a bump."""
 
 FACING_RAD = 0.03
 DRAW_BACK_M = 0.5
-"""So far it draws back from what is in its way, if there is so much room."""
+"""How far the robot draws back from an obstacle, if there is room."""
 
 
 class Navigation:
     """Drives the robot."""
 
     def __init__(self, knowledge: Knowledge, body: Body, clock: Clock) -> None:
-        """Tell of the body, follow the maximum speed, and wait until somebody wants to go somewhere."""
+        """Start to record the body's state, follow the maximum speed, and wait for requests."""
         self._knowledge = knowledge
         self._handle = knowledge.as_agent("navigation")
         self._body = body
@@ -54,9 +54,9 @@ class Navigation:
         self._halt: Stop | None = None
         self._task = Executor(knowledge, self._handle, "navigating", self._begin, self._stop)
         self._follower = knowledge.follow("robot", "max_speed", self._limit)
-        self._rounds = Rounds(clock, PERIOD_S, self._tell)
+        self._rounds = Rounds(clock, PERIOD_S, self._record)
 
-    def _tell(self) -> None:
+    def _record(self) -> None:
         body = self._body
         with self._handle.transaction() as change:
             change.set("battery", "battery_level", body.battery_percent())
@@ -69,7 +69,7 @@ class Navigation:
             self._body.set_max_speed(reading.value)
 
     def _begin(self, snapshot: Snapshot) -> None:
-        """Set off; who draws back from what it has bumped into does that first."""
+        """Start to drive; if the robot is drawing back after a bump, start afterwards."""
         if self._recovered is not None:
             self._recovered = partial(self._set_off, snapshot)
         else:
@@ -85,9 +85,9 @@ class Navigation:
             self._go(())
 
     def _stop(self) -> None:
-        """Stop; but who draws back from what it has bumped into goes on with that, whatever is wanted of it next."""
+        """Stop; but if the robot is drawing back after a bump, it continues that, even if the next request comes."""
         if self._recovered is not None:
-            self._recovered = _nothing
+            self._recovered = _no_next_step
         elif self._halt is not None:
             self._halt()
 
@@ -113,22 +113,22 @@ class Navigation:
         self._turn(angle_rad, self._ending(self._arrived, self._go_round, self._go_round))
 
     def _back(self) -> None:
-        """Back up to the goal, straight: what has bumped into something there must be measured anew by who sent it."""
+        """Back up to the goal, straight. After a bump the task ends: the requester must measure the goal again."""
         again = partial(self._try_again, self._back, TRIES_BACKWARD)
-        told = partial(self._task.finish, "bumped")
-        self._drive((self._goal.point_m,), Way.BACKWARD, self._ending(self._arrived, again, told))
+        bumped = partial(self._task.finish, "bumped")
+        self._drive((self._goal.point_m,), Way.BACKWARD, self._ending(self._arrived, again, bumped))
 
     def _go_round(self) -> None:
-        """Draw back, so that there is room to turn, and go another way."""
+        """Draw back, to get room for turning, and go another way."""
         self._try_again(partial(self._draw_back, self._go_another_way), TRIES)
 
     def _go_another_way(self) -> None:
         self._go(obstacles(self._body, self._containers()))
 
     def _draw_back(self, go_on: Callable[[], None]) -> None:
-        """Drive a little away from what is near, straight on or straight back, and go on from there.
+        """Drive a little away from near obstacles, straight on or straight back, and continue from there.
 
-        Where it has bumped into something there is what its lasers do not see: it stays where it is.
+        After a bump the robot stays, because the lasers do not see the obstacle.
         """
         if self._bumps:
             go_on()
@@ -136,7 +136,7 @@ class Navigation:
         self._draw(away(self._body, self._people(), DRAW_BACK_M), self._ending(go_on, go_on, go_on))
 
     def _return(self) -> None:
-        """Drive a little to where it has come from: what it has bumped into is where its lasers do not see it."""
+        """Drive back a little the way that it came: the lasers do not see the obstacle that it bumped into."""
         back = Way.FORWARD if self._way is Way.BACKWARD else Way.BACKWARD
         people = self._people()
         length_m = min(room_m(self._body, people, back), DRAW_BACK_M)
@@ -144,9 +144,9 @@ class Navigation:
         self._draw(step, self._returned)
 
     def _returned(self, outcome: Outcome) -> None:
-        """Do what was to follow; who drove elsewhere meanwhile has drawn back as well."""
+        """Continue with the stored next step. A command that another one replaced counts as drawn back as well."""
         if outcome is Outcome.BUMPED:
-            self._bumped(_nothing)
+            self._bumped(_no_next_step)
             return
         go_on, self._recovered = self._recovered, None
         if go_on is not None:
@@ -173,12 +173,12 @@ class Navigation:
     def _ending(
         self, arrived: Callable[[], None], blocked: Callable[[], None], drawn_back: Callable[[], None]
     ) -> Callable[[Outcome], None]:
-        """Return what is to happen when a command of the body ends; nothing when it was stopped.
+        """Return the callback for the end of a command of the body. For a stopped command it does nothing.
 
         Args:
-            arrived: when it was done.
-            blocked: when something has been in the way for long.
-            drawn_back: when it has bumped into something, and has drawn back from it.
+            arrived: called when the command was done.
+            blocked: called when an obstacle was in the way for long.
+            drawn_back: called when the robot bumped into an obstacle and has drawn back from it.
         """
 
         def done(outcome: Outcome) -> None:
@@ -202,7 +202,7 @@ class Navigation:
             self._task.finish("blocked")
 
     def _bumped(self, go_on: Callable[[], None]) -> None:
-        """Stand for a moment, draw back, and go on."""
+        """Wait for a moment, draw back, and continue."""
         self._bumps += 1
         if self._bumps > MOST_BUMPS:
             self._recovered = None
@@ -212,7 +212,7 @@ class Navigation:
             self._recovered = go_on
         self._clock.call_at(self._clock.now_s() + SETTLE_S, self._return)
 
-    # What is known
+    # Knowledge
 
     def _containers(self) -> list[Point]:
         return containers_m(self._knowledge.snapshot())
@@ -221,5 +221,5 @@ class Navigation:
         return people_m(self._knowledge.snapshot())
 
 
-def _nothing() -> None:
-    """Be done: nothing is to follow."""
+def _no_next_step() -> None:
+    """Do nothing: no step follows."""

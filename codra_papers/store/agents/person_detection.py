@@ -1,7 +1,7 @@
-"""P2's PersonDetectionAgent: who is in the camera's view, where, and near to what.
+"""P2's PersonDetectionAgent: the people in the camera's view, their places, and the nodes that they are near to.
 
-Whom the camera has seen the lasers follow, beside the robot, behind it, and while it turns: they tell where something
-is that is not on the map, but not that it is somebody.
+The lasers follow people whom the camera has seen: beside the robot, behind it, and while it turns. Lasers show that an
+object is not on the map, but not that it is a person.
 """
 
 from __future__ import annotations
@@ -28,32 +28,32 @@ from codra_papers.store.knowledge import FARTHEST_M
 
 PERIOD_S = 0.4
 NEAR_M = 1.5
-"""Somebody nearer than this, from middle to middle, is near."""
+"""A person nearer than this, from middle to middle, is near."""
 
 SAME_M = 1.0
-"""Nobody gets farther than this from one picture to the next."""
+"""Largest distance that a person walks between two pictures."""
 
 BREADTH_M = 0.3
-"""What the lasers see nearer than this to a point of somebody is of the same person."""
+"""Laser points nearer than this to a point of a person belong to the same person."""
 
 LASERS_FARTHEST_M = 2.5
-"""Who is nearer than this and not met by a laser is not there."""
+"""A person nearer than this and not hit by a laser is gone."""
 
 FORGET_S = 1.5
-"""Somebody who was not seen for so long, where the camera or a laser looks, is not there."""
+"""A person not seen for this long, where the camera or a laser looks, is gone."""
 
 EDGE_M = 0.6
-"""Who was last seen so near to the edge of what the camera sees may have left it."""
+"""A person last seen this near to the edge of the camera's view may have left it."""
 
 REMEMBER_S = 5.0
-"""Somebody whom the camera may not see any more is taken to be there for so long."""
+"""A person outside the views of camera and lasers is assumed to be there for this long."""
 
 
 class PersonDetection:
-    """Keeps a node for everybody in view."""
+    """Keeps a node per person in view."""
 
     def __init__(self, knowledge: Knowledge, body: Body, clock: Clock) -> None:
-        """Look again and again."""
+        """Start to look periodically."""
         self._knowledge = knowledge
         self._handle = knowledge.as_agent("person_detection")
         self._body = body
@@ -65,8 +65,8 @@ class PersonDetection:
     def _look(self) -> None:
         picture = self._body.look()
         if not (picture.is_steady or self._seen):
-            return  # nothing is to be seen, and nobody to be followed
-        people = [each for each in picture.sightings if each.kind is Seen.PERSON]
+            return  # the picture is blurred, and no person is followed
+        people = [sighting for sighting in picture.sightings if sighting.kind is Seen.PERSON]
         with self._handle.transaction() as change:
             self._follow(change, people)
             self._follow_by_lasers(change)
@@ -82,7 +82,7 @@ class PersonDetection:
         free = dict(self._seen)
         for sighting in people:
             at_m = robot.out(sighting.at.x_m, sighting.at.y_m)
-            name = min(free, key=lambda each: (_distance_m(free[each][0], at_m), each), default=None)
+            name = min(free, key=lambda known: (_distance_m(free[known][0], at_m), known), default=None)
             if name is None or _distance_m(free[name][0], at_m) > SAME_M:
                 self._count += 1
                 name = f"person_{self._count}"
@@ -91,7 +91,7 @@ class PersonDetection:
             self._place(change, name, at_m)
 
     def _follow_by_lasers(self, change: Transaction) -> None:
-        """Move everybody whom the camera has not seen now to what the lasers see nearest to where they were."""
+        """Move people whom the camera does not see now to the laser points that are nearest to their last places."""
         now_s, robot = self._clock.now_s(), self._body.believed()
         lost = [name for name, (_, seen_s) in self._seen.items() if seen_s < now_s]
         if not lost:
@@ -112,7 +112,7 @@ class PersonDetection:
     def _forget(self, change: Transaction) -> None:
         now_s, robot = self._clock.now_s(), self._body.believed()
         for name, (at_m, seen_s) in list(self._seen.items()):
-            if now_s - seen_s >= (FORGET_S if _is_looked_at(robot, at_m) else REMEMBER_S):
+            if now_s - seen_s >= (FORGET_S if _is_observable(robot, at_m) else REMEMBER_S):
                 del self._seen[name]
                 change.delete_node(name)
 
@@ -133,8 +133,8 @@ class PersonDetection:
                     change.delete_edge(name, "near", other)
 
 
-def _is_looked_at(robot: Pose2D, at_m: Point) -> bool:
-    """Return whether somebody who is at a place, or has gone on from there a little, is met by a laser or in view."""
+def _is_observable(robot: Pose2D, at_m: Point) -> bool:
+    """Return whether a laser or the camera sees a person at a place, or a little away from it."""
     if _distance_m(robot.point_m, at_m) < LASERS_FARTHEST_M:
         return True
     ahead_m, left_m = Pose2D(*robot.out(CAMERA_AT.x_m, CAMERA_AT.y_m), robot.heading_rad).seen_from_here(at_m)

@@ -1,4 +1,4 @@
-"""What the lasers show around the robot that is not on its map, and how much room they leave it."""
+"""Obstacles around the robot that are not on its map, from its lasers, and the free room between them."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from codra_papers.store.layout import BODY_BACK_M, BODY_FRONT_M, BODY_WIDTH_M, F
 from codra_papers.store.unmapped_obstacles import PERSON_M, PLACES_M, WITHIN_M, is_strange
 
 OBSTACLE_M = 0.3
-"""The radius of what the lasers see in the way."""
+"""The radius of an obstacle around a laser point."""
 
 RIM = 12
-"""So many points stand for it."""
+"""Number of points that represent a person's body."""
 
 LANE_M = 0.42
 KEEP_FREE_M = 0.4
 
 
 def containers_m(snapshot: Snapshot) -> list[Point]:
-    """Return where containers are known to stand."""
+    """Return the places of the known containers."""
     return [
         stand_of(snapshot.transform("world", node.name).pose).point_m
         for node in snapshot.nodes("roll_container")
@@ -37,9 +37,9 @@ def strange_points(body: Body, sides: Sequence[Side], known_m: Sequence[Point]) 
     """Return the points near the robot that neither the map nor the graph explains, in its frame: people, mostly.
 
     Args:
-        body: whose lasers are asked.
-        sides: which of them.
-        known_m: where containers are known to stand.
+        body: the body with the lasers.
+        sides: the lasers to use.
+        known_m: the places of the known containers.
 
     Returns:
         The points, the nearest first; shape (points, 2).
@@ -53,67 +53,67 @@ def strange_points(body: Body, sides: Sequence[Side], known_m: Sequence[Point]) 
 
 
 def moving_points(body: Body, known_m: Sequence[Point]) -> Floats:
-    """Return the same all around, without what stands where containers are kept, though nobody has seen it yet."""
+    """Return the same for all lasers, without points at places for containers, where an unknown one may be."""
     return strange_points(body, tuple(Side), (*known_m, *PLACES_M))
 
 
 def gap_m(points: Floats) -> float:
-    """Return how far the nearest point is from the robot, and what it carries; infinite if there is none."""
+    """Return the distance of the nearest point from the robot and its load; infinite without points."""
     ahead_m = np.maximum(np.maximum(points[:, 0] - BODY_FRONT_M, FORK_TIP_M - points[:, 0]), 0.0)
     aside_m = np.maximum(np.abs(points[:, 1]) - BODY_WIDTH_M / 2, 0.0)
     return float(np.hypot(ahead_m, aside_m).min(initial=inf))
 
 
 def obstacles(body: Body, known_m: Sequence[Point]) -> tuple[Disc, ...]:
-    """Return what stands before the robot that neither the map nor the graph knows.
+    """Return the obstacles in front of the robot that neither the map nor the graph contains.
 
     Args:
-        body: whose lasers are asked, those in front.
-        known_m: where containers are known to stand.
+        body: the body with the lasers, of which the front ones are used.
+        known_m: the places of the known containers.
     """
     robot = body.believed()
-    found: list[Point] = []
+    centres_m: list[Point] = []
     for point in strange_points(body, FRONT, known_m).tolist():
         x_m, y_m = robot.out(*point)
-        if all(hypot(x_m - x, y_m - y) > OBSTACLE_M for x, y in found):
-            found.append((x_m, y_m))
-    return tuple(Disc(point, OBSTACLE_M) for point in found)
+        if all(hypot(x_m - x, y_m - y) > OBSTACLE_M for x, y in centres_m):
+            centres_m.append((x_m, y_m))
+    return tuple(Disc(point, OBSTACLE_M) for point in centres_m)
 
 
 def people_m(snapshot: Snapshot) -> list[Point]:
-    """Return where people are known to be."""
+    """Return the places of the known people."""
     nodes = (node.name for node in snapshot.nodes("person") if snapshot.parent(node.name) == "world")
     return [stand_of(snapshot.transform("world", name).pose).point_m for name in nodes]
 
 
 def away(body: Body, known_m: Sequence[Point], longest_m: float) -> tuple[Way, float]:
-    """Return the way, straight on or straight back, that leads farther from what is near, and how far it is free.
+    """Return the direction, straight on or straight back, that leads farther from near obstacles, and its free length.
 
     Args:
-        body: whose lasers are asked.
-        known_m: where people are known to be: beside the fork no laser sees them.
-        longest_m: at most so far.
+        body: the body with the lasers.
+        known_m: the places of the known people, because no laser sees them beside the fork.
+        longest_m: the largest length to return.
     """
     points = np.concatenate([*(body.scan(side).points_m() for side in Side), _rims(body, known_m)])
-    found: dict[Way, tuple[float, float]] = {}
+    steps: dict[Way, tuple[float, float]] = {}
     for way in (Way.BACKWARD, Way.FORWARD):
         length_m = min(room_m(body, known_m, way), longest_m)
         there_m = length_m if way is Way.FORWARD else -length_m
         nearest_m = float(np.hypot(points[:, 0] - there_m, points[:, 1]).min(initial=inf))
-        found[way] = (nearest_m if length_m > 0.0 else 0.0, length_m)
-    way = max(found, key=lambda each: found[each])
-    return way, found[way][1]
+        steps[way] = (nearest_m if length_m > 0.0 else 0.0, length_m)
+    way = max(steps, key=lambda candidate: steps[candidate])
+    return way, steps[way][1]
 
 
 def room_m(body: Body, known_m: Sequence[Point], way: Way) -> float:
-    """Return how far the robot may go straight on, or straight back, so that something is left free; 0 at least.
+    """Return how far the robot may go straight on, or straight back, and still keep a distance; at least 0.
 
-    Who stands beside its fork is in the way of its body when it goes back.
+    A person beside the fork is in the way of the body when the robot goes back.
 
     Args:
-        body: whose lasers are asked.
-        known_m: where people are known to be.
-        way: which of them.
+        body: the body with the lasers.
+        known_m: the places of the known people.
+        way: the direction.
     """
     sides = FRONT if way is Way.FORWARD else tuple(Side)
     points = np.concatenate([*(body.scan(side).points_m() for side in sides), _rims(body, known_m)])
@@ -126,11 +126,11 @@ def room_m(body: Body, known_m: Sequence[Point], way: Way) -> float:
 
 
 def _rims(body: Body, known_m: Sequence[Point]) -> Floats:
-    """Return points round the bodies of people, in the robot's frame; shape (points, 2)."""
+    """Return points around the bodies of people, in the robot's frame; shape (points, 2)."""
     robot = body.believed()
-    found: Floats = np.array([
+    points: Floats = np.array([
         (x_m + PERSON_M * cos(turn), y_m + PERSON_M * sin(turn))
         for x_m, y_m in (robot.seen_from_here(point) for point in known_m)
         for turn in np.linspace(0.0, 2 * pi, RIM, endpoint=False)
     ]).reshape(-1, 2)  # fmt: skip
-    return found
+    return points

@@ -1,4 +1,4 @@
-"""Turning by 180 degrees on the spot, so that the fork comes to where the front was (P2, section 3.2)."""
+"""Turning by 180 degrees on the spot, so that the fork is where the front was (P2, section 3.2)."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ _RESULTS = {Outcome.DONE: "turned", Outcome.BLOCKED: "blocked", Outcome.BUMPED: 
 
 
 TRIES = 3
-"""How often it tries before it says that there is no room; each try waits as long as the motion layer does."""
+"""Number of tries before the result is `blocked`. In a try the motion layer waits for free room."""
 
 
 class Turning:
-    """Turns the robot round."""
+    """Turns the robot by 180 degrees."""
 
     def __init__(self, knowledge: Knowledge, body: Body, _: Clock) -> None:
-        """Wait until somebody wants it."""
+        """Wait for requests."""
         self._body = body
         self._goal_rad, self._tries = 0.0, 0
         self._halt: Stop | None = None
@@ -41,7 +41,7 @@ class Turning:
             self._halt()
 
     def _done(self, outcome: Outcome) -> None:
-        """Try again where somebody stood in the way: as far as is left, or back by the other side."""
+        """Try again after a blocked turn: the remaining angle, or the shorter way to the goal by the other side."""
         if outcome is Outcome.BLOCKED and self._tries < TRIES:
             self._turn(wrapped(self._goal_rad - self._body.believed().heading_rad))
         elif outcome in _RESULTS:

@@ -1,7 +1,7 @@
 """The check of a container's wheels by the laser at the tip of the fork (P2, sections 3.2 and 5.1).
 
-A wheel is a short run of points; two wheels stand as far apart as those of one side of a container. The container
-stands behind the middle of the two, and faces the robot.
+A wheel is a short run of points. Two wheels form a pair if their distance is that of one side of a container. The
+container is behind the middle of the pair, and faces the robot.
 """
 
 from __future__ import annotations
@@ -23,34 +23,34 @@ PERIOD_S = 0.2
 SCANS = 5
 FOUND_IN = 3
 GAP_M = 0.12
-"""Points of two rays beside each other that are farther apart belong to two things."""
+"""Points of two neighbouring rays that are farther apart belong to two objects."""
 
 WIDEST_M = 0.16
-"""A wheel is no wider, noise included."""
+"""Largest width of a wheel, noise included."""
 
 FARTHEST_M = 2.5
 ASIDE_M = 0.6
 APART_WITHIN_M = 0.06
 SAME_M = 0.8
-"""A container is not farther than this from where the camera has seen it."""
+"""Largest distance of a container from the place where the camera saw it."""
 
 
 class WheelCheck:
-    """Says exactly where the container behind the robot stands."""
+    """Measures the exact pose of the container behind the robot."""
 
     def __init__(self, knowledge: Knowledge, body: Body, clock: Clock) -> None:
-        """Wait until somebody wants a check."""
+        """Wait for requests."""
         self._knowledge = knowledge
         self._handle = knowledge.as_agent("wheel_check")
         self._body = body
         self._clock = clock
-        self._found: list[Pose2D] = []
+        self._measured: list[Pose2D] = []
         self._scans = 0
         self._rounds: Rounds | None = None
         self._task = Executor(knowledge, self._handle, "checking", self._begin, self._end)
 
     def _begin(self, _: Snapshot) -> None:
-        self._found, self._scans = [], 0
+        self._measured, self._scans = [], 0
         self._rounds = Rounds(self._clock, PERIOD_S, self._look)
 
     def _end(self) -> None:
@@ -59,36 +59,36 @@ class WheelCheck:
 
     def _look(self) -> None:
         self._scans += 1
-        stand = container_behind(self._body.scan(Side.BACK))
-        if stand is not None:
-            self._found.append(stand)
+        pose = container_behind(self._body.scan(Side.BACK))
+        if pose is not None:
+            self._measured.append(pose)
         if self._scans == SCANS:
             self._end()
-            self._task.finish("found" if self._tell() else "lost")
+            self._task.finish("found" if self._write_pose() else "lost")
 
-    def _tell(self) -> bool:
-        """Write where the container stands, and return whether there is one."""
-        if len(self._found) < FOUND_IN:
+    def _write_pose(self) -> bool:
+        """Write the pose of the container, and return whether one was measured."""
+        if len(self._measured) < FOUND_IN:
             return False
-        x_m, y_m = (median(getattr(each, axis) for each in self._found) for axis in ("x_m", "y_m"))
+        x_m, y_m = (median(getattr(pose, axis) for pose in self._measured) for axis in ("x_m", "y_m"))
         robot = self._body.believed()
-        heading_rad = wrapped(robot.heading_rad + median(each.heading_rad for each in self._found))
-        stand = Pose2D(*robot.out(x_m, y_m), heading_rad)
+        heading_rad = wrapped(robot.heading_rad + median(pose.heading_rad for pose in self._measured))
+        measured = Pose2D(*robot.out(x_m, y_m), heading_rad)
         snapshot = self._knowledge.snapshot()
         known = {
-            node.name: stand_of(snapshot.transform("world", node.name).pose).distance_m(stand)
+            node.name: stand_of(snapshot.transform("world", node.name).pose).distance_m(measured)
             for node in snapshot.nodes("roll_container")
             if snapshot.parent(node.name) == "world"
         }
-        name = min(known, key=lambda each: (known[each], each), default=None)
+        name = min(known, key=lambda known_name: (known[known_name], known_name), default=None)
         if name is None or known[name] > SAME_M:
             return False
-        self._handle.place("world", "container_pose", name, pose_of(stand))
+        self._handle.place("world", "container_pose", name, pose_of(measured))
         return True
 
 
 def container_behind(scan: Scan) -> Pose2D | None:
-    """Return where a container stands in the robot's frame, from two of its wheels; None if none are seen."""
+    """Return the pose of a container in the robot's frame, from two of its wheels; None if they are not seen."""
     wheels = [wheel for run in _runs(scan) for wheel in _wheel(scan, run)]
     pairs = [
         (one, other)
@@ -118,7 +118,7 @@ def _runs(scan: Scan) -> list[list[Point]]:
 
 
 def _wheel(scan: Scan, run: Sequence[Point]) -> Sequence[Point]:
-    """Return the middle of the wheel that a run of points shows, if it can be one."""
+    """Return the middle of the wheel in a run of points, or () if it cannot be a wheel."""
     x_m, y_m = (sum(point[axis] for point in run) / len(run) for axis in (0, 1))
     eye = scan.mount
     distance_m = hypot(x_m - eye.x_m, y_m - eye.y_m)

@@ -1,4 +1,4 @@
-"""How agents work: again and again, or whenever a task is theirs to execute (P2, section 3.2)."""
+"""The two ways in which agents work: periodically, or on request of a task (P2, section 3.2)."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from codra_dsl.runtime.knowledge import AgentHandle, ConflictError, Knowledge, R
 
 
 class Rounds:
-    """Calls back at the instants of a grid, until it is stopped."""
+    """Calls a callback periodically until it is stopped."""
 
     def __init__(self, clock: Clock, period_s: float, callback: Callable[[], None]) -> None:
-        """Begin with a round now."""
+        """Begin with a call now."""
         self._clock = clock
         self._period_s = period_s
         self._callback = callback
@@ -21,7 +21,7 @@ class Rounds:
         self._timer: Timer | None = clock.call_at(self._begun_s, self._round)
 
     def stop(self) -> None:
-        """Call back no more."""
+        """Stop the calls."""
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
@@ -46,11 +46,11 @@ class Executor:
         """Wait for requests.
 
         Args:
-            knowledge: where they are.
-            handle: of the agent that executes the task.
-            task: its name.
-            begin: called when a request was acknowledged, with the graph as it was then.
-            stop: called when the request under way was aborted, by its requester or by a deadline.
+            knowledge: the graph with the requests.
+            handle: the handle of the agent that executes the task.
+            task: the name of the task.
+            begin: called when a request was acknowledged, with a snapshot of the graph.
+            stop: called when the current request was aborted, by its requester or by a deadline.
         """
         self._knowledge = knowledge
         self._handle = handle
@@ -65,13 +65,13 @@ class Executor:
         )
 
     def finish(self, result: str) -> None:
-        """End the request under way with a result; harmless if it has ended otherwise."""
+        """End the current request with a result. If it has already ended, do nothing."""
         request, self._request = self._request, None
         if request is not None:
             try:
                 self._handle.finish(request, result)
             except ConflictError:
-                return  # its deadline has passed in this very instant
+                return  # its deadline passed at the same instant
 
     def _look(self) -> None:
         handover = self._knowledge.snapshot().handover(self._task)
@@ -83,6 +83,6 @@ class Executor:
             try:
                 self._handle.acknowledge(handover.request)
             except ConflictError:
-                return  # it was taken back in this very instant
+                return  # it was taken back at the same instant
             self._request = handover.request
             self._begin(self._knowledge.snapshot())

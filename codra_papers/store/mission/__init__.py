@@ -1,1 +1,1 @@
-"""What the store's robot does with orders: the leaves of its behaviour trees, and orders served one by one."""
+"""The robot's handling of orders: the leaves of its behaviour trees, and a mission that serves orders one by one."""

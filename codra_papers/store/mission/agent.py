@@ -1,4 +1,4 @@
-"""The agent `mission`: which order the robot serves, and what the leaves of its tree do (P2, section 5.2, Figure 7)."""
+"""The agent `mission`: it chooses the order to serve, and has the leaves of its tree (P2, section 5.2, Figure 7)."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from codra_papers.store.layout import DELIVERY
 from codra_papers.store.mission.move_to import MoveTo
 
 _NOTICES = {"mission aborted": "mission_aborted"}
-"""What the base is told by messages that it must know of."""
+"""The notices to the base by message."""
 
 
 class Mission:
-    """Takes orders in the turn in which they came, and closes them.
+    """Takes orders in the order of arrival, and closes them.
 
-    An order stays open until its container was set down, until there turned out to be none, until it has failed too
-    often, or until who ordered takes it back. One that a course has left behind is set aside, and waits again, behind
-    those that were left less often, once the robot was back at the start.
-    It tells in the graph whether there is an order to serve now, so that the loops know that there is something to do.
+    An order stays open until its container was set down, until no container was found, until it has failed too often,
+    or until the picker takes it back. An order that a course has left is set aside. Once the robot was back at the
+    start, it waits again, behind the orders that were left less often. The agent records in the graph whether an order
+    can be served now, so that the loops know whether the robot has work.
     """
 
     def __init__(self, knowledge: Knowledge) -> None:
-        """Take the agent `mission`; no order is taken yet."""
+        """Take the agent `mission`, without an order."""
         self._knowledge = knowledge
         self._handle = knowledge.as_agent("mission")
         self._taken = ""
@@ -39,10 +39,10 @@ class Mission:
         )
 
     def leaves(self) -> Robot:
-        """Return what the leaves of `trees/mission.xml` do."""
+        """Return the functions of the leaves of `trees/mission.xml`."""
         robot = Robot()
         knowledge, handle = self._knowledge, self._handle
-        told: dict[str, Callable[[Ports], bool | Result]] = {
+        leaves: dict[str, Callable[[Ports], bool | Result]] = {
             "TakeOrder": self._take,
             "SetOrderAside": lambda _: self._set_aside(),
             "GiveOrderUp": self._give_up,
@@ -53,7 +53,7 @@ class Mission:
             "IsLoaded": lambda _: self._is_loaded(),
             "Inform": self._inform,
         }
-        for name, leaf in told.items():
+        for name, leaf in leaves.items():
             robot.does(name, leaf)
         robot.can("MoveTo", lambda: MoveTo(handle, knowledge))
         robot.can("PickUp", lambda: Task("fetching", handle, knowledge, succeeds_with=("fetched",)))
@@ -65,15 +65,15 @@ class Mission:
             name = match.node("order")
             self._knowledge.follow(name, "cancelled", partial(self._cancelled, name))
         if change.new:
-            self._tell()
+            self._record_open_order()
 
     def _cancelled(self, name: str, reading: Reading[bool]) -> None:
-        """Close an order that is taken back, whether it is being served or not."""
+        """Close an order that is taken back, also while it is served."""
         if reading.known and reading.value and name in self._open():
             self._close(name, "cancelled")
 
-    def _tell(self) -> None:
-        """Tell whether there is an order to serve; while something must be put down first there is none but that."""
+    def _record_open_order(self) -> None:
+        """Record whether an order can be served. While the fork is loaded, only the taken order counts."""
         is_waiting = not self._is_loaded() and bool(self._waiting())
         self._handle.set("robot", "order_open", bool(self._taken) or is_waiting)
 
@@ -88,11 +88,11 @@ class Mission:
         return [name for name, state in states if not state.known or state.value == "open"]
 
     def _waiting(self) -> list[str]:
-        """Return the open orders that are not set aside: those left least often first, of these the oldest."""
+        """Return the open orders that are not set aside, sorted by how often they were left, then by age."""
         return sorted((name for name in self._open() if name not in self._aside), key=lambda name: self._left[name])
 
     def _take(self, ports: Ports) -> Result:
-        """Go on with the order that is taken, or take the oldest; wait while there is none."""
+        """Continue the taken order, or take the first waiting one. Wait while no order is waiting."""
         if not self._taken:
             waiting = self._waiting()
             if not waiting:
@@ -106,20 +106,20 @@ class Mission:
         return Result.SUCCESS
 
     def _area(self, edge: str) -> str:
-        return next(each.target for each in self._knowledge.snapshot().edges(edge, origin=self._taken))
+        return next(match.target for match in self._knowledge.snapshot().edges(edge, origin=self._taken))
 
     def _set_aside(self) -> bool:
-        """Leave the order for later; fail if none is taken, or if its container is on the fork already."""
+        """Set the order aside. Fail if no order is taken, or if its container is already on the fork."""
         if not self._taken or self._is_loaded():
             return False
         self._aside.add(self._taken)
         self._left[self._taken] += 1
         self._taken = ""
-        self._tell()
+        self._record_open_order()
         return True
 
     def _give_up(self, ports: Ports) -> bool:
-        """Close an order that has failed so often that others need not wait for it again; else fail."""
+        """Close an order that has failed too often, so that others need not wait for it; else fail."""
         if not self._taken or self._is_loaded():
             return False
         self._failed[self._taken] += 1
@@ -129,29 +129,29 @@ class Mission:
         return True
 
     def _resume(self) -> bool:
-        """Let orders that were set aside wait again."""
+        """Let the orders that were set aside wait again."""
         if self._aside:
             self._aside.clear()
-            self._tell()
+            self._record_open_order()
         return True
 
     def _complete(self, ports: Ports) -> bool:
-        """Close the order when its container was set down: it is done if that is where it was to go."""
+        """Close the order when its container was set down. It is done if that is its target."""
         if self._taken:
             is_there = ports.text("at") == f"{self._area('to_area')}_delivery"
             self._close(self._taken, "done" if is_there else "aborted")
-        self._tell()
+        self._record_open_order()
         return True
 
     def _redirect(self) -> bool:
-        """Abort an order whose container cannot be set down where it was to go; fail if it was to go where all may."""
+        """Abort an order whose container cannot be set down at its target. Fail for the general delivery."""
         if not self._taken or self._area("to_area") == DELIVERY.name:
             return False
         self._close(self._taken, "aborted")
         return True
 
     def _close_as(self, ports: Ports) -> bool:
-        """Close the order otherwise; fail if none is taken."""
+        """Close the order with the outcome of the port. Fail if no order is taken."""
         if not self._taken:
             return False
         self._close(self._taken, ports.text("outcome"))
@@ -162,12 +162,12 @@ class Mission:
         self._aside.discard(name)
         if name == self._taken:
             self._taken = ""
-        self._tell()
+        self._record_open_order()
 
     def _inform(self, ports: Ports) -> bool:
-        """Tell the base; what it was told of the reason before stands."""
+        """Set the notice to the base, unless it already has one with the reason."""
         notice = _NOTICES.get(ports.text("message"))
-        told = self._knowledge.get("base", "base_notice")
-        if notice is not None and not (told.known and told.value != "none"):
+        current = self._knowledge.get("base", "base_notice")
+        if notice is not None and not (current.known and current.value != "none"):
             self._handle.set("base", "base_notice", notice)
         return True

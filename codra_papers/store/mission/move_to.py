@@ -1,4 +1,4 @@
-"""The leaf `MoveTo`: one or more goals of the task `navigating`, one after the other."""
+"""The leaf `MoveTo`: one or more goals for the task `navigating`, in sequence."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from codra_papers.store.knowledge import pose_of, stand_of
 
 THERE_M = 0.3
 THERE_RAD = 0.2
-"""Who stands so near to a named pose is there: the robot's own idea of where it stands is some centimetres off."""
+"""The robot is at a named pose within these limits, because its localisation is some centimetres off."""
 
 _DELIVERY = "_delivery"
 _APPROACH = "_approach"
@@ -21,17 +21,17 @@ _APPROACH = "_approach"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Goal:
-    """Where to drive, and how."""
+    """A goal, and the direction of driving."""
 
-    stand: Pose2D
+    pose: Pose2D
     way: Way = Way.FORWARD
 
 
 class MoveTo(Action):
-    """Drives to what the port `pose` says: a `Goal`, or the name of a pose in the graph.
+    """Drives to the value of the port `pose`: a `Goal`, or the name of a pose in the graph.
 
-    A delivery pose lies in a recess, its container behind the robot: so it is backed up to from its approach.
-    A named pose at which the robot stands is reached without driving.
+    A delivery pose lies in a recess, with the container behind the robot. So the robot backs up to it from its approach
+    pose. If the robot is already at a named pose, it does not drive.
     """
 
     def __init__(self, agent: AgentHandle, knowledge: Knowledge) -> None:
@@ -43,12 +43,12 @@ class MoveTo(Action):
         self._is_asked = False
 
     def start(self, ports: Ports) -> Result:
-        """Drive to the first goal, as soon as nobody else drives."""
+        """Drive to the first goal, as soon as no other request for `navigating` is open."""
         self._ahead, self._is_asked = list(self._goals(ports.value("pose"))), False
         return self.go_on(ports)
 
     def go_on(self, ports: Ports) -> Result:
-        """Go on to the next goal when one is reached."""
+        """Drive to the next goal when one is reached."""
         if self._is_asked:
             result = self._task.go_on(ports)
             if result is not Result.SUCCESS:
@@ -68,7 +68,7 @@ class MoveTo(Action):
 
     def _ask(self, goal: Goal, ports: Ports) -> None:
         with self._agent.transaction() as change:
-            change.place("world", "goal_pose", "goal", pose_of(goal.stand))
+            change.place("world", "goal_pose", "goal", pose_of(goal.pose))
             change.set("goal", "goal_way", goal.way)
         self._is_asked = True
         self._task.start(ports)
@@ -77,18 +77,18 @@ class MoveTo(Action):
         if isinstance(pose, Goal):
             return (pose,)
         name = str(pose)
-        last = Goal(stand=self._named(name))
+        last = Goal(pose=self._named(name))
         if name.endswith(_DELIVERY):
             approach = self._named(name.removesuffix(_DELIVERY) + _APPROACH)
-            return Goal(stand=approach), Goal(stand=last.stand, way=Way.BACKWARD)
-        return () if self._is_at(last.stand) else (last,)
+            return Goal(pose=approach), Goal(pose=last.pose, way=Way.BACKWARD)
+        return () if self._is_at(last.pose) else (last,)
 
     def _named(self, name: str) -> Pose2D:
         return stand_of(self._knowledge.transform("world", name).pose)
 
-    def _is_at(self, stand: Pose2D) -> bool:
+    def _is_at(self, pose: Pose2D) -> bool:
         try:
             robot = stand_of(self._knowledge.transform("world", "robot").pose)
-        except FrameError:  # nobody has said yet where it is
+        except FrameError:  # the robot has no pose yet
             return False
-        return robot.distance_m(stand) < THERE_M and abs(wrapped(robot.heading_rad - stand.heading_rad)) < THERE_RAD
+        return robot.distance_m(pose) < THERE_M and abs(wrapped(robot.heading_rad - pose.heading_rad)) < THERE_RAD

@@ -1,7 +1,7 @@
-"""Orders served by the book: one after the other, each to its end, whatever happens meanwhile.
+"""Orders served strictly one after the other, without a reaction to other events.
 
-This is P2's nominal course (section 5.1: pick up, deliver, back to the start) without its loops: nothing aborts it but
-a deadline of a task.
+This is P2's nominal course (section 5.1: pick up, deliver, back to the start) without its loops. Only a deadline of a
+task aborts it.
 """
 
 from __future__ import annotations
@@ -16,17 +16,17 @@ from codra_papers.store.mission.trip import AbortedError, Trip, TripError
 
 
 class OrdersByTheBook:
-    """The agent `mission`: it takes up the orders in the graph in the order in which they came."""
+    """The agent `mission`: it serves the orders in the graph in the order of arrival."""
 
     def __init__(self, knowledge: Knowledge, clock: Clock) -> None:
-        """Take the agents `mission` and `picking`; nothing is served yet."""
+        """Take the agents `mission` and `picking`. `serve` starts the work."""
         self._knowledge = knowledge
         self._clock = clock
         self._handle = knowledge.as_agent("mission")
         self._trip = Trip(knowledge, clock)
 
     def serve(self) -> None:
-        """Serve orders for ever: what ends it is the clock."""
+        """Serve orders until the clock ends the run."""
         while True:
             self._clock.wait_until(lambda: self._next() is not None, inf)
             while (order := self._next()) is not None:
@@ -56,7 +56,7 @@ class OrdersByTheBook:
         return "done"
 
     def _put_down(self) -> None:
-        """Bring what is still on the fork to the general delivery pose, as P2 does when a mission ends early."""
+        """Bring a container on the fork to the general delivery pose, as in P2 when a mission ends early."""
         loaded = self._knowledge.get("robot", "loaded")
         if loaded.known and loaded.value:
             self._try_to(lambda: self._trip.deliver(DELIVERY.name))

@@ -1,6 +1,6 @@
 """The agent `picking`: it fetches a container while the mission asks for one (P2, sections 3.2 and 5.2).
 
-It and the mission know of each other by the task `fetching` only.
+It communicates with the mission only by the task `fetching`.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ _NOTICES = {"no roll container found": "container_not_found", "pose not determin
 
 
 class Picking:
-    """Answers requests for containers."""
+    """Executes requests for containers."""
 
     def __init__(self, knowledge: Knowledge) -> None:
-        """Take the agent `picking`; nothing is asked of it yet."""
+        """Take the agent `picking`, without a request."""
         self._knowledge = knowledge
         self._handle = knowledge.as_agent("picking")
         self._request: Request | None = None
@@ -32,7 +32,7 @@ class Picking:
         self._handle.set("robot", "picking_up", False)
 
     def leaves(self) -> Robot:
-        """Return what the leaves of `trees/pick_up.xml` do."""
+        """Return the functions of the leaves of `trees/pick_up.xml`."""
         robot = Robot()
         knowledge, handle = self._knowledge, self._handle
         robot.does("IsRequested", self._is_requested)
@@ -49,7 +49,7 @@ class Picking:
         return Task(name, self._handle, self._knowledge, succeeds_with=(success,))
 
     def _is_requested(self, ports: Ports) -> bool:
-        """Return whether a request is under way, and take up a new one."""
+        """Accept a new request, and return whether a request is active."""
         handover = self._knowledge.snapshot().handover("fetching")
         if handover.stage is Stage.WANTS:
             self._take_up(handover.request)
@@ -63,17 +63,17 @@ class Picking:
     def _take_up(self, request: Request) -> None:
         try:
             self._handle.acknowledge(request)
-        except ConflictError:  # it was taken back in this very instant
+        except ConflictError:  # it was taken back at the same instant
             return
         self._request = request
         self._area = self._nearest_area()
         self._handle.set("robot", "picking_up", True)
 
     def _report(self, ports: Ports) -> bool:
-        """Answer the request; what was answered before stands."""
+        """Finish the request with the result of the port, unless it has already ended."""
         request = self._request
         if request is not None:
-            with suppress(ConflictError):  # it has ended otherwise
+            with suppress(ConflictError):  # it has already ended
                 self._handle.finish(request, ports.text("result"))
             self._end()
         return True
@@ -90,35 +90,35 @@ class Picking:
 
     def _seen(self, ports: Ports) -> None:
         before = approach_to(self._container())
-        ports.set("container_pose", Goal(stand=before.turned(pi)))
-        ports.set("fork_towards", Goal(stand=before))
+        ports.set("container_pose", Goal(pose=before.turned(pi)))
+        ports.set("fork_towards", Goal(pose=before))
 
     def _measured(self, ports: Ports) -> None:
-        ports.set("fork_pose", Goal(stand=robot_at(self._container()), way=Way.BACKWARD))
+        ports.set("fork_pose", Goal(pose=robot_at(self._container()), way=Way.BACKWARD))
 
     def _second_pose(self) -> str:
-        """Return the last pose from which to look; areas that are seen as a whole have one."""
+        """Return the last observation pose. Areas without hidden places have only one."""
         return f"{self._area}_pose_{len(AREAS[self._area].observation)}"
 
     def _nearest_area(self) -> str:
-        """Return the area at whose first observation pose the robot stands."""
+        """Return the area whose first observation pose is nearest to the robot."""
         robot = stand_of(self._knowledge.transform("world", "robot").pose)
         return min(AREAS, key=lambda name: (robot.distance_m(AREAS[name].observation[0]), name))
 
     def _container(self) -> Pose2D:
-        """Return where the known container stands that is nearest to where one is delivered in the area."""
+        """Return the pose of the known container that is nearest to the delivery pose of the area."""
         snapshot = self._knowledge.snapshot()
         middle = AREAS[self._area].delivery
-        stands = [
+        poses = [
             stand_of(snapshot.transform("world", node.name).pose)
             for node in snapshot.nodes("roll_container")
             if snapshot.parent(node.name) == "world"
         ]
-        return min(stands, key=lambda stand: (stand.distance_m(middle), stand.x_m, stand.y_m))
+        return min(poses, key=lambda pose: (pose.distance_m(middle), pose.x_m, pose.y_m))
 
 
 class _Then(Action):
-    """A task, and what is done when it has succeeded."""
+    """A task with a function that is called after its success."""
 
     def __init__(self, task: Task, then: Callable[[Ports], None]) -> None:
         self._task = task

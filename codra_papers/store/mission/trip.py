@@ -1,6 +1,6 @@
-"""A trip by the book: P2's pick-up and delivery, step by step, as one blocking program (P2, section 3.2 and Figure 2).
+"""A nominal trip: P2's pick-up and delivery, step by step, as one blocking program (P2, section 3.2 and Figure 2).
 
-It knows no other course: whoever wants another aborts it. It asks for everything through the knowledge graph.
+It has only this course. To take another course, abort it. All its requests go through the knowledge graph.
 """
 
 from __future__ import annotations
@@ -15,22 +15,22 @@ from codra_papers.store.knowledge import pose_of, stand_of
 from codra_papers.store.layout import AREAS, approach_to, robot_at
 
 LONGEST_S = 600.0
-"""No task takes longer: its deadlines end it before."""
+"""Longest wait for a task. The deadlines of tasks end them earlier."""
 
 
 class TripError(RuntimeError):
-    """A step of a trip came out otherwise than it should."""
+    """A step of a trip had an unexpected result."""
 
 
 class AbortedError(RuntimeError):
-    """A trip was aborted, by its own side or by a deadline."""
+    """A trip was aborted, by `Trip.abort` or by a deadline."""
 
 
 class Trip:
     """Drives, looks, fetches and delivers as the agent `picking`."""
 
     def __init__(self, knowledge: Knowledge, clock: Clock) -> None:
-        """Take the agent `picking`; the trip begins with its first call."""
+        """Take the agent `picking`. The trip begins with the first call."""
         self._knowledge = knowledge
         self._clock = clock
         self._handle = knowledge.as_agent("picking")
@@ -38,24 +38,24 @@ class Trip:
         self._is_aborted = False
 
     def close(self) -> None:
-        """Give the agent back."""
+        """Release the agent."""
         self._handle.close()
 
     def abort(self) -> None:
-        """Abort the task under way, and with it the trip. May be called from events."""
+        """Abort the current task, and with it the trip. Events may call this."""
         self._is_aborted = True
         request = self._request
         if request is not None and self._knowledge.snapshot().handover(request.task).is_open:
             self._handle.abort(request)
 
     def pick_up(self, area: str) -> bool:
-        """Fetch a container from an area; return whether one was found.
+        """Fetch a container from an area, and return whether one was found.
 
-        Where none is found from any observation pose, the base is told (P2, section 6).
+        If no observation pose shows a container, the base gets a notice (P2, section 6).
 
         Raises:
-            TripError: if a step fails.
-            AbortedError: if the trip is aborted.
+            TripError: a step fails.
+            AbortedError: the trip is aborted.
         """
         if not self._find(area):
             self._handle.set("base", "base_notice", "container_not_found")
@@ -73,23 +73,23 @@ class Trip:
         """Set down the container at an area.
 
         Raises:
-            TripError: if a step fails.
-            AbortedError: if the trip is aborted.
+            TripError: a step fails.
+            AbortedError: the trip is aborted.
         """
         self.go(self._named(f"{area}_approach"))
         self.go(self._named(f"{area}_delivery"), Way.BACKWARD)
         self._must("lowering", "lowered")
 
     def go_to(self, name: str) -> None:
-        """Drive to a pose that has a name."""
+        """Drive to a named pose."""
         self.go(self._named(name))
 
     def go(self, goal: Pose2D, way: Way = Way.FORWARD) -> None:
         """Drive to a pose.
 
         Raises:
-            TripError: if the robot does not arrive.
-            AbortedError: if the trip is aborted.
+            TripError: the robot does not arrive.
+            AbortedError: the trip is aborted.
         """
         with self._handle.transaction() as change:
             change.place("world", "goal_pose", "goal", pose_of(goal))
@@ -106,7 +106,7 @@ class Trip:
     def _must(self, task: str, wanted: str) -> None:
         result = self._do(task)
         if result != wanted:
-            raise TripError(f"{task} came out as {result!r} instead of {wanted!r}")
+            raise TripError(f"the result of {task} is {result!r} instead of {wanted!r}")
 
     def _do(self, task: str) -> str:
         if self._is_aborted:
@@ -123,14 +123,14 @@ class Trip:
         return stand_of(self._knowledge.transform("world", name).pose)
 
     def _container(self, area: str) -> Pose2D:
-        """Return where the known container that is nearest to an area stands."""
+        """Return the pose of the known container that is nearest to an area."""
         snapshot: Snapshot = self._knowledge.snapshot()
         middle = self._named(f"{area}_delivery")
-        stands = [
+        poses = [
             stand_of(snapshot.transform("world", node.name).pose)
             for node in snapshot.nodes("roll_container")
             if snapshot.parent(node.name) == "world"
         ]
-        if not stands:
+        if not poses:
             raise TripError(f"no container is known near {area}")
-        return min(stands, key=lambda stand: (stand.distance_m(middle), stand.x_m, stand.y_m))
+        return min(poses, key=lambda pose: (pose.distance_m(middle), pose.x_m, pose.y_m))

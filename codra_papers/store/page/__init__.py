@@ -1,5 +1,5 @@
-"""The picker's page (P2's PickerWebInterface): orders go from browsers into the graph, and the graph is shown in them.
+"""The picker's page (P2's PickerWebInterface): browsers write orders into the graph, and show the graph.
 
-It is served on this machine only. All that it writes, it writes as the agent `picker_page`, in the thread of the
-simulation; all that it shows is in the knowledge graph, never the world's truth.
+The page is served on this computer only. It writes everything as the agent `picker_page`, in the thread of the
+simulation. It shows only values of the knowledge graph, never the world's truth.
 """

@@ -1,4 +1,4 @@
-"""The page's answers: the page itself, what changes on it, and what people ask for."""
+"""The web application: it serves the page and its views, and takes requests of people."""
 
 from __future__ import annotations
 
@@ -26,42 +26,42 @@ from codra_papers.store.simulator.store import PickerPage
 
 AGENT = "picker_page"
 MOST_WAITING_ORDERS = 20
-"""More orders than these are not waiting for the robot at once."""
+"""The largest number of orders that may wait for the robot at once."""
 
 ENDED = ("done", "aborted", "failed", "cancelled")
-"""The states of orders for which nothing will be done any more."""
+"""The final states of orders."""
 
 BODY_S = 5.0
-"""Whoever takes longer to send a request is not waited for."""
+"""The longest time to receive the body of a request."""
 
 DONE_S = 10.0
-"""Whoever asks for something is told within this time, if only that it is not known yet."""
+"""The longest time until a request is answered, if only with an error that the result is unknown."""
 
 
 class TooManyOrdersError(PermissionError):
-    """The robot has enough to do."""
+    """Too many orders are waiting for the robot."""
 
 
 class NoSuchOrderError(LookupError):
-    """There is no such order to take back."""
+    """The order does not exist or has already ended, so it cannot be taken back."""
 
 
 class PageApp:
     """The application.
 
     Attributes:
-        asgi: what a server calls.
+        asgi: the application for an ASGI server.
     """
 
     def __init__(self, knowledge: Knowledge, pickers: PickerPage, feed: Feed, desk: Desk, port: int) -> None:
-        """Take what the page shows and does.
+        """Create the application.
 
         Args:
-            knowledge: what is shown.
+            knowledge: the graph that is shown.
             pickers: the agent that writes.
-            feed: the newest view.
-            desk: by which writes come into the thread of the simulation.
-            port: at which the page is.
+            feed: the source of the newest view.
+            desk: the queue that brings writes to the thread of the simulation.
+            port: the port of the page.
         """
         self._knowledge = knowledge
         self._pickers = pickers
@@ -87,7 +87,7 @@ class PageApp:
         self.asgi: ASGIApp = _WithLifespan(app, Guard(app, port))
 
     def end(self) -> None:
-        """End what streams, so that the server can end; called in its event loop."""
+        """End all streams, so that the server can end. Call it in the server's event loop."""
         self._streams.end()
 
     @asynccontextmanager
@@ -121,7 +121,9 @@ class PageApp:
             snapshot = self._knowledge.snapshot()
             states = (snapshot.get(node.name, "state") for node in snapshot.nodes("order"))
             if sum(not (state.known and state.value in ENDED) for state in states) >= MOST_WAITING_ORDERS:
-                raise TooManyOrdersError(f"{MOST_WAITING_ORDERS} orders are waiting already")
+                raise TooManyOrdersError(
+                    f"{MOST_WAITING_ORDERS} orders are already waiting; order again when one has ended"
+                )
             return self._pickers.order(order.kind, order.area, order.to)
 
         return await self._written(write)
@@ -151,18 +153,20 @@ class PageApp:
         return await self._written(write)
 
     async def _written(self, write: Callable[[], str]) -> Response:
-        """Let something be written in the thread of the simulation, and tell what came of it."""
-        asked: Future[str] = self._desk.ask(write)
+        """Call `write` in the thread of the simulation, and return a response with its result."""
+        writing: Future[str] = self._desk.ask(write)
         try:
             async with asyncio.timeout(DONE_S):
-                written = await asyncio.wrap_future(asked)
+                written = await asyncio.wrap_future(writing)
         except TimeoutError:
-            raise BusyError("the robot's program does not answer; look below whether it was done") from None
+            raise BusyError(
+                "the robot's program does not answer; check below whether the request was executed"
+            ) from None
         return JSONResponse({"written": written, "by": AGENT}, 201)
 
 
 class _WithLifespan:
-    """Lets the application begin and end by itself, and all requests go through its guard."""
+    """Sends lifespan events to the application itself, and all requests to its guard."""
 
     def __init__(self, app: ASGIApp, guarded: ASGIApp) -> None:
         self._app = app
@@ -176,7 +180,7 @@ async def _body(request: Request) -> bytes:
     """Return the body of a request.
 
     Raises:
-        HTTPException: if it is too long, or takes too long.
+        HTTPException: the body is too long, or takes too long.
     """
     body = bytearray()
     try:
@@ -186,14 +190,14 @@ async def _body(request: Request) -> bytes:
                 if len(body) > MOST_BYTES:
                     raise HTTPException(413, f"the body is longer than {MOST_BYTES} bytes", {"connection": "close"})
     except TimeoutError:
-        raise HTTPException(408, "the body took too long", {"connection": "close"}) from None
+        raise HTTPException(408, "the body took too long; send it again", {"connection": "close"}) from None
     except ClientDisconnect:
-        raise HTTPException(400, "the body has no end") from None
+        raise HTTPException(400, "the connection ended before the body was complete") from None
     return bytes(body)
 
 
 async def _failed(_: Request, error: Exception) -> Response:
-    """Tell why something was not done: who may not do what, or what is wrong with the request."""
+    """Return a response with the reason of an error: a missing permission, or an invalid request."""
     match error:
         case HTTPException():
             return JSONResponse({"error": error.detail}, error.status_code, error.headers)

@@ -1,4 +1,8 @@
-"""Where other threads ask for what must be done in the thread of the simulation, in which alone its time passes."""
+"""A queue of calls from other threads to the thread of the simulation.
+
+The simulation runs the calls between two of its events, and browsers wait for that. So simulated time passes in only
+one thread, and a run with a page replays like any other run.
+"""
 
 from __future__ import annotations
 
@@ -11,15 +15,15 @@ from typing import Any, TypeVar
 ResultT = TypeVar("ResultT")
 
 MOST_WAITING = 64
-"""More than so many acts do not wait: who asks is told."""
+"""The largest number of waiting calls. Further calls get an error."""
 
 
 class BusyError(RuntimeError):
-    """Nobody serves the desk any more, or too many are waiting there."""
+    """The desk is closed, or too many calls are waiting."""
 
 
 class Desk:
-    """Acts wait here until the simulation comes by."""
+    """A queue of calls that the simulation runs in `serve`."""
 
     def __init__(self) -> None:
         """Open the desk."""
@@ -28,10 +32,10 @@ class Desk:
         self._is_open = True
 
     def ask(self, act: Callable[[], ResultT]) -> Future[ResultT]:
-        """Let something be done; the future has what came of it, or what it raised. May be called from any thread.
+        """Add a call to the queue. The future gets its result or its exception. Any thread may call this.
 
         Raises:
-            BusyError: if too many are waiting, or nobody comes by any more.
+            BusyError: too many calls are waiting, or the desk is closed.
         """
         future: Future[ResultT] = Future()
         with self._lock:
@@ -40,23 +44,23 @@ class Desk:
             try:
                 self._waiting.put_nowait((future, act))
             except Full:
-                raise BusyError("too many are asking at once; try again") from None
+                raise BusyError("too many requests are waiting; try again") from None
         return future
 
     def serve(self) -> None:
-        """Do what waits. The simulation calls it, in an event."""
+        """Run the waiting calls. The simulation calls this in an event."""
         for _ in range(self._waiting.qsize()):
             future, act = self._waiting.get_nowait()
             if future.set_running_or_notify_cancel():
                 try:
                     result = act()
-                except Exception as error:  # noqa: BLE001 - it belongs to who asked
+                except Exception as error:  # noqa: BLE001 - the caller of `ask` gets it
                     future.set_exception(error)
                 else:
                     future.set_result(result)
 
     def close(self) -> None:
-        """Do nothing more: who waits is told."""
+        """Close the desk: the waiting calls get an error."""
         with self._lock:
             self._is_open = False
         while True:

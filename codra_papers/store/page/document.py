@@ -1,4 +1,4 @@
-"""The page's text: a template, a style and a script that come with the package, and a map drawn from the layout."""
+"""The page's HTML: a template, a style sheet and a script from the package, and a map drawn from the layout."""
 
 from __future__ import annotations
 
@@ -31,18 +31,18 @@ from codra_papers.store.simulator.state import Load
 PACKAGE = "codra_papers.store.page"
 MARGIN_M = 0.3
 LABEL_M = 0.63
-"""So far from the middle of a container's place is a name that stands beside it."""
+"""Distance between the middle of a container's place and a label beside it."""
 
 
 @cache
 def static_text(name: str) -> str:
-    """Return a file of the page that is the same for all."""
+    """Return a static file of the page."""
     return files(PACKAGE).joinpath("files", name).read_text("utf-8")
 
 
 @cache
 def page_html() -> str:
-    """Return the page as it is before anything is known. On the map x is east and -y north, in metres."""
+    """Return the page without any values. On the map x is east and -y north, in metres."""
     environment = Environment(
         loader=PackageLoader(PACKAGE, "files"),
         undefined=StrictUndefined,
@@ -57,7 +57,7 @@ def page_html() -> str:
         box=f"{-MARGIN_M} {-DEPTH_M - MARGIN_M} {LENGTH_M + 2 * MARGIN_M} {DEPTH_M + 2 * MARGIN_M}",
         shelves=[_points(box) for box in FIXED],
         places=[_points(Box(place, CONTAINER_M, CONTAINER_M)) for area in AREAS.values() for place in area.places],
-        stands=[_stand(name, stand) for name, stand in named_stands().items() if "_pose_" in name or "_" not in name],
+        stands=[_pose_mark(name, pose) for name, pose in named_stands().items() if "_pose_" in name or "_" not in name],
         names=[(spoken(area.name), *_at(_label(area))) for area in AREAS.values()],
         body=(BODY_BACK_M, -BODY_WIDTH_M / 2, BODY_FRONT_M - BODY_BACK_M, BODY_WIDTH_M),
         fork=(FORK_TIP_M, -FORK_WIDTH_M / 2, BODY_BACK_M - FORK_TIP_M, FORK_WIDTH_M),
@@ -67,12 +67,12 @@ def page_html() -> str:
 
 
 def spoken(name: str) -> str:
-    """Return a name of the map as people say it."""
+    """Return a name of the map as text for people."""
     return name.replace("_", " ").capitalize()
 
 
 def _label(area: Area) -> Pose2D:
-    """Return where in its recess an area has its name: between the places of containers, or beside the only one."""
+    """Return the position of an area's label: between the places of containers, or beside the only one."""
     first, last = area.places[0], area.places[-1]
     y_m = (first.y_m + last.y_m) / 2 if len(area.places) > 1 else first.y_m + LABEL_M
     return Pose2D(first.x_m + 0.2, y_m)
@@ -86,11 +86,11 @@ def _joined(points: Sequence[tuple[float, float]]) -> str:
     return " ".join(f"{x:.3f},{y:.3f}" for x, y in points)
 
 
-def _at(stand: Pose2D) -> tuple[float, float]:
-    return round(stand.x_m, 3), round(-stand.y_m, 3)
+def _at(pose: Pose2D) -> tuple[float, float]:
+    return round(pose.x_m, 3), round(-pose.y_m, 3)
 
 
-def _stand(name: str, stand: Pose2D) -> tuple[str, float, float, float]:
-    """Return the label, place and angle of a pose that has a name."""
+def _pose_mark(name: str, pose: Pose2D) -> tuple[str, float, float, float]:
+    """Return the label, place and angle of a named pose."""
     label = name.rpartition("_")[2] if "_pose_" in name else spoken(name)
-    return (label, *_at(stand), round(-degrees(stand.heading_rad), 1))
+    return (label, *_at(pose), round(-degrees(pose.heading_rad), 1))

@@ -1,6 +1,7 @@
-"""Views of the graph for all browsers: told by subscriptions, made once, and never kept waiting.
+"""Views of the graph for all browsers, triggered by subscriptions.
 
-However often the graph changes, there is one newest view and no queue: a browser that is slow gets fewer views.
+There is only one newest view, made from a snapshot at most ten times a second, and no queue. So a slow browser gets
+fewer views and delays neither the simulation nor other browsers.
 """
 
 from __future__ import annotations
@@ -15,49 +16,52 @@ from codra_dsl.runtime.values.conditions import value
 from codra_papers.store.page.view import Shown, View, view_of
 
 PERIOD_S = 0.1
-"""Views are not made more often than this; what changes meanwhile is in the next one."""
+"""The shortest time between two views. Changes in between appear in the next view."""
 
 
 class Feed:
     """The newest view, as text.
 
-    It is made by the thread of the simulation, in which subscriptions begin and end, and used in an event loop.
+    The thread of the simulation creates and closes it, because subscriptions begin and end there. An event loop reads
+    it.
     """
 
     def __init__(self, knowledge: Knowledge, shown: tuple[Shown, ...]) -> None:
-        """Subscribe to all that the page shows."""
+        """Subscribe to everything that the page shows."""
         self._knowledge = knowledge
         self._shown = shown
         self._number = 0
         self._text = ""
         self._loop: asyncio.AbstractEventLoop | None = None
-        self._is_told = False
+        self._is_notified = False
         self._dirty = asyncio.Event()
         self._fresh = asyncio.Condition()
         self._subscriptions = ExitStack()
-        for each in shown:
-            self._subscriptions.enter_context(knowledge.follow(each.node, each.name, self._tell))
+        for attribute in shown:
+            self._subscriptions.enter_context(
+                knowledge.follow(attribute.node, attribute.name, self._request_publishing)
+            )
         for pattern in _patterns(knowledge.model):
-            self._subscriptions.enter_context(knowledge.subscribe(self._tell, pattern))
+            self._subscriptions.enter_context(knowledge.subscribe(self._request_publishing, pattern))
         for state in _states(knowledge.model):
             order = path(some("order", called="order"), "of_area", anything())
-            stands = value("order.state") == state
-            self._subscriptions.enter_context(knowledge.subscribe(self._tell, order, stands))
+            is_in_state = value("order.state") == state
+            self._subscriptions.enter_context(knowledge.subscribe(self._request_publishing, order, is_in_state))
 
     def close(self) -> None:
         """End the subscriptions, in the thread in which they began."""
         self._subscriptions.close()
 
     def view(self) -> View:
-        """Return the present."""
+        """Return the current view."""
         return view_of(self._knowledge, self._shown)
 
     async def publish(self) -> None:
-        """Make views of what changes, for ever."""
+        """Publish a new view after changes, until cancelled."""
         self._loop = asyncio.get_running_loop()
         while True:
             self._dirty.clear()
-            self._is_told = False
+            self._is_notified = False
             text = json.dumps(self.view(), allow_nan=False, separators=(",", ":"))
             async with self._fresh:
                 self._number, self._text = self._number + 1, text
@@ -66,15 +70,15 @@ class Feed:
             await self._dirty.wait()
 
     async def after(self, number: int) -> tuple[int, str]:
-        """Wait for a newer view than the one with a number; return its number and its text."""
+        """Wait for a view that is newer than the one with a number, and return its number and its text."""
         async with self._fresh:
             await self._fresh.wait_for(lambda: self._number > number)
             return self._number, self._text
 
-    def _tell(self, _: object) -> None:
+    def _request_publishing(self, _: object) -> None:
         loop = self._loop
-        if not self._is_told and loop is not None and not loop.is_closed():
-            self._is_told = True
+        if not self._is_notified and loop is not None and not loop.is_closed():
+            self._is_notified = True
             _call(loop, self._dirty.set)
 
 
@@ -82,19 +86,23 @@ def _call(loop: asyncio.AbstractEventLoop, act: Callable[[], None]) -> None:
     try:
         loop.call_soon_threadsafe(act)
     except RuntimeError:
-        return  # the loop was closed in this very instant
+        return  # the loop was closed at the same time
 
 
 def _patterns(model: KnowledgeModel) -> list[Path]:
-    """Return what shows that a node or an edge has come or gone, or that a task has gone on."""
+    """Return the patterns that match when nodes or edges appear or disappear, or when a task changes its stage."""
     tasks = [path(task.origin, stage, task.name) for task in model.tasks for stage in Stage]
     starting = {node.name for node in model.nodes}
-    moving = [each for each in model.edge_types if not (each.targets and starting.issuperset(each.targets))]
-    return [*tasks, *(path(anything(), each.name, anything()) for each in moving)]
+    moving = [
+        edge_type
+        for edge_type in model.edge_types
+        if not (edge_type.targets and starting.issuperset(edge_type.targets))
+    ]
+    return [*tasks, *(path(anything(), edge_type.name, anything()) for edge_type in moving)]
 
 
 def _states(model: KnowledgeModel) -> tuple[str, ...]:
-    orders = (each for each in model.node_types if each.name == "order")
+    orders = (node_type for node_type in model.node_types if node_type.name == "order")
     return tuple(
         state
         for order in orders

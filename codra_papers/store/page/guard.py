@@ -1,8 +1,9 @@
-"""What the page answers to strangers: nothing.
+"""The page's protection against requests from other sites.
 
-It has no password, since it is served to this machine only. So a browser must not be made to speak for a page of
-somebody else: the name by which it came must be this machine's (a name that an outsider controls may lead here, which
-is DNS rebinding), and whatever writes must come from the page itself (or else it is cross-site request forgery).
+The page has no password, because it is served to this computer only. So other sites must not be able to order through
+somebody's browser: the host name of a request must be this computer's (against DNS rebinding, where a name controlled
+by an outsider resolves to this computer), and writing requests must come from the page itself (against cross-site
+request forgery).
 """
 
 from __future__ import annotations
@@ -25,27 +26,27 @@ HEADERS: Mapping[str, str] = {
     "cross-origin-resource-policy": "same-origin",
     "cache-control": "no-store",
 }
-"""Of every answer: nothing comes from elsewhere, nobody else may show it, and nothing is kept."""
+"""Headers of every answer: no content from other sites, no embedding in other sites, no caching."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Refused:
-    """Why a request is not looked at."""
+    """The reason why a request is rejected."""
 
     status: int
     error: str
 
 
 class Guard:
-    """Stands before an application."""
+    """Middleware that rejects requests from other sites."""
 
     def __init__(self, app: ASGIApp, port: int) -> None:
-        """Let through what comes to this machine by its own name, on this port."""
+        """Accept only requests to this computer's own name on this port."""
         self._app = app
         self._hosts = frozenset(f"{name}:{port}" for name in ("127.0.0.1", "localhost"))
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer a request, or let the application answer it."""
+        """Reject a request, or pass it to the application."""
         if scope["type"] != "http":
             if scope["type"] == "websocket":
                 await send({"type": "websocket.close"})
@@ -67,11 +68,11 @@ class Guard:
     def _refused(self, method: str, headers: Headers) -> Refused | None:
         hosts = headers.getlist("host")
         if len(hosts) != 1 or hosts[0] not in self._hosts:
-            return Refused(status=421, error=f"this page is at {' and '.join(sorted(self._hosts))} alone")
+            return Refused(status=421, error=f"unknown host; open this page at {' or '.join(sorted(self._hosts))}")
         if method in ("GET", "HEAD"):
             return None
         if headers.getlist("origin") != [f"http://{hosts[0]}"]:
-            return Refused(status=403, error="only the page itself may ask for this")
+            return Refused(status=403, error="only the page itself may send this request")
         if headers.get("content-type", "").partition(";")[0].strip().lower() != "application/json":
-            return Refused(status=415, error="the body is to be application/json")
+            return Refused(status=415, error="the content type must be application/json")
         return None

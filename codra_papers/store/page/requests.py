@@ -1,4 +1,4 @@
-"""What a browser may ask for, read from untrusted bytes."""
+"""Parsing of requests from browsers. The bytes are untrusted."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from codra_papers.store.simulator.state import Load
 TextT = TypeVar("TextT", bound=str)
 
 MOST_BYTES = 1_024
-"""A request is not longer."""
+"""The largest length of a request's body."""
 
 
 class BadRequestError(ValueError):
-    """A request says nothing that the page understands; the message says what it would."""
+    """A request is invalid. The message describes a valid one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Order:
-    """A container is to be brought from one area to another."""
+    """An order to bring a container from one area to another."""
 
     kind: OrderKind
     area: str
@@ -31,55 +31,55 @@ class Order:
 
 
 def read_order(body: bytes) -> Order:
-    """Return the order that a body says.
+    """Return the order in a body.
 
     Raises:
-        BadRequestError: if it says none.
+        BadRequestError: the body contains no valid order.
     """
-    said = _mapping(body, {"kind", "area", "to"})
-    kind = _one_of("kind", said, [*OrderKind])
-    area = _one_of("area", said, [*PICKING_AREAS])
+    fields = _mapping(body, {"kind", "area", "to"})
+    kind = _one_of("kind", fields, [*OrderKind])
+    area = _one_of("area", fields, [*PICKING_AREAS])
     if kind is OrderKind.PROVIDE:
         return Order(kind=kind, area=SUPPLY.name, to=area)
     if kind is OrderKind.COLLECT:
         return Order(kind=kind, area=area, to=DELIVERY.name)
-    to = _one_of("to", said, [name for name in PICKING_AREAS if name != area])
+    to = _one_of("to", fields, [name for name in PICKING_AREAS if name != area])
     return Order(kind=kind, area=area, to=to)
 
 
 def read_name(body: bytes) -> str:
-    """Return the name of the order that a body says.
+    """Return the name of an order in a body.
 
     Raises:
-        BadRequestError: if it says none.
+        BadRequestError: the body contains no name of an order.
     """
-    said = _mapping(body, {"order"}).get("order")
-    if not isinstance(said, str):
-        raise BadRequestError("'order' is the name of an order")
-    return said
+    name = _mapping(body, {"order"}).get("order")
+    if not isinstance(name, str):
+        raise BadRequestError("'order' must be the name of an order")
+    return name
 
 
 def read_load(body: bytes) -> Load:
-    """Return the load of the container that a body says.
+    """Return the load of a container in a body.
 
     Raises:
-        BadRequestError: if it says none.
+        BadRequestError: the body contains no valid load.
     """
     return _one_of("load", _mapping(body, {"load"}), list(Load))
 
 
 def _mapping(body: bytes, keys: set[str]) -> Mapping[str, Any]:
     try:
-        said = json.loads(body.decode("utf-8"))
+        fields = json.loads(body.decode("utf-8"))
     except (ValueError, RecursionError):
-        raise BadRequestError("the body is no JSON") from None
-    if not isinstance(said, dict) or not said.keys() <= keys:
-        raise BadRequestError(f"the body is no object with {' and '.join(sorted(keys))} alone")
-    return said
+        raise BadRequestError("the body is not JSON; send a JSON object") from None
+    if not isinstance(fields, dict) or not fields.keys() <= keys:
+        raise BadRequestError(f"the body must be an object with only the keys {' and '.join(sorted(keys))}")
+    return fields
 
 
-def _one_of(key: str, said: Mapping[str, Any], allowed: Sequence[TextT]) -> TextT:
-    found = next((each for each in allowed if said.get(key) == each), None)
-    if found is None:
-        raise BadRequestError(f"{key!r} is one of {', '.join(allowed)}")
-    return found
+def _one_of(key: str, fields: Mapping[str, Any], allowed: Sequence[TextT]) -> TextT:
+    match = next((text for text in allowed if fields.get(key) == text), None)
+    if match is None:
+        raise BadRequestError(f"{key!r} must be one of {', '.join(allowed)}")
+    return match

@@ -1,4 +1,4 @@
-"""The page's server: on this machine only, in a thread of its own."""
+"""The page's web server: on this computer only, in a separate thread."""
 
 from __future__ import annotations
 
@@ -21,27 +21,27 @@ HOST = "127.0.0.1"
 MOST_CONNECTIONS = 128
 MOST_HEADER_BYTES = 16_384
 ENDING_S = 1
-"""So long requests under way may take when the run is over."""
+"""How long open requests may take after the run is over."""
 
 
 class PageServer:
-    """Serves the page while a shop is open; made and closed by the thread in which the shop's time passes.
+    """Serves the page while a shop is open. The thread of the simulation creates and closes it.
 
     Attributes:
-        url: of the page.
-        desk: to be served by the simulation, again and again.
+        url: the URL of the page.
+        desk: the queue of calls. The simulation must serve it regularly.
     """
 
     def __init__(self, store: Store, *, port: int = 0, variables: Sequence[VariableModel] = ()) -> None:
-        """Begin to serve.
+        """Start the server.
 
         Args:
-            store: whose graph is shown.
-            port: at which; 0 for one that is free.
-            variables: of the context manager to which the graph belongs, if it belongs to one.
+            store: the shop whose graph is shown.
+            port: the port; 0 for any free port.
+            variables: the variables of the graph's context manager, if it has one.
 
         Raises:
-            OSError: if the port is taken.
+            OSError: the port is in use.
         """
         self._socket = socket.create_server((HOST, port), backlog=MOST_CONNECTIONS)
         self.port: int = self._socket.getsockname()[1]
@@ -60,7 +60,7 @@ class PageServer:
         self.close()
 
     def close(self) -> None:
-        """End the page: streams end, and who waits is told."""
+        """End the page: streams end, and waiting requests get an error."""
         self.desk.close()
         self._server.should_exit = True
         self._thread.join()

@@ -1,4 +1,4 @@
-"""Server-sent events: each browser gets the newest view as soon as it has received the one before."""
+"""Server-sent events: a browser gets the newest view as soon as it has received the previous one."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Streams:
     """The streams of all browsers that follow the page."""
 
     def __init__(self, feed: Feed) -> None:
-        """Begin without any."""
+        """Begin without streams."""
         self._feed = feed
         self._open: set[_Stream] = set()
         self._ended = asyncio.Event()
@@ -41,10 +41,10 @@ class Streams:
         """Return a response that streams views.
 
         Raises:
-            TooManyError: if there are too many.
+            TooManyError: `MOST_STREAMS` browsers already follow the page.
         """
         if len(self._open) >= MOST_STREAMS:
-            raise TooManyError(f"{MOST_STREAMS} browsers follow this page already")
+            raise TooManyError(f"{MOST_STREAMS} browsers already follow this page; close one of them")
         return _Stream(_views(self._feed, self._ended), self._open)
 
     def end(self) -> None:
@@ -77,7 +77,7 @@ class _Stream(EventSourceResponse):
 
 
 async def _views(feed: Feed, ended: asyncio.Event) -> AsyncIterator[ServerSentEvent]:
-    """Yield each view that is newer than the one before, until the streams end."""
+    """Yield newer and newer views until the streams end."""
     number = 0
     end = asyncio.ensure_future(ended.wait())
     newer = asyncio.ensure_future(feed.after(number))

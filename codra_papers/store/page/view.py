@@ -1,4 +1,7 @@
-"""What a snapshot of the graph looks like to people: plain values, as JSON has them."""
+"""Views of the graph for people: a snapshot as plain JSON values.
+
+Metrics, weights and courses are recognised by the agents that may write them, so the page names no rule base.
+"""
 
 from __future__ import annotations
 
@@ -22,14 +25,14 @@ ADAPTER = "adaptation"
 """The agent that writes courses and parameters."""
 
 WEIGHT = "weight_of_"
-"""How the name of a weight begins; the name of its action follows."""
+"""Prefix of a weight's name, before the name of its action."""
 
 MOST_ORDERS = 12
 MOST_REFUSALS = 5
 
 
 class Part(StrEnum):
-    """What an attribute is to the reader of the page."""
+    """The part of the page where an attribute is shown."""
 
     READING = "readings"
     METRIC = "metrics"
@@ -40,11 +43,11 @@ class Part(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Shown:
-    """An attribute of a node that is there from the start.
+    """An attribute of a node that exists from the start.
 
     Attributes:
-        label: for people.
-        sources: who may write it.
+        label: its name for people.
+        sources: the agents that may write it.
     """
 
     node: str
@@ -55,7 +58,7 @@ class Shown:
 
     @property
     def part(self) -> Part:
-        """Return where on the page it belongs: by who writes it, and of what type it is."""
+        """Return the part of the page for the attribute, chosen by its writers and its type."""
         if ANALYST in self.sources:
             return Part.WEIGHT if self.name.startswith(WEIGHT) else Part.METRIC
         if ADAPTER in self.sources:
@@ -64,17 +67,17 @@ class Shown:
 
 
 def shown_of(model: KnowledgeModel, variables: Sequence[VariableModel] = ()) -> tuple[Shown, ...]:
-    """Return what is shown: all attributes of the nodes that are there from the start, and all context-variables.
+    """Return the shown attributes: all of the nodes that exist from the start, and all context-variables.
 
     Args:
-        model: of the graph.
-        variables: of the context manager to which it belongs, if it belongs to one.
+        model: the model of the graph.
+        variables: the variables of the graph's context manager, if it has one.
     """
-    found: dict[tuple[str, str], Shown] = {}
-    types = {each.name: each.attributes for each in model.node_types}
+    shown: dict[tuple[str, str], Shown] = {}
+    types = {node_type.name: node_type.attributes for node_type in model.node_types}
     for node in model.nodes:
         for attribute in (*types.get(node.type, ()), *node.attributes):
-            found[node.name, attribute.name] = Shown(
+            shown[node.name, attribute.name] = Shown(
                 node=node.name,
                 name=attribute.name,
                 label=_label(attribute.name, attribute.label),
@@ -82,23 +85,24 @@ def shown_of(model: KnowledgeModel, variables: Sequence[VariableModel] = ()) -> 
                 sources=tuple(writer.agent for writer in attribute.sources),
             )
     nodes = nodes_of_variables(model, variables)
-    for each in variables:
-        found[nodes[each.name], each.name] = Shown(
-            node=nodes[each.name],
-            name=each.name,
-            label=_label(each.name, each.label),
-            type=each.type,
-            sources=each.sources,
+    for variable in variables:
+        shown[nodes[variable.name], variable.name] = Shown(
+            node=nodes[variable.name],
+            name=variable.name,
+            label=_label(variable.name, variable.label),
+            type=variable.type,
+            sources=variable.sources,
         )
-    return tuple(found.values())
+    return tuple(shown.values())
 
 
 def view_of(knowledge: Knowledge, shown: Sequence[Shown]) -> View:
-    """Return all that the page shows of the present."""
+    """Return the current view."""
     snapshot = knowledge.snapshot()
-    readings = [(each, snapshot.get(each.node, each.name)) for each in shown]
+    readings = [(attribute, snapshot.get(attribute.node, attribute.name)) for attribute in shown]
     parts: dict[str, Any] = {
-        part.value: [_told(each, reading) for each, reading in readings if each.part is part] for part in Part
+        part.value: [_value(attribute, reading) for attribute, reading in readings if attribute.part is part]
+        for part in Part
     }
     return {
         "instant_s": _number(snapshot.instant_s),
@@ -110,7 +114,7 @@ def view_of(knowledge: Knowledge, shown: Sequence[Shown]) -> View:
         "orders": [_order(snapshot, node.name) for node in snapshot.nodes("order")[-MOST_ORDERS:]],
         "tasks": [_task(knowledge, snapshot, task.name) for task in knowledge.model.tasks],
         "loop": list(_loop(knowledge.model, [reading for _, reading in readings])),
-        "refusals": [_refusal(each) for each in knowledge.refusals()[-MOST_REFUSALS:]],
+        "refusals": [_refusal(refusal) for refusal in knowledge.refusals()[-MOST_REFUSALS:]],
         **parts,
     }
 
@@ -119,7 +123,7 @@ def _label(name: str, label: str) -> str:
     return label if label not in ("", name) else _spoken(name.removeprefix(WEIGHT))
 
 
-def _told(shown: Shown, reading: Reading[Any]) -> View:
+def _value(shown: Shown, reading: Reading[Any]) -> View:
     value = reading.value if reading.known else None
     return {
         "name": f"{shown.node}.{shown.name}",
@@ -133,17 +137,17 @@ def _told(shown: Shown, reading: Reading[Any]) -> View:
 
 
 def _placed(snapshot: Snapshot, name: str) -> View | None:
-    """Return where a node stands on the floor; None if it was never placed."""
+    """Return the place of a node on the floor; None if it was never placed."""
     try:
         transform = snapshot.transform("world", name)
     except FrameError:
         return None
-    stand = stand_of(transform.pose)
+    place = stand_of(transform.pose)
     return {
         "name": name,
-        "x_m": _number(stand.x_m),
-        "y_m": _number(stand.y_m),
-        "heading_rad": _number(stand.heading_rad),
+        "x_m": _number(place.x_m),
+        "y_m": _number(place.y_m),
+        "heading_rad": _number(place.heading_rad),
         "outcome": transform.outcome.name.lower(),
     }
 
@@ -166,7 +170,7 @@ def _order(snapshot: Snapshot, name: str) -> View:
 
 
 def _target(snapshot: Snapshot, order: str, edge: str) -> str:
-    return next((each.target for each in snapshot.edges(edge, origin=order)), "")
+    return next((match.target for match in snapshot.edges(edge, origin=order)), "")
 
 
 def _task(knowledge: Knowledge, snapshot: Snapshot, name: str) -> View:
@@ -183,7 +187,7 @@ def _task(knowledge: Knowledge, snapshot: Snapshot, name: str) -> View:
 
 
 def _loop(model: KnowledgeModel, readings: Iterable[Reading[Any]]) -> Iterator[View]:
-    """Yield, by phase of the loop, its agents, and when the newest of what they wrote was so (P2, Figure 4)."""
+    """Yield per phase of the loop its agents and the evidence time of their newest value (P2, Figure 4)."""
     newest: dict[str, float] = {}
     for reading in readings:
         newest[reading.source] = max(newest.get(reading.source, reading.evidence_s), reading.evidence_s)
@@ -198,7 +202,7 @@ def _refusal(refusal: Refusal) -> View:
 
 
 def _number(value: float) -> float | None:
-    """Return a number as JSON can have it."""
+    """Return a number as JSON allows it."""
     return round(value, 3) if isfinite(value) else None
 
 

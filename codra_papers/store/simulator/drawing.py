@@ -1,4 +1,4 @@
-"""The map of the shop as a picture: shelves, poses with names, people, containers, the robot, and its path."""
+"""The map of the shop as a picture: shelves, named poses, people, containers, the robot, and its path."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ def draw_store(path: Path, state: StoreState, driven_m: Sequence[Point] = ()) ->
     """Draw the shop at one instant.
 
     Args:
-        path: where the picture goes; the ending (`.png`, `.svg`) says in which form.
-        state: what is true.
-        driven_m: where the robot has been.
+        path: the file to write; its suffix (`.png`, `.svg`) selects the format.
+        state: the true state.
+        driven_m: the path of the robot so far.
     """
     figure = Figure(figsize=(10, 7.8), layout="constrained")
     axes = figure.add_subplot()
@@ -38,7 +38,7 @@ def draw_store(path: Path, state: StoreState, driven_m: Sequence[Point] = ()) ->
     if driven_m:
         axes.plot(*zip(*driven_m, strict=True), color=PATH, linewidth=1.8, label="driven")
     _draw_robot(axes, state)
-    for container in (*state.standing(), *filter(None, (state.carried(),))):
+    for container in (*state.containers_on_floor(), *filter(None, (state.carried(),))):
         _draw_box(axes, container.box(), LOADS[container.load], "#3d5a22")
     for name, at_m in state.people_m:
         axes.add_patch(Circle(at_m, PERSON_RADIUS_M, facecolor=PERSON, edgecolor="none", zorder=5))
@@ -68,14 +68,14 @@ def _draw_box(axes: Axes, box: Box, colour: str, edge: str) -> None:
 
 
 def _draw_poses(axes: Axes) -> None:
-    for name, stand in named_stands().items():
+    for name, pose in named_stands().items():
         if name.endswith("_approach"):
             continue
-        way = (0.45 * cos(stand.heading_rad), 0.45 * sin(stand.heading_rad))
-        axes.arrow(*stand.point_m, *way, color=POSE, width=0.02, head_width=0.16, length_includes_head=True, zorder=2)
+        way = (0.45 * cos(pose.heading_rad), 0.45 * sin(pose.heading_rad))
+        axes.arrow(*pose.point_m, *way, color=POSE, width=0.02, head_width=0.16, length_includes_head=True, zorder=2)
         label = name.removesuffix("_delivery") if name.endswith("_delivery") else name.split("_pose_")[-1]
         axes.annotate(
-            label, stand.point_m, xytext=(4, -9), textcoords="offset points", fontsize=6.5, color=POSE, zorder=2
+            label, pose.point_m, xytext=(4, -9), textcoords="offset points", fontsize=6.5, color=POSE, zorder=2
         )
     for area in AREAS.values():
         for place in area.places:

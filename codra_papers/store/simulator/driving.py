@@ -1,6 +1,6 @@
-"""The robot's own motion layer: it follows commands, and its safety lasers slow and stop it whatever the command says.
+"""The robot's own motion layer: it follows commands, and its safety lasers slow and stop it during every command.
 
-It drives by what it believes of its pose, as a real one does; where it truly goes is the world's matter.
+It drives by its believed pose, as a real one does. The world determines where it truly goes.
 """
 
 from __future__ import annotations
@@ -21,35 +21,35 @@ BACKWARD_M_S = 0.3
 TURN_RAD_S = 0.7
 SPEED_UP_M_S2 = 0.5
 SLOW_DOWN_M_S2 = 0.6
-"""How hard it brakes when it knows in time where to stop."""
+"""Deceleration for a planned stop."""
 
 BRAKE_M_S2 = 1.6
-"""How hard it brakes when it must."""
+"""Deceleration for an emergency stop."""
 
 TURN_UP_RAD_S2 = 1.5
 KEEP_FREE_M = 0.35
-"""It stops so far from what stands in its lane."""
+"""Distance at which the robot stops before an obstacle in its lane."""
 
 KEEP_FREE_BEHIND_M = 0.05
-"""The same backwards, where it crawls: behind a container that it fetches there may be a shelf."""
+"""The same backwards, where the robot is slow: a shelf may be behind a container that it fetches."""
 
 LANE_M = 0.42
-"""Half the lane that must be free for its body, or a container on its fork."""
+"""Half the lane that must be free for the body, or for a container on the fork."""
 
 FORK_LANE_M = 0.15
-"""Half the lane that must be free for its empty fork: a container's wheels stand beside it."""
+"""Half the lane that must be free for the empty fork: a container's wheels are beside it."""
 
 TOUCH_M = 0.03
-"""No motion brings the robot so near to a body that lasers show a part of, unless it leads away from it."""
+"""No motion brings the robot nearer than this to a body in a laser's view, unless it leads away from the body."""
 
 FORESEEN_S = 0.5
-"""So far a motion is followed to see whether it does; it takes less to stop."""
+"""How far ahead in time a motion is checked for that. Stopping takes less time."""
 
 PATIENCE_S = 8.0
-"""How long it stands before something in its way until it gives up."""
+"""How long the robot waits for a free way before it gives up."""
 
 FREED = 3.0
-"""So many times as fast it forgets, while its way is free, that something was in it."""
+"""While the way is free, the waiting time decreases this many times as fast as it grew."""
 
 LIFT_S = 3.0
 _EDGE_M = 0.02
@@ -60,11 +60,11 @@ CLOSE_M, CLOSE_RAD = 0.015, 0.01
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Senses:
-    """What the motion layer has to go by in one step.
+    """The inputs of the motion layer in one step.
 
     Attributes:
-        believed: where it believes it stands.
-        scan: asks for the latest turn of a laser.
+        believed: the believed pose of the robot.
+        scan: returns the latest scan of a laser.
     """
 
     believed: Pose2D
@@ -76,7 +76,7 @@ class Senses:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Wish:
-    """How fast a command would go if it could."""
+    """The speeds that a command wants."""
 
     speed_m_s: float = 0.0
     turn_rate_rad_s: float = 0.0
@@ -84,7 +84,7 @@ class Wish:
 
 @dataclass(slots=True)
 class Drive:
-    """From point to point; forward it turns on the spot where the next point lies aside."""
+    """Drive from point to point. Forward, the robot turns on the spot if the next point lies aside."""
 
     points_m: Sequence[Point]
     way: Way
@@ -92,7 +92,7 @@ class Drive:
     _index: int = 0
 
     def wish(self, senses: Senses, max_speed_m_s: float) -> Wish | None:
-        """Return how fast to go; None once it is there."""
+        """Return the wanted speeds; None at the end of the way."""
         while self._index < len(self.points_m):
             wish = self._towards(self.points_m[self._index], senses, max_speed_m_s)
             if wish is not None:
@@ -118,7 +118,7 @@ class Drive:
 
 @dataclass(slots=True)
 class Turn:
-    """On the spot, to a heading, the way round that was asked for."""
+    """Turn on the spot by an angle, in its direction."""
 
     angle_rad: float
     done: Done
@@ -126,7 +126,7 @@ class Turn:
     _left_rad: float = field(default=0.0)
 
     def wish(self, senses: Senses, _max_speed_m_s: float) -> Wish | None:
-        """Return how fast to turn; None once it is there."""
+        """Return the wanted speeds; None at the end of the turn."""
         heading_rad = senses.believed.heading_rad
         if self._last_rad is None:
             self._left_rad = self.angle_rad
@@ -140,14 +140,14 @@ class Turn:
 
 @dataclass(slots=True)
 class Raise:
-    """The fork, up or down."""
+    """Move the fork up or down."""
 
     lift: Lift
     done: Done
     _steps: int = 0
 
     def wish(self, senses: Senses, _max_speed_m_s: float) -> Wish | None:
-        """Return that it stands; None once the fork has moved."""
+        """Return zero speeds; None once the fork has moved."""
         if abs(senses.speed_m_s) > 0.0 or abs(senses.turn_rate_rad_s) > 0.0:
             return Wish()
         self._steps += 1
@@ -156,7 +156,7 @@ class Raise:
 
 STEPS_PER_S = 10
 STEP_S = 1 / STEPS_PER_S
-"""The shop, and the motion layer in it, go on in steps of this length."""
+"""The length of a step of the shop and of the motion layer."""
 
 Command = Drive | Turn | Raise
 
@@ -165,12 +165,12 @@ class Driving:
     """Follows one command at a time.
 
     Attributes:
-        max_speed_m_s: no point of the robot goes faster than this: where it turns, its corners do.
-        ended: commands that have ended, with what became of them, until they are told.
+        max_speed_m_s: no point of the robot goes faster than this, also no corner in a turn.
+        ended: ended commands with their results, until these are reported.
     """
 
     def __init__(self) -> None:
-        """Stand still."""
+        """Begin without a command."""
         self.max_speed_m_s = DEFAULT_MAX_SPEED_M_S
         self.ended: list[tuple[Command, Outcome]] = []
         self._command: Command | None = None
@@ -178,34 +178,34 @@ class Driving:
 
     @property
     def is_at_work(self) -> bool:
-        """Return whether a command is under way."""
+        """Return whether a command is running."""
         return self._command is not None
 
     def begin(self, command: Command) -> None:
-        """Follow another command; one that is under way ends as stopped."""
+        """Follow another command. A running command ends as stopped."""
         self.end(Outcome.STOPPED)
         self._command, self._blocked_s = command, 0.0
 
     def stop(self, command: Command) -> None:
-        """End a command as stopped, if it is the one under way."""
+        """End a command as stopped if it is running."""
         if self._command is command:
             self.end(Outcome.STOPPED)
 
     def end(self, outcome: Outcome) -> None:
-        """End the command that is under way, if there is one."""
+        """End the running command, if any."""
         if self._command is not None:
             self.ended.append((self._command, outcome))
             self._command = None
 
     def step(self, senses: Senses) -> Wish:
-        """Return how fast to go and to turn during the next step."""
+        """Return the speeds for the next step."""
         wish = self._wish(senses)
         free = _limited(_freed(wish, senses), self.max_speed_m_s)
         if wish != Wish() and free == Wish():
             self._blocked_s += STEP_S
             if self._blocked_s >= PATIENCE_S:
                 self.end(Outcome.BLOCKED)
-        else:  # now and then noise lets what is just too near seem free
+        else:  # with noise, an obstacle that is slightly too near sometimes seems far enough
             self._blocked_s = max(self._blocked_s - FREED * STEP_S, 0.0)
         return Wish(
             speed_m_s=_nearer(senses.speed_m_s, free.speed_m_s, SPEED_UP_M_S2, BRAKE_M_S2),
@@ -235,7 +235,7 @@ def _nearer(now: float, wish: float, faster: float, slower: float) -> float:
 
 
 def _freed(wish: Wish, senses: Senses) -> Wish:
-    """Return as much of a wish as the safety lasers allow: the lane must be free, and nobody may be touched."""
+    """Return as much of a wish as the safety lasers allow: the lane must be free, without a touch of a person."""
     free = _in_lane(wish, senses)
     return Wish() if free != Wish() and _touches(free, senses) else free
 
@@ -254,15 +254,15 @@ def _in_lane(wish: Wish, senses: Senses) -> Wish:
 
 
 def _touches(wish: Wish, senses: Senses) -> bool:
-    """Return whether a motion brings any part of the robot too near to somebody, and nearer than it is.
+    """Return whether a motion brings any part of the robot too near to a person, and nearer than it is.
 
-    Its fork and what is on it swing out where it turns, and its body is wider than its fork where it backs up.
+    The fork and its load swing out in a turn, and the body is wider than the fork when the robot backs up.
     """
     return any(_touches_before(senses.scan(side), wish, senses) for side in Side)
 
 
 def _touches_before(scan: Scan, wish: Wish, senses: Senses) -> bool:
-    """Return the same of bodies of which one laser meets the near side."""
+    """Return the same for the bodies that one laser hits."""
     bodies, met = bodies_m(scan), scan.points_m()
     now_m = gaps_m(bodies, is_loaded=senses.is_loaded)
     is_near = now_m < TOUCH_M + FORESEEN_S * _fastest_m_s(wish)
@@ -276,7 +276,7 @@ def _touches_before(scan: Scan, wish: Wish, senses: Senses) -> bool:
 
 
 def _moved(wish: Wish, duration_s: float) -> Pose2D:
-    """Return where a motion leads, from where the robot is."""
+    """Return the pose after a motion, relative to the robot."""
     turn_rad, length_m = wish.turn_rate_rad_s * duration_s, wish.speed_m_s * duration_s
     return Pose2D(length_m * cos(turn_rad / 2), length_m * sin(turn_rad / 2), turn_rad)
 
@@ -288,7 +288,7 @@ def _seen_from(there: Pose2D, points_m: Floats) -> Floats:
 
 
 def _limited(wish: Wish, max_speed_m_s: float) -> Wish:
-    """Return a wish on the same curve with which no point of the robot goes faster than it may."""
+    """Return a wish on the same curve in which no point of the robot exceeds the maximum speed."""
     fastest_m_s = _fastest_m_s(wish)
     if fastest_m_s < max_speed_m_s:
         return wish
@@ -301,14 +301,14 @@ def _fastest_m_s(wish: Wish) -> float:
 
 
 def free_ahead_m(senses: Senses) -> float:
-    """Return how far the lane before the robot's front is free."""
+    """Return the free length of the lane in front of the robot."""
     points = np.concatenate([senses.scan(side).points_m() for side in FRONT])
     gaps = points[np.abs(points[:, 1]) <= LANE_M, 0] - BODY_FRONT_M
     return float(gaps[gaps >= -_EDGE_M].min(initial=inf))
 
 
 def free_behind_m(senses: Senses) -> float:
-    """Return how far the lane behind the tip of its fork is free."""
+    """Return the free length of the lane behind the tip of the fork."""
     points = senses.scan(Side.BACK).points_m()
     gaps = FORK_TIP_M - points[np.abs(points[:, 1]) <= (LANE_M if senses.is_loaded else FORK_LANE_M), 0]
     return float(gaps[gaps >= -_EDGE_M].min(initial=inf))

@@ -1,6 +1,6 @@
-"""People in the shop: they walk along the corridors, stop before shelves, and step round the robot alone.
+"""People in the shop: they walk along the corridors, stop before shelves, and step around the robot only.
 
-Each person has a random source of its own, so that one more person changes nothing for the others.
+Each person has a separate random source, so one more person does not change the others.
 """
 
 from __future__ import annotations
@@ -19,26 +19,26 @@ from codra_papers.store.routes import clearance_m
 
 PERSON_RADIUS_M = 0.25
 KEEP_OFF_M = 0.3
-"""Nobody walks nearer than this, from the middle of the body, to the robot."""
+"""Smallest distance of the middle of a walking person's body from the robot."""
 
 KEEP_RIGHT_M = 0.7
-"""So far to the right of the middle of a corridor people walk."""
+"""How far to the right of the middle of a corridor people walk."""
 
 PATIENCE_S = 4.0
-"""How long the robot may be in one's way before one turns round."""
+"""How long the robot may be in a person's way before the person turns back."""
 
 ASIDE_RAD = (-0.5, 0.5, -1.0, 1.0, -1.4, 1.4)
-"""How far aside one steps to get past the robot: to the right first."""
+"""Directions of a step aside to get past the robot, to the right first."""
 
 AVOID_M = 2.5
-"""Who turns round keeps so far from where the robot was in the way, as far as there is another way."""
+"""After turning back, distance to keep from the place where the robot was in the way, if another way exists."""
 
 Plan = Iterator[tuple[Point, float]]
-"""Points to walk to, and how long to stand there, in seconds."""
+"""Points to walk to, and the time to stay there, in seconds."""
 
 
 class Person:
-    """Somebody who walks.
+    """A walking person.
 
     Attributes:
         at_m: the middle of the body.
@@ -49,11 +49,11 @@ class Person:
         """Begin to walk.
 
         Args:
-            name: of the person.
-            at_m: where the person is.
-            speed_m_s: how fast the person walks.
-            plan: where to go from a point; asked again, with the point where the robot is in the way, when the person
-                turns round.
+            name: the name of the person.
+            at_m: the place of the person.
+            speed_m_s: the walking speed of the person.
+            plan: returns a plan from a point. It is called again when the person turns back, with the point where the
+                robot is in the way.
         """
         self.name = name
         self.at_m = at_m
@@ -64,14 +64,14 @@ class Person:
         self._waited_s = 0.0
 
     def disc(self) -> Disc:
-        """Return the space that the person takes."""
+        """Return the person's space on the floor."""
         return Disc(self.at_m, PERSON_RADIUS_M)
 
     def step(self, duration_s: float, distance_to_robot_m: Callable[[Point], float]) -> None:
-        """Walk on; where the robot is in the way, round it as far as there is room, else wait."""
+        """Walk on. If the robot is in the way, walk around it if there is room, else wait."""
         left_m = _distance_m(self.at_m, self._goal)
         if left_m < 1e-9:
-            self._stand(duration_s)
+            self._stay(duration_s)
             return
         step_m = min(self.speed_m_s * duration_s, left_m)
         there = _towards(self.at_m, self._goal, step_m)
@@ -99,7 +99,7 @@ class Person:
                 return there
         return None
 
-    def _stand(self, duration_s: float) -> None:
+    def _stay(self, duration_s: float) -> None:
         self._stay_s -= duration_s
         if self._stay_s <= 0.0:
             self._goal, self._stay_s = next(self._plan)
@@ -113,16 +113,16 @@ class Person:
 
 
 def shopper(seed: int, number: int) -> Person:
-    """Return somebody who walks from shelf to shelf for ever."""
+    """Return a person who walks from shelf to shelf without end."""
     random = Random(f"{seed} person {number}")
     x_m, y_m = random.choice(CORRIDORS_X_M), random.uniform(4.5, 12.5)
     return Person(f"person {number}", (x_m + KEEP_RIGHT_M, y_m), random.uniform(0.6, 1.3), _Shopping(random))
 
 
 def crossing(at_m: Point, ends_m: Sequence[Point], times: int, leave_to_m: Point) -> Person:
-    """Return somebody who comes to a place, crosses it again and again, and leaves.
+    """Return a person who walks to a place, crosses it several times, and leaves.
 
-    Whoever is in the way makes the person turn back, which is one crossing less.
+    If the robot is in the way, the person turns back, which is one crossing less.
     """
     left = iter([ends_m[index % len(ends_m)] for index in range(times)])
 
@@ -136,14 +136,14 @@ def crossing(at_m: Point, ends_m: Sequence[Point], times: int, leave_to_m: Point
 
 
 class _Shopping:
-    """Plans of one shopper, all from one random source."""
+    """The plans of one shopper, from one random source."""
 
     def __init__(self, random: Random) -> None:
         self._random = random
 
     def __call__(self, at_m: Point, blocked_m: Point | None) -> Plan:
         graph = _corridors() if blocked_m is None else _without(blocked_m)
-        node = min(graph, key=lambda each: (_is_beyond(at_m, blocked_m, each), _distance_m(each, at_m), each))
+        node = min(graph, key=lambda point: (_is_beyond(at_m, blocked_m, point), _distance_m(point, at_m), point))
         yield _beside(node, at_m), 0.0
         while True:
             goal = (self._random.choice(CORRIDORS_X_M), self._random.choice((6.5, 8.5, 10.5)))
@@ -164,7 +164,7 @@ def _without(blocked_m: Point) -> nx.Graph[Point]:
 
 
 def _is_beyond(at_m: Point, blocked_m: Point | None, node: Point) -> bool:
-    """Return whether one would have to go on past what is in the way, instead of turning round."""
+    """Return whether the way to a node leads past the blocked point, instead of back."""
     if blocked_m is None:
         return False
     ahead = (blocked_m[0] - at_m[0], blocked_m[1] - at_m[1])
@@ -172,14 +172,14 @@ def _is_beyond(at_m: Point, blocked_m: Point | None, node: Point) -> bool:
 
 
 def _beside(node: Point, at_m: Point) -> Point:
-    """Return the point beside a corner that one comes to straight on."""
+    """Return the point beside a node that the person reaches straight on."""
     along_rad = atan2(node[1] - at_m[1], node[0] - at_m[0])
     return (node[0] + sin(along_rad) * KEEP_RIGHT_M, node[1] - cos(along_rad) * KEEP_RIGHT_M)
 
 
 @cache
 def _corridors() -> nx.Graph[Point]:
-    """Return where corridors meet, and points in them, joined along their middles."""
+    """Return the crossings of corridors, and points in them, joined along their middles."""
     graph: nx.Graph[Point] = nx.Graph()
     for x_m in CORRIDORS_X_M:
         nx.add_path(graph, [(x_m, y_m) for y_m in (FRONT_Y_M, 6.5, 8.5, 10.5, BACK_Y_M)])

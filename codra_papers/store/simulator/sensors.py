@@ -1,4 +1,4 @@
-"""What the robot's sensors give of an instant: a function of the seed, the sensor and the state, whoever asks."""
+"""The robot's sensor values at an instant: a function of the seed, the sensor and the state only."""
 
 from __future__ import annotations
 
@@ -29,28 +29,28 @@ from codra_papers.store.simulator.state import SHELL, StoreState
 LASER_FARTHEST_M = 10.0
 LASER_NOISE_M = 0.01
 LASER_RAYS = {Side.FRONT_LEFT: 96, Side.FRONT_RIGHT: 96, Side.BACK: 191}
-"""A ray every two degrees in front; every degree behind, where it is to see wheels."""
+"""A ray every two degrees in front; every degree behind, where the laser must see wheels."""
 
 LASER_VIEW_RAD = radians(190.0)
 _BEARINGS_RAD = {side: np.linspace(-LASER_VIEW_RAD / 2, LASER_VIEW_RAD / 2, rays) for side, rays in LASER_RAYS.items()}
 
 SMALLEST_SHARE = 0.35
-"""Less of a thing in sight is never recognised."""
+"""Objects with a smaller share in sight are never recognised."""
 
-RAYS_PER_THING = 9
+RAYS_PER_OBJECT = 9
 
 LOCALISATION_M = 0.015
-"""How far each of the two slow waves of the localisation's error goes, along each axis."""
+"""Amplitude of the two slow waves of the localisation's error, along both axes."""
 
 
 def scan(seed: int, state: StoreState, side: Side) -> Scan:
-    """Return one turn of a laser: the distance to what it meets, with noise of a centimetre."""
+    """Return one scan of a laser: the lengths of its rays, with noise of a centimetre."""
     mount = LASERS_AT[side]
     eye = Pose2D(*state.robot.at.out(mount.x_m, mount.y_m), state.robot.at.heading_rad + mount.heading_rad)
     rays, bearings = LASER_RAYS[side], _BEARINGS_RAD[side]
     ranges = _ranges_m(_moving(state, side), eye, bearings, LASER_FARTHEST_M)
     entropy = (abs(seed), list(Side).index(side), state.step)
-    chance = default_rng(entropy if seed >= 0 else (*entropy, 1))  # which takes no negative numbers
+    chance = default_rng(entropy if seed >= 0 else (*entropy, 1))  # `default_rng` takes no negative numbers
     noise = chance.normal(0.0, LASER_NOISE_M, rays)
     noisy = np.where(ranges < LASER_FARTHEST_M, np.clip(ranges + noise, 0.0, LASER_FARTHEST_M), LASER_FARTHEST_M)
     return Scan(
@@ -59,29 +59,29 @@ def scan(seed: int, state: StoreState, side: Side) -> Scan:
 
 
 def picture(seed: int, state: StoreState) -> Picture:
-    """Return what a detector finds in the camera's picture: less of what is far or half hidden, and with noise."""
+    """Return the detections in the camera's picture, with noise. Far and half hidden objects are missed more often."""
     is_steady = abs(state.robot.turn_rate_rad_s) < STEADY_BELOW_RAD_S
-    found = tuple(_sightings(seed, state)) if is_steady else ()
-    return Picture(instant_s=state.instant_s, is_steady=is_steady, sightings=found)
+    sightings = tuple(_sightings(seed, state)) if is_steady else ()
+    return Picture(instant_s=state.instant_s, is_steady=is_steady, sightings=sightings)
 
 
-def visible_share(state: StoreState, thing: Box | Disc) -> float:
-    """Return how much of the breadth of a thing the camera sees: inside its view, and with nothing before it."""
+def visible_share(state: StoreState, shape: Box | Disc) -> float:
+    """Return the share of an object's breadth that the camera sees: inside its view, and not hidden."""
     eye = _camera(state)
-    centre = thing.centre_m if isinstance(thing, Disc) else thing.centre.point_m
+    centre = shape.centre_m if isinstance(shape, Disc) else shape.centre.point_m
     if not CAMERA_NEAREST_M < hypot(centre[0] - eye.x_m, centre[1] - eye.y_m) < CAMERA_FARTHEST_M:
         return 0.0
-    bearings = np.array(_bearings(eye, thing))
+    bearings = np.array(_bearings(eye, shape))
     is_inside = np.abs(bearings) <= CAMERA_VIEW_RAD / 2
     rays = bearings + eye.heading_rad
-    own = Scene((), (thing,)) if isinstance(thing, Disc) else Scene((thing,))
+    own = Scene((), (shape,)) if isinstance(shape, Disc) else Scene((shape,))
     own_m = own.ranges_m(eye.point_m, rays, CAMERA_FARTHEST_M + 1.0)
-    others_m = _ranges_m(_others(state, thing), eye, bearings, CAMERA_FARTHEST_M + 2.0)
+    others_m = _ranges_m(_others(state, shape), eye, bearings, CAMERA_FARTHEST_M + 2.0)
     return float((is_inside & (own_m < others_m)).mean())
 
 
 def believed(seed: int, state: StoreState) -> Pose2D:
-    """Return where the localisation says the robot stands: slow waves of some centimetres around the truth."""
+    """Return the pose from the localisation: slow waves of some centimetres around the truth."""
     at, waves = state.robot.at, _waves(seed)
     x_m, y_m, turn = (
         sum(size * sin(2 * pi * state.instant_s / period + phase) for period, phase, size in axis) for axis in waves
@@ -96,21 +96,21 @@ def _waves(seed: int) -> list[list[tuple[float, float, float]]]:
 
 
 def _moving(state: StoreState, side: Side) -> Scene:
-    """Return what a laser can meet besides the map: of containers frames in front, wheels near the floor behind."""
+    """Return the moving obstacles of a laser: frames of containers in front, their wheels near the floor behind."""
     discs = [Disc(at_m, PERSON_RADIUS_M) for _, at_m in state.people_m]
-    standing = state.standing()
+    containers = state.containers_on_floor()
     if side is not Side.BACK:
-        return Scene([each.box() for each in standing], discs)
-    return Scene([], [*discs, *(wheel for each in standing for wheel in each.wheels())])
+        return Scene([container.box() for container in containers], discs)
+    return Scene([], [*discs, *(wheel for container in containers for wheel in container.wheels())])
 
 
 def _ranges_m(moving: Scene, eye: Pose2D, bearings_rad: Floats, farthest_m: float) -> Floats:
-    """Return how far rays go before they meet a shelf, a wall, or what moves; shape (rays,)."""
+    """Return the lengths of rays until they hit a shelf, a wall, or a moving obstacle; shape (rays,)."""
     rays = bearings_rad + eye.heading_rad
-    found: Floats = np.minimum(
+    ranges_m: Floats = np.minimum(
         SHELL.ranges_m(eye.point_m, rays, farthest_m), moving.ranges_m(eye.point_m, rays, farthest_m)
     )
-    return found
+    return ranges_m
 
 
 def _camera(state: StoreState) -> Pose2D:
@@ -118,30 +118,32 @@ def _camera(state: StoreState) -> Pose2D:
     return Pose2D(*at.out(CAMERA_AT.x_m, CAMERA_AT.y_m), at.heading_rad)
 
 
-def _bearings(eye: Pose2D, thing: Box | Disc) -> list[float]:
-    """Return directions, from the eye's heading, that divide the breadth of a thing evenly."""
-    if isinstance(thing, Disc):
-        ahead_m, left_m = eye.seen_from_here(thing.centre_m)
-        middle, half = atan2(left_m, ahead_m), atan2(thing.radius_m, hypot(ahead_m, left_m))
+def _bearings(eye: Pose2D, shape: Box | Disc) -> list[float]:
+    """Return directions, relative to the eye's heading, that divide the breadth of an object evenly."""
+    if isinstance(shape, Disc):
+        ahead_m, left_m = eye.seen_from_here(shape.centre_m)
+        middle, half = atan2(left_m, ahead_m), atan2(shape.radius_m, hypot(ahead_m, left_m))
         low, high = middle - half, middle + half
     else:
-        middle = atan2(*reversed(eye.seen_from_here(thing.centre.point_m)))
-        offsets = [wrapped(atan2(*reversed(eye.seen_from_here(corner))) - middle) for corner in thing.corners()]
+        middle = atan2(*reversed(eye.seen_from_here(shape.centre.point_m)))
+        offsets = [wrapped(atan2(*reversed(eye.seen_from_here(corner))) - middle) for corner in shape.corners()]
         low, high = middle + min(offsets), middle + max(offsets)
-    return [low + (high - low) * (index + 0.5) / RAYS_PER_THING for index in range(RAYS_PER_THING)]
+    return [low + (high - low) * (index + 0.5) / RAYS_PER_OBJECT for index in range(RAYS_PER_OBJECT)]
 
 
-def _others(state: StoreState, thing: Box | Disc) -> Scene:
-    boxes = [box for box in (each.box() for each in state.standing()) if box != thing]
-    discs = [disc for disc in (Disc(at_m, PERSON_RADIUS_M) for _, at_m in state.people_m) if disc != thing]
+def _others(state: StoreState, shape: Box | Disc) -> Scene:
+    boxes = [box for box in (container.box() for container in state.containers_on_floor()) if box != shape]
+    discs = [disc for disc in (Disc(at_m, PERSON_RADIUS_M) for _, at_m in state.people_m) if disc != shape]
     return Scene(boxes, discs)
 
 
 def _sightings(seed: int, state: StoreState) -> Iterator[Sighting]:
-    things: list[tuple[Seen, str, Pose2D, Box | Disc]]
-    things = [(Seen.PERSON, name, Pose2D(*at_m), Disc(at_m, PERSON_RADIUS_M)) for name, at_m in state.people_m]
-    things += [(Seen.CONTAINER, each.name, each.at, each.box()) for each in state.standing()]
-    for kind, name, at, shape in things:
+    objects: list[tuple[Seen, str, Pose2D, Box | Disc]]
+    objects = [(Seen.PERSON, name, Pose2D(*at_m), Disc(at_m, PERSON_RADIUS_M)) for name, at_m in state.people_m]
+    objects += [
+        (Seen.CONTAINER, container.name, container.at, container.box()) for container in state.containers_on_floor()
+    ]
+    for kind, name, at, shape in objects:
         share = visible_share(state, shape)
         if share >= SMALLEST_SHARE:
             random = Random(f"{seed} camera {state.step} {name}")
@@ -153,13 +155,13 @@ def _inside(robot: Pose2D, at: Pose2D) -> Pose2D:
 
 
 def _detected(random: Random, kind: Seen, at: Pose2D, share: float) -> Iterator[Sighting]:
-    """Yield a thing as it is detected, unless it is missed: the farther and the more hidden, the more often.
+    """Yield the sighting of an object, unless it is missed. Far and hidden objects are missed more often.
 
     Args:
-        random: of this thing in this picture.
-        kind: what it is.
-        at: where it truly is, in the robot's frame.
-        share: how much of it is in sight.
+        random: the random source for this object in this picture.
+        kind: the kind of the object.
+        at: its true pose in the robot's frame.
+        share: the share of it that is in sight.
     """
     range_m = hypot(at.x_m, at.y_m)
     if random.random() < 0.03 + 0.25 * (range_m / CAMERA_FARTHEST_M) ** 2 + 0.3 * (1.0 - share):

@@ -1,4 +1,4 @@
-"""What happens in the shop besides the robot's work: P2's situations, and the staff (P2, section 6)."""
+"""Events in the shop that the robot does not cause: P2's situations, and the staff (P2, section 6)."""
 
 from __future__ import annotations
 
@@ -15,29 +15,29 @@ from codra_papers.store.simulator.world import Beginning, StoreWorld
 
 
 class Situation(StrEnum):
-    """What a run is about."""
+    """The situation of a run."""
 
     ORDINARY = "ordinary"
-    """A full container is to be collected from the first picking area; it is in sight from the first pose."""
+    """A picker orders to collect a full container from the first picking area. It is in sight from the first pose."""
 
     SECOND_ORDER = "second order"
     """P2's first: a container is provided, ordered elsewhere while it is loaded, and full on the way there."""
 
     PEOPLE_CLOSE = "people close"
-    """P2's second: somebody crosses before the container while the robot is about to fetch it."""
+    """P2's second: a person crosses in front of the container while the robot is about to fetch it."""
 
     HIDDEN = "hidden"
     """P2's third: the container cannot be seen from the first observation pose."""
 
     ABSENT = "absent"
-    """There is no container to collect."""
+    """The area has no container to collect."""
 
     QUIET = "quiet"
-    """Nobody orders anything, unless somebody at the page does. There is an empty container in the area."""
+    """Orders come only from people at the page. The area has an empty container."""
 
 
 class OrderKind(StrEnum):
-    """What pickers ask for."""
+    """The kinds of orders."""
 
     PROVIDE = "provide"
     COLLECT = "collect"
@@ -45,28 +45,28 @@ class OrderKind(StrEnum):
 
 
 class Page(Protocol):
-    """What pickers use to say what they want (P2's PickerWebInterface)."""
+    """The interface of pickers to the robot (P2's PickerWebInterface)."""
 
     def order(self, kind: OrderKind, area: str, to: str) -> str:
-        """Ask for a container to be brought from one area to another; return the name of the order."""
+        """Order to bring a container from one area to another, and return the name of the order."""
         ...
 
     def tell_load(self, load: Load) -> None:
-        """Say what is in the container that the robot serves."""
+        """Set the load of the container that the robot serves."""
         ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StoreSettings:
-    """A shop, before it opens.
+    """The settings of a shop.
 
     Attributes:
-        seed: of all that chance decides.
+        seed: the seed of everything random.
         shoppers: how many people walk about.
-        area: the picking area that the situation is about.
-        second_area: where the second order sends the container.
-        battery_percent: when it opens.
-        drain: by what the use of the battery is multiplied.
+        area: the picking area of the situation.
+        second_area: the target of the container in the second order.
+        battery_percent: the battery level when the shop opens.
+        drain: factor on the use of the battery.
     """
 
     seed: int = 1
@@ -79,15 +79,15 @@ class StoreSettings:
 
 
 def beginning(settings: StoreSettings) -> Beginning:
-    """Return how the shop stands when it opens: two containers in it or in the back room besides the one to collect."""
+    """Return the shop when it opens: beside the container to collect, one at the supply and one in the back room."""
     places = PICKING_AREAS[settings.area].places
-    where = {
+    first_places = {
         Situation.ORDINARY: places[0],
         Situation.PEOPLE_CLOSE: places[0],
         Situation.HIDDEN: places[1],
         Situation.QUIET: places[0],
     }
-    at = where.get(settings.situation)
+    at = first_places.get(settings.situation)
     load = Load.EMPTY if settings.situation is Situation.QUIET else Load.FULL
     first = () if at is None else (Container(name="container_1", at=at, load=load),)
     others = (
@@ -104,28 +104,28 @@ def beginning(settings: StoreSettings) -> Beginning:
 
 
 STAFF_S = 60.0
-"""So long after a container was delivered the staff take it away, and after the supply was emptied they renew it."""
+"""The time until the staff take a delivered container away, or refill the empty supply."""
 
 
 class Staff:
     """Takes delivered containers to the back room, where they are emptied, and brings empty ones to the supply."""
 
     def __init__(self, world: StoreWorld) -> None:
-        """Begin the day."""
+        """Begin the work."""
         self._world = world
         self._delivered_s: float | None = None
         self._taken_s: float | None = None
 
     def see(self, state: StoreState) -> None:
-        """Do what is to be done in this step."""
-        delivered = standing_at(state, DELIVERY.places[0])
+        """Do the work of this step."""
+        delivered = container_at(state, DELIVERY.places[0])
         self._delivered_s = _since(self._delivered_s, state, delivered is not None)
         if delivered is not None and self._is_due(self._delivered_s, state):
             self._world.set_load(delivered.name, Load.EMPTY)
             self._world.move_container(delivered.name, delivered.at, Whereabouts.BACK_ROOM)
-        is_free = standing_at(state, SUPPLY.places[0]) is None and state.robot.at.distance_m(SUPPLY.places[0]) > 3.0
+        is_free = container_at(state, SUPPLY.places[0]) is None and state.robot.at.distance_m(SUPPLY.places[0]) > 3.0
         self._taken_s = _since(self._taken_s, state, is_free)
-        spare = next((each for each in state.containers if each.where is Whereabouts.BACK_ROOM), None)
+        spare = next((container for container in state.containers if container.where is Whereabouts.BACK_ROOM), None)
         if spare is not None and self._is_due(self._taken_s, state):
             self._world.move_container(spare.name, SUPPLY.places[0], Whereabouts.FLOOR)
 
@@ -134,10 +134,10 @@ class Staff:
 
 
 class Pickers:
-    """Let a situation come about: people who order, load, and walk, by what they see happen in the shop."""
+    """Produce a situation: people who order, load and walk, depending on the state of the shop."""
 
     def __init__(self, settings: StoreSettings, world: StoreWorld, page: Page) -> None:
-        """Begin the day."""
+        """Begin the situation."""
         self._settings = settings
         self._world = world
         self._page = page
@@ -145,7 +145,7 @@ class Pickers:
         self._since_s: float | None = None
 
     def see(self, state: StoreState) -> None:
-        """Do the next act if its time has come: so long after what it waits for began."""
+        """Do the next act if its condition has been true for the delay of the act."""
         if not self._acts:
             return
         is_met, delay_s, act = self._acts[0]
@@ -181,7 +181,7 @@ class Pickers:
         self._page.order(OrderKind.MOVE, self._settings.area, self._settings.second_area)
 
     def _load(self, state: StoreState, load: Load) -> None:
-        container = state.carried() or standing_at(state, AREAS[self._settings.area].places[0])
+        container = state.carried() or container_at(state, AREAS[self._settings.area].places[0])
         if container is not None:
             self._world.set_load(container.name, load)
             self._page.tell_load(load)
@@ -193,17 +193,17 @@ class Pickers:
         self._world.add_person(crossing((x_m, y_m + 3.0), ends, 40, (x_m, 13.5)))
 
     def _has_container(self, state: StoreState) -> bool:
-        return standing_at(state, AREAS[self._settings.area].places[0]) is not None
+        return container_at(state, AREAS[self._settings.area].places[0]) is not None
 
     def _is_here(self, state: StoreState) -> bool:
-        """Return whether the robot stands at the first observation pose of the area."""
+        """Return whether the robot rests at the first observation pose of the area."""
         pose = AREAS[self._settings.area].observation[0]
         return state.robot.at.distance_m(pose) < 0.3 and state.robot.surface_speed_m_s() == 0.0
 
 
-def standing_at(state: StoreState, place: Pose2D) -> Container | None:
-    """Return the container that stands at a place."""
-    return next((each for each in state.standing() if each.at.distance_m(place) < 0.4), None)
+def container_at(state: StoreState, place: Pose2D) -> Container | None:
+    """Return the container at a place."""
+    return next((container for container in state.containers_on_floor() if container.at.distance_m(place) < 0.4), None)
 
 
 def _always(_: StoreState) -> bool:
@@ -215,7 +215,7 @@ def _is_carrying(state: StoreState) -> bool:
 
 
 def _since(since_s: float | None, state: StoreState, holds: bool) -> float | None:
-    """Return since when something holds without a break."""
+    """Return since when a condition has been true without a break; None if it is false."""
     if not holds:
         return None
     return state.instant_s if since_s is None else since_s

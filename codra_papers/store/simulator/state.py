@@ -1,4 +1,4 @@
-"""The whole truth about one instant of the shop, as frozen values."""
+"""The complete true state of the shop at one instant, as frozen values."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from codra_papers.store.layout import (
 
 
 class Load(StrEnum):
-    """What is in a container."""
+    """The load of a container."""
 
     EMPTY = "empty"
     LOADING = "loading"
@@ -41,7 +41,7 @@ class Container:
     """A roll container.
 
     Attributes:
-        at: in the map; on the fork, where the fork has it; in the back room, nowhere that counts.
+        at: pose in the map, also on the fork; without meaning in the back room.
     """
 
     name: str
@@ -50,11 +50,11 @@ class Container:
     where: Whereabouts = Whereabouts.FLOOR
 
     def box(self) -> Box:
-        """Return the space that it takes."""
+        """Return its space on the floor."""
         return Box(self.at, CONTAINER_M, CONTAINER_M)
 
     def wheels(self) -> tuple[Disc, ...]:
-        """Return its wheels, which is all of it that is near the floor."""
+        """Return its wheels, the only parts near the floor."""
         offsets = [(a * WHEEL_OFFSET_M, b * WHEEL_OFFSET_M) for a in (1, -1) for b in (1, -1)]
         return tuple(Disc(self.at.out(*offset), WHEEL_RADIUS_M) for offset in offsets)
 
@@ -64,7 +64,7 @@ class RobotState:
     """The robot's body.
 
     Attributes:
-        at: its axle.
+        at: the pose of its axle.
         turn_rate_rad_s: counter-clockwise.
         is_fork_up: whether the fork is raised.
         bumped_s: when a bumper was last touched.
@@ -87,17 +87,17 @@ class RobotState:
         return _part(self.at, FORK_TIP_M, BODY_BACK_M, FORK_WIDTH_M)
 
     def surface_speed_m_s(self) -> float:
-        """Return a bound of how fast any point of it moves: its speed, and its turn rate times its reach."""
+        """Return an upper bound for the speed of its points: its speed plus its turn rate times its reach."""
         return abs(self.speed_m_s) + abs(self.turn_rate_rad_s) * REACH_M
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StoreState:
-    """All of the shop at one instant.
+    """The state of the shop at one instant.
 
     Attributes:
-        step: its number; the shop goes on in steps of equal time.
-        people_m: where the people are, each under a name.
+        step: the number of the step; all steps have the same length.
+        people_m: the names and places of the people.
     """
 
     step: int
@@ -108,25 +108,25 @@ class StoreState:
 
     def carried(self) -> Container | None:
         """Return the container on the fork."""
-        return next((each for each in self.containers if each.where is Whereabouts.FORK), None)
+        return next((container for container in self.containers if container.where is Whereabouts.FORK), None)
 
-    def standing(self) -> tuple[Container, ...]:
-        """Return the containers that stand on the floor of the shop."""
-        return tuple(each for each in self.containers if each.where is Whereabouts.FLOOR)
+    def containers_on_floor(self) -> tuple[Container, ...]:
+        """Return the containers on the floor of the shop."""
+        return tuple(container for container in self.containers if container.where is Whereabouts.FLOOR)
 
     def footprint(self) -> tuple[Box, ...]:
-        """Return the space of the robot with what it carries."""
+        """Return the space of the robot and its load."""
         return footprint(self.robot, self.carried())
 
 
 def footprint(robot: RobotState, carried: Container | None) -> tuple[Box, ...]:
-    """Return the space of a robot with what it carries."""
+    """Return the space of a robot and its load."""
     own = (robot.body(), robot.fork())
     return own if carried is None else (*own, carried.box())
 
 
 SHELL = Scene(FIXED)
-"""All that never moves, for rays."""
+"""All fixed objects, for rays."""
 
 
 def _part(at: Pose2D, back_m: float, front_m: float, width_m: float) -> Box:

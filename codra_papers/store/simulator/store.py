@@ -1,4 +1,4 @@
-"""A whole run of the shop: the world, the knowledge of its robot, its agents, and who judges them."""
+"""A complete run of the shop: the world, the knowledge of its robot, its agents, and their judge."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from codra_papers.store.simulator.world import StoreWorld
 
 
 class PickerPage:
-    """The agent `picker_page`: what pickers ask for becomes knowledge (P2's PickerWebInterface)."""
+    """The agent `picker_page`: it writes the requests of pickers into the graph (P2's PickerWebInterface)."""
 
     def __init__(self, knowledge: Knowledge) -> None:
-        """Take no order yet."""
+        """Take the agent `picker_page`; the graph has no orders yet."""
         self._knowledge = knowledge
         self._handle = knowledge.as_agent("picker_page")
         self._count = 0
@@ -33,7 +33,7 @@ class PickerPage:
             change.insert_node(name, "order", kind=kind)
             change.insert_edge(name, "of_area", area)
             change.insert_edge(name, "to_area", to)
-        if kind is OrderKind.PROVIDE:  # what is provided is empty, whatever was on the fork before
+        if kind is OrderKind.PROVIDE:  # a provided container is empty, independent of the last one on the fork
             self._knowledge.follow(name, "state", self._taken_up)
         return name
 
@@ -42,35 +42,35 @@ class PickerPage:
             self.tell_load(Load.EMPTY)
 
     def cancel(self, order: str) -> None:
-        """Take an order back; one that is closed stays as it is.
+        """Take an order back. A closed order stays unchanged.
 
         Raises:
-            UnknownNameError: if there is none of this name.
+            UnknownNameError: the graph has no order of this name.
         """
         self._handle.set(order, "cancelled", True)
 
     def tell_load(self, load: Load) -> None:
-        """Write what is in the container that the robot serves."""
+        """Write the load of the container that the robot serves."""
         self._handle.set("robot", "container_load", load)
 
 
 class Store:
-    """The shop with its robot, open.
+    """The open shop with its robot.
 
     Attributes:
-        world: with the ground truth.
-        knowledge: what the robot has of it.
-        judge: of the run so far.
-        page: on which pickers order.
+        world: the world with the ground truth.
+        knowledge: the knowledge of the robot.
+        judge: the judge with the score so far.
+        page: the page for orders of pickers.
     """
 
     def __init__(self, clock: Clock, settings: StoreSettings, knowledge: Knowledge | None = None) -> None:
         """Open the shop.
 
         Args:
-            clock: on which it runs.
-            settings: what is to happen.
-            knowledge: of a context manager that was compiled from a spec; by default one of the shop's own.
+            clock: the clock of the run.
+            settings: the situation of the run.
+            knowledge: the graph of a context manager from a compiled spec; by default the shop creates one.
         """
         self.world = StoreWorld(clock, beginning(settings))
         self.knowledge = Knowledge(store_knowledge(), clock=clock) if knowledge is None else knowledge
@@ -87,7 +87,7 @@ class Store:
             self._follow(task.name)
 
     def record(self) -> str:
-        """Return what was true once a second, what happened, and how tasks went, as lines of text."""
+        """Return the true states once a second, the events, and the stages of tasks, as lines of text."""
         lines = [*self._lines(self.world.events), *self._lines(self._handovers)]
         return "\n".join((*self._samples, *lines, repr(self.judge.score))) + "\n"
 
@@ -98,8 +98,8 @@ class Store:
     def _handed_over(self, task: str, stage: Stage, change: Change) -> None:
         handover = change.snapshot.handover(task)
         if handover.stage is stage:
-            told = f"{task} {handover.number} {stage} {handover.result or handover.reason}".rstrip()
-            self._handovers.append((self._clock.now_s(), told))
+            line = f"{task} {handover.number} {stage} {handover.result or handover.reason}".rstrip()
+            self._handovers.append((self._clock.now_s(), line))
 
     def _sample(self) -> None:
         state = self.world.state()
@@ -108,4 +108,4 @@ class Store:
 
     @staticmethod
     def _lines(events: list[tuple[float, str]]) -> Iterator[str]:
-        return (f"{instant_s:.3f} {what}" for instant_s, what in events)
+        return (f"{instant_s:.3f} {text}" for instant_s, text in events)

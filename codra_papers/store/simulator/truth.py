@@ -1,9 +1,9 @@
-"""What a run is judged by, from the world's own state. The robot's code never sees it.
+"""The scores of a run, from the world's own state. The robot's code never uses them.
 
-- A second is *unsafe* while somebody's body is nearer than `UNSAFE_BELOW_M` to the robot or what it carries, and some
-  point of the robot may move faster than `UNSAFE_ABOVE_M_S`: its speed, and its turn rate times its reach, together.
-- A *mission* is completed when a container is set down at a place that containers are brought to.
-- A *bump* is a step in which the robot would have moved into something.
+- A second is *unsafe* while a person's body is nearer than `UNSAFE_BELOW_M` to the robot or its load, and some point of
+  the robot may move faster than `UNSAFE_ABOVE_M_S`: its speed plus its turn rate times its reach.
+- A *mission* is completed when a container is set down at a delivery place.
+- A *bump* is a step in which the robot would have moved into an object or a person.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ SET_DOWN_WITHIN_M = 0.3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Score:
-    """The sums of a run.
+    """The totals of a run.
 
     Attributes:
-        deliveries: where containers were set down, in order: the names of areas.
+        deliveries: the names of the areas where containers were set down, in order.
     """
 
     unsafe_s: float = 0.0
@@ -40,7 +40,7 @@ class Score:
 
 
 class Judge:
-    """Follows the states of a shop."""
+    """Computes the score from the states of a shop."""
 
     def __init__(self, state: StoreState) -> None:
         """Begin with a state."""
@@ -48,7 +48,7 @@ class Judge:
         self._last = state
 
     def see(self, state: StoreState) -> None:
-        """Take one more step into account."""
+        """Add one step to the score."""
         score = self.score
         self.score = replace(
             score,
@@ -61,13 +61,13 @@ class Judge:
 
 
 def nearest_person_m(state: StoreState) -> float:
-    """Return how far the nearest person's body is from the robot and what it carries; infinite without people."""
+    """Return the distance of the nearest person's body from the robot and its load; infinite without people."""
     gaps = [box.distance_m(at_m) - PERSON_RADIUS_M for box in state.footprint() for _, at_m in state.people_m]
     return max(min(gaps, default=float("inf")), 0.0)
 
 
 def is_unsafe(state: StoreState) -> bool:
-    """Return whether the robot moves fast near somebody."""
+    """Return whether the robot moves fast near a person."""
     return state.robot.surface_speed_m_s() > UNSAFE_ABOVE_M_S and nearest_person_m(state) < UNSAFE_BELOW_M
 
 
@@ -75,7 +75,7 @@ def _set_down(before: StoreState, after: StoreState) -> tuple[str, ...]:
     carried = before.carried()
     if carried is None or after.carried() is not None:
         return ()
-    down = next(each for each in after.containers if each.name == carried.name)
+    down = next(container for container in after.containers if container.name == carried.name)
     if down.where is not Whereabouts.FLOOR:
         return ()
     return tuple(area.name for area in AREAS.values() if area.places[0].distance_m(down.at) < SET_DOWN_WITHIN_M)[:1]

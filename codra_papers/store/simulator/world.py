@@ -1,7 +1,8 @@
-"""The shop over time: people walk, the robot drives, containers stand or are carried.
+"""The shop over time: people walk, the robot drives, containers rest or are carried.
 
-It goes on in steps of a tenth of a second, each an event of the clock, and never by what somebody reads: the state of a
-step is a frozen value, a reading is a function of the seed and of that value, and chance has a source for each purpose.
+Time passes in steps of a tenth of a second, which are events of the clock. Reading changes nothing: the state of a step
+is a frozen value, a sensor value is a function of the seed and of the state, and every purpose has its own random
+source.
 """
 
 from __future__ import annotations
@@ -28,10 +29,10 @@ from codra_papers.store.simulator.state import (
 )
 
 UNDER_M, UNDER_RAD = 0.1, 0.15
-"""How well the fork must stand under a container to lift it."""
+"""Largest errors of the fork's pose under a container for lifting it."""
 
 DOCKED_M = 0.15
-"""How near the dock the robot must stand to charge."""
+"""Largest distance of the robot from the dock for charging."""
 
 BUMPED_FOR_S = 2.0
 
@@ -45,11 +46,11 @@ CHARGE_PERCENT_PER_MIN = 2.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Beginning:
-    """How the shop stands when it opens.
+    """The state of the shop when it opens.
 
     Attributes:
-        seed: of all that chance decides.
-        drain: by what the use of the battery is multiplied.
+        seed: the seed of everything random.
+        drain: factor on the use of the battery.
     """
 
     seed: int
@@ -61,10 +62,10 @@ class Beginning:
 
 
 class StoreWorld:
-    """The shop. Steps run as events of its clock; states and readings may be asked for from any thread.
+    """The shop. Steps run as events of its clock. Any thread may read states and sensor values.
 
     Attributes:
-        events: what has happened, each with its instant, in order.
+        events: the past events with their instants, in order.
     """
 
     def __init__(self, clock: Clock, beginning: Beginning) -> None:
@@ -85,58 +86,58 @@ class StoreWorld:
             step=0, instant_s=self._begun_s, robot=robot, containers=beginning.containers, people_m=()))  # fmt: skip
         clock.call_at(self._begun_s + STEP_S, self._step)
 
-    # What is true
+    # Truth
 
     def state(self) -> StoreState:
         """Return the truth of the latest step."""
         return self._state
 
     def watch(self, callback: Callable[[StoreState], None]) -> None:
-        """Tell each new state. Callbacks run in the order in which they came; they must not wait."""
+        """Call a callback with every new state. Callbacks run in the order of registration. They must not wait."""
         self._watchers.append(callback)
 
-    # What people do
+    # Actions of people
 
     def add_person(self, person: Person) -> None:
-        """Let somebody in."""
+        """Add a person to the shop."""
         self._people.append(person)
 
     def set_load(self, name: str, load: Load) -> None:
-        """Let what is in a container be something else."""
+        """Change the load of a container."""
         self._change(name, load=load)
         self.events.append((self._state.instant_s, f"{name} is {load}"))
 
     def move_container(self, name: str, at: Pose2D, where: Whereabouts) -> None:
-        """Let people push a container elsewhere."""
+        """Let people move a container."""
         self._change(name, at=at, where=where)
         self.events.append((self._state.instant_s, f"{name} was moved: {where}"))
 
-    # What the body of the robot asks
+    # Interface for the body of the robot
 
     def driving(self) -> Driving:
         """Return the motion layer."""
         return self._driving
 
-    def tell_ended(self) -> None:
-        """Tell those who gave commands what became of them."""
+    def report_ended(self) -> None:
+        """Report the results of ended commands to their callers."""
         while self._driving.ended:
             command, outcome = self._driving.ended.pop(0)
             command.done(outcome)
 
     def scan(self, side: Side) -> Scan:
-        """Return the latest turn of a laser, which is the same whoever asks."""
+        """Return the latest scan of a laser, the same for all callers."""
         if side not in self._scans:
             self._scans[side] = sensors.scan(self._seed, self._state, side)
         return self._scans[side]
 
     def picture(self) -> Picture:
-        """Return the latest picture of the camera, which is the same whoever asks."""
+        """Return the latest picture of the camera, the same for all callers."""
         if self._picture is None:
             self._picture = sensors.picture(self._seed, self._state)
         return self._picture
 
     def believed(self) -> Pose2D:
-        """Return where the robot believes it stands."""
+        """Return the believed pose of the robot."""
         return sensors.believed(self._seed, self._state)
 
     # Steps
@@ -155,7 +156,7 @@ class StoreWorld:
         self._clock.call_at(self._begun_s + (step + 1) / STEPS_PER_S, self._step)
         for watcher in tuple(self._watchers):
             watcher(self._state)
-        self.tell_ended()
+        self.report_ended()
 
     def _moves(self) -> bool:
         robot = self._state.robot
@@ -182,7 +183,7 @@ class StoreWorld:
         )
 
     def _moved(self, wish: Wish) -> tuple[RobotState, str]:
-        """Return the robot after a step, and into what it bumped: then it stays where it was."""
+        """Return the robot after a step, and the object that it bumped into. After a bump it is where it was."""
         robot = self._state.robot
         middle_rad = robot.at.heading_rad + wish.turn_rate_rad_s * STEP_S / 2
         length_m = wish.speed_m_s * STEP_S
@@ -205,7 +206,7 @@ class StoreWorld:
         for box in FIXED:
             if box.distance_m(robot.at.point_m) < REACH_M + 0.1 and any(part.overlaps(box) for part in parts):
                 return "a shelf"
-        for container in self._state.standing():
+        for container in self._state.containers_on_floor():
             if any(part.overlaps(container.box()) for part in solid):
                 return container.name
         for name, at_m in self._state.people_m:
@@ -219,7 +220,10 @@ class StoreWorld:
         containers = self._state.containers
         if self._held is not None:
             at = _outer(robot.at, self._held)
-            containers = tuple(replace(each, at=at) if each.where is Whereabouts.FORK else each for each in containers)
+            containers = tuple(
+                replace(container, at=at) if container.where is Whereabouts.FORK else container
+                for container in containers
+            )
         instant_s = self._begun_s + step / STEPS_PER_S
         self._state = self._seen(
             replace(self._state, step=step, instant_s=instant_s, robot=robot, containers=containers)
@@ -239,7 +243,9 @@ class StoreWorld:
 
     def _raise(self) -> None:
         robot = self._state.robot
-        under = next((each for each in self._state.standing() if _is_under(robot.at, each)), None)
+        under = next(
+            (container for container in self._state.containers_on_floor() if _is_under(robot.at, container)), None
+        )
         if under is not None and not robot.is_fork_up:
             self._held = _inner(robot.at, under.at)
             self._change(under.name, where=Whereabouts.FORK)
@@ -261,29 +267,29 @@ class StoreWorld:
 
     def _change(self, name: str, **values: object) -> None:
         changed = tuple(
-            replace(each, **values) if each.name == name else each  # type: ignore[arg-type]
-            for each in self._state.containers
+            replace(container, **values) if container.name == name else container  # type: ignore[arg-type]
+            for container in self._state.containers
         )
         self._state = self._seen(replace(self._state, containers=changed))
 
 
 class Cary:
-    """The robot's hardware, as its own code has it: a `Body`."""
+    """The robot's hardware as a `Body`."""
 
     def __init__(self, world: StoreWorld) -> None:
-        """Belong to a shop."""
+        """Create the body in a shop."""
         self._world = world
 
     def believed(self) -> Pose2D:
-        """Return where its localisation says that it stands."""
+        """Return the pose from the localisation."""
         return self._world.believed()
 
     def localisation_spread_m(self) -> float:
-        """Return how far off the localisation takes itself to be."""
+        """Return the uncertainty that the localisation reports."""
         return 2 * sensors.LOCALISATION_M
 
     def scan(self, side: Side) -> Scan:
-        """Return the latest turn of a laser."""
+        """Return the latest scan of a laser."""
         return self._world.scan(side)
 
     def look(self) -> Picture:
@@ -295,11 +301,11 @@ class Cary:
         return round(self._world.state().robot.battery_percent, 1)
 
     def is_charging(self) -> bool:
-        """Return whether it stands at the dock and charges."""
+        """Return whether the robot is at the dock and charges."""
         return self._world.state().robot.is_charging
 
     def has_load(self) -> bool:
-        """Return whether the fork weighs something."""
+        """Return whether the fork carries a load, by its weight."""
         return self._world.state().carried() is not None
 
     def is_bumped(self) -> bool:
@@ -308,7 +314,7 @@ class Cary:
         return state.instant_s - state.robot.bumped_s < BUMPED_FOR_S
 
     def speed_m_s(self) -> float:
-        """Return how fast it drives; negative backwards."""
+        """Return the speed of the robot; negative backwards."""
         return self._world.state().robot.speed_m_s
 
     def set_max_speed(self, speed_m_s: float) -> None:
@@ -333,7 +339,7 @@ class Cary:
 
     def _stop(self, command: Drive | Turn | Raise) -> None:
         self._world.driving().stop(command)
-        self._world.tell_ended()
+        self._world.report_ended()
 
 
 def _outer(frame: Pose2D, inner: Pose2D) -> Pose2D:
@@ -345,7 +351,7 @@ def _inner(frame: Pose2D, outer: Pose2D) -> Pose2D:
 
 
 def _is_under(robot: Pose2D, container: Container) -> bool:
-    """Return whether the fork is under a container well enough; any of its sides will do."""
+    """Return whether the fork is under a container well enough to lift it, from any of its sides."""
     fork = robot.ahead(-FORK_M)
     aside_rad = abs(remainder(container.at.heading_rad - robot.heading_rad, pi / 2))
     return hypot(fork.x_m - container.at.x_m, fork.y_m - container.at.y_m) < UNDER_M and aside_rad < UNDER_RAD

@@ -1,1 +1,1 @@
-"""Eight threads at one context manager: does it ever hang, lose a wake-up, or run what it should not?"""
+"""Eight threads use one context manager: does it ever hang, lose a wake-up, or run an undeclared observer?"""

@@ -1,4 +1,4 @@
-"""Lets eight threads loose on context managers: `python -m tests.campaigns.crowd OPERATIONS [SEED...]`."""
+"""Run eight threads on context managers at random: `python -m tests.campaigns.crowd OPERATIONS [SEED...]`."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from tests.campaigns.crowd.crowd import THREADS, Crowd, Figures
 
 
 def main(operations: int, seeds: list[int]) -> int:
-    """Run a crowd for each seed; return 1 if one found a mistake."""
-    found = [told(seed, Crowd(seed, operations).run()) for seed in seeds]
-    return 1 if any(figures.mistakes for figures in found) else 0
+    """Run a crowd for each seed; return 1 if a mistake was found."""
+    results = [print_figures(seed, Crowd(seed, operations).run()) for seed in seeds]
+    return 1 if any(figures.mistakes for figures in results) else 0
 
 
-def told(seed: int, figures: Figures) -> Figures:
-    """Print what a run came to."""
+def print_figures(seed: int, figures: Figures) -> Figures:
+    """Print the figures of a run."""
     operations = sum(number for what, number in figures.done.items() if what[0] != "(")
     print(f"seed {seed}: {operations} operations of {THREADS} threads, {figures.lives} lives, {figures.jobs} jobs")
     print("  " + ", ".join(f"{what} {number}" for what, number in sorted(figures.done.items())))

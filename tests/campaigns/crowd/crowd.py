@@ -1,4 +1,4 @@
-"""Threads that do what they like with one context manager, and a judge whenever they pause."""
+"""Threads that use one context manager at random, and checks whenever they pause."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ SHORTEST_TURN_S = 2e-5
 
 @dataclass
 class Figures:
-    """What a run came to."""
+    """The figures of a run."""
 
     done: Counter[str] = field(default_factory=Counter)
     judged: int = 0
@@ -39,7 +39,7 @@ class Figures:
 
 
 class Crowd:
-    """Eight threads, one context manager at a time, and a judge."""
+    """Eight threads, one context manager at a time, and the checks."""
 
     def __init__(self, seed: int, operations: int, patience_s: float = PATIENCE_S) -> None:
         self.patience_s = patience_s
@@ -58,7 +58,7 @@ class Crowd:
         self._members = [Member(self, number) for number in range(THREADS)]
 
     def run(self) -> Figures:
-        """Let all threads work to the end, or to the first mistake; they take turns often, wherever they are."""
+        """Run all threads to the end, or to the first mistake, with frequent switches between them."""
         interval_s = sys.getswitchinterval()
         sys.setswitchinterval(SHORTEST_TURN_S)
         try:
@@ -68,7 +68,7 @@ class Crowd:
         return self.figures
 
     def _run(self) -> None:
-        workers = [threading.Thread(target=self._work, args=(each,), daemon=True) for each in self._members]
+        workers = [threading.Thread(target=self._work, args=(member,), daemon=True) for member in self._members]
         postman = threading.Thread(target=self._deliver_mail, args=(tuple(workers),), daemon=True)
         for thread in (*workers, postman):
             thread.start()
@@ -80,14 +80,14 @@ class Crowd:
             self._blaming(self._judge_the_end)
 
     def restart(self) -> None:
-        """Start anew, and close the context manager whoever uses it."""
+        """Start a new context manager, and close the old one while others use it."""
         with self._replacing:
             old, self.life = self.life, self._new_life()
             old.close()
             self._ended.append(old)
 
     def post(self, request: tuple[Life, str]) -> None:
-        """Give one who waits for mail what he waits for."""
+        """Write the variable that a member waits for."""
         life, name = request
         self.requests.discard(request)
         life.manager.agent("post").set(name, 1)
@@ -105,14 +105,14 @@ class Crowd:
                 self._barrier.wait(10 * self.patience_s)
             except (threading.BrokenBarrierError, AssertionError):
                 if not self.figures.mistakes:
-                    self._blame("not all threads come to the end of their round" + stacks())
+                    self._blame("not all threads reach the end of their round" + stacks())
                 return
         self._blaming(member.leave)
 
     def _blaming(self, act: Callable[[], None]) -> None:
         try:
             act()
-        except BaseException:  # noqa: BLE001 - told, and the others end
+        except BaseException:  # noqa: BLE001 - recorded, and the others end
             self._blame(traceback.format_exc())
 
     def _blame(self, mistake: str) -> None:
@@ -126,10 +126,10 @@ class Crowd:
             for request in tuple(self.requests):
                 self._blaming(lambda request=request: self.post(request))
 
-    # What must hold
+    # Checks
 
     def _judge(self) -> None:
-        """Judge while every thread pauses."""
+        """Check while every thread pauses."""
         try:
             self._judge_pause(random.Random(f"{self.seed}/{self.figures.judged}"))
         except AssertionError as mistake:
@@ -151,26 +151,26 @@ class Crowd:
             self._judge_silence(manager, chance)
 
     def _judge_silence(self, manager: Manager, chance: random.Random) -> None:
-        """Wait for values while nothing else happens that could wake by accident whom nobody woke."""
+        """Wait for values while no other event could wake a waiting thread by accident."""
         for member in self._members:
             member.leave()
         manager.expect()
         judge_life(self.model, manager, set())
-        require(eventually(lambda: self.perception.at_work == 0), "a perception function goes on for ever")
+        require(eventually(lambda: self.perception.at_work == 0), "a perception function runs forever")
         calls = self.perception.calls
         for number in range(SILENT_WAITS):
             self._wait_for(manager, "mail8", lambda: manager.agent("post").set("mail8", number), chance)  # noqa: B023
-        require(self.perception.calls == calls, "something is perceived though no observer runs")
+        require(self.perception.calls == calls, "a perception function runs although no observer runs")
         for _ in range(SILENT_WAITS):
             self._wait_for(manager, BEACON, lambda: manager.declare(BEACON), chance)
             manager.withdraw(BEACON)
 
     def _wait_for(self, manager: Manager, name: str, give: Callable[[], None], chance: random.Random) -> None:
-        found: list[object] = []
+        answers: list[object] = []
         since_s = self.clock.now_s()
 
         def ask() -> None:
-            found.append(manager.decide(name, lambda: None, since_s=since_s, wait_up_to_s=2 * self.patience_s))
+            answers.append(manager.decide(name, lambda: None, since_s=since_s, wait_up_to_s=2 * self.patience_s))
 
         waiter = threading.Thread(target=ask, daemon=True)
         waiter.start()
@@ -178,16 +178,16 @@ class Crowd:
         given_s = time.monotonic()
         give()
         waiter.join(self.patience_s)
-        require(found not in ([], [None]), f"who waits for {name} was not woken when its value came")
+        require(answers not in ([], [None]), f"the thread that waits for {name} was not woken when its value arrived")
         self.figures.longest_wake_up_s = max(self.figures.longest_wake_up_s, time.monotonic() - given_s)
         self.figures.done["wait in silence"] += 1
 
     def _judge_the_end(self) -> None:
-        """Close for good: no thread of the runtime remains, and nothing runs."""
+        """Close at the end: no thread of the runtime remains, and no perception function runs."""
         self.life.close()
         for life in (*self._ended, self.life):
             judge_end(life)
-        require(eventually(lambda: self.perception.at_work == 0), "a perception function goes on after the end")
+        require(eventually(lambda: self.perception.at_work == 0), "a perception function still runs after the end")
         self.clock.close()
 
         def remaining() -> set[str]:
@@ -196,4 +196,4 @@ class Crowd:
         require(eventually(lambda: not remaining()), f"threads remain: {remaining()}")
         calls = self.perception.calls
         time.sleep(0.3)
-        require(self.perception.calls == calls, "something is perceived after the end")
+        require(self.perception.calls == calls, "a perception function was called after the end")

@@ -1,4 +1,4 @@
-"""What must hold of a context manager that many threads use."""
+"""Invariants of a context manager that many threads use."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ class Life:
 
     Attributes:
         is_closing: set before it is closed; from then on calls may be refused.
-        told: how many events its record held when it had been closed.
+        event_count: the number of events in its log after it was closed.
     """
 
     manager: Manager
     is_closing: bool = False
-    told: int = 0
+    event_count: int = 0
 
     def close(self) -> None:
         self.is_closing = True
         self.manager.close()
-        self.told = len(self.manager.record)
+        self.event_count = len(self.manager.record)
 
 
 def require(holds: bool, mistake: str) -> None:
@@ -41,7 +41,7 @@ def require(holds: bool, mistake: str) -> None:
 
 
 def eventually(ready: Callable[[], bool]) -> bool:
-    """Return whether something becomes so within a minute."""
+    """Return whether a condition becomes true within a minute."""
     end_s = time.monotonic() + PATIENCE_S
     while not ready() and time.monotonic() < end_s:
         time.sleep(0.005)
@@ -49,20 +49,20 @@ def eventually(ready: Callable[[], bool]) -> bool:
 
 
 def judge_life(model: ContextModel, manager: Manager, declared: set[str]) -> int:
-    """Require that what runs is what P1's Algorithm 1, run from empty, makes of what remains declared."""
+    """Require that the running observers are the result of P1's Algorithm 1 on the declarations."""
     running, context = papers_answer(model, manager)
-    wanted = {name for name, each in manager._forest.observers.items() if each.wanted}
+    wanted = {name for name, observer in manager._forest.observers.items() if observer.wanted}
     require(manager.declared() == declared, f"declared are not {sorted(manager.declared() ^ declared)}")
     require(manager.running() == running, f"missing or left running: {sorted(manager.running() ^ running)}")
-    require(running_by_record(manager) == running == wanted, "the record or a control flag says otherwise")
-    require(manager.in_force() == context, "C_M(t) is not what the paper says")
+    require(running_by_record(manager) == running == wanted, "the event log or a control flag differs")
+    require(manager.in_force() == context, "C_M(t) differs from the paper")
     return len(running)
 
 
 def judge_end(life: Life) -> None:
-    """Require that nothing of a closed context manager runs, was declared or was started after its end."""
+    """Require that a closed context manager runs no observer, and declared or started none after its end."""
     manager = life.manager
-    later = [event for event in list(manager.record)[life.told :] if event.what in ("started", "declared")]
+    later = [event for event in list(manager.record)[life.event_count :] if event.what in ("started", "declared")]
     running = manager.running() | running_by_record(manager)
     require(not (running or manager.declared() or later), f"left running after the end: {sorted(running)}, {later[:3]}")
     last = {event.name: event.what for event in manager.record.of(Kind.JOB) if event.what != "rejected"}
@@ -70,6 +70,6 @@ def judge_end(life: Life) -> None:
 
 
 def stacks() -> str:
-    """Return where all threads stand."""
+    """Return the stack traces of all threads."""
     frames = sys._current_frames().values()
     return "".join(f"\n--\n{''.join(traceback.format_stack(frame)[-6:])}" for frame in frames)

@@ -1,4 +1,4 @@
-"""One of the threads: what it does, and what it has declared."""
+"""One of the threads: its actions and its declarations."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ MOST_SKILLS = 2
 
 
 class Member:
-    """One of eight threads; the variables that it declares and withdraws are its own, the skills are everybody's."""
+    """One of eight threads; only it declares and withdraws its variables, while skills are shared."""
 
     def __init__(self, crowd: Crowd, number: int) -> None:
         self._crowd = crowd
@@ -30,7 +30,7 @@ class Member:
         self._life = crowd.life
         self._mine: set[str] = set()
         self._under_way: list[tuple[SkillModel, AbstractContextManager[Skill], Skill]] = []
-        self._ways: dict[str, tuple[float, Callable[[Manager], None]]] = {
+        self._actions: dict[str, tuple[float, Callable[[Manager], None]]] = {
             "declare": (12, self._declare),
             "withdraw": (8, self._withdraw),
             "expect": (6, self._expect),
@@ -40,7 +40,7 @@ class Member:
             "set": (12, self._set),
             "set by an agent": (12, self._set_by_agent),
             "expire": (4, self._expire),
-            "break or mend perception": (4, self._break_or_mend),
+            "break or repair perception": (4, self._break_or_repair),
             "decide": (8, self._decide),
             "wait for mail": (8, self._wait_for_mail),
             "use a slot": (3, self._use_slot),
@@ -49,28 +49,28 @@ class Member:
         }
 
     def act(self) -> None:
-        """Do something."""
+        """Execute a random action."""
         life = self._crowd.life
         if life is not self._life:
             self.leave()
             self._life, self._mine = life, set()
-        what = self._chance.choices(list(self._ways), [weight for weight, _ in self._ways.values()])[0]
-        self._crowd.figures.done[what] += 1
+        action = self._chance.choices(list(self._actions), [weight for weight, _ in self._actions.values()])[0]
+        self._crowd.figures.done[action] += 1
         try:
-            self._ways[what][1](life.manager)
+            self._actions[action][1](life.manager)
         except RuntimeError as error:
             if not (life.is_closing and "closed" in str(error)):
                 raise
             self._crowd.figures.done["(refused, because closed)"] += 1
 
     def declared(self, life: Life) -> set[str]:
-        """Return what must be declared on its behalf in a life."""
+        """Return the variables that must be declared for this member in a life."""
         if life is not self._life:
             return set()
         return self._mine.union(*(skill.preview + skill.monitor for skill, _, _ in self._under_way))
 
     def leave(self) -> None:
-        """End its skills and withdraw what it declared."""
+        """End its skills and withdraw its declarations."""
         while self._under_way:
             self._under_way.pop()[1].__exit__(None, None, None)
         while self._mine:
@@ -127,18 +127,18 @@ class Member:
         manager.agent("device").set(name, self._chance.random() < 0.8, evidence_s=evidence_s)
 
     def _expire(self, manager: Manager) -> None:
-        """What nobody renews is stale at the end of its validity, to everybody who asks."""
+        """Require that a value without newer evidence is stale at the end of its validity."""
         name = f"s{self._chance.randrange(SENSORS)}"
         manager.agent("device").set(name, True)
         validity_s = manager._store.variables[name].valid_for_s
         expires_s = self._crowd.clock.now_s() + validity_s
-        require(eventually(lambda: self._crowd.clock.now_s() > expires_s), "time stands still")
+        require(eventually(lambda: self._crowd.clock.now_s() > expires_s), "time does not pass")
         reading = manager.get(name)
         is_stale = reading.reason is Reason.STALE
         is_newer = reading.known and reading.evidence_s + validity_s > expires_s
         require(is_stale or is_newer, f"{name} should be stale: {reading}")
 
-    def _break_or_mend(self, _: Manager) -> None:
+    def _break_or_repair(self, _: Manager) -> None:
         broken, name = self._crowd.perception.broken, f"look_v{self._chance.randrange(OBSERVED)}"
         if name in broken:
             broken.discard(name)
@@ -152,16 +152,16 @@ class Member:
         manager.decide(name, lambda: self._chance.choice([True, None]), wait_up_to_s=wait_s, shadow=shadow)
 
     def _wait_for_mail(self, manager: Manager) -> None:
-        """Wait until another thread has written: nobody may sleep through that."""
+        """Wait until another thread has written; the wake-up must not be lost."""
         life, name = self._life, f"mail{self._number}"
         asked_s = self._crowd.clock.now_s()
-        for other in tuple(self._crowd.requests):  # whoever waits serves the others first
+        for other in tuple(self._crowd.requests):  # serve the other waiting members first
             self._crowd.post(other)
         self._crowd.requests.add((life, name))
-        found = manager.decide(name, lambda: None, since_s=asked_s, wait_up_to_s=self._crowd.patience_s)
+        answer = manager.decide(name, lambda: None, since_s=asked_s, wait_up_to_s=self._crowd.patience_s)
         waited_s = self._crowd.clock.now_s() - asked_s
         self._crowd.requests.discard((life, name))
-        require(found == 1 or life.is_closing, f"{name} was not seen within {waited_s} s")
+        require(answer == 1 or life.is_closing, f"{name} was not seen within {waited_s} s")
         require(waited_s < self._crowd.patience_s / 2, f"{name} was seen after {waited_s} s only")
 
     def _use_slot(self, manager: Manager) -> None:

@@ -1,4 +1,4 @@
-"""What the crowd works on: a forest of more than fifty variables, and perception with moods."""
+"""The model for the crowd: a forest of more than fifty variables, and perception with random failures."""
 
 from __future__ import annotations
 
@@ -76,16 +76,16 @@ def _condition(need: str, chance: random.Random) -> Term:
 
 
 class Perception:
-    """All perception functions: each works, raises, returns nonsense, sleeps or hangs as its chance will have it.
+    """All perception functions: each works, raises, returns nonsense, sleeps or hangs at random.
 
     Attributes:
-        broken: algorithms that always raise for the time being.
+        broken: algorithms that always raise at present.
     """
 
     def __init__(self, hang: Callable[[float], None] = time.sleep) -> None:
-        """Make perception that works by chance.
+        """Create perception functions with random behaviour.
 
-        `hang` spends time without listening to `job`.
+        `hang` spends time without reacting to `job`.
         """
         self._hang = hang
         self.broken: set[str] = set()
@@ -99,8 +99,8 @@ class Perception:
         return self._at_work
 
     def finds(self, model: ContextModel) -> dict[str, object]:
-        """Return what each algorithm of the observers of a model finds."""
-        names = [f"{way}_{each.identifies[0]}" for each in model.observers for way in ("look", "feel")]
+        """Return the functions of the algorithms of all observers of a model."""
+        names = [f"{verb}_{model_.identifies[0]}" for model_ in model.observers for verb in ("look", "feel")]
         return {name: self._moody(name) for name in names}
 
     @contextmanager
@@ -119,11 +119,11 @@ class Perception:
             with self._counted():
                 if name in self.broken:
                     raise ValueError("broken")
-                return {"seen": True} if name == f"look_{BEACON}" else self._found(job)
+                return {"seen": True} if name == f"look_{BEACON}" else self._result(job)
 
         return look
 
-    def _found(self, job: Any) -> object:
+    def _result(self, job: Any) -> object:
         mood = job.random.random()
         if mood < 0.08:
             raise ValueError("no picture")

@@ -1,6 +1,6 @@
 """Compile hostile inputs in this process under an audit hook that records forbidden actions as breaches.
 
-Breaches are recorded but not prevented, so that the watch sees what the compiler really does.
+Breaches are recorded but not prevented, so that the watch sees the real behaviour of the compiler.
 """
 
 from __future__ import annotations

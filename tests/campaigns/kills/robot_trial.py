@@ -122,10 +122,11 @@ def _events(path: Path) -> list[Event]:
 def _edited(path: Path, folder: Path, chance: Random) -> tuple[str, list[str]]:
     """Replay with a negated precondition of an algorithm that has looked; return a description of the edit."""
     with JournalReader(path) as reader:
-        summary = reader.head().summary
+        summary = reader.header().summary
         looked = {event.name for event in reader.events() if event.kind is Kind.JOB and event.what == "started"}
     rules = [rule for name in sorted(looked) for rule in summary.algorithms[name].conditions if rule.place is not None]
-    place = chance.choice([rule.place for rule in rules if rule.said and not rule.said.startswith("known(")])
+    stated = [rule for rule in rules if rule.source_text and not rule.source_text.startswith("known(")]
+    place = chance.choice([rule.place for rule in stated])
     assert place is not None
     lines = (ROOT / SPEC).read_text().splitlines(keepends=True)
     before = lines[place.line - 1]
@@ -138,5 +139,5 @@ def _edited(path: Path, folder: Path, chance: Random) -> tuple[str, list[str]]:
     difference = re.search(
         r"^differs at event \d+, [-\d:. ]+ UTC: \w+ \w+( for [\w, ]+)?  \[specs/kitchen\.yaml:\d+", output, re.M
     )
-    named = re.search(rf"says otherwise: \w+, observable_when: .*\[specs/kitchen\.yaml:{place.line}\b", output)
+    named = re.search(rf"the spec differs: \w+, observable_when: .*\[specs/kitchen\.yaml:{place.line}\b", output)
     return edited, [] if code == 1 and difference and named else [f"the edit is not named: {edited}"]

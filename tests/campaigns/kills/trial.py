@@ -88,8 +88,8 @@ def _judged(target: Path, acknowledged: int | None, torn: bool) -> Outcome:
     if acknowledged is not None and written < acknowledged:
         mistakes.append(f"{acknowledged} was acknowledged, {written} is the last in the journal")
     with JournalReader(target) as reader:
-        head, events = reader.head(), list(reader.events())
-    difference = replay(head, events, model(), ContextManager, None).difference
+        header, events = reader.header(), list(reader.events())
+    difference = replay(header, events, model(), ContextManager, None).difference
     if difference is not None:
         mistakes.append(f"its replay differs: {difference}")
     return Outcome(acknowledged, written, len(messages), torn, tuple(mistakes))

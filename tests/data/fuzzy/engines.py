@@ -1,6 +1,6 @@
-"""The engines of the reference values, in FLL: together they have every construct of FuzzyLite.
+"""The engines of the reference values, in FLL; together they use every construct of FuzzyLite.
 
-`python tests/data/fuzzy/engines.py` writes them beside this file.
+`python tests/data/fuzzy/engines.py` writes them to the folder of this file.
 """
 
 from __future__ import annotations
@@ -119,11 +119,11 @@ def variable(kind: str, name: str, terms: Iterable[str], *keys: str, ends: str =
     ]
 
 
-def asked(name: str, terms: Iterable[str], *keys: str, ends: str = "0.0 1.0") -> list[str]:
+def input_variable(name: str, terms: Iterable[str], *keys: str, ends: str = "0.0 1.0") -> list[str]:
     return variable("InputVariable", name, terms, *keys, ends=ends)
 
 
-def answered(
+def output_variable(
     name: str, terms: Iterable[str], defuzzifier: str, *keys: str, aggregation: str = "Maximum", ends: str = "0.0 1.0"
 ) -> list[str]:
     default = [f"defuzzifier: {defuzzifier}", f"aggregation: {aggregation}"]
@@ -150,36 +150,36 @@ ONE = ("one Constant 1.0",)
 
 
 def terms_asked() -> list[str]:
-    """Each shape as a term of an input; the output is its degree."""
+    """Return an engine with each shape as a term of an input; the output is its degree."""
     count = range(len(TERMS))
-    lines = asked("a", sets(TERMS)) + asked("b", ())
+    lines = input_variable("a", sets(TERMS)) + input_variable("b", ())
     for at in count:
-        lines += answered(f"o{at}", ONE, "WeightedSum", aggregation="none")
+        lines += output_variable(f"o{at}", ONE, "WeightedSum", aggregation="none")
     return lines + block(*(f"if a is s{at} then o{at} is one" for at in count))
 
 
 def terms_concluded() -> list[str]:
-    """Each shape as a term of an output, clipped by a rule."""
-    lines = asked("a", THIRDS) + asked("b", THIRDS)
+    """Return an engine with each shape as a term of an output, clipped by a rule."""
+    lines = input_variable("a", THIRDS) + input_variable("b", THIRDS)
     rules = []
     for at, shape in enumerate(TERMS):
-        lines += answered(f"o{at}", (f"s {shape}", "other Triangle 0.0 0.2 0.4"), "Centroid 100")
+        lines += output_variable(f"o{at}", (f"s {shape}", "other Triangle 0.0 0.2 0.4"), "Centroid 100")
         rules.append(f"if a is high then o{at} is s with 0.8")
         rules.append(f"if b is low then o{at} is other")
     return lines + block(*rules)
 
 
 def terms_inverted() -> list[str]:
-    """Each monotone shape by Tsukamoto's method, and each other one by its inverse."""
-    lines, rules = asked("a", FIFTHS) + asked("b", FIFTHS), []
+    """Return an engine with each monotone shape by Tsukamoto's method, and every other shape by its inverse."""
+    lines, rules = input_variable("a", FIFTHS) + input_variable("b", FIFTHS), []
     plain = [shape for shape in TERMS if shape.split()[0] not in ("Constant", "Linear", "Function")]
     for at, shape in enumerate(plain):
-        lines += answered(f"o{at}", (f"s {shape}",), "WeightedAverage", aggregation="none")
+        lines += output_variable(f"o{at}", (f"s {shape}",), "WeightedAverage", aggregation="none")
         rules.append(f"if a is t2 then o{at} is s")
     monotone = ("Arc 0.2 0.8", "Concave 0.4 0.5", "Ramp 0.2 0.7", "Sigmoid 0.5 20", "SShape 0.2 0.8", "ZShape 0.9 0.1")
-    lines += answered("sum", sets(monotone), "WeightedSum Tsukamoto", aggregation="none")
-    lines += answered("mean", sets(monotone), "WeightedAverage Tsukamoto", aggregation="AlgebraicSum")
-    lines += answered("values", sets(monotone), "WeightedAverage TakagiSugeno", aggregation="Maximum")
+    lines += output_variable("sum", sets(monotone), "WeightedSum Tsukamoto", aggregation="none")
+    lines += output_variable("mean", sets(monotone), "WeightedAverage Tsukamoto", aggregation="AlgebraicSum")
+    lines += output_variable("values", sets(monotone), "WeightedAverage TakagiSugeno", aggregation="Maximum")
     for at in range(len(monotone)):
         side = "a" if at % 2 else "b"
         rules.append(f"if {side} is t{at % 5} then sum is s{at} and mean is s{at} and values is s{at}")
@@ -188,19 +188,19 @@ def terms_inverted() -> list[str]:
 
 
 def norms() -> list[str]:
-    """Each norm in each of its roles."""
-    lines = asked("a", THIRDS) + asked("b", (*THIRDS, "sharp Rectangle 0.4 0.6"))
+    """Return an engine with each norm in each of its roles."""
+    lines = input_variable("a", THIRDS) + input_variable("b", (*THIRDS, "sharp Rectangle 0.4 0.6"))
     blocks: list[str] = []
     for at, norm in enumerate(TNORMS.split()):
-        lines += answered(f"and{at}", ONE, "WeightedSum", aggregation="none")
-        lines += answered(f"then{at}", THIRDS, "Centroid 50")
+        lines += output_variable(f"and{at}", ONE, "WeightedSum", aggregation="none")
+        lines += output_variable(f"then{at}", THIRDS, "Centroid 50")
         rules = (f"if a is high and b is middle and b is sharp or b is low and a is middle then and{at} is one",)
         rules += (f"if a is low then then{at} is low", f"if b is middle then then{at} is high with 0.7")
         blocks += block(*rules, conjunction=norm, implication=norm)
     for at, norm in enumerate(SNORMS.split()):
-        lines += answered(f"or{at}", ONE, "WeightedSum", aggregation="none")
-        lines += answered(f"sum{at}", FIFTHS, "Centroid 50", aggregation=norm)
-        lines += answered(f"group{at}", ONE, "WeightedSum", aggregation=norm)
+        lines += output_variable(f"or{at}", ONE, "WeightedSum", aggregation="none")
+        lines += output_variable(f"sum{at}", FIFTHS, "Centroid 50", aggregation=norm)
+        lines += output_variable(f"group{at}", ONE, "WeightedSum", aggregation=norm)
         rules = (f"if a is high or b is middle or a is middle and b is sharp then or{at} is one and group{at} is one",)
         rules += (f"if a is low then sum{at} is t1 and group{at} is one", f"if b is middle then sum{at} is t2")
         rules += (f"if b is high then sum{at} is t2 and group{at} is one with 0.6",)
@@ -209,88 +209,92 @@ def norms() -> list[str]:
 
 
 def hedges() -> list[str]:
-    """Each hedge alone and before each other one, in antecedents and conclusions."""
-    lines, rules = asked("a", FIFTHS), []
+    """Return an engine with each hedge alone and before every hedge, in antecedents and conclusions."""
+    lines, rules = input_variable("a", FIFTHS), []
     words = HEDGES.split()
     pairs = [(word,) for word in words] + [(one, other) for one in words for other in words if one != "any"]
     for at, pair in enumerate(pairs):
-        lines += answered(f"o{at}", ONE, "WeightedSum", aggregation="none")
+        lines += output_variable(f"o{at}", ONE, "WeightedSum", aggregation="none")
         term = "" if "any" in pair else "t1"
         rules.append(f"if a is {' '.join(pair)} {term} then o{at} is one")
     for at, word in enumerate(words):
-        lines += answered(f"c{at}", (*THIRDS, *FIFTHS), "Centroid 40")
+        lines += output_variable(f"c{at}", (*THIRDS, *FIFTHS), "Centroid 40")
         rules.append(f"if a is t1 then c{at} is {word} low and c{at} is very t3")
         rules.append(f"if a is t2 then c{at} is not {word} high")
     return lines + block(*rules)
 
 
 def defuzzifiers() -> list[str]:
-    """Each integral at several resolutions, over several ranges."""
-    lines, rules = asked("a", FIFTHS) + asked("b", THIRDS), []
+    """Return an engine with each integral at several resolutions."""
+    lines, rules = input_variable("a", FIFTHS) + input_variable("b", THIRDS), []
     for at, defuzzifier in enumerate(INTEGRALS.split()):
         for size in ("", " 1", " 7", " 100"):
             name = f"o{at}{size.strip()}"
-            lines += answered(name, FIFTHS, f"{defuzzifier}{size}", ends="-0.5 1.25")
-            rules += [f"if a is t{each} then {name} is t{4 - each}" for each in (0, 2, 3)]
+            lines += output_variable(name, FIFTHS, f"{defuzzifier}{size}", ends="-0.5 1.25")
+            rules += [f"if a is t{index} then {name} is t{4 - index}" for index in (0, 2, 3)]
             rules.append(f"if b is not low and a is t4 then {name} is t1 with 0.9")
     return lines + block(*rules)
 
 
 def activations() -> list[str]:
-    """Each activation, with its parameters, for fuzzy sets and for numbers."""
-    lines, blocks = asked("a", FIFTHS) + asked("b", FIFTHS), []
+    """Return an engine with each activation and its parameters, for fuzzy sets and for numbers."""
+    lines, blocks = input_variable("a", FIFTHS) + input_variable("b", FIFTHS), []
     numbers = ("p Constant 0.0", "q Constant 1.0", "r Constant 4.0")
     for at, activation in enumerate(ACTIVATIONS):
-        lines += answered(f"set{at}", FIFTHS, "Centroid 50", aggregation="AlgebraicSum")
-        lines += answered(f"number{at}", numbers, "WeightedAverage", "default: -1.0", aggregation="none")
-        rules = [f"if a is t{each} then set{at} is t{each} and number{at} is p" for each in range(3)]
-        rules += [f"if b is t{each} or a is t4 then set{at} is t{each} and number{at} is r" for each in (2, 3)]
+        lines += output_variable(f"set{at}", FIFTHS, "Centroid 50", aggregation="AlgebraicSum")
+        lines += output_variable(f"number{at}", numbers, "WeightedAverage", "default: -1.0", aggregation="none")
+        rules = [f"if a is t{index} then set{at} is t{index} and number{at} is p" for index in range(3)]
+        rules += [f"if b is t{index} or a is t4 then set{at} is t{index} and number{at} is r" for index in (2, 3)]
         rules.append(f"if b is t1 and a is not t3 then number{at} is q with 0.5")
         blocks += block(*rules, activation=activation)
     return lines + blocks
 
 
 def formulas() -> list[str]:
-    """Each operator and function, as a number, as a fuzzy set over inputs, and as a term of an input."""
-    lines = asked("a", (*THIRDS, "wave Function 0.5 + 0.5 * sin(6 * x) * b")) + asked("b", THIRDS)
+    """Return an engine with each operator and function: as a number, as a fuzzy set and as a term of an input."""
+    lines = input_variable("a", (*THIRDS, "wave Function 0.5 + 0.5 * sin(6 * x) * b")) + input_variable("b", THIRDS)
     rules = []
     for at, formula in enumerate(FORMULAS):
-        lines += answered(f"o{at}", (f"f Function {formula}",), "WeightedAverage", aggregation="none")
+        lines += output_variable(f"o{at}", (f"f Function {formula}",), "WeightedAverage", aggregation="none")
         rules.append(f"if a is low then o{at} is f")
-    lines += answered("sheet", ("f Function a * exp(~x) * b", "p Ramp 0.0 1.0"), "Centroid 20")
-    lines += answered("plane", ("l Linear 0.3 0.2 0.1", "p Ramp 1.0 0.0"), "Centroid 20")
-    lines += answered("later", ("f Function sheet + 2 * o0 + 0.1 * later",), "WeightedSum", "default: 0.5")
+    lines += output_variable("sheet", ("f Function a * exp(~x) * b", "p Ramp 0.0 1.0"), "Centroid 20")
+    lines += output_variable("plane", ("l Linear 0.3 0.2 0.1", "p Ramp 1.0 0.0"), "Centroid 20")
+    lines += output_variable("later", ("f Function sheet + 2 * o0 + 0.1 * later",), "WeightedSum", "default: 0.5")
     for name, term in (("sheet", "f"), ("sheet", "p"), ("plane", "l"), ("plane", "p"), ("later", "f")):
         rules.append(f"if a is wave or b is middle then {name} is {term}")
     return lines + block(*rules, disjunction="AlgebraicSum")
 
 
 def takagi_sugeno() -> list[str]:
-    """Constants, planes and formulas, as means and sums, several conclusions a term."""
+    """Return an engine with constants, planes and formulas, as means and sums, with several conclusions for a term."""
     terms = ("c Constant 0.25", "l Linear 1.0 -0.5", "k Linear 0.5 2.0 -0.25", "f Function a * b + x")
-    lines = asked("a", FIFTHS) + asked("b", FIFTHS)
+    lines = input_variable("a", FIFTHS) + input_variable("b", FIFTHS)
     blocks: list[str] = []
     for at, norm in enumerate(("none", "Maximum", "AlgebraicSum", "UnboundedSum")):
-        lines += answered(f"mean{at}", terms, "WeightedAverage", aggregation=norm)
-        lines += answered(f"sum{at}", terms, "WeightedSum TakagiSugeno", aggregation=norm)
+        lines += output_variable(f"mean{at}", terms, "WeightedAverage", aggregation=norm)
+        lines += output_variable(f"sum{at}", terms, "WeightedSum TakagiSugeno", aggregation=norm)
         both = [f"mean{at} is {name} and sum{at} is {name}" for name in "clkf"]
-        rules = [f"if a is t{each} and b is t{(each + 2) % 5} then {both[each % 4]}" for each in range(5)]
-        rules += [f"if a is t{each} or b is not t{each} then {both[each % 4]} with 0.3" for each in range(3)]
+        rules = [f"if a is t{index} and b is t{(index + 2) % 5} then {both[index % 4]}" for index in range(5)]
+        rules += [f"if a is t{index} or b is not t{index} then {both[index % 4]} with 0.3" for index in range(3)]
         blocks += block(*rules, conjunction="AlgebraicProduct", disjunction="AlgebraicSum")
     return lines + blocks
 
 
 def outputs() -> list[str]:
-    """What outputs do beside their rules, what is not enabled, and rules about outputs."""
-    lines = asked("a", FIFTHS, "lock-range: true") + asked("b", THIRDS) + asked("c", THIRDS, "enabled: false")
+    """Return an engine with the options of outputs, disabled parts, and rules about outputs."""
+    lines = (
+        input_variable("a", FIFTHS, "lock-range: true")
+        + input_variable("b", THIRDS)
+        + input_variable("c", THIRDS, "enabled: false")
+    )
     narrow = ("peak Triangle 0.1 0.2 0.3", "edge Triangle 0.8 0.9 1.0")
-    lines += answered("kept", narrow, "Centroid 30", "lock-previous: true")
-    lines += answered("kept_or", narrow, "Centroid 30", "lock-previous: true", "default: 0.4")
-    lines += answered("usual", narrow, "Bisector 30", "default: 0.7")
-    lines += answered("locked", ("big Constant 9.0", "small Constant -9.0"), "WeightedSum", "lock-range: true")
-    lines += answered("off", narrow, "Centroid 30", "enabled: false")
-    lines += answered("second", narrow, "Centroid 30", aggregation="AlgebraicSum")
-    lines += answered("third", ONE, "WeightedSum", aggregation="none")
+    lines += output_variable("kept", narrow, "Centroid 30", "lock-previous: true")
+    lines += output_variable("kept_or", narrow, "Centroid 30", "lock-previous: true", "default: 0.4")
+    lines += output_variable("usual", narrow, "Bisector 30", "default: 0.7")
+    lines += output_variable("locked", ("big Constant 9.0", "small Constant -9.0"), "WeightedSum", "lock-range: true")
+    lines += output_variable("off", narrow, "Centroid 30", "enabled: false")
+    lines += output_variable("second", narrow, "Centroid 30", aggregation="AlgebraicSum")
+    lines += output_variable("third", ONE, "WeightedSum", aggregation="none")
     rules = ["if a is t0 and b is low then kept is peak and kept_or is peak and usual is peak"]
     rules += ["if a is t4 and b is high then kept is edge and kept_or is edge and off is edge and usual is very edge"]
     rules += ["if b is low then locked is big", "if a is t3 or c is low then locked is small"]
@@ -305,11 +309,11 @@ def outputs() -> list[str]:
 
 
 def hybrid() -> list[str]:
-    """Fuzzy sets, numbers and inverses in one engine."""
-    lines = asked("a", FIFTHS, ends="-1.0 2.0") + asked("b", THIRDS)
-    lines += answered("mamdani", FIFTHS, "MeanOfMaximum 64", aggregation="BoundedSum")
-    lines += answered("sugeno", ("c Constant 0.2", "l Linear 0.1 0.9 0.0"), "WeightedAverage")
-    lines += answered("tsukamoto", ("up Ramp 0.0 1.0", "down Ramp 1.0 0.0"), "WeightedAverage")
+    """Return an engine with fuzzy sets, numbers and inverses."""
+    lines = input_variable("a", FIFTHS, ends="-1.0 2.0") + input_variable("b", THIRDS)
+    lines += output_variable("mamdani", FIFTHS, "MeanOfMaximum 64", aggregation="BoundedSum")
+    lines += output_variable("sugeno", ("c Constant 0.2", "l Linear 0.1 0.9 0.0"), "WeightedAverage")
+    lines += output_variable("tsukamoto", ("up Ramp 0.0 1.0", "down Ramp 1.0 0.0"), "WeightedAverage")
     rules = ["if a is t1 and b is somewhat low then mamdani is t0 and sugeno is c and tsukamoto is up"]
     rules += ["if a is t2 or b is high then mamdani is t3 and sugeno is l and tsukamoto is down with 0.9"]
     rules += ["if a is any and (b is low or b is middle) then mamdani is t2"]
@@ -325,14 +329,14 @@ CONTEXT = {
     "load": ("0.0 1.0", ("empty Ramp 0.4 0.1", "partial Triangle 0.2 0.5 0.8", "full Ramp 0.7 0.95")),
     "progress": ("0.0 1.0", ("begun Ramp 0.5 0.1", "under_way Triangle 0.2 0.5 0.8", "done Ramp 0.6 0.95")),
 }
-"""What the first stage of P2's shape knows: six inputs of three terms."""
+"""The inputs of the first stage in the shape of P2: six inputs with three terms each."""
 
 
 def store_metrics() -> list[str]:
-    """The first stage of P2's shape: 15 rules from context to three metrics. The rule base is ours."""
-    lines = [line for name, (ends, terms) in CONTEXT.items() for line in asked(name, terms, ends=ends)]
+    """Return the first stage in the shape of P2: 15 rules of ours, from context to three metrics."""
+    lines = [line for name, (ends, terms) in CONTEXT.items() for line in input_variable(name, terms, ends=ends)]
     for name in ("safety", "mission_completion", "power_autonomy"):
-        lines += answered(name, _METRICS, "Centroid 100")
+        lines += output_variable(name, _METRICS, "Centroid 100")
     return lines + block(
         "if person_distance is close then safety is low",
         "if person_distance is near and person_speed is fast then safety is low",
@@ -353,13 +357,13 @@ def store_metrics() -> list[str]:
 
 
 def store_actions() -> list[str]:
-    """The second stage of P2's shape: 20 rules from context and metrics to four weights. The rule base is ours."""
+    """Return the second stage in the shape of P2: 20 rules of ours, from context and metrics to four weights."""
     names = ("person_distance", "battery", "load")
-    lines = [line for name in names for line in asked(name, CONTEXT[name][1], ends=CONTEXT[name][0])]
+    lines = [line for name in names for line in input_variable(name, CONTEXT[name][1], ends=CONTEXT[name][0])]
     for name in ("safety", "mission_completion", "power_autonomy"):
-        lines += asked(name, _METRICS)
+        lines += input_variable(name, _METRICS)
     for name in ("pick", "deliver", "start", "dock"):
-        lines += answered(name, _METRICS, "Centroid 100")
+        lines += output_variable(name, _METRICS, "Centroid 100")
     return lines + block(
         "if safety is high and load is empty then pick is high",
         "if safety is medium and load is empty then pick is medium",

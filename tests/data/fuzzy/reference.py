@@ -1,11 +1,12 @@
-"""Writes values.npz, what FuzzyLite makes of each engine for each row of `samples`, and constructs.json, its words.
+"""Write the outputs of FuzzyLite for each engine and row of `samples`, and its keywords.
 
-It runs in an environment of its own, since pyfuzzylite is GPL and needs an old numpy; we only keep its answers:
+The outputs go to values.npz, the keywords to constructs.json. The script runs in a separate environment, because
+pyfuzzylite is GPL and needs an old numpy; only its results are kept:
 
     make .venv-fuzzylite/.ready
     .venv-fuzzylite/bin/python tests/data/fuzzy/reference.py
 
-Values are stored in single precision, which is right to 6e-8 of a value, and infinite or NaN as they are.
+Values are stored in single precision, with a relative error of at most 6e-8; infinities and NaN are kept.
 """
 
 from __future__ import annotations
@@ -21,40 +22,40 @@ import samples
 FOLDER = Path(__file__).parent
 
 
-def answers(engine: fuzzylite.Engine) -> np.ndarray:
-    """Ask an engine with row after row, one at a time; what it keeps of the row before counts."""
-    ranges = [(float(each.minimum), float(each.maximum)) for each in engine.input_variables]
-    found = []
+def outputs(engine: fuzzylite.Engine) -> np.ndarray:
+    """Return the outputs of an engine for all rows, one at a time; the state that it keeps from earlier rows counts."""
+    ranges = [(float(variable.minimum), float(variable.maximum)) for variable in engine.input_variables]
+    values = []
     for row in samples.rows(engine.name, ranges):
         for variable, value in zip(engine.input_variables, row, strict=True):
             variable.value = value
         engine.process()
-        found.append([float(np.asarray(each.value).ravel()[0]) for each in engine.output_variables])
-    return np.array(found)
+        values.append([float(np.asarray(output.value).ravel()[0]) for output in engine.output_variables])
+    return np.array(values)
 
 
 def constructs() -> dict[str, list[str]]:
-    """Return the words that FuzzyLite knows in FLL."""
-    known = fuzzylite.settings.factory_manager
+    """Return the keywords of FuzzyLite in FLL, by kind."""
+    manager = fuzzylite.settings.factory_manager
     factories = {
-        "term": known.term,
-        "T-norm": known.tnorm,
-        "S-norm": known.snorm,
-        "hedge": known.hedge,
-        "activation": known.activation,
-        "defuzzifier": known.defuzzifier,
-        "formula": known.function,
+        "term": manager.term,
+        "T-norm": manager.tnorm,
+        "S-norm": manager.snorm,
+        "hedge": manager.hedge,
+        "activation": manager.activation,
+        "defuzzifier": manager.defuzzifier,
+        "formula": manager.function,
     }
     return {kind: sorted(factory) for kind, factory in factories.items()}
 
 
 def main() -> None:
-    """Ask for the words, and ask every engine."""
+    """Write the keywords, and the outputs of every engine."""
     (FOLDER / "constructs.json").write_text(json.dumps(constructs(), indent=2) + "\n", "utf-8")
     warnings.simplefilter("ignore")
     values = {}
     for path in sorted(FOLDER.glob("*.fll")):
-        values[path.stem] = answers(fuzzylite.FllImporter().from_file(path)).astype(np.float32)
+        values[path.stem] = outputs(fuzzylite.FllImporter().from_file(path)).astype(np.float32)
     np.savez_compressed(FOLDER / "values.npz", **values)
 
 

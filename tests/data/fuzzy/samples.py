@@ -1,4 +1,4 @@
-"""The inputs that reference values are taken for: the same ones whoever asks, of no library."""
+"""The inputs of the reference values: the same for every caller, made without a library."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ _NOTABLE = 20
 
 
 def rows(engine: str, ranges: Sequence[tuple[float, float]]) -> list[tuple[float, ...]]:
-    """Return the inputs of an engine: random ones around the ranges, notable places, infinities and missing ones."""
+    """Return the inputs of an engine: random values around the ranges, fractions of them, infinities and NaN."""
     chance = random.Random(engine)
     return [tuple(_value(chance, low, high) for low, high in ranges) for _ in range(ROWS)]
 

@@ -1,4 +1,4 @@
-"""Emitted text: formatted, typed, safe, the same every time; and, on the real runtime, the trees of P1's Figure 4."""
+"""Emitted text: formatted, typed, safe and reproducible; and the trees of P1's Figure 4 on the real runtime."""
 
 from __future__ import annotations
 
@@ -43,20 +43,20 @@ ROOT = Path(__file__).parents[3]
 
 
 def looking(name: str, identifies: list[str | tuple[str, str]], needs: list[Any] | None = None, **fields: Any) -> Pi:
-    """An algorithm whose perception function asks the handle `world`; its result has the value `seen`."""
+    """An algorithm whose perception function reads the handle `world`; its result has the value `seen`."""
     world = Usage(resource=reference("world"), access=Access.READ, place=place())
     seen = Returned(name="seen", type=ValueType(kind=Kind.BOOL), optional=True, place=place())
-    told = {
+    fixed = {
         "call": "tests.runtime.forests:look",
         "parameters": {"algorithm": name},
         "uses": (world,),
         "returns": (seen,),
     }
-    return Pi(name=name, identifies=identifies, needs=needs or (), **(told | fields))
+    return Pi(name=name, identifies=identifies, needs=needs or (), **(fixed | fields))
 
 
 def rich() -> CheckedSpec:
-    """A spec in which every form of output occurs: alternatives, joined trees, all types, long texts, given values."""
+    """A spec with every form of output: alternatives, joined trees, all types, long texts, given values."""
     long = condition(
         "near and not (bright or known(open) and age(open) > 10 s) and (near or bright) and not open and known(near)",
         *("bright", "near", "open"),
@@ -117,7 +117,7 @@ def test_generated_code_is_as_ruff_formats_it_and_without_findings(spec: Checked
     ruff = Path(sys.executable).with_name("ruff")
 
     run(ruff, "format", "--isolated", "--line-length", "120", "--diff", made)
-    # Names come from specs and may be long: the project has the same exception for `generated`.
+    # Names come from specs and may be long: the project makes the same exception for `generated`.
     own = ("--config", ROOT / "pyproject.toml", "--config", f"src = ['{ROOT}']", "--extend-ignore", "E501")
     run(ruff, "check", *own, made)
 
@@ -173,7 +173,7 @@ def in_a_call(python: str) -> str:
 @settings(max_examples=8)
 @given(st.lists(CONDITIONS, min_size=40, max_size=40))
 def test_conditions_of_any_length_are_laid_out_as_ruff_does(conditions: list[str]) -> None:
-    """Forty at a time, since each time ruff has to be started."""
+    """Conditions are checked forty at a time, because ruff has to be started each time."""
     text = "".join(f"{in_a_call(python)}\n" for python in conditions)
 
     done = subprocess.run(
@@ -188,7 +188,7 @@ def test_conditions_of_any_length_are_laid_out_as_ruff_does(conditions: list[str
 
 
 @given(CONDITIONS)
-def test_a_condition_means_the_same_after_it_was_laid_out(python: str) -> None:
+def test_a_condition_has_the_same_meaning_after_layout(python: str) -> None:
     words = {**vars(sys.modules["codra_dsl.runtime.values.conditions"])}
     expression, used = emitted_condition(python)
 
@@ -262,7 +262,7 @@ with lab.start(clock=SimClock(), resources={}) as codra:
 
 
 def test_generated_code_is_typed_and_lets_mypy_find_wrong_names(tmp_path: Path) -> None:
-    """`warn_unused_ignores` makes each expected error a must."""
+    """`warn_unused_ignores` makes every expected error mandatory."""
     written(rich(), tmp_path)
     written(checked_spec([Pi(name="p", identifies=["a"])], name="plain"), tmp_path)
     written(checked_spec([], name="empty"), tmp_path)
@@ -277,8 +277,8 @@ def test_typed_access_takes_what_the_runtime_takes(tmp_path: Path) -> None:
 
     for name in ("get", "set", "declare", "decide"):
         ours, theirs = inspect.signature(getattr(lab, name)), inspect.signature(getattr(ContextManager, name))
-        assert [(each.name, each.kind, each.default) for each in ours.parameters.values()] == [
-            (each.name, each.kind, each.default) for each in theirs.parameters.values()
+        assert [(parameter.name, parameter.kind, parameter.default) for parameter in ours.parameters.values()] == [
+            (parameter.name, parameter.kind, parameter.default) for parameter in theirs.parameters.values()
         ]
 
 
@@ -313,15 +313,15 @@ HOSTILE = st.one_of(
 
 
 @given(HOSTILE, HOSTILE, HOSTILE)
-def test_nothing_that_a_spec_says_becomes_code(label: str, told: str, member: str) -> None:
+def test_no_text_of_a_spec_becomes_code(label: str, hostile: str, member: str) -> None:
     spec = checked_spec(
         [
             Pi(
                 name="p",
                 identifies=["a"],
-                call=told,
+                call=hostile,
                 parameters={"text": label},
-                needs=[condition(told, "x", python=f"value('x') == {member!r}")],
+                needs=[condition(hostile, "x", python=f"value('x') == {member!r}")],
             )
         ],
         variables=[variable("x", label=label, type=ValueType(kind=Kind.ENUM, values=(member,)), sources=main())],
@@ -334,7 +334,7 @@ def test_nothing_that_a_spec_says_becomes_code(label: str, told: str, member: st
             tree = ast.parse(text)
             assert {type(node) for node in ast.walk(tree) if not isinstance(node, ALLOWED_NODES)} == set()
             strings = {node.value for node in ast.walk(tree) if isinstance(node, ast.Constant)}
-            assert {label, told, member} <= strings | {"x"}
+            assert {label, hostile, member} <= strings | {"x"}
             called = {
                 node.func.id
                 for node in ast.walk(tree)
@@ -360,7 +360,7 @@ def test_modules_import_only_names_that_specs_cannot_take() -> None:
         assert {alias.name for node in imports for alias in node.names} <= reserved
 
 
-def test_what_goes_without_saying_is_what_the_runtime_takes_for_granted() -> None:
+def test_left_out_fields_are_the_defaults_of_the_runtime() -> None:
     declarations = {**vars(runtime_model), "ObserverModel": ObserverModel}
     for name, defaults in DEFAULTS.items():
         fields = {field.name: field for field in dataclasses.fields(declarations[name])}
@@ -374,7 +374,7 @@ def test_what_goes_without_saying_is_what_the_runtime_takes_for_granted() -> Non
 # Records
 
 
-def test_the_manifest_has_the_digest_of_every_output_but_the_places() -> None:
+def test_the_manifest_has_the_digest_of_every_output_except_the_places() -> None:
     files = emit(plan(rich()))
     manifest = json.loads(files["lab/manifest.json"])
 
@@ -389,7 +389,7 @@ def test_the_manifest_has_the_digest_of_every_output_but_the_places() -> None:
 
 
 def moved(spec: CheckedSpec, lines: int) -> CheckedSpec:
-    """The spec as it is after some lines were added above all that it says."""
+    """The spec after some lines were added at its top."""
 
     def shift(value: object) -> Any:
         if isinstance(value, Place):
@@ -398,10 +398,14 @@ def moved(spec: CheckedSpec, lines: int) -> CheckedSpec:
         if isinstance(value, tuple):
             return tuple(map(shift, value))
         if isinstance(value, Mapping):
-            return {key: shift(each) for key, each in value.items()}
+            return {key: shift(item) for key, item in value.items()}
         if dataclasses.is_dataclass(value) and not isinstance(value, type):
             return dataclasses.replace(
-                value, **{each.name: shift(getattr(value, each.name)) for each in dataclasses.fields(value)}
+                value,
+                **{
+                    dataclass_field.name: shift(getattr(value, dataclass_field.name))
+                    for dataclass_field in dataclasses.fields(value)
+                },
             )
         return value
 
@@ -439,18 +443,18 @@ def test_sources_know_elements_conditions_and_uses() -> None:
         {"parameters": {"limit": 1}},
     ],
 )
-def test_the_models_digest_changes_with_what_a_spec_means(change: dict[str, Any]) -> None:
+def test_the_models_digest_changes_with_the_meaning_of_a_spec(change: dict[str, Any]) -> None:
     pi = Pi(name="p", identifies=["a"], needs=["x"])
 
     digests = [
-        json.loads(emit(plan(checked_spec([each])))["lab/manifest.json"])["model"]
-        for each in (pi, pi, dataclasses.replace(pi, **change))
+        json.loads(emit(plan(checked_spec([variant])))["lab/manifest.json"])["model"]
+        for variant in (pi, pi, dataclasses.replace(pi, **change))
     ]
 
     assert digests[0] == digests[1] != digests[2]
 
 
-def test_the_graph_has_no_places_and_says_who_depends_on_whom() -> None:
+def test_the_graph_has_dependencies_and_no_places() -> None:
     graph = json.loads(emit(plan(rich()))["lab/graph.json"])
 
     edges = {(edge["source"], edge["kind"], edge["target"]) for edge in graph["edges"]}
@@ -538,7 +542,7 @@ def test_a_tree_shows_the_order_of_figure_4(tmp_path: Path) -> None:
         assert rendered(manager, "lid") == FIGURE_4
 
 
-def test_alternatives_each_show_their_own_preconditions(tmp_path: Path) -> None:
+def test_alternatives_show_their_own_preconditions(tmp_path: Path) -> None:
     spec = checked_spec(
         [looking("localize_lid", ["open", "locked"], ["near"]), looking("feel_lid", ["open"], given=["pose"], rank=2)],
         observers=[setting("lid", "open", "locked")],
@@ -549,7 +553,7 @@ def test_alternatives_each_show_their_own_preconditions(tmp_path: Path) -> None:
         assert rendered(manager, "lid") == ALTERNATIVES
 
 
-def test_joined_algorithms_stand_side_by_side_under_their_preconditions(tmp_path: Path) -> None:
+def test_joined_algorithms_run_side_by_side_under_their_preconditions(tmp_path: Path) -> None:
     with started(joined(), tmp_path, World()) as (manager, _):
         assert rendered(manager, "face") == JOINED
 
@@ -562,8 +566,8 @@ def joined() -> CheckedSpec:
     )
 
 
-def test_one_joined_algorithm_that_finds_nothing_leaves_the_other_alone(tmp_path: Path) -> None:
-    """The first fails at once, again and again, while the second takes three periods."""
+def test_a_failing_joined_algorithm_leaves_the_other_alone(tmp_path: Path) -> None:
+    """The first fails immediately, again and again, while the second takes three periods."""
     world = World(finds={"read_label": 7, "read_lamp": takes(3.0, {"seen": True})})
     with started(joined(), tmp_path, world) as (manager, clock):
         manager.set("near", True)

@@ -1,4 +1,4 @@
-"""Knowledge and agents as Python: what a spec says of them is what the runtime knows, and nothing else becomes code."""
+"""Knowledge and agents as Python: the runtime gets exactly what a spec declares, and no text of it becomes code."""
 
 from __future__ import annotations
 
@@ -63,8 +63,8 @@ def model(spec: Path = SPEC) -> KnowledgeModel:
 
 
 def model_of(text: str) -> KnowledgeModel:
-    found = emit(planned(text))
-    made = module(next(found[name] for name in found if name.endswith("/knowledge.py"))).KNOWLEDGE
+    files_ = emit(planned(text))
+    made = module(next(files_[name] for name in files_ if name.endswith("/knowledge.py"))).KNOWLEDGE
     assert isinstance(made, KnowledgeModel)
     return made
 
@@ -77,29 +77,29 @@ def started(folder: Path, spec: Path = SPEC) -> ContextManager[Any, Any]:
 
 
 def named(models: tuple[Any, ...], name: str) -> Any:
-    return next(each for each in models if each.name == name)
+    return next(declared for declared in models if declared.name == name)
 
 
-# What is declared
+# Declarations
 
 
-def test_writers_stand_in_the_order_of_their_priorities() -> None:
+def test_writers_are_in_the_order_of_their_priorities() -> None:
     container = named(model().node_types, "roll_container")
 
     assert container.sources == by("container_detection")
-    assert [(each.name, each.sources) for each in container.attributes] == [
+    assert [(attribute.name, attribute.sources) for attribute in container.attributes] == [
         ("full", by("picker_page")),
         ("weight", ranked("fork", "container_detection")),
     ]
 
 
-def test_writers_of_which_some_are_equal_keep_their_priorities() -> None:
+def test_writers_with_equal_priorities_keep_them() -> None:
     made = model_of(
         "codra: 1\nname: three\nknowledge: {types: {box: {source: {a: 5, b: 5, c: 1}}}}\n"
         "agents: {a: {}, b: {}, c: {}}\n"
     )
 
-    assert [(each.agent, each.priority) for each in made.node_types[0].sources] == [("a", 5), ("b", 5), ("c", 1)]
+    assert [(writer.agent, writer.priority) for writer in made.node_types[0].sources] == [("a", 5), ("b", 5), ("c", 1)]
 
 
 def test_context_variables_are_attributes_of_their_nodes() -> None:
@@ -107,7 +107,7 @@ def test_context_variables_are_attributes_of_their_nodes() -> None:
     (level,) = named(nodes, "battery").attributes
 
     assert (level.name, level.sources, level.valid_for_s) == ("battery_level", by("navigation"), 60.0)
-    assert [each.name for each in named(nodes, "robot").attributes] == ["person_distance", "container_load"]
+    assert [attribute.name for attribute in named(nodes, "robot").attributes] == ["person_distance", "container_load"]
 
 
 def test_a_context_variable_of_no_node_is_of_the_context() -> None:
@@ -116,7 +116,7 @@ def test_a_context_variable_of_no_node_is_of_the_context() -> None:
         "knowledge: {nodes: {room: room}}\n"
     )
 
-    assert [each.name for each in named(made.nodes, "context").attributes] == ["lit"]
+    assert [attribute.name for attribute in named(made.nodes, "context").attributes] == ["lit"]
     assert repr(made.agents[0].wakes[0]) == repr(~value("context.lit"))
     assert Knowledge(made, clock=SimClock()).get("context", "lit").known is False
 
@@ -135,19 +135,19 @@ def test_a_context_variable_of_a_task_is_an_attribute_of_its_node() -> None:
     assert knowledge.get("driving", "goal").value == "the shelf"
 
 
-def test_values_from_the_start_come_in_the_unit_of_the_attribute() -> None:
+def test_initial_values_are_in_the_unit_of_the_attribute() -> None:
     assert named(model().nodes, "area_1").values == {"aisle": 3, "width": 2.5}
 
 
-def test_edges_from_the_start_are_those_without_a_writer_or_with_a_pose() -> None:
-    assert [(each.origin, each.type, each.target) for each in model().edges] == [
+def test_initial_edges_are_those_without_a_writer_or_with_a_pose() -> None:
+    assert [(edge.origin, edge.type, edge.target) for edge in model().edges] == [
         ("robot", "has", "battery"),
         ("robot", "eye_pose", "eye"),
         ("world", "area_pose", "area_1"),
     ]
 
 
-def test_only_what_differs_from_what_the_runtime_takes_for_granted_is_said() -> None:
+def test_only_differences_to_the_defaults_of_the_runtime_are_emitted() -> None:
     homes = {"Motion": Motion}
     for name, defaults in KNOWLEDGE_DEFAULTS.items():
         kind = homes.get(name) or getattr(declarations, name)
@@ -163,7 +163,7 @@ ANGLES = st.integers(-360, 360)
 
 
 @given(ANGLES, ANGLES, ANGLES)
-def test_a_pose_turns_about_x_then_y_then_z_of_axes_that_stay(roll: int, pitch: int, yaw: int) -> None:
+def test_a_pose_turns_about_fixed_axes_x_then_y_then_z(roll: int, pitch: int, yaw: int) -> None:
     made = model_of(
         "codra: 1\nname: turned\nknowledge:\n  nodes: {world: world, thing: thing}\n  edges:\n"
         "    stands: {label: RT, from: world, to: thing, static: true, "
@@ -178,7 +178,7 @@ def test_a_pose_turns_about_x_then_y_then_z_of_axes_that_stay(roll: int, pitch: 
     assert pose.angle_rad(third @ second @ first) < 1e-6
 
 
-def test_all_that_can_be_declared_makes_a_graph() -> None:
+def test_every_declaration_makes_a_graph() -> None:
     knowledge = Knowledge(model(EVERYTHING), clock=SimClock())
     now = knowledge.snapshot()
 
@@ -187,8 +187,8 @@ def test_all_that_can_be_declared_makes_a_graph() -> None:
     assert now.in_view("door", "eye")
     assert now.distance_m("robot", "door") == 5.0
     for agent in knowledge.model.agents:
-        for patterns in [*([each] for each in agent.wakes), *(rule.before for rule in agent.rules)]:
-            assert not now.holds(*patterns)  # nobody has written anything
+        for patterns in [*([pattern] for pattern in agent.wakes), *(rule.before for rule in agent.rules)]:
+            assert not now.holds(*patterns)  # the graph has no values yet
 
 
 # Patterns
@@ -198,7 +198,7 @@ def rule(agent: str, name: str) -> Any:
     return named(named(model().agents, agent).rules, name)
 
 
-def test_paths_read_as_the_spec_says_them() -> None:
+def test_paths_read_as_in_the_spec() -> None:
     assert rule("container_detection", "detect").before == (
         path("robot", "wants", "detecting"),
         absent(some("person"), "near", "robot"),
@@ -208,12 +208,12 @@ def test_paths_read_as_the_spec_says_them() -> None:
     )
 
 
-def test_conditions_name_the_node_of_what_they_read() -> None:
+def test_conditions_name_the_nodes_of_their_attributes() -> None:
     assert repr(named(model().agents, "navigation").wakes[1]) == repr(value("battery.battery_level") < 10)
     assert repr(rule("container_detection", "detect").during[1]) == repr(value("robot.person_distance") > 1)
 
 
-def test_what_poses_tell_is_asked_in_metres() -> None:
+def test_distances_of_poses_are_in_metres() -> None:
     assert repr(named(model().agents, "fork").wakes[0]) == repr(distance("robot", "area_1") < 0.5)
     lift = rule("picking", "lift").before[1]
     assert repr(lift) == repr((value("battery.battery_level") > 20) & ~in_view("area_1", "eye"))
@@ -234,15 +234,15 @@ def test_poses_in_conditions_hold_on_a_snapshot() -> None:
     knowledge = Knowledge(model(), clock=clock)
     near = named(model().agents, "fork").wakes[0]
     seen = in_view("area_1", "eye")
-    assert not knowledge.snapshot().holds(near)  # nobody knows where the robot stands
+    assert not knowledge.snapshot().holds(near)  # the robot's pose is unknown
 
     knowledge.as_agent("navigation").place("world", "robot_pose", "robot", Pose.of((3.7, 2.0, 0.0)))
 
     assert knowledge.snapshot().holds(near)
-    assert knowledge.snapshot().holds(~seen)  # the eye stands on the robot and looks up
+    assert knowledge.snapshot().holds(~seen)  # the eye is on the robot and looks up
 
 
-# What runs
+# Execution
 
 
 def test_a_task_is_handed_over_between_handles(tmp_path: Path) -> None:
@@ -253,10 +253,10 @@ def test_a_task_is_handed_over_between_handles(tmp_path: Path) -> None:
         request = picking.request("detecting")
         assert knowledge.snapshot().holds(*rule("container_detection", "detect").before)
         detection.acknowledge(request)
-        with detection.transaction() as found:
-            found.insert_node("box", "roll_container")
-            found.place("world", "container_pose", "box", Pose())
-            found.finish(request, "found")
+        with detection.transaction() as transaction:
+            transaction.insert_node("box", "roll_container")
+            transaction.place("world", "container_pose", "box", Pose())
+            transaction.finish(request, "found")
 
         assert knowledge.snapshot().handover("detecting").stage is Stage.FINISHED
         assert knowledge.snapshot().holds(*rule("container_detection", "detect").after)
@@ -264,7 +264,7 @@ def test_a_task_is_handed_over_between_handles(tmp_path: Path) -> None:
             picking.insert_node("another", "roll_container")
 
 
-def test_a_handle_at_run_time_is_the_class_that_its_name_says(tmp_path: Path) -> None:
+def test_a_handle_at_run_time_is_of_the_class_in_its_name(tmp_path: Path) -> None:
     with started(tmp_path) as codra:
         assert codra.knowledge is not None
         made = module(files(SPEC)["picking_up/knowledge.py"])
@@ -286,7 +286,7 @@ def test_the_main_execution_asks_for_its_tasks_through_a_handle_of_its_own(tmp_p
             main.request("detecting")
 
 
-def test_agents_of_templates_own_what_their_uses_make(tmp_path: Path) -> None:
+def test_agents_of_templates_own_the_elements_of_their_uses(tmp_path: Path) -> None:
     with started(tmp_path, TWO_FORKS) as codra:
         assert codra.knowledge is not None
         front = codra.knowledge.as_agent("front_driver")
@@ -296,13 +296,13 @@ def test_agents_of_templates_own_what_their_uses_make(tmp_path: Path) -> None:
         assert named(model(TWO_FORKS).tasks, "lifting_back").by == "back_driver"
 
 
-def test_a_tank_is_no_misspelt_task() -> None:
-    found = model_of("codra: 1\nname: yard\nknowledge: {nodes: {tank: tank}}\nagents: {}\n")
+def test_a_tank_is_not_a_misspelt_task() -> None:
+    made = model_of("codra: 1\nname: yard\nknowledge: {nodes: {tank: tank}}\nagents: {}\n")
 
-    assert [(node.name, node.type) for node in found.nodes] == [("tank", "tank")]
+    assert [(node.name, node.type) for node in made.nodes] == [("tank", "tank")]
 
 
-def test_agents_with_long_names_alone_and_in_numbers_are_written_as_ruff_leaves_them(tmp_path: Path) -> None:
+def test_one_and_many_agents_with_long_names_are_formatted_as_by_ruff(tmp_path: Path) -> None:
     for count, long in ((1, "pump"), (60, "an_agent_with_a_name_that_says_all_that_it_is_there_for")):
         agents = [f"{long}_{number}" for number in range(count)]
         variables = "".join(f"  v{at}: {{of: tank, type: bool, source: {agent}}}\n" for at, agent in enumerate(agents))
@@ -331,7 +331,7 @@ ONE_WRITES = (
 
 
 @pytest.mark.parametrize("text", [NOBODY_WRITES, ONE_WRITES, SPEC.read_text("utf-8"), EVERYTHING.read_text("utf-8")])
-def test_the_module_of_knowledge_imports_what_it_uses_and_nothing_else(text: str, tmp_path: Path) -> None:
+def test_the_module_of_knowledge_imports_exactly_what_it_uses(text: str, tmp_path: Path) -> None:
     written = next(text for name, text in emit(planned(text)).items() if name.endswith("/knowledge.py"))
     (tmp_path / "knowledge.py").write_text(written, "utf-8")
     command = [sys.executable, "-m", "ruff", "check", "--isolated", "--select", "F", str(tmp_path)]
@@ -342,22 +342,22 @@ def test_the_module_of_knowledge_imports_what_it_uses_and_nothing_else(text: str
 
 def test_a_spec_without_knowledge_has_no_graph() -> None:
     text = "codra: 1\nname: plain\ncontext: {lit: {type: bool, source: lamp}}\nagents: {lamp: {}}\n"
-    found = emit(planned(text))
+    files_ = emit(planned(text))
 
-    assert sorted(found) == [
+    assert sorted(files_) == [
         f"plain/{name}" for name in ("__init__.py", "graph.json", "manifest.json", "sources.json", "spec.py")
     ]
-    assert "nowledge" not in "".join(text for name, text in found.items())
+    assert "nowledge" not in "".join(text for name, text in files_.items())
 
 
 def test_a_spec_file_called_knowledge_keeps_its_module() -> None:
     text = SPEC.read_text("utf-8")
-    found = dict(emit(plan_text(text, "specs/knowledge.yaml", ROOT).plans[0]))
+    files_ = dict(emit(plan_text(text, "specs/knowledge.yaml", ROOT).plans[0]))
     plain = plan_text(
         "codra: 1\nname: a\ncontext: {x: {type: bool, source: l}}\nagents: {l: {}}\n", "knowledge.yaml", ROOT
     )
 
-    assert {"picking_up/knowledge.py", "picking_up/knowledge_.py"} <= set(found)
+    assert {"picking_up/knowledge.py", "picking_up/knowledge_.py"} <= set(files_)
     assert "a/knowledge.py" in emit(plain.plans[0])
 
 
@@ -365,7 +365,7 @@ def test_a_spec_file_called_knowledge_keeps_its_module() -> None:
 
 
 @pytest.mark.parametrize("spec", [SPEC, EVERYTHING, TWO_FORKS], ids=lambda spec: spec.stem)
-def test_the_module_is_as_ruff_formats_it_and_without_findings(spec: Path, tmp_path: Path) -> None:
+def test_the_module_is_formatted_as_by_ruff_and_has_no_findings(spec: Path, tmp_path: Path) -> None:
     for name, text in {"__init__.py": package_text(), **files(spec)}.items():
         (tmp_path / "generated" / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / "generated" / name).write_text(text, "utf-8")
@@ -377,13 +377,13 @@ def test_the_module_is_as_ruff_formats_it_and_without_findings(spec: Path, tmp_p
 
 
 @given(HOSTILE, HOSTILE, HOSTILE)
-def test_nothing_that_a_spec_says_of_knowledge_becomes_code(label: str, result: str, member: str) -> None:
+def test_no_text_of_knowledge_in_a_spec_becomes_code(label: str, result: str, member: str) -> None:
     plan = planned(SPEC.read_text("utf-8"))
     knowledge = plan.checked.knowledge
     assert knowledge is not None
     world = knowledge.world
     task, kind = world.spec.tasks[0], world.spec.types[1]
-    told = dataclasses.replace(
+    renamed = dataclasses.replace(
         world.spec,
         tasks=(
             dataclasses.replace(task, label=label, results=(dataclasses.replace(task.results[0], name=result or "x"),)),
@@ -391,7 +391,7 @@ def test_nothing_that_a_spec_says_of_knowledge_becomes_code(label: str, result: 
         ),
         types=(dataclasses.replace(kind, label=member), *world.spec.types),
     )
-    changed = dataclasses.replace(knowledge, world=dataclasses.replace(world, spec=told))
+    changed = dataclasses.replace(knowledge, world=dataclasses.replace(world, spec=renamed))
     text = emit(dataclasses.replace(plan, checked=dataclasses.replace(plan.checked, knowledge=changed)))[
         "picking_up/knowledge.py"
     ]
@@ -411,7 +411,7 @@ def test_nothing_that_a_spec_says_of_knowledge_becomes_code(label: str, result: 
     }
 
 
-def test_the_module_imports_the_api_of_generated_code_and_nothing_else() -> None:
+def test_the_module_imports_only_the_api_of_generated_code() -> None:
     tree = ast.parse(files(SPEC)["picking_up/knowledge.py"])
     homes = {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
 
@@ -421,7 +421,7 @@ def test_the_module_imports_the_api_of_generated_code_and_nothing_else() -> None
 # Files beside the code
 
 
-def test_sources_tell_the_place_of_every_element_and_rule() -> None:
+def test_sources_have_the_place_of_every_element_and_rule() -> None:
     places = json.loads(files(SPEC)["picking_up/sources.json"])
     lines = SPEC.read_text("utf-8").splitlines()
 
@@ -439,9 +439,9 @@ def test_sources_tell_the_place_of_every_element_and_rule() -> None:
         assert word in lines[places[f"picking_up/{name}"]["line"] - 1]
 
 
-def test_the_graph_tells_who_owns_reads_asks_for_and_does_what() -> None:
+def test_the_graph_has_the_elements_and_tasks_of_agents() -> None:
     edges = json.loads(files(SPEC)["picking_up/graph.json"])["edges"]
-    said = {f"{each['source']} {each['kind']} {each['target']}".replace("picking_up/", "") for each in edges}
+    sentences = {f"{edge['source']} {edge['kind']} {edge['target']}".replace("picking_up/", "") for edge in edges}
 
     assert {
         "agent/fork owns type/roll_container",
@@ -451,15 +451,15 @@ def test_the_graph_tells_who_owns_reads_asks_for_and_does_what() -> None:
         "edge/near leads_from type/person",
         "edge/near leads_to type/robot",
         "edge/eye_pose leads_to type/camera",
-    } <= said
-    assert "agent/picking reads task/detecting" not in said  # it asks for it
+    } <= sentences
+    assert "agent/picking reads task/detecting" not in sentences  # it requests it
 
 
 def test_the_manifest_changes_with_what_agents_own() -> None:
     text = SPEC.read_text("utf-8")
     changed = text.replace("picker_page: {}", "picker_page: {reads: [roll_container.weight]}")
 
-    first, second = (json.loads(emit(planned(each))["picking_up/manifest.json"]) for each in (text, changed))
+    first, second = (json.loads(emit(planned(source))["picking_up/manifest.json"]) for source in (text, changed))
 
     assert first["model"] != second["model"]
     assert "knowledge.py" in first["outputs"]
@@ -539,12 +539,12 @@ WRONG = (
 )
 
 
-def test_mypy_finds_wrong_names_and_foreign_writes_and_nothing_else(tmp_path: Path) -> None:
+def test_mypy_reports_exactly_wrong_names_and_foreign_writes(tmp_path: Path) -> None:
     for name, text in {"__init__.py": package_text(), **files(SPEC)}.items():
         (tmp_path / "generated" / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / "generated" / name).write_text(text, "utf-8")
     program = PROGRAM + "".join(f"    {line}\n" for line in WRONG)
 
-    found = errors_in(program, tmp_path, tmp_path / "cache", tmp_path)
+    errors = errors_in(program, tmp_path, tmp_path / "cache", tmp_path)
 
-    assert [line for line, _ in found] == list(WRONG)
+    assert [line for line, _ in errors] == list(WRONG)

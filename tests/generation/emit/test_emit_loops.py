@@ -1,4 +1,4 @@
-"""Loops in generated code: what the store's spec compiles to, and what it does."""
+"""Loops in generated code: the modules of the store's spec, and their behaviour."""
 
 from __future__ import annotations
 
@@ -38,25 +38,25 @@ CALM = {
     "battery_drain": 0.5,
     "container_load": 0.0,
 }
-"""An order is open, the fork is empty, nobody is near."""
+"""An order is open, the fork is empty, and no person is near."""
 
 
 def metrics(**seen: float) -> dict[str, float]:
     known = CALM | seen
-    found = metric_engine.infer(*(known[name] for name in metric_engine.INPUTS))
-    return dict(zip(metric_engine.OUTPUTS, found.values, strict=True))
+    result = metric_engine.infer(*(known[name] for name in metric_engine.INPUTS))
+    return dict(zip(metric_engine.OUTPUTS, result.values, strict=True))
 
 
 def weights(**seen: float) -> dict[str, float]:
     known = CALM | seen | metrics(**seen)
-    found = action_engine.infer(*(known[name] for name in action_engine.INPUTS))
+    result = action_engine.infer(*(known[name] for name in action_engine.INPUTS))
     names = (name.removeprefix("weight_of_") for name in action_engine.OUTPUTS)
-    return dict(zip(names, found.values, strict=True))
+    return dict(zip(names, result.values, strict=True))
 
 
 def heaviest(**seen: float) -> str:
-    found = weights(**seen)
-    return max(found, key=lambda name: found[name])
+    weight_of = weights(**seen)
+    return max(weight_of, key=lambda name: weight_of[name])
 
 
 # P2, section 6
@@ -81,9 +81,9 @@ def test_a_battery_that_runs_low_sends_it_to_charge() -> None:
 
 
 def test_safety_never_falls_when_a_person_goes_away() -> None:
-    found = [metrics(picking_up=1.0, person_distance=step / 100.0)["safety"] for step in range(30, 600, 5)]
+    values = [metrics(picking_up=1.0, person_distance=step / 100.0)["safety"] for step in range(30, 600, 5)]
 
-    assert found == sorted(found)
+    assert values == sorted(values)
 
 
 @given(
@@ -93,13 +93,13 @@ def test_safety_never_falls_when_a_person_goes_away() -> None:
     battery_drain=st.floats(0.0, 5.0),
     container_load=st.sampled_from((0.0, 1.0, 2.0)),
 )
-def test_some_rule_acts_in_every_case_as_no_finding_says_otherwise(**seen: float) -> None:
-    found = metrics(**seen) | weights(**seen)
+def test_some_rule_acts_in_every_case(**seen: float) -> None:
+    values = metrics(**seen) | weights(**seen)
 
-    assert all(0.0 <= value <= 1.0 for value in found.values()), found
+    assert all(0.0 <= value <= 1.0 for value in values.values()), values
 
 
-# What is generated
+# Generated code
 
 
 def test_the_same_spec_compiles_to_the_same_bytes_and_one_without_loops_has_no_module_of_them() -> None:
@@ -110,8 +110,8 @@ def test_the_same_spec_compiles_to_the_same_bytes_and_one_without_loops_has_no_m
     assert not {path for path in first if path.startswith(("lab/", "kitchen/")) and "mape" in path}
 
 
-def test_members_that_are_no_names_in_python_are_compiled(tmp_path: Path) -> None:
-    """An enum's members are texts, such as `on-hold`."""
+def test_members_that_are_not_names_in_python_are_compiled(tmp_path: Path) -> None:
+    """The members of an enum are texts, such as `on-hold`."""
     text = (ROOT / "tests/cases/invalid/loops-words.yaml").read_text("utf-8")
     (tmp_path / "pyproject.toml").write_text("[tool.codra]\n")
     for old, new in (("any, ", ""), ("load is any", "load is full"), ("very:", "near:")):
@@ -129,13 +129,13 @@ def test_members_that_are_no_names_in_python_are_compiled(tmp_path: Path) -> Non
 def test_stages_name_the_inputs_outputs_and_rules_of_their_engines() -> None:
     for stage, engine in ((MAPE.metrics, metric_engine), (MAPE.actions, action_engine)):
         assert stage is not None
-        assert tuple(each.variable for each in stage.inputs) == engine.INPUTS
-        assert tuple(each.range for each in stage.inputs) == engine.RANGES
-        assert tuple(each.variable for each in stage.outputs) == engine.OUTPUTS
-        assert tuple(each.text for each in stage.rules) == engine.RULES
+        assert tuple(declared.variable for declared in stage.inputs) == engine.INPUTS
+        assert tuple(declared.range for declared in stage.inputs) == engine.RANGES
+        assert tuple(declared.variable for declared in stage.outputs) == engine.OUTPUTS
+        assert tuple(rule.text for rule in stage.rules) == engine.RULES
 
 
-def test_every_action_has_a_branch_and_each_rate_a_loop() -> None:
+def test_every_action_has_a_branch_and_every_rate_a_loop() -> None:
     (mission, _) = MAPE.trees
     (course,) = MAPE.courses
 
@@ -144,10 +144,10 @@ def test_every_action_has_a_branch_and_each_rate_a_loop() -> None:
     assert MAPE.rates[0].factor == pytest.approx(-60.0)
 
 
-def test_files_beside_the_code_know_each_rule_and_condition_and_draw_who_reads_sets_and_executes_what() -> None:
+def test_files_beside_the_code_have_all_rules_conditions_and_edges_of_loops() -> None:
     files = compile_paths([ROOT / "specs"], ROOT).files
     sources, graph = json.loads(files["store/sources.json"]), json.loads(files["store/graph.json"])
-    edges = {(each["source"], each["kind"], each["target"]) for each in graph["edges"]}
+    edges = {(edge["source"], edge["kind"], edge["target"]) for edge in graph["edges"]}
 
     assert sources["store/metric/safety/rules/0"]["file"] == "specs/store.yaml"
     assert {"store/action/dock/rules/1", "store/adaptation/course/always/0", "store/tree/mission"} <= sources.keys()
@@ -160,7 +160,7 @@ def test_files_beside_the_code_know_each_rule_and_condition_and_draw_who_reads_s
         ("store/tree/mission", "requests", "store/task/navigating"),
         ("store/loop/mission", "executes", "store/tree/mission"),
     } <= edges
-    assert {end for source, _, target in edges for end in (source, target)} <= {each["id"] for each in graph["nodes"]}
+    assert {end for source, _, target in edges for end in (source, target)} <= {node["id"] for node in graph["nodes"]}
 
 
 def test_the_file_of_a_tree_is_an_input_of_the_run_that_names_it() -> None:
@@ -169,11 +169,11 @@ def test_the_file_of_a_tree_is_an_input_of_the_run_that_names_it() -> None:
     assert {"specs/trees/mission.xml", "specs/trees/pick_up.xml"} <= set(planned.modules)
 
 
-# What it does
+# Behaviour
 
 
 class Busy(Action):
-    """An action that goes on until it is halted."""
+    """An action that runs until it is halted."""
 
     def start(self, ports: Ports) -> Result:  # noqa: ARG002
         return Result.RUNNING
@@ -182,7 +182,7 @@ class Busy(Action):
         return Result.RUNNING
 
     def halt(self, ports: Ports) -> None:
-        """Nothing is to be undone."""
+        """Nothing needs to be undone."""
 
 
 @contextmanager
@@ -212,25 +212,25 @@ def test_the_loops_run_and_write_metrics_weights_course_and_speed() -> None:
         names = ("navigation", "person_detection", "lasers", "fork", "picker_page")
         agents = {name: codra.agent(name) for name in names}
         planners = {name: codra.agent(name) for name in ("mission", "picking")}
-        tell = partial(_tell, agents | planners)
-        tell(person_distance=6.0)
+        set_context = partial(_set_context, agents | planners)
+        set_context(person_distance=6.0)
         for _ in range(40):
-            tell(person_distance=6.0)
+            set_context(person_distance=6.0)
             clock.sleep(0.5)
         calm = codra.get("course").value, codra.get("max_speed").value
         planners["picking"].set("picking_up", True)
         for _ in range(40):
-            tell(person_distance=1.2)
+            set_context(person_distance=1.2)
             clock.sleep(0.5)
 
         assert calm == ("pick", 1.2)
         assert codra.get("safety").value == pytest.approx(0.5)
         assert (codra.get("course").value, codra.get("max_speed").value) == ("start", 0.3)
-        assert loops.standing("course").state.action == "start"
+        assert loops.course_state("course").state.action == "start"
 
 
-def _tell(agents: dict[str, object], *, person_distance: float) -> None:
-    told = {
+def _set_context(agents: dict[str, object], *, person_distance: float) -> None:
+    values_of = {
         "navigation": {"battery_level": 80.0, "bumped": False},
         "person_detection": {"person_distance": person_distance},
         "lasers": {"strange_gap": person_distance - 0.7},
@@ -238,7 +238,7 @@ def _tell(agents: dict[str, object], *, person_distance: float) -> None:
         "picker_page": {"container_load": "empty"},
         "mission": {"order_open": True},
     }
-    for agent, values in told.items():
+    for agent, values in values_of.items():
         for name, value in values.items():
             agents[agent].set(name, value)  # type: ignore[attr-defined]
 
@@ -274,7 +274,7 @@ def feel(**_: object) -> dict[str, float]:
 
 @pytest.fixture
 def fan(tmp_path: Path) -> Any:
-    """The package of a spec without knowledge, whose loop reads what an observer identifies."""
+    """The package of a spec without knowledge, whose loop reads a variable that an observer identifies."""
     (tmp_path / "pyproject.toml").write_text("[tool.codra]\n")
     (tmp_path / "fan.yaml").write_text(FAN)
     compiled = compile_paths([tmp_path / "fan.yaml"], tmp_path)
@@ -282,7 +282,7 @@ def fan(tmp_path: Path) -> Any:
     return load_emitted(compiled.files, "fan", tmp_path / "made")
 
 
-def test_observers_look_at_what_a_loop_decides_on_while_it_runs(fan: Any, tmp_path: Path) -> None:
+def test_observers_identify_the_inputs_of_a_loop_while_it_runs(fan: Any, tmp_path: Path) -> None:
     clock = SimClock()
     with fan.start(clock=clock, resources={}, record=Journal(tmp_path / "run.mcap")) as codra:
         with fan.loops(codra, clock=clock):
@@ -294,7 +294,7 @@ def test_observers_look_at_what_a_loop_decides_on_while_it_runs(fan: Any, tmp_pa
     assert replay(head, events, fan.MODEL, fan.Fan, None).difference is None
 
 
-def test_a_loop_that_is_stopped_while_it_starts_in_another_thread_declares_nothing_more(fan: Any) -> None:
+def test_a_loop_that_is_stopped_while_it_starts_in_another_thread_stops_declaring(fan: Any) -> None:
     is_starting, may_go_on = threading.Event(), threading.Event()
 
     class Slow(Planning):
@@ -318,7 +318,7 @@ def test_a_loop_that_is_stopped_while_it_starts_in_another_thread_declares_nothi
         assert codra.declared() == frozenset()
 
 
-def test_why_of_an_adaptation_is_told_without_knowledge_too_and_a_slip_is_put_right(fan: Any) -> None:
+def test_an_adaptation_is_explained_without_knowledge_and_a_misspelt_name_is_corrected(fan: Any) -> None:
     clock = SimClock()
     with fan.start(clock=clock, resources={}) as codra, fan.loops(codra, clock=clock):
         clock.sleep(1.0)

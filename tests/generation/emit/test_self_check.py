@@ -1,4 +1,4 @@
-"""The proof of emitted text: it says yes and no where Python's compiler does, be it of a whole or in pieces."""
+"""The proof of emitted text: it agrees with Python's compiler, for complete texts and for pieces."""
 
 from __future__ import annotations
 
@@ -38,14 +38,14 @@ def is_proven(text: str) -> bool:
 
 
 @pytest.mark.parametrize("path", sorted(MODULES))
-def test_what_is_emitted_is_proven(path: str) -> None:
+def test_emitted_text_is_proven(path: str) -> None:
     prove({path: MODULES[path]})
 
 
 @settings(max_examples=400, deadline=None)
 @given(st.data())
-def test_whatever_happens_to_a_module_its_proof_agrees_with_the_compiler(data: st.DataObject) -> None:
-    """Some letters of a real module are replaced by what may break it, or by what may hide that it is broken."""
+def test_the_proof_of_a_damaged_module_agrees_with_the_compiler(data: st.DataObject) -> None:
+    """Some characters of a real module are replaced by ones that may break it, or that may hide an error."""
     text = MODULES[data.draw(st.sampled_from(sorted(MODULES)))]
     for _ in range(data.draw(st.integers(1, 3))):
         start = data.draw(st.integers(0, len(text)))
@@ -55,7 +55,7 @@ def test_whatever_happens_to_a_module_its_proof_agrees_with_the_compiler(data: s
 
 
 @pytest.mark.parametrize("path", sorted(path for path in MODULES if path.count("/") == 1))
-def test_a_name_that_is_none_is_found_in_every_piece(path: str) -> None:
+def test_an_invalid_name_is_detected_in_every_piece(path: str) -> None:
     lines = MODULES[path].splitlines(keepends=True)
     for index, line in enumerate(lines):
         if line.startswith("def "):
@@ -72,7 +72,7 @@ def test_a_name_that_is_none_is_found_in_every_piece(path: str) -> None:
 @pytest.mark.parametrize(
     "statements",
     [
-        "VARIABLES: tuple[X, ...] = (\n    A((),\n    B()),\n)\n",  # two items that only hold together
+        "VARIABLES: tuple[X, ...] = (\n    A((),\n    B()),\n)\n",  # two items that are valid only together
         "VARIABLES: tuple[X, ...] = (\n    A(x) for x in y,\n    A(x) for x in y,\n)\n",
         "VARIABLES: tuple[X, ...] = (\n    A(),\n    B()\n    C(),\n)\n",
         "X = Algorithm(\n\n)\n\n\ndef y(observer: Observer) -> Behaviour:\n    return (\n\n)\n)\n",
@@ -82,12 +82,12 @@ def test_a_name_that_is_none_is_found_in_every_piece(path: str) -> None:
         "x = f(build=None=1)\n",
     ],
 )
-def test_pieces_do_not_hide_what_is_broken_as_a_whole(statements: str) -> None:
+def test_pieces_do_not_hide_an_error_between_them(statements: str) -> None:
     text = f'"""Title."""\n\n{statements}'
 
     assert is_proven(text) == can_be_compiled(text)
 
 
-def test_a_file_that_is_no_json_is_named() -> None:
+def test_a_file_that_is_not_json_is_named() -> None:
     with pytest.raises(BrokenOutputError, match=r"lab/graph\.json"):
         prove({"lab/__init__.py": "", "lab/graph.json": "{"})

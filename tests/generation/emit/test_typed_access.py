@@ -1,4 +1,4 @@
-"""What mypy says about a user's program: names, values and skills of a spec are checked before the robot moves."""
+"""The errors of mypy in a user's program: names, values and skills of a spec are checked before the robot moves."""
 
 from __future__ import annotations
 
@@ -57,16 +57,16 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def errors_in(program: str, folder: Path, cache: Path, root: Path = ROOT) -> list[tuple[str, str]]:
-    """Return, for each error that mypy finds in a program, its line and its code."""
+    """Return the line and the code of each error that mypy reports in a program."""
     file = folder / "robot_program.py"
     file.write_text(program, "utf-8")
     command = [sys.executable, "-m", "mypy", "--strict", "--no-error-summary", "--cache-dir", str(cache), str(file)]
     done = subprocess.run(command, cwd=root, text=True, capture_output=True, check=False, stdin=subprocess.DEVNULL)
     assert not done.stderr
-    found = re.findall(r"^\S+:(\d+): error: .*\[([a-z-]+)\]$", done.stdout, re.MULTILINE)
-    assert len(found) == done.stdout.count(" error: ")
+    errors = re.findall(r"^\S+:(\d+): error: .*\[([a-z-]+)\]$", done.stdout, re.MULTILINE)
+    assert len(errors) == done.stdout.count(" error: ")
     lines = program.splitlines()
-    return [(lines[int(number) - 1].strip(), code) for number, code in found]
+    return [(lines[int(number) - 1].strip(), code) for number, code in errors]
 
 
 def test_a_right_program_has_no_error(tmp_path: Path, cache: Path) -> None:
@@ -84,7 +84,7 @@ def test_three_wrong_uses_are_three_errors(tmp_path: Path, cache: Path) -> None:
     ]
 
 
-def test_each_other_wrong_use_is_one_error(tmp_path: Path, cache: Path) -> None:
+def test_every_other_wrong_use_is_one_error(tmp_path: Path, cache: Path) -> None:
     wrong = [
         'codra.set("kettle_water", "full")',
         'codra.set("fridge_open", 2)',
@@ -109,7 +109,7 @@ LONG = "state_of_the_third_drawer_from_above_in_the_laboratory_on_the_left"
 
 
 def made(lines: list[str], folder: Path) -> None:
-    """Compile a spec with some variables, and require that ruff would not write it otherwise."""
+    """Compile a spec with some variables, and assert that ruff would not change the result."""
     (folder / "specs").mkdir()
     (folder / "specs/drawers.yaml").write_text("\n".join(["codra: 1", "name: drawers", "context:", *lines, ""]))
     compilation = compile_paths([folder / "specs/drawers.yaml"], folder)

@@ -1,4 +1,4 @@
-"""State machines of a few states, drawn by RAFCON's API and run by its engine."""
+"""State machines with few states, built with RAFCON's API and run by its engine."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ CALL = """def execute(self, inputs, outputs, gvm):
 
 
 class Robot:
-    """What scripts find as the global variable `robot`; a method's result is the outcome of the state.
+    """The global variable `robot` of scripts; the result of a method is the outcome of the state.
 
-    It notes what was called, what was declared then, and what was left declared in the end.
+    It records the called methods, the declarations at each call, and the declarations at the end.
     """
 
     def __init__(self, clock: SimClock, manager: Manager, door: Door) -> None:
@@ -53,7 +53,7 @@ class Robot:
         self.clock.sleep(3.0)
         return "true" if (self.door.angle_rad or 0.0) > 0.6 else "false"
 
-    def see_nothing(self) -> str:
+    def see_no_value(self) -> str:
         self.clock.sleep(3.0)
         return "success"
 
@@ -61,35 +61,35 @@ class Robot:
         raise ZeroDivisionError("the arm is stuck")
 
 
-def script(name: str, method: str = "", says: Mapping[str, object] | None = None) -> ExecutionState:
-    """A state that calls the robot; one that decides has outcomes for true and false."""
+def script(name: str, method: str = "", annotation: Mapping[str, object] | None = None) -> ExecutionState:
+    """Return a state that calls the robot; a state that decides has outcomes for true and false."""
     state = ExecutionState(name, state_id=name.upper())
     state.script_text = CALL.format(method=method or name)
-    if says is not None:
-        state.add_semantic_data([], dict(says), "codra")
-        if "decide" in says:
+    if annotation is not None:
+        state.add_semantic_data([], dict(annotation), "codra")
+        if "decide" in annotation:
             state.add_outcome("true", 1)
             state.add_outcome("false", 2)
     return state
 
 
-def sequence(name: str, *states: State, says: Mapping[str, object] | None = None) -> HierarchyState:
-    """States one after the other; the last one's outcomes are those of the whole."""
-    whole = HierarchyState(name, state_id=name.upper())
-    if says is not None:
-        whole.add_semantic_data([], dict(says), "codra")
+def sequence(name: str, *states: State, annotation: Mapping[str, object] | None = None) -> HierarchyState:
+    """Return a sequence of states; the outcomes of the last state are those of the sequence."""
+    parent = HierarchyState(name, state_id=name.upper())
+    if annotation is not None:
+        parent.add_semantic_data([], dict(annotation), "codra")
     for state in states:
-        whole.add_state(state)
-    whole.set_start_state(states[0])
+        parent.add_state(state)
+    parent.set_start_state(states[0])
     last = states[-1]
     for number in (number for number in last.outcomes if number > 0):
-        whole.add_outcome(last.outcomes[number].name, number)
+        parent.add_outcome(last.outcomes[number].name, number)
     for state, after in pairwise(states):
         for number in (number for number in state.outcomes if number >= 0):
-            whole.add_transition(state.state_id, number, after.state_id, None)
+            parent.add_transition(state.state_id, number, after.state_id, None)
     for number in (number for number in last.outcomes if number >= 0):
-        whole.add_transition(last.state_id, number, whole.state_id, number)
-    return whole
+        parent.add_transition(last.state_id, number, parent.state_id, number)
+    return parent
 
 
 @contextmanager

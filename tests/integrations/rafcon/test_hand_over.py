@@ -1,4 +1,4 @@
-"""Calls of other threads, run by the one that serves them."""
+"""Calls from other threads, run by the serving thread."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def test_every_call_runs_in_the_thread_that_serves_and_comes_back_to_its_own(cou
     ]
 
 
-def test_what_a_call_raises_is_raised_in_the_thread_that_asked() -> None:
+def test_an_exception_of_a_call_is_raised_in_the_calling_thread() -> None:
     hand_over = HandOver()
     thread, results = in_a_thread(lambda: hand_over.call(lambda: 1 / 0))
 
@@ -82,7 +82,7 @@ def test_a_call_may_itself_call() -> None:
 
 
 @pytest.mark.parametrize("when", ["before the end", "after it"])
-def test_nobody_waits_for_one_who_serves_no_more_and_asked(when: str) -> None:
+def test_a_call_that_is_not_served_is_refused_if_it_came(when: str) -> None:
     hand_over = HandOver()
     if when == "after it":
         hand_over.refuse()
@@ -95,7 +95,7 @@ def test_nobody_waits_for_one_who_serves_no_more_and_asked(when: str) -> None:
     assert "the run is over" in str(results[0])
 
 
-def test_a_handle_is_used_in_the_thread_that_serves_methods_and_values_alike() -> None:
+def test_methods_and_values_of_a_handle_are_used_in_the_serving_thread() -> None:
     class Arm:
         reach_m = 0.9
 

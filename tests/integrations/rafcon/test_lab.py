@@ -27,12 +27,12 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[Arm, tuple[Ended, Pat
 
 
 def decided(path: Path) -> list[tuple[str, object]]:
-    """Each decision with its answer, in order."""
+    """Return the decisions with their answers, in order."""
     events = [event for event in read(path)[1] if event.kind is Kind.DECISION]
     return [(event.name, event.details["found" if event.what == "fell_back" else "value"]) for event in events]
 
 
-def test_the_state_machine_that_is_checked_in_is_the_one_that_is_drawn() -> None:
+def test_the_checked_in_state_machine_equals_the_one_that_is_built() -> None:
     register()
     drawn = drawing.drawn()
 
@@ -47,11 +47,11 @@ def test_the_task_is_done_with_observers_and_without(runs: dict[Arm, tuple[Ended
 def test_with_observers_decisions_are_answered_from_context_and_without_the_robot_looks(
     runs: dict[Arm, tuple[Ended, Path]],
 ) -> None:
-    found = {arm: figures(path) for arm, (_, path) in runs.items()}
+    figures_by_arm = {arm: figures(path) for arm, (_, path) in runs.items()}
 
-    assert (found[Arm.WITH].answered, found[Arm.WITH].looked) == (15, 0)
-    assert (found[Arm.WITHOUT].answered, found[Arm.WITHOUT].looked) == (0, 15)
-    assert found[Arm.WITH].duration_s < found[Arm.WITHOUT].duration_s
+    assert (figures_by_arm[Arm.WITH].answered, figures_by_arm[Arm.WITH].looked) == (15, 0)
+    assert (figures_by_arm[Arm.WITHOUT].answered, figures_by_arm[Arm.WITHOUT].looked) == (0, 15)
+    assert figures_by_arm[Arm.WITH].duration_s < figures_by_arm[Arm.WITHOUT].duration_s
 
 
 def test_both_decide_the_same(runs: dict[Arm, tuple[Ended, Path]]) -> None:
@@ -73,7 +73,7 @@ def test_the_journal_of_the_state_machine_can_be_replayed(runs: dict[Arm, tuple[
     assert replay(head, events, lab.MODEL, lab.Lab, None).difference is None
 
 
-def test_the_table_has_a_line_for_each_run_and_for_each_arm(runs: dict[Arm, tuple[Ended, Path]]) -> None:
+def test_the_table_has_a_line_per_run_and_per_arm(runs: dict[Arm, tuple[Ended, Path]]) -> None:
     lines = table([(SEED, arm, ended.outcome, path) for arm, (ended, path) in runs.items()]).splitlines()
 
     assert [line.split()[:2] for line in lines[1:-1]] == [
@@ -86,8 +86,8 @@ def test_the_table_has_a_line_for_each_run_and_for_each_arm(runs: dict[Arm, tupl
 
 
 def test_every_state_that_decides_names_a_variable_of_the_spec() -> None:
-    said = [json.loads(path.read_text("utf-8"))["codra"] for path in FOLDER.rglob("semantic_data.json")]
-    names = {each["decide"] for each in said if "decide" in each}
+    annotations = [json.loads(path.read_text("utf-8"))["codra"] for path in FOLDER.rglob("semantic_data.json")]
+    names = {annotation["decide"] for annotation in annotations if "decide" in annotation}
 
     assert names <= {variable.name for variable in lab.MODEL.variables}
     assert len(names) == 4

@@ -1,4 +1,4 @@
-"""States of RAFCON that say in their semantic data what they have to do with context."""
+"""States of RAFCON with annotations in their semantic data."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def known(value: bool) -> object:
 
 
 def test_a_skill_is_declared_while_its_state_runs_and_no_longer() -> None:
-    skill = sequence("open", script("pull"), says={"skill": "open_door"})
+    skill = sequence("open", script("pull"), annotation={"skill": "open_door"})
     ended, robot = run(script("drive"), skill, script("look", "drive"))
 
     assert ended.outcome == "success"
@@ -40,23 +40,23 @@ def test_a_skill_is_declared_while_its_state_runs_and_no_longer() -> None:
     assert robot.left == frozenset()
 
 
-def test_a_skill_that_is_aborted_is_withdrawn_and_the_error_is_told() -> None:
-    ended, robot = run(sequence("open", script("fail"), says={"skill": "open_door"}))
+def test_an_aborted_skill_is_withdrawn_and_its_error_is_reported() -> None:
+    ended, robot = run(sequence("open", script("fail"), annotation={"skill": "open_door"}))
 
     assert (ended.outcome, str(ended.error)) == ("aborted", "the arm is stuck")
     assert (robot.declared, robot.left) == ([{"open", "near"}], frozenset())
 
 
-def test_what_a_state_expects_is_declared_while_it_runs() -> None:
-    skill = sequence("open", script("pull"), says={"skill": "open_door"})
-    _, robot = run(script("drive", says={"expect": "open_door, drive"}), skill)
+def test_expected_skills_are_declared_while_the_state_runs() -> None:
+    skill = sequence("open", script("pull"), annotation={"skill": "open_door"})
+    _, robot = run(script("drive", annotation={"expect": "open_door, drive"}), skill)
 
     assert robot.declared[0] == {"open", "near"}
 
 
-def test_acting_makes_unknown_what_the_skill_changes() -> None:
-    act = script("pull", says={"acting": "open_door"})
-    _, robot = run(sequence("open", act, says={"skill": "open_door"}), before=known(False))
+def test_acting_makes_the_variables_that_the_skill_changes_unknown() -> None:
+    act = script("pull", annotation={"acting": "open_door"})
+    _, robot = run(sequence("open", act, annotation={"skill": "open_door"}), before=known(False))
     reasons = [event.details.get("reason") for event in robot.manager.record.of(Kind.VARIABLE) if event.name == "open"]
 
     assert "invalidated" in reasons
@@ -66,17 +66,17 @@ def test_acting_makes_unknown_what_the_skill_changes() -> None:
 
 
 @pytest.mark.parametrize("value", [True, False])
-def test_a_state_that_looks_need_not_run_when_context_knows(value: bool) -> None:
-    ended, robot = run(script("look", says=DECIDE), before=known(value))
+def test_a_state_that_looks_is_skipped_if_context_knows_the_value(value: bool) -> None:
+    ended, robot = run(script("look", annotation=DECIDE), before=known(value))
 
     assert (ended.outcome, robot.called, decisions(robot)) == (str(value).lower(), [], ["answered"])
 
 
 @pytest.mark.parametrize("angle_rad", [0.0, 1.0])
-def test_a_state_looks_when_context_does_not_know_and_what_it_saw_is_kept(angle_rad: float) -> None:
-    look = script("look", says=DECIDE)
+def test_a_state_looks_if_context_does_not_know_the_value_and_its_result_is_kept(angle_rad: float) -> None:
+    look = script("look", annotation=DECIDE)
     door = Door(angle_rad=angle_rad, markers=0)
-    ended, robot = run(sequence("open", look, says={"skill": "open_door"}), door=door)
+    ended, robot = run(sequence("open", look, annotation={"skill": "open_door"}), door=door)
     (event,) = robot.manager.record.of(Kind.DECISION)
 
     assert (ended.outcome, robot.called) == ("true" if angle_rad else "false", ["look"])
@@ -84,13 +84,13 @@ def test_a_state_looks_when_context_does_not_know_and_what_it_saw_is_kept(angle_
     assert event.instant_s - event.details["asked_s"] == 3.0
 
 
-def test_a_whole_state_of_states_need_not_run_either() -> None:
-    ended, robot = run(sequence("looks", script("look", says={**DECIDE}), says=DECIDE), before=known(True))
+def test_a_hierarchy_state_that_looks_is_skipped_as_well() -> None:
+    ended, robot = run(sequence("looks", script("look", annotation={**DECIDE}), annotation=DECIDE), before=known(True))
 
     assert (ended.outcome, robot.called, decisions(robot)) == ("true", [], ["answered"])
 
 
-def test_a_state_of_a_library_need_not_run_either() -> None:
+def test_a_library_state_that_looks_is_skipped_as_well() -> None:
     register()
     state = LibraryState("codra", "decide", name="open?", state_id="LIBRARY")
     state.add_semantic_data([], DECIDE, "codra")
@@ -99,48 +99,51 @@ def test_a_state_of_a_library_need_not_run_either() -> None:
     assert (ended.outcome, decisions(robot)) == ("false", ["answered"])
 
 
-def test_an_outcome_that_says_no_value_means_that_nothing_was_found() -> None:
-    ended, robot = run(script("look", "see_nothing", says=DECIDE))
+def test_an_outcome_without_a_value_means_that_the_value_is_unknown() -> None:
+    ended, robot = run(script("look", "see_no_value", annotation=DECIDE))
     (event,) = robot.manager.record.of(Kind.DECISION)
 
     assert (ended.outcome, event.details["found"]) == ("success", None)
 
 
-def test_outcomes_may_have_names_of_their_own() -> None:
-    look = script("look", says={**DECIDE, "outcomes": {"true": "wide", "false": "shut"}})
+def test_outcomes_may_have_custom_names() -> None:
+    look = script("look", annotation={**DECIDE, "outcomes": {"true": "wide", "false": "shut"}})
     look.outcomes[1].name, look.outcomes[2].name = "wide", "shut"
     ended, _ = run(look, before=known(False))
 
     assert ended.outcome == "shut"
 
 
-def test_a_decision_waits_for_observers_as_long_as_it_says() -> None:
-    look = script("look", says={**DECIDE, "wait_up_to_s": "6"})
-    ended, robot = run(sequence("open", look, says={"skill": "open_door"}), door=Door(angle_rad=1.0))
+def test_a_decision_waits_for_observers_for_its_declared_time() -> None:
+    look = script("look", annotation={**DECIDE, "wait_up_to_s": "6"})
+    ended, robot = run(sequence("open", look, annotation={"skill": "open_door"}), door=Door(angle_rad=1.0))
 
     assert (ended.outcome, robot.called, decisions(robot)) == ("true", [], ["answered"])
     assert 0.0 < robot.clock.now_s() < 6.0
 
 
-def test_after_an_action_only_what_was_seen_after_its_end_counts() -> None:
-    """The lid moves in the last instant of the action, during which observers have seen it closed."""
-    steps = [script("pull", says={"acting": "open_door"}), script("look", says={**DECIDE, "wait_up_to_s": "8"})]
-    ended, robot = run(sequence("open", *steps, says={"skill": "open_door"}), door=Door(angle_rad=0.0))
+def test_after_an_action_only_evidence_from_after_its_end_counts() -> None:
+    """The lid moves at the end of the action, during which observers have seen it closed."""
+    steps = [
+        script("pull", annotation={"acting": "open_door"}),
+        script("look", annotation={**DECIDE, "wait_up_to_s": "8"}),
+    ]
+    ended, robot = run(sequence("open", *steps, annotation={"skill": "open_door"}), door=Door(angle_rad=0.0))
 
     assert (ended.outcome, decisions(robot)) == ("true", ["answered"])
-    assert any(reading.content is False for reading in robot.manager.history("open")), "nobody looked meanwhile"
+    assert any(reading.content is False for reading in robot.manager.history("open")), "no observer looked meanwhile"
 
 
-def test_in_shadow_the_state_looks_in_any_case() -> None:
-    ended, robot = run(script("look", says=DECIDE), before=known(True), answers=Answers.SHADOW)
+def test_in_shadow_mode_the_state_always_looks() -> None:
+    ended, robot = run(script("look", annotation=DECIDE), before=known(True), answers=Answers.SHADOW)
     (event,) = robot.manager.record.of(Kind.DECISION)
 
     assert (ended.outcome, robot.called) == ("false", ["look"])
     assert (event.what, event.details["agrees"]) == ("shadowed", False)
 
 
-def test_without_a_bridge_a_state_machine_does_what_it_always_did() -> None:
-    with started(Door()) as (manager, clock), machine_of(script("look", says=DECIDE)) as machine:
+def test_without_a_bridge_a_state_machine_runs_as_before() -> None:
+    with started(Door()) as (manager, clock), machine_of(script("look", annotation=DECIDE)) as machine:
         manager.declare("open", value=True)
         run_in_simulated_time(machine, manager, clock, handles={"robot": Robot(clock, manager, Door())})
         assert machine.root_state.final_outcome.name == "true"
@@ -155,7 +158,7 @@ def test_without_a_bridge_a_state_machine_does_what_it_always_did() -> None:
 
 
 @pytest.mark.parametrize(("value", "outcome"), [(True, "true"), (False, "false"), (None, "unknown")])
-def test_the_library_decides_with_an_outcome_of_its_own_for_unknown(value: bool | None, outcome: str) -> None:
+def test_the_library_state_for_decisions_has_an_outcome_for_unknown(value: bool | None, outcome: str) -> None:
     register()
     state = LibraryState("codra", "decide", name="open?", state_id="LIBRARY")
     state.set_input_runtime_value(0, "open")
@@ -186,18 +189,21 @@ def test_in_simulated_time_the_same_run_writes_the_same_journal(tmp_path: Path) 
         door, clock = Door(), SimClock()
         with ContextManager[str, str](MODEL, clock=clock, resources={"door": door}, record=Journal(path)) as manager:
             manager.set("localized", True)
-            steps = [script("pull", says={"acting": "open_door"}), script("look", says={**DECIDE, "wait_up_to_s": "8"})]
-            with machine_of(sequence("open", *steps, says={"skill": "open_door"})) as machine:
+            steps = [
+                script("pull", annotation={"acting": "open_door"}),
+                script("look", annotation={**DECIDE, "wait_up_to_s": "8"}),
+            ]
+            with machine_of(sequence("open", *steps, annotation={"skill": "open_door"})) as machine:
                 robot = Robot(clock, manager, door)
                 assert run_in_simulated_time(machine, manager, clock, handles={"robot": robot}).outcome == "true"
 
     assert (tmp_path / "a.mcap").read_bytes() == (tmp_path / "b.mcap").read_bytes()
 
 
-def test_states_side_by_side_are_refused_in_simulated_time() -> None:
+def test_concurrent_states_are_refused_in_simulated_time() -> None:
     both = BarrierConcurrencyState("both", state_id="BOTH")
-    told = pytest.raises(ValueError, match=r"ROOT/BOTH runs states side by side.*use run_in_real_time")
-    with started(Door()) as (manager, clock), machine_of(both) as machine, told:
+    refused = pytest.raises(ValueError, match=r"ROOT/BOTH runs states concurrently.*use run_in_real_time")
+    with started(Door()) as (manager, clock), machine_of(both) as machine, refused:
         run_in_simulated_time(machine, manager, clock)
 
 
@@ -207,7 +213,7 @@ def test_a_program_that_is_interrupted_stops_its_state_machine() -> None:
             raise KeyboardInterrupt
 
     with started(Door()) as (manager, clock):
-        with machine_of(sequence("go", script("drive"), says={"skill": "drive"}), script("pull")) as machine:
+        with machine_of(sequence("go", script("drive"), annotation={"skill": "drive"}), script("pull")) as machine:
             robot = Interrupted(clock, manager, Door())
             with pytest.raises(KeyboardInterrupt):
                 run_in_simulated_time(machine, manager, clock, handles={"robot": robot})
@@ -217,7 +223,7 @@ def test_a_program_that_is_interrupted_stops_its_state_machine() -> None:
 
 
 def test_in_real_time_states_ask_from_threads_of_their_own_and_a_wait_can_be_preempted() -> None:
-    look = script("look", says={**DECIDE, "wait_up_to_s": "3600"})
+    look = script("look", annotation={**DECIDE, "wait_up_to_s": "3600"})
 
     def stop() -> None:
         while look.state_execution_status is not StateExecutionStatus.ACTIVE:
@@ -240,18 +246,18 @@ def test_in_real_time_states_ask_from_threads_of_their_own_and_a_wait_can_be_pre
 # Mistakes
 
 
-def test_all_that_states_say_wrong_is_told_at_once_with_their_paths() -> None:
-    no_outcome = script("mute", says={"decide": "open"})
+def test_all_wrong_annotations_are_reported_at_once_with_the_paths_of_their_states() -> None:
+    no_outcome = script("mute", annotation={"decide": "open"})
     no_outcome.remove_outcome(1)
-    with_output = script("loud", says={"decide": "open"})
+    with_output = script("loud", annotation={"decide": "open"})
     with_output.add_output_data_port("angle", float, 0.0, 0)
     wrong = [
-        script("a", says={"skill": "opendoor"}),
-        script("b", says={"acting": "open_door"}),
-        script("c", says={"decide": "opem"}),
-        script("d", says={"desire": "open"}),
-        script("e", says={"decide": "open", "wait_up_to_s": "a while"}),
-        script("f", says={"wait_up_to_s": "3"}),
+        script("a", annotation={"skill": "opendoor"}),
+        script("b", annotation={"acting": "open_door"}),
+        script("c", annotation={"decide": "opem"}),
+        script("d", annotation={"desire": "open"}),
+        script("e", annotation={"decide": "open", "wait_up_to_s": "a while"}),
+        script("f", annotation={"wait_up_to_s": "3"}),
         no_outcome,
         with_output,
     ]
@@ -262,20 +268,20 @@ def test_all_that_states_say_wrong_is_told_at_once_with_their_paths() -> None:
 
     assert str(raised.value).splitlines() == [
         "ROOT/A (a): the spec has no skill 'opendoor'; it has 'drive', 'open_door'",
-        "ROOT/B (b): it acts for 'open_door', and no state around it has that as 'skill'",
+        "ROOT/B (b): it acts for 'open_door', but no state around it has this 'skill'",
         "ROOT/C (c): the spec has no variable 'opem': did you mean 'open'?",
         "ROOT/D (d): unknown key 'desire': there are skill, acting, expect, decide, outcomes, wait_up_to_s, max_age_s",
         "ROOT/E (e): 'wait_up_to_s' is a number of seconds, not 'a while'",
         "ROOT/F (f): 'wait_up_to_s' is for a state that decides: add 'decide'",
-        "ROOT/MUTE (mute): it has no outcome 'true': add it, or say in 'outcomes' which means what",
-        "ROOT/LOUD (loud): it may be left out, and then nobody makes its output 'angle': decide in another state",
+        "ROOT/MUTE (mute): it has no outcome 'true': add it, or map values to outcomes in 'outcomes'",
+        "ROOT/LOUD (loud): it may be skipped, and then its output 'angle' is missing: decide in another state",
     ]
 
 
 def test_a_closed_context_manager_aborts_the_state_that_asks_it() -> None:
     with started(Door()) as (manager, clock):
         pass
-    with machine_of(sequence("open", script("pull"), says={"skill": "open_door"})) as machine:
+    with machine_of(sequence("open", script("pull"), annotation={"skill": "open_door"})) as machine:
         ended = run_in_simulated_time(machine, manager, clock)
 
     assert ended.outcome == "aborted"
@@ -293,7 +299,7 @@ def test_a_second_state_machine_is_refused_while_one_runs() -> None:
         ended = run_in_simulated_time(machine, manager, clock, handles={"robot": Twice(clock, manager, Door())})
 
     assert ended.outcome == "aborted"
-    assert "one engine a process" in str(ended.error)
+    assert "one engine per process" in str(ended.error)
 
 
 BEGIN = """from contextlib import ExitStack
@@ -319,14 +325,14 @@ END = """def execute(self, inputs, outputs, gvm):
 
 
 def test_a_state_can_attach_the_bridge_and_another_close_it_when_rafcon_itself_starts_the_machine() -> None:
-    begin, look, end = script("begin"), script("look", says=DECIDE), script("end")
+    begin, look, end = script("begin"), script("look", annotation=DECIDE), script("end")
     begin.script_text, end.script_text = BEGIN, END
     with machine_of(begin, look, end) as machine:
         state_machine_execution_engine.start(machine.state_machine_id)
         state_machine_execution_engine.join()
 
         assert machine.root_state.final_outcome.name == "success"
-        assert look.final_outcome.name == "true", "there is no robot, so it can only have been left out"
+        assert look.final_outcome.name == "true", "without a robot, it was certainly skipped"
         assert "run" not in vars(look)
 
 
@@ -343,8 +349,8 @@ BRIEFLY = """def execute(self, inputs, outputs, gvm):
 """
 
 
-def test_side_by_side_in_real_time_the_first_to_end_preempts_the_other_whose_skill_is_withdrawn() -> None:
-    wait, briefly = script("wait", says={"skill": "open_door"}), script("briefly", says={"skill": "drive"})
+def test_of_concurrent_states_in_real_time_the_first_to_end_preempts_the_other_whose_skill_is_withdrawn() -> None:
+    wait, briefly = script("wait", annotation={"skill": "open_door"}), script("briefly", annotation={"skill": "drive"})
     wait.script_text, briefly.script_text = WAIT, BRIEFLY
     briefly.add_output_data_port("declared", list, [], 0)
     both = PreemptiveConcurrencyState("both", state_id="BOTH")
@@ -362,10 +368,10 @@ def test_side_by_side_in_real_time_the_first_to_end_preempts_the_other_whose_ski
     assert left == frozenset()
 
 
-def test_an_action_whose_skill_began_before_the_bridge_was_attached_says_so() -> None:
-    begin, act = script("begin"), script("pull", says={"acting": "open_door"})
+def test_an_action_whose_skill_began_before_the_bridge_was_attached_is_reported() -> None:
+    begin, act = script("begin"), script("pull", annotation={"acting": "open_door"})
     begin.script_text = BEGIN
-    with machine_of(sequence("open", begin, act, says={"skill": "open_door"})) as machine:
+    with machine_of(sequence("open", begin, act, annotation={"skill": "open_door"})) as machine:
         state_machine_execution_engine.start(machine.state_machine_id)
         state_machine_execution_engine.join()
         global_variable_manager.get_variable("at_the_end").close()

@@ -1,4 +1,4 @@
-"""pytest in real processes, in projects of users."""
+"""pytest in separate processes, in projects of users."""
 
 from __future__ import annotations
 
@@ -69,20 +69,20 @@ from gate_perception import Camera
 
 
 def test_a_program_is_given_the_start_of_a_story(codra_story, codra_clock, monkeypatch):
-    run = codra_story("cross.yaml", "told")
+    run = codra_story("cross.yaml", "case")
     monkeypatch.setattr(gate_program.gate, "start", run.start)
     assert gate_program.cross(codra_clock, Camera()) is True
     run.check()
 
 
-def test_a_program_runs_with_the_eyes_of_the_project(codra_story):
+def test_a_program_runs_with_the_camera_of_the_project(codra_story):
     with codra_story("cross.yaml", "seen", resources={"camera": Camera()}) as run:
         run.codra.declare("gate_open")
         run.until(4.0)
         assert run.resources["camera"].angle_rad == 1.2
 
 
-def test_a_story_that_is_not_there_is_told(codra_story):
+def test_an_unknown_story_is_reported(codra_story):
     with pytest.raises(ValueError, match="tests/cross.yaml has no story 'sen': did you mean 'seen'?"):
         codra_story("cross.yaml", "sen")
 """
@@ -91,7 +91,7 @@ codra: 1
 timeline: gate
 start: {agents: {porter: {gate_lit: true}}}
 stories:
-  told:
+  case:
     0 s: {perception: {look_at_gate: {returns: {angle: 60 deg}}}}
     2 s: {decided: {gate_open: answered}}
   seen:
@@ -137,7 +137,7 @@ def test_a_timeline_is_collected_by_itself_and_a_failed_story_shows_why(project:
     assert (
         shown[0]
         == """\
-tests/gate.timeline.yaml:12:34: at 20 s gate_open should be true, and it is unknown (stale)
+tests/gate.timeline.yaml:12:34: at 20 s gate_open should be true, but it is unknown (stale)
    |
 12 |     20 s: {believes: {gate_open: true}}
    |                                  ^^^^
@@ -156,7 +156,7 @@ tests/gate.timeline.yaml:12:34: at 20 s gate_open should be true, and it is unkn
     )
 
 
-def test_a_timeline_with_mistakes_is_no_test_and_says_all_of_them(project: Path) -> None:
+def test_a_timeline_with_mistakes_is_not_collected_and_reports_all_of_them(project: Path) -> None:
     wrong = TIMELINE.replace("porter:", "portr:").replace("60 deg", "60")
     (project / "tests" / "gate.timeline.yaml").write_text(wrong, "utf-8")
     done = run("-m", "pytest", "-q", cwd=project)
@@ -167,17 +167,17 @@ def test_a_timeline_with_mistakes_is_no_test_and_says_all_of_them(project: Path)
     assert "tests/gate.timeline.yaml:5:48: error[CDR2011]: 'angle' is in rad, and '60' has no unit" in done.stdout
 
 
-def test_a_timeline_of_a_spec_that_was_not_compiled_anew_says_so(project: Path) -> None:
+def test_a_timeline_of_a_spec_that_was_not_compiled_again_is_reported(project: Path) -> None:
     (project / "specs" / "gate.yaml").write_text(SPEC.replace("30 deg", "20 deg"), "utf-8")
     (project / "tests" / "gate.timeline.yaml").write_text(TIMELINE, "utf-8")
     done = run("-m", "pytest", "-q", cwd=project)
 
     assert done.returncode == 2
-    assert "'generated/gate' is not what 'specs/gate.yaml' says any more" in done.stdout
+    assert "'generated/gate' is out of date: 'specs/gate.yaml' has changed" in done.stdout
     assert "compile it: codra compile specs/gate.yaml" in done.stdout
 
 
-def test_a_handle_that_cannot_be_made_is_told_without_a_traceback(project: Path) -> None:
+def test_a_handle_that_cannot_be_made_is_reported_without_a_traceback(project: Path) -> None:
     timeline = f"{TIMELINE}resources: {{camera: {{call: gate_perception:Camra}}}}\n"
     (project / "tests" / "gate.timeline.yaml").write_text(timeline, "utf-8")
     done = run("-m", "pytest", "-q", cwd=project)
@@ -195,7 +195,7 @@ def test_a_program_runs_in_stories_through_the_fixture(project: Path) -> None:
     assert "3 passed" in done.stdout, done.stdout
 
 
-def test_timelines_are_no_specs(project: Path) -> None:
+def test_timelines_are_not_linted_as_specs(project: Path) -> None:
     (project / "specs" / "gate.timeline.yaml").write_text(TIMELINE, "utf-8")
     done = run("-m", "codra_dsl", "lint", "specs", cwd=project)
 
@@ -205,13 +205,14 @@ def test_timelines_are_no_specs(project: Path) -> None:
 # Other projects
 
 
-def test_a_project_that_does_not_use_codra_pays_nothing_for_it(tmp_path: Path) -> None:
+def test_a_project_that_does_not_use_codra_loads_only_the_plugin(tmp_path: Path) -> None:
     (tmp_path / "test_other.py").write_text(
         "import sys\n\n\ndef test_it() -> None:\n"
         "    loaded = {name.split('.')[0] for name in sys.modules}\n"
         "    assert not loaded & {'yaml', 'jsonschema', 'py_trees', 'networkx', 'numpy', 'jinja2', 'typer'}\n"
         "    ours = sorted(name for name in sys.modules if name.startswith('codra_dsl'))\n"
-        "    assert ours == ['codra_dsl', 'codra_dsl.integrations.testing', 'codra_dsl.integrations.testing.plugin']\n",
+        "    testing = 'codra_dsl.integrations.testing'\n"
+        "    assert ours == ['codra_dsl', 'codra_dsl.integrations', testing, f'{testing}.plugin']\n",
         "utf-8",
     )
     done = run("-m", "pytest", "-q", "-W", "error", "-p", "no:hypothesispytest", cwd=tmp_path)
@@ -219,7 +220,7 @@ def test_a_project_that_does_not_use_codra_pays_nothing_for_it(tmp_path: Path) -
     assert "1 passed" in done.stdout, done.stdout
 
 
-def test_codra_works_where_there_is_no_pytest(project: Path) -> None:
+def test_codra_works_without_pytest(project: Path) -> None:
     script = (
         "import sys; sys.modules['pytest'] = None; sys.argv[:] = ['codra', 'lint', 'specs']\n"
         "from generated import gate; from codra_dsl.cli import main; main()"

@@ -1,4 +1,4 @@
-"""The reasons for unknown in schema.json are those of the runtime; `--renew-cases` writes them."""
+"""The reasons for unknown values in schema.json equal those of the runtime; `--renew-cases` writes them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def test_the_schema_lists_the_reasons_of_the_runtime(renew_cases: bool) -> None:
     schema = json.loads(FILE.read_text("utf-8"))
     choice = schema["$defs"]["belief_object"]["properties"]["unknown"]
     choice["enum"] = ["any", *Reason]
-    choice["markdownEnumDescriptions"] = ["whatever the reason", *(reason.meaning for reason in Reason)]
+    choice["markdownEnumDescriptions"] = ["any reason", *(reason.meaning for reason in Reason)]
     text = json.dumps(schema, indent=2, ensure_ascii=False) + "\n"
 
     if renew_cases:
@@ -26,7 +26,7 @@ def test_the_schema_lists_the_reasons_of_the_runtime(renew_cases: bool) -> None:
     assert FILE.read_text("utf-8") == text
 
 
-def test_a_reason_is_its_word() -> None:
+def test_a_reason_equals_its_word() -> None:
     for reason in Reason:
         assert reason == str(reason) == reason.value == json.loads(json.dumps(reason))
         assert Reason(reason.value) is reason

@@ -1,4 +1,4 @@
-"""The reference of timelines, and what the timelines of this repository show."""
+"""The reference of timelines, and the features that the timelines of this repository use."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ ROWS = {key for row in re.findall(r"^\| (`[^|]+`) \|", REFERENCE, re.MULTILINE) 
 
 
 @pytest.mark.parametrize("definition", ["timeline", "moment", "behaviour_object", "main_execution", "belief_object"])
-def test_the_reference_has_a_row_for_each_key(definition: str) -> None:
+def test_the_reference_has_a_row_for_every_key(definition: str) -> None:
     assert schema()["$defs"][definition]["properties"].keys() - ROWS == set()
 
 
 @pytest.mark.parametrize("definition", ["decision", "handle_maker", "speaker"])
-def test_the_reference_names_each_key_of_what_has_no_table(definition: str) -> None:
+def test_the_reference_names_every_key_without_a_table(definition: str) -> None:
     assert [key for key in schema()["$defs"][definition]["properties"] if f"{key}: " not in REFERENCE] == []
 
 
-def test_the_reference_names_each_word_that_a_key_can_have() -> None:
+def test_the_reference_names_every_word_that_a_key_can_have() -> None:
     outcomes = schema()["$defs"]["outcomes"]["additionalProperties"]["enum"]
 
     assert [word for word in (*outcomes, "silent", "works", "any") if f"`{word}`" not in REFERENCE] == []
@@ -36,9 +36,9 @@ def test_the_reference_names_each_word_that_a_key_can_have() -> None:
 def test_the_timelines_show_every_reason_for_which_a_variable_is_unknown() -> None:
     shown: set[Reason | None] = set()
     for name in ("kitchen", "lab"):
-        timeline, _, found = read_timeline(TESTS / f"{name}.timeline.yaml")
-        assert timeline is not None, found
+        timeline, _, mistakes = read_timeline(TESTS / f"{name}.timeline.yaml")
+        assert timeline is not None, mistakes
         checks = [check for story in timeline.stories for moment in story.moments for check in moment.checks]
         shown |= {check.reason for check in checks if isinstance(check, Belief) and check.is_unknown}
 
-    assert {*Reason} - shown == {Reason.UNCONFIRMED}, "which nothing in these specs can be"
+    assert {*Reason} - shown == {Reason.UNCONFIRMED}, "which no variable of these specs can have"

@@ -12,11 +12,11 @@ from codra_dsl.runtime import SimClock
 from codra_dsl.runtime.clock import Work
 from codra_dsl.runtime.values.model import Algorithm
 
-PLACE = Place(Span("told.yaml", 1, 1, 1, 1))
+PLACE = Place(Span("case.yaml", 1, 1, 1, 1))
 
 
 class Counter:
-    """Perceives how often it has perceived."""
+    """A perception class that counts its calls."""
 
     def __init__(self) -> None:
         self.count = 0
@@ -27,18 +27,18 @@ class Counter:
 
 
 def in_a_job(perceive: Callable[..., object]) -> object:
-    found: list[object] = []
+    results: list[object] = []
     clock = SimClock()
 
     def run(work: Work) -> object:
         return perceive(job=work)
 
-    clock.start(run, found.append)
+    clock.start(run, results.append)
     clock.sleep(10.0)
-    return found[0]
+    return results[0]
 
 
-def test_a_class_of_the_user_keeps_its_state_when_a_job_of_its_fails() -> None:
+def test_a_class_of_the_user_keeps_its_state_when_one_of_its_jobs_fails() -> None:
     script = Script((), ())
     made = script.function(Algorithm(name="count", call="tests.integrations.testing.test_script:Counter"))
     assert isinstance(made, type)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from codra_dsl.integrations.testing.run import StoryFailed
 from codra_dsl.runtime import CallError, EventLog, Kind, SimClock, WallClock
 from generated import kitchen
-from tests.integrations.testing.told import told, told_of
+from tests.integrations.testing.timelines import kitchen_story, story_of
 from tests.kitchen_world import Kitchen
 
 READY = "{robot_is_localized: true, robot_place: counter, light_is_on: true}"
@@ -25,19 +25,19 @@ start:
 
 def failed(text: str) -> str:
     with pytest.raises(StoryFailed) as caught:
-        told(text).play()
+        kitchen_story(text).play()
     return str(caught.value)
 
 
-# What a failure says
+# Messages of failures
 
 
-def test_a_failure_says_what_was_meant_what_is_and_why_with_the_lines_of_both_files() -> None:
+def test_a_failure_shows_the_expected_and_the_actual_value_and_the_reason_with_lines_of_both_files() -> None:
     text = failed(
         FRIDGE
         + """\
 stories:
-  told:
+  case:
     0 s: {main_execution: {declare: [fridge_open]}}
     10 s:
       perception: {measure_fridge: {returns: {distance: 3 m}}}
@@ -49,7 +49,7 @@ stories:
     assert (
         text
         == """\
-tests/told.timeline.yaml:14:31: at 140 s fridge_open should be true, and it is unknown (stale)
+tests/case.timeline.yaml:14:31: at 140 s fridge_open should be true, but it is unknown (stale)
    |
 14 |       believes: {fridge_open: true}
    |                               ^^^^
@@ -75,75 +75,75 @@ tests/told.timeline.yaml:14:31: at 140 s fridge_open should be true, and it is u
 @pytest.mark.parametrize(
     ("check", "message"),
     [
-        ("running: [hob_watch]", "at 2 s observer hob_watch should run, and it has not run"),
-        ("stopped: [look_at_fridge]", "at 2 s observer look_at_fridge should not run, and it started at 0 s"),
+        ("running: [hob_watch]", "at 2 s observer hob_watch should run, but it has not run"),
+        ("stopped: [look_at_fridge]", "at 2 s observer look_at_fridge should not run, but it started at 0 s"),
         (
             "decided: {fridge_open: answered}",
-            "by 2 s the decision on fridge_open should be answered from context, and at 0 s it was made by looking",
+            "by 2 s the decision on fridge_open should be answered from context, but at 0 s it was made by looking",
         ),
         (
             "decided: {kettle_state: fell_back}",
-            "by 2 s the decision on kettle_state should be made by looking, and nobody has asked for it",
+            "by 2 s the decision on kettle_state should be made by looking, but there was no such decision",
         ),
         (
             "believes: {fridge_angle: {is: 30 deg, within: 5 deg}}",
-            "at 2 s fridge_angle should be 0.523599 rad within 0.0872665, and it is 0 rad from look_at_fridge",
+            "at 2 s fridge_angle should be 0.523599 rad within 0.0872665, but it is 0 rad from look_at_fridge",
         ),
         (
             "believes: {fridge_open: {unknown: any}}",
-            "at 2 s fridge_open should be unknown, and it is false from look_at_fridge",
+            "at 2 s fridge_open should be unknown, but it is false from look_at_fridge",
         ),
         (
             "believes: {fridge_open: {source: main_execution}}",
-            "at 2 s fridge_open should be known from main_execution, and it is false from look_at_fridge",
+            "at 2 s fridge_open should be known from main_execution, but it is false from look_at_fridge",
         ),
         (
             "believes: {fridge_open: {is: false, because: the moon}}",
-            "at 2 s fridge_open should be false because of 'the moon', and it is false from look_at_fridge",
+            "at 2 s fridge_open should be false because of 'the moon', but it is false from look_at_fridge",
         ),
     ],
 )
-def test_each_kind_of_check_says_what_is_not_so(check: str, message: str) -> None:
+def test_every_kind_of_check_has_a_message(check: str, message: str) -> None:
     begun = "0 s: {main_execution: {declare: [fridge_open], decide: {fridge_open: {otherwise: false}}}}"
 
-    assert message in failed(f"{FRIDGE}stories:\n  told:\n    {begun}\n    2 s: {{{check}}}\n")
+    assert message in failed(f"{FRIDGE}stories:\n  case:\n    {begun}\n    2 s: {{{check}}}\n")
 
 
-def test_all_that_is_not_so_is_told_at_once() -> None:
+def test_all_failed_checks_are_reported_at_once() -> None:
     checks = "1 s: {believes: {fridge_open: true}}\n    2 s: {running: [hob_watch]}"
 
-    assert failed(f"{FRIDGE}stories:\n  told:\n    {checks}\n").count("should") == 2
+    assert failed(f"{FRIDGE}stories:\n  case:\n    {checks}\n").count("should") == 2
 
 
-def test_what_the_main_execution_cannot_do_is_told_with_its_place() -> None:
-    text = failed(f"{FRIDGE}stories:\n  told:\n    2 s: {{main_execution: {{set: {{fridge_open: true}}}}}}\n")
+def test_an_impossible_step_of_the_main_execution_is_reported_with_its_place() -> None:
+    text = failed(f"{FRIDGE}stories:\n  case:\n    2 s: {{main_execution: {{set: {{fridge_open: true}}}}}}\n")
 
-    assert text.startswith("tests/told.timeline.yaml:10:34: 'set' is not possible: NotDeclaredError: 'fridge_open'")
+    assert text.startswith("tests/case.timeline.yaml:10:34: 'set' is not possible: NotDeclaredError: 'fridge_open'")
 
 
-def test_an_algorithm_that_looks_and_that_nobody_speaks_for_is_told() -> None:
+def test_an_algorithm_that_looks_without_stated_values_is_reported() -> None:
     start = f"start: {{main_execution: {{set: {READY}, declare: [fridge_open]}}}}"
-    text = failed(f"{start}\nstories: {{told: {{2 s: {{}}}}}}\n")
+    text = failed(f"{start}\nstories: {{case: {{2 s: {{}}}}}}\n")
 
-    assert "measure_fridge looked at 0 s, and nobody says what it returns" in text
-
-
-def test_a_handle_that_cannot_be_made_or_has_no_such_attribute_is_told_with_its_place() -> None:
-    with pytest.raises(CallError, match=r"told.timeline.yaml:3: 'tests.kitchen_world:Kichen': AttributeError"):
-        told("resources: {kitchen: {call: tests.kitchen_world:Kichen}}\nstories: {told: {0 s: {}}}\n").play()
-    with pytest.raises(CallError, match=r"told.timeline.yaml:3: kitchen has no attribute 'colour'"):
-        told("stories: {told: {0 s: {resources: {kitchen: {colour: 1}}}}}\n", {"kitchen": Kitchen()}).play()
+    assert "measure_fridge looked at 0 s, but the values that it returns are not stated" in text
 
 
-# What happens at an instant
+def test_a_handle_that_cannot_be_made_or_lacks_an_attribute_is_reported_with_its_place() -> None:
+    with pytest.raises(CallError, match=r"case.timeline.yaml:3: 'tests.kitchen_world:Kichen': AttributeError"):
+        kitchen_story("resources: {kitchen: {call: tests.kitchen_world:Kichen}}\nstories: {case: {0 s: {}}}\n").play()
+    with pytest.raises(CallError, match=r"case.timeline.yaml:3: kitchen has no attribute 'colour'"):
+        kitchen_story("stories: {case: {0 s: {resources: {kitchen: {colour: 1}}}}}\n", {"kitchen": Kitchen()}).play()
 
 
-def test_the_world_changes_after_all_that_is_due_at_the_instant() -> None:
-    told(
+# The order at an instant
+
+
+def test_the_world_changes_after_everything_else_that_is_due_at_the_instant() -> None:
+    kitchen_story(
         FRIDGE
         + """\
 stories:
-  told:
+  case:
     0 s: {main_execution: {declare: [fridge_open]}}
     3 s:
       perception: {look_at_fridge: {returns: {angle: 60 deg}}}
@@ -156,13 +156,13 @@ stories:
 
 
 def test_a_late_result_is_about_the_time_when_it_would_have_come() -> None:
-    told(
+    kitchen_story(
         f"""\
 start:
   perception: {{ask_dock: {{returns: {{contact: true}}}}}}
   main_execution: {{set: {READY}, declare: [kettle_docked]}}
 stories:
-  told:
+  case:
     1 s:
       perception: {{ask_dock: {{late: 1500 ms, jobs: 1}}}}
     3400 ms:
@@ -173,12 +173,12 @@ stories:
     ).play()
 
 
-def test_a_wait_of_the_main_execution_does_not_hold_the_world_up() -> None:
-    told(
+def test_a_wait_of_the_main_execution_does_not_delay_the_world() -> None:
+    kitchen_story(
         FRIDGE
         + """\
 stories:
-  told:
+  case:
     3 s:
       main_execution:
         begin: [open_fridge]
@@ -193,10 +193,10 @@ stories:
     ).play()
 
 
-def test_a_story_counts_from_its_beginning_whatever_the_clock_shows() -> None:
-    told(
+def test_a_story_counts_from_its_beginning_for_any_time_of_the_clock() -> None:
+    kitchen_story(
         FRIDGE
-        + "stories: {told: {3 s: {main_execution: {declare: [fridge_open]}}, 4 s: {believes: {fridge_open: false}}}}",
+        + "stories: {case: {3 s: {main_execution: {declare: [fridge_open]}}, 4 s: {believes: {fridge_open: false}}}}",
         start_s=1234.5,
     ).play()
 
@@ -204,15 +204,15 @@ def test_a_story_counts_from_its_beginning_whatever_the_clock_shows() -> None:
 # A program as the main execution
 
 
-def test_a_program_runs_in_a_story_and_is_judged_by_it() -> None:
+def test_a_program_runs_in_a_story_and_is_checked_by_it() -> None:
     text = f"""\
 {FRIDGE}stories:
-  told:
+  case:
     2 s: {{perception: {{look_at_fridge: {{returns: {{angle: 60 deg}}}}}}}}
     9 s: {{believes: {{fridge_open: true}}}}
 """
 
-    with told(text) as run:
+    with kitchen_story(text) as run:
         run.codra.declare("fridge_open")
         run.clock.sleep(1.5)
         assert run.codra.get("fridge_open").value is False
@@ -223,18 +223,18 @@ def test_a_program_runs_in_a_story_and_is_judged_by_it() -> None:
     assert not run.codra.declared()
 
 
-def test_a_story_speaks_for_an_agent_whose_handle_the_program_holds() -> None:
+def test_a_story_writes_for_an_agent_whose_handle_the_program_holds() -> None:
     text = """\
 codra: 1
 timeline: store
 agents: {navigation: {every: 20 s}}
 stories:
-  told:
+  case:
     1 s: {agents: {navigation: {battery_level: 40 percent}}}
     70 s: {believes: {battery_level: 40 percent}}
 """
 
-    with told_of(text) as run:
+    with story_of(text) as run:
         navigation = run.codra.agent("navigation")
         navigation.set("battery_level", 90.0)
         run.until(50.0)
@@ -244,7 +244,7 @@ stories:
 
 def test_a_program_that_starts_the_observers_itself_is_given_the_start_of_the_story() -> None:
     run, clock, record = (
-        told(f"{FRIDGE}stories: {{told: {{2 s: {{believes: {{fridge_open: true}}}}}}}}"),
+        kitchen_story(f"{FRIDGE}stories: {{case: {{2 s: {{believes: {{fridge_open: true}}}}}}}}"),
         SimClock(50.0),
         EventLog(),
     )
@@ -252,14 +252,14 @@ def test_a_program_that_starts_the_observers_itself_is_given_the_start_of_the_st
     with run.start(clock=clock, resources={"kitchen": Kitchen()}, record=record) as codra:
         codra.declare("fridge_open")
         clock.sleep(5.0)
-    with pytest.raises(StoryFailed, match="at 52 s fridge_open should be true, and it is false"):
+    with pytest.raises(StoryFailed, match="at 52 s fridge_open should be true, but it is false"):
         run.check()
 
     assert record.of(Kind.JOB)
 
 
-def test_a_program_that_ends_before_a_moment_is_told_so() -> None:
-    run = told(f"{FRIDGE}stories: {{told: {{9 s: {{running: [hob_watch]}}}}}}")
+def test_a_program_that_ends_before_a_moment_fails_the_story() -> None:
+    run = kitchen_story(f"{FRIDGE}stories: {{case: {{9 s: {{running: [hob_watch]}}}}}}")
 
     with run.start(clock=SimClock(), resources={}):
         pass
@@ -268,9 +268,9 @@ def test_a_program_that_ends_before_a_moment_is_told_so() -> None:
 
 
 def test_a_timeline_has_no_main_execution_beside_a_program() -> None:
-    run = told("stories: {told: {9 s: {main_execution: {declare: [fridge_open]}}}}")
+    run = kitchen_story("stories: {case: {9 s: {main_execution: {declare: [fridge_open]}}}}")
 
-    with pytest.raises(ValueError, match=r"told.timeline.yaml:3: a program is the main execution here"):
+    with pytest.raises(ValueError, match=r"case.timeline.yaml:3: a program is the main execution here"):
         run.__enter__()
 
 
@@ -278,23 +278,23 @@ def test_a_story_runs_in_simulated_time_only() -> None:
     clock: Any = WallClock()
 
     with clock, pytest.raises(TypeError, match="give it a SimClock"):
-        told("stories: {told: {9 s: {}}}").start(clock=clock, resources={})
+        kitchen_story("stories: {case: {9 s: {}}}").start(clock=clock, resources={})
 
 
-def test_what_a_program_raises_is_not_hidden_by_what_is_not_so() -> None:
-    with pytest.raises(ZeroDivisionError), told("stories: {told: {9 s: {running: [hob_watch]}}}"):
+def test_an_exception_of_a_program_is_not_hidden_by_failed_checks() -> None:
+    with pytest.raises(ZeroDivisionError), kitchen_story("stories: {case: {9 s: {running: [hob_watch]}}}"):
         _ = 1 / 0
 
 
-# The same seed, the same record
+# The same seed, the same event log
 
 
-def test_a_story_gives_the_record_of_a_program_that_does_the_same_by_hand() -> None:
-    run = told(
+def test_a_story_gives_the_event_log_of_an_equivalent_program() -> None:
+    run = kitchen_story(
         """\
 resources: {kitchen: {call: tests.kitchen_world:Kitchen}}
 stories:
-  told:
+  case:
     0 s: {main_execution: {set: {robot_is_localized: true, light_is_on: true}, begin: [open_fridge]}}
     2500 ms: {resources: {kitchen: {angle_rad: {fridge: 90 deg}}}, main_execution: {act: [open_fridge]}}
     6 s: {main_execution: {acted: [open_fridge], decide: {fridge_open: {since: 4 s}}, end: [open_fridge]}}
@@ -302,13 +302,13 @@ stories:
 """
     )
     run.play()
-    clock, room = SimClock(), Kitchen()
-    with kitchen.start(clock=clock, resources={"kitchen": room}) as codra:
+    clock, kitchen_handle = SimClock(), Kitchen()
+    with kitchen.start(clock=clock, resources={"kitchen": kitchen_handle}) as codra:
         codra.set("robot_is_localized", True)
         codra.set("light_is_on", True)
         with codra.skill("open_fridge") as skill:
             clock.sleep(2.5)
-            room.angle_rad["fridge"] = math.pi / 2
+            kitchen_handle.angle_rad["fridge"] = math.pi / 2
             with skill.acting():
                 clock.sleep(3.5)
             codra.decide("fridge_open", otherwise=lambda: None, since_s=4.0)
@@ -326,7 +326,7 @@ CHECK = "running: [hob_watch], believes: {fridge_open: {unknown: any}}, decided:
 
 @st.composite
 def stories(draw: st.DrawFn) -> str:
-    """Moments in which algorithms fail and work again, as the lines of a story."""
+    """Draw moments in which algorithms fail and work again, as the lines of a story."""
     lines = ["    0 s: {main_execution: {declare: [fridge_open, hob_level, pot_fill]}}"]
     for at_ms in draw(st.lists(st.integers(1, 20_000), min_size=1, max_size=6, unique=True).map(sorted)):
         name = draw(st.sampled_from(sorted(ALGORITHMS)))
@@ -338,11 +338,11 @@ def stories(draw: st.DrawFn) -> str:
 
 @given(stories(), st.integers(0, 3))
 @settings(max_examples=40)
-def test_a_story_gives_the_same_record_each_time_whether_it_is_judged_or_not(story: str, seed: int) -> None:
-    head = f"seed: {seed}\n{FRIDGE.replace('counter', 'stove')}stories:\n  told:\n"
+def test_a_story_gives_the_same_event_log_every_time_with_or_without_checks(story: str, seed: int) -> None:
+    head = f"seed: {seed}\n{FRIDGE.replace('counter', 'stove')}stories:\n  case:\n"
     records = []
     for checks in ("", CHECK):
-        run = told(f"{head}{story}\n    21 s: {{{checks}}}\n", {"kitchen": Kitchen(power_w=1500.0)})
+        run = kitchen_story(f"{head}{story}\n    21 s: {{{checks}}}\n", {"kitchen": Kitchen(power_w=1500.0)})
         if checks:
             with pytest.raises(StoryFailed):
                 run.play()
@@ -353,11 +353,13 @@ def test_a_story_gives_the_same_record_each_time_whether_it_is_judged_or_not(sto
     assert records[0] == records[1]
 
 
-def test_another_seed_gives_another_record() -> None:
+def test_another_seed_gives_another_event_log() -> None:
     texts = []
     for seed in (1, 2):
         start = "start: {main_execution: {set: {robot_is_localized: true, robot_place: stove}, declare: [pot_fill]}}"
-        run = told(f"seed: {seed}\n{start}\nstories: {{told: {{9 s: }}}}\n", {"kitchen": Kitchen(power_w=1500.0)})
+        run = kitchen_story(
+            f"seed: {seed}\n{start}\nstories: {{case: {{9 s: }}}}\n", {"kitchen": Kitchen(power_w=1500.0)}
+        )
         run.play()
         texts.append(run.record.text())
 

@@ -102,12 +102,12 @@ def test_an_action_that_raises_halts_what_runs() -> None:
     log: list[str] = []
     tree = main_tree(document('<Parallel><A/><Script code="x = 1"/></Parallel>'), planned("A=R", log))
 
-    with pytest.raises(RuntimeError, match="there is no entry 'x' yet"):
+    with pytest.raises(RuntimeError, match="the entry 'x' does not exist yet"):
         tree.tick()
     assert log == ["A", "A!"]
 
 
-def test_scripts_after_each_attempt_of_a_retry_run_once() -> None:
+def test_scripts_after_every_attempt_of_a_retry_run_once() -> None:
     scope = Scope()
     again = '<AlwaysFailure _onFailure="x += 1" _post="y += 1"/>'
     retry = f'<RetryUntilSuccessful num_attempts="5">{again}</RetryUntilSuccessful>'

@@ -317,7 +317,7 @@ def test_repeat_reads_its_number_once_per_tick_and_halts_a_superfluous_child() -
     assert rounds('Repeat num_cycles="{rounds}"', "A=RSR") == ["running: A", "running: A a A", "success: A a A A!"]
 
 
-def test_retry_reads_its_number_after_each_failure() -> None:
+def test_retry_reads_its_number_after_every_failure() -> None:
     assert rounds('RetryUntilSuccessful num_attempts="{rounds}"', "A=RFR")[1] == "failure: A a"
 
 

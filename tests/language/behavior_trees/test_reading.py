@@ -373,7 +373,10 @@ MARKED = '<AlwaysSuccess _mark="1"/>'
             [(2, "CDR7901", "'CDR3309' silences nothing: "), (4, "CDR3309", "'_mark' has no effect")],
         ),
         ("\n<AlwaysSuccess/> <!-- codra: ignore[CDR3309] why -->\n", [(2, "CDR7901", "'CDR3309' silences nothing: ")]),
-        ("\n<AlwaysSuccess/> <!-- codra: ignore[CDR2303] why -->\n", [(2, "CDR7904", "'CDR2303' is an error without")]),
+        (
+            "\n<AlwaysSuccess/> <!-- codra: ignore[CDR2303] why -->\n",
+            [(2, "CDR7904", "'CDR2303' is an error that prevents")],
+        ),
         (
             f"\n<![CDATA[<!-- codra: ignore[CDR3309] why -->]]>{MARKED}",
             [(2, "CDR1304", "the text"), (2, "CDR3309", "'_")],

@@ -65,7 +65,7 @@ def test_an_entry_that_a_port_names_can_be_assigned_to() -> None:
       <SubTree ID="MoveRobot" target="{move_goal}" result="{move_result}"/><Say message="{move_result}"/></Sequence>"""
 
     assert run(body)[0] == ["1;2;3", "goal reached"]
-    with pytest.raises(TreeError, match="no entry 'elsewhere' yet"):
+    with pytest.raises(TreeError, match="the entry 'elsewhere' does not exist yet"):
         run("""<Sequence><Script code="elsewhere = '1;2;3'"/><Say message="{move_goal}"/></Sequence>""")
 
 
@@ -141,7 +141,7 @@ def test_set_blackboard_writes_a_text_or_copies_an_entry() -> None:
 
 
 def test_reading_a_missing_entry_is_an_error_that_names_the_others() -> None:
-    with pytest.raises(TreeError, match="there is no entry 'goal' yet: entries are a"):
+    with pytest.raises(TreeError, match="the entry 'goal' does not exist yet: entries are a"):
         run('<Sequence><Script code="a := 1"/><Say message="{goal}"/></Sequence>')
 
 
@@ -152,7 +152,7 @@ def test_ports_read_texts_as_the_type_that_the_action_wants() -> None:
 
     assert (ports.number("a"), ports.truth("b"), ports.text("a")) == (2.5, True, "2.5")
     assert "c" not in ports
-    with pytest.raises(TreeError, match="'Act' is given no input 'c': it has a, b"):
+    with pytest.raises(TreeError, match="'Act' has no input 'c': its inputs are a, b"):
         ports.value("c")
     with pytest.raises(TreeError, match="the port 'b' of 'Act' needs a number"):
         Ports("Act", scope, {"b": "often"}, {}).number("b")
@@ -177,5 +177,5 @@ def test_a_name_has_one_action() -> None:
     robot = Robot()
     robot.does("A", lambda _: True)
 
-    with pytest.raises(ValueError, match="there is an action 'A' already"):
+    with pytest.raises(ValueError, match="the action 'A' already exists"):
         robot.does("A", lambda _: True)

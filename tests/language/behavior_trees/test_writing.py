@@ -180,8 +180,10 @@ def test_a_name_from_the_file_cannot_become_code() -> None:
 
 
 def test_the_bytes_of_a_module_do_not_depend_on_the_run() -> None:
-    module = "tests.language.behavior_trees.stories"
-    program = f"import sys; from {module} import compiled; sys.stdout.write(compiled(sys.stdin.read()))"
+    program = (
+        "import sys; from tests.language.behavior_trees.stories import compiled; "
+        "sys.stdout.write(compiled(sys.stdin.read()))"
+    )
     text = (ROOT / "specs" / "trees" / "mission.xml").read_text("utf-8")
     runs = [
         subprocess.run(

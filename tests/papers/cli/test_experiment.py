@@ -1,4 +1,4 @@
-"""`codra experiment` in real processes: what it writes, what it stands, and that it goes on where it was."""
+"""`codra experiment` in real processes: its output, its failures, and that it continues where it stopped."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ SOON_S = 60.0
 
 
 def project_in(folder: Path) -> Path:
-    """A project with the laboratory's spec and an experiment of its own."""
+    """Return a project with the laboratory's spec and an experiment of its own."""
     shutil.copytree(ROOT / "specs", folder / "specs")
     shutil.copy(ROOT / "tests/papers/experiments/tiny.py", folder)
     (folder / "pyproject.toml").write_text("[tool.codra]\n")
@@ -47,7 +47,7 @@ def project(tmp_path: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A project whose experiment was run in one go by two processes."""
+    """Return a project whose experiment was run without a stop by two processes."""
     folder = project_in(tmp_path_factory.mktemp("undisturbed"))
     done = codra("experiment", TINY, "--processes", "2", cwd=folder)
 
@@ -66,7 +66,7 @@ def results(project: Path) -> Any:
 
 
 def begun(project: Path, *arguments: str, **streams: Any) -> subprocess.Popen[str]:
-    """Start the experiment by the console script, at the head of a group of processes as at a terminal."""
+    """Start the experiment by the console script, as the leader of a process group as at a terminal."""
     return subprocess.Popen(
         [CONSOLE_SCRIPT, "experiment", TINY, *arguments],
         cwd=project,
@@ -96,10 +96,10 @@ def lives(number: int) -> bool:
         return False
 
 
-# A run to its end
+# A complete run
 
 
-def test_a_run_prints_the_summary_and_tells_where_page_and_data_are(undisturbed: Path) -> None:
+def test_a_run_prints_the_summary_and_the_paths_of_page_and_data(undisturbed: Path) -> None:
     frames = results(undisturbed)["results"]["frames"]
 
     assert (undisturbed / "stdout").read_text() == f"In 3 trials {sum(frames.values())} frames were rendered.\n"
@@ -109,19 +109,19 @@ def test_a_run_prints_the_summary_and_tells_where_page_and_data_are(undisturbed:
 
 def test_the_data_has_the_published_form(undisturbed: Path) -> None:
     schema = json.loads((Path(codra_papers.experiments.__file__).parent / "campaign/results.schema.json").read_text())
-    told = results(undisturbed)
+    report = results(undisturbed)
 
     jsonschema.Draft202012Validator.check_schema(schema)
-    jsonschema.Draft202012Validator(schema).validate(told)
-    assert told["experiment"] == "tiny"
-    assert told["command"] == "codra experiment tiny:EXPERIMENT --processes 2"
-    assert told["seeds"] == [301, 302, 303]
-    assert told["trials"]["seed 302"] == {"seed": 302, "duration_s": 20.0, "loops": 0, "error": None}
-    assert list(told["results"]["frames"]) == ["seed 301", "seed 302", "seed 303"]
-    assert not jsonschema.Draft202012Validator(schema).is_valid(told | {"more": 1})
+    jsonschema.Draft202012Validator(schema).validate(report)
+    assert report["experiment"] == "tiny"
+    assert report["command"] == "codra experiment tiny:EXPERIMENT --processes 2"
+    assert report["seeds"] == [301, 302, 303]
+    assert report["trials"]["seed 302"] == {"seed": 302, "duration_s": 20.0, "loops": 0, "error": None}
+    assert list(report["results"]["frames"]) == ["seed 301", "seed 302", "seed 303"]
+    assert not jsonschema.Draft202012Validator(schema).is_valid(report | {"more": 1})
 
 
-def test_the_page_shows_a_frame_of_each_trial(undisturbed: Path) -> None:
+def test_the_page_shows_a_frame_of_every_trial(undisturbed: Path) -> None:
     page = (undisturbed / "runs/tiny/report.html").read_text()
 
     assert page.count("data:image/jpeg;base64,") == 3
@@ -139,13 +139,13 @@ def test_one_process_and_another_folder_give_the_same_results(undisturbed: Path,
 # A run that is stopped
 
 
-def test_a_killed_run_leaves_no_process_and_goes_on_where_it_was(undisturbed: Path, project: Path) -> None:
+def test_a_killed_run_leaves_no_process_and_continues_where_it_stopped(undisturbed: Path, project: Path) -> None:
     process = begun(project, "--processes", "1")
     wait_for(lambda: len(records(project)) == 1 and len(children(process)) >= 1)
-    left = children(process)
+    workers = children(process)
     process.kill()
     process.communicate()
-    wait_for(lambda: not any(map(lives, left)))
+    wait_for(lambda: not any(map(lives, workers)))
     before = {name: path.stat().st_ino for name, path in records(project).items()}
 
     assert codra("experiment", TINY, cwd=project).returncode == 0
@@ -157,18 +157,18 @@ def test_a_killed_run_leaves_no_process_and_goes_on_where_it_was(undisturbed: Pa
         assert path.read_bytes() == records(undisturbed)[name].read_bytes()
 
 
-def test_an_interrupted_run_says_what_is_kept_and_leaves_nothing_behind(undisturbed: Path, project: Path) -> None:
+def test_an_interrupted_run_reports_the_kept_trials_and_leaves_no_process(undisturbed: Path, project: Path) -> None:
     process = begun(project, "--processes", "1")
     wait_for(lambda: len(records(project)) == 1 and len(children(process)) >= 1)
-    left = children(process)
+    workers = children(process)
     os.killpg(process.pid, signal.SIGINT)
     output, errors = process.communicate(timeout=SOON_S)
 
     assert (process.returncode, output) == (130, "")
     assert re.fullmatch(
-        r"codra: interrupted; [012] of 3 trials are kept: the same command goes on from there\n", errors
+        r"codra: interrupted; [012] of 3 trials are kept: run the same command again to continue\n", errors
     )
-    wait_for(lambda: not any(map(lives, left)))
+    wait_for(lambda: not any(map(lives, workers)))
     assert [path.name for path in (project / "runs/tiny").iterdir()] == ["trials"]
     assert not list((project / "runs/tiny/trials").glob(".*"))
 
@@ -198,14 +198,14 @@ def test_a_second_run_in_the_same_folder_is_refused(project: Path) -> None:
     assert second.stderr == "codra: another program runs trials in 'runs/tiny/trials'\n"
 
 
-def test_a_terminal_is_shown_how_far_the_trials_are(undisturbed: Path, project: Path) -> None:
+def test_a_terminal_shows_the_progress_of_the_trials(undisturbed: Path, project: Path) -> None:
     shutil.copytree(undisturbed / "runs/tiny/trials", project / "runs/tiny/trials")
     records(project)["seed 302.json"].unlink()
     terminal, end = pty.openpty()
     process = begun(project, stderr=end, stdout=subprocess.DEVNULL)
     os.close(end)
     shown = b""
-    with contextlib.suppress(OSError):  # Linux says so when the other end is closed
+    with contextlib.suppress(OSError):  # Linux raises it when the other end is closed
         while data := os.read(terminal, 4096):
             shown += data
     os.close(terminal)
@@ -216,7 +216,7 @@ def test_a_terminal_is_shown_how_far_the_trials_are(undisturbed: Path, project: 
     assert b"trials, 2 there before" in shown
 
 
-# What it refuses and how it fails
+# Refused requests and failures
 
 
 def test_without_a_name_all_experiments_are_listed(tmp_path: Path) -> None:
@@ -224,10 +224,10 @@ def test_without_a_name_all_experiments_are_listed(tmp_path: Path) -> None:
 
     assert (done.returncode, done.stderr) == (0, "")
     listed = dict(re.split(r"  +", line, maxsplit=1) for line in done.stdout.splitlines())
-    assert listed == {name: each.question for name, each in experiments().items()}
+    assert listed == {name: experiment.question for name, experiment in experiments().items()}
 
 
-def test_an_unknown_name_is_refused_with_what_was_meant_or_what_there_is(project: Path) -> None:
+def test_an_unknown_name_is_refused_with_a_suggestion_or_a_list(project: Path) -> None:
     done = codra("experiment", "nothing-like-it", cwd=project)
 
     assert (done.returncode, done.stdout) == (2, "")
@@ -240,7 +240,7 @@ def test_an_unknown_name_is_refused_with_what_was_meant_or_what_there_is(project
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "message"),
     [
         ([TINY, "--spec", "none.yaml"], "'none.yaml' does not exist"),
         ([TINY, "--out", "tiny.py"], "cannot write to 'tiny.py': File exists"),
@@ -249,17 +249,17 @@ def test_an_unknown_name_is_refused_with_what_was_meant_or_what_there_is(project
         ([TINY, "--processes", "0"], "--processes"),
         (["nowhere:EXPERIMENT"], "'nowhere:EXPERIMENT' cannot be imported: No module named 'nowhere'"),
         (["tiny:NOTHING"], "'tiny:NOTHING' cannot be imported: module 'tiny' has no attribute 'NOTHING'"),
-        (["tiny:judge"], "'tiny:judge' is no Experiment"),
+        (["tiny:judge"], "'tiny:judge' is not an Experiment"),
     ],
 )
-def test_what_it_cannot_do_is_refused_before_it_begins(project: Path, arguments: list[str], told: str) -> None:
+def test_an_impossible_request_is_refused_before_it_begins(project: Path, arguments: list[str], message: str) -> None:
     done = codra("experiment", *arguments, cwd=project)
 
     assert (done.returncode, done.stdout) == (2, "")
-    assert told in " ".join(done.stderr.split())
+    assert message in " ".join(done.stderr.split())
 
 
-def test_a_spec_with_errors_is_shown_as_compile_shows_it(project: Path) -> None:
+def test_a_spec_with_errors_is_reported_as_by_compile(project: Path) -> None:
     (project / "specs/door.yaml").write_text(MISSPELT)
 
     done = codra("experiment", TINY, "--spec", "specs/door.yaml", cwd=project)
@@ -281,7 +281,7 @@ def test_a_spec_to_which_no_machine_can_be_added_is_refused_in_a_line(project: P
     assert "Traceback" not in done.stderr
 
 
-def test_a_spec_for_something_else_is_told_what_the_lab_needs(project: Path) -> None:
+def test_a_spec_without_the_needs_of_the_lab_is_refused_with_a_list(project: Path) -> None:
     (project / "specs/door.yaml").write_text(DOOR)
 
     done = codra("experiment", TINY, "--spec", "specs/door.yaml", cwd=project)
@@ -301,32 +301,32 @@ def test_a_missing_extra_is_named(tmp_path: Path, missing: str) -> None:
     )
 
     assert (done.returncode, done.stdout) == (1, "")
-    assert done.stderr == f"codra: 'experiment' needs {missing}: pip install 'codra-dsl[lab,viz]'\n"
+    assert done.stderr == f"codra: 'experiment' needs {missing}: pip install 'codra-papers[lab]'\n"
 
 
-def test_a_trial_that_raises_is_told_in_a_line_that_says_how_to_run_it_alone(project: Path) -> None:
+def test_a_trial_that_raises_is_reported_in_a_line_with_the_command_to_run_it_alone(project: Path) -> None:
     path = project / "tiny.py"
     text = path.read_text().replace("from __future__ import annotations\n", "from __future__ import annotations\n", 1)
     work = "class Fails:\n    def __call__(self, mission):\n        raise ValueError('no arm')\n"
     path.write_text(text.replace("Loops()", "Fails()").replace("def trials", f"@dataclass\n{work}\n\ndef trials", 1))
     path.write_text(
-        path.read_text().replace("from codra_dsl.exp", "from dataclasses import dataclass\n\nfrom codra_dsl.exp", 1)
+        path.read_text().replace("from codra_papers", "from dataclasses import dataclass\n\nfrom codra_papers", 1)
     )
     done = codra("experiment", TINY, "--processes", "1", cwd=project)
 
     assert (done.returncode, done.stdout) == (1, "")
-    told, _, alone = done.stderr.removesuffix("\n").partition("; to run it alone: ")
+    message, _, alone = done.stderr.removesuffix("\n").partition("; to run it alone: ")
     assert re.fullmatch(
         r"codra: trial 'seed 301' \(seed 301\): ValueError: no arm \(\S+tiny.py:\d+\); "
-        r"the whole of it stands in 'runs/tiny/trials/seed 301.error'",
-        told,
+        r"the traceback is in 'runs/tiny/trials/seed 301.error'",
+        message,
     )
     assert "Traceback" in (project / "runs/tiny/trials/seed 301.error").read_text()
     again = codra(*shlex.split(alone)[1:], cwd=project)
-    assert (again.returncode, again.stderr) == (1, f"{told}; to run it alone: {alone}\n")
+    assert (again.returncode, again.stderr) == (1, f"{message}; to run it alone: {alone}\n")
 
 
-def test_a_trial_alone_is_kept_and_nothing_is_judged(project: Path) -> None:
+def test_a_trial_alone_is_kept_and_no_report_is_written(project: Path) -> None:
     done = codra("experiment", TINY, "--trial", "seed 302", cwd=project)
 
     assert (done.returncode, done.stderr) == (0, "")
@@ -335,7 +335,7 @@ def test_a_trial_alone_is_kept_and_nothing_is_judged(project: Path) -> None:
     assert list(records(project)) == ["seed 302.json"]
 
 
-def test_perception_that_is_nowhere_is_named(project: Path) -> None:
+def test_missing_perception_is_named(project: Path) -> None:
     part = project / "specs/parts/machine.yaml"
     part.write_text(part.read_text().replace("codra_papers.lab.perception.functions:find_in_view", "unruly:find"))
 
@@ -346,7 +346,7 @@ def test_perception_that_is_nowhere_is_named(project: Path) -> None:
     assert "No module named 'unruly'" in done.stderr
 
 
-def test_a_full_disk_is_told_in_a_line(project: Path) -> None:
+def test_a_full_disk_is_reported_in_a_line(project: Path) -> None:
     limited = (
         "import resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))\n"
         f"sys.argv = ['codra', 'experiment', '{TINY}']\n"
@@ -364,6 +364,6 @@ def test_a_full_disk_is_told_in_a_line(project: Path) -> None:
     assert (done.returncode, done.stdout) == (1, "")
     assert done.stderr == (
         "codra: cannot write to 'runs/tiny': File too large; "
-        "0 of 3 trials are kept: the same command goes on from there\n"
+        "0 of 3 trials are kept: run the same command again to continue\n"
     )
     assert list((project / "runs/tiny/trials").iterdir()) == []

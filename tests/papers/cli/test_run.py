@@ -1,4 +1,4 @@
-"""`codra run` in real processes: what it refuses, how it ends, and what it stands."""
+"""`codra run` in real processes: which requests it refuses, how it ends, and which failures it survives."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def errs(*, machine, camera, job):
 
 @pytest.fixture
 def unruly(tmp_path: Path) -> Path:
-    """The laboratory with perception of another make, which stands beside the specs in the project."""
+    """Return the laboratory with failing perception functions, in a module beside the specs in the project."""
     shutil.copytree(ROOT / "specs", tmp_path / "specs")
     part = tmp_path / "specs/parts/machine.yaml"
     text = part.read_text()
@@ -51,14 +51,14 @@ def unruly(tmp_path: Path) -> Path:
 
 
 def reasons(record: Path) -> Iterator[tuple[str, Any]]:
-    """Yield why variables became unknown while the run lasted."""
+    """Yield the reasons why variables became unknown while the run lasted."""
     for line in record.read_text().splitlines():
         event = json.loads(line)
         if event["kind"] == "variable" and event["instant_s"] < 4.0:
             yield event["name"], event.get("reason")
 
 
-def test_perception_that_raises_hangs_or_errs_costs_its_own_variables_and_nothing_else(unruly: Path) -> None:
+def test_perception_that_raises_hangs_or_errs_costs_only_its_own_variables(unruly: Path) -> None:
     settings = ("--naive", "--for", "4 s", "--pace", "real", "--out", f"{unruly}/out")
     process = subprocess.Popen(
         [sys.executable, "-m", "codra_dsl", "run", f"{unruly}/specs/lab.yaml", *settings],
@@ -69,17 +69,20 @@ def test_perception_that_raises_hangs_or_errs_costs_its_own_variables_and_nothin
         stderr=subprocess.PIPE,
     )
     try:
-        output, errors = process.communicate(timeout=50.0)  # before the one that hangs would come back
+        output, errors = process.communicate(timeout=50.0)  # before the function that hangs would return
     finally:
         process.kill()
-    found = dict(reasons(unruly / "out/record-naive.jsonl"))
+    reason_by_name = dict(reasons(unruly / "out/record-naive.jsonl"))
 
     assert (process.returncode, "Traceback" in errors) == (0, False)
     assert output.startswith("4.0 s, 0 sample-processing loops")
-    assert re.search(r"^centrifuge_distance +0 +0 +0 +[1-9]", output, re.MULTILINE), "whose jobs all fail"
-    assert {found["centrifuge_in_observable_distance"], found["pcr_cycler_in_manipulation_distance"]} == {"failed"}
-    assert "timed_out" in {found.get("centrifuge_lid_in_FOV"), found.get("pcr_cycler_lid_in_FOV")}
-    assert "failed" in {found.get("centrifuge_open"), found.get("pcr_cycler_open")}
+    assert re.search(r"^centrifuge_distance +0 +0 +0 +[1-9]", output, re.MULTILINE), "all of its jobs fail"
+    assert {
+        reason_by_name["centrifuge_in_observable_distance"],
+        reason_by_name["pcr_cycler_in_manipulation_distance"],
+    } == {"failed"}
+    assert "timed_out" in {reason_by_name.get("centrifuge_lid_in_FOV"), reason_by_name.get("pcr_cycler_lid_in_FOV")}
+    assert "failed" in {reason_by_name.get("centrifuge_open"), reason_by_name.get("pcr_cycler_open")}
     assert dict(reasons(unruly / "out/record-context-driven.jsonl"))["robot_is_localized"] is None
 
 
@@ -105,7 +108,7 @@ def test_an_interrupted_run_exits_with_130(tmp_path: Path) -> None:
     assert (process.returncode, output, errors) == (130, "", "")
 
 
-def test_a_spec_for_something_else_is_told_what_the_lab_needs(tmp_path: Path) -> None:
+def test_a_spec_without_the_needs_of_the_lab_is_refused_with_a_list(tmp_path: Path) -> None:
     (tmp_path / "door.yaml").write_text(DOOR)
 
     done = codra("run", "door.yaml", "--out", "out", cwd=tmp_path)
@@ -119,7 +122,7 @@ def test_a_spec_for_something_else_is_told_what_the_lab_needs(tmp_path: Path) ->
     assert not (tmp_path / "out").exists()
 
 
-def test_a_function_that_is_nowhere_is_named(unruly: Path) -> None:
+def test_a_missing_function_is_named(unruly: Path) -> None:
     (unruly / "unruly.py").unlink()
 
     done = codra("run", "specs/lab.yaml", "--for", "5 s", cwd=unruly)
@@ -130,24 +133,24 @@ def test_a_function_that_is_nowhere_is_named(unruly: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "message"),
     [
-        (["--for", "soon"], "'soon' is no duration"),
-        (["--for", "forever"], "'forever' is no duration"),
+        (["--for", "soon"], "'soon' is not a duration"),
+        (["--for", "forever"], "'forever' is not a duration"),
         (["--out", "taken"], "cannot write to 'taken': File exists"),
         (["--out", "taken/below"], "cannot write to 'taken/below': Not a directory"),
     ],
 )
-def test_what_a_run_cannot_do_is_refused_before_it_begins(tmp_path: Path, arguments: list[str], told: str) -> None:
+def test_an_impossible_run_is_refused_before_it_begins(tmp_path: Path, arguments: list[str], message: str) -> None:
     (tmp_path / "taken").write_text("")
 
     done = codra("run", LAB, *arguments, cwd=tmp_path)
 
     assert (done.returncode, done.stdout) == (2, "")
-    assert told in done.stderr
+    assert message in done.stderr
 
 
-def test_any_whole_number_is_a_seed(tmp_path: Path) -> None:
+def test_any_integer_is_a_seed(tmp_path: Path) -> None:
     done = codra("run", LAB, "--seed", "-3", "--for", "500 ms", cwd=tmp_path)
 
     assert done.returncode == 0

@@ -1,4 +1,4 @@
-"""`codra experiment` in the store, in real processes: a search, what follows from it, and that both go on."""
+"""`codra experiment` in the store, in real processes: a search, the trials that depend on it, and continuing both."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ FOLDER = Path("runs/tiny-store")
 
 @pytest.fixture(scope="module")
 def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A project with the store's spec, in which the experiment was run."""
+    """Return a project with the store's spec, in which the experiment was run."""
     folder = tmp_path_factory.mktemp("project")
     shutil.copytree(ROOT / "specs", folder / "specs")
     shutil.copy(ROOT / "tests/papers/experiments/tiny_store.py", folder)
@@ -41,7 +41,7 @@ def results(project: Path) -> Any:
     return json.loads((project / FOLDER / "results.json").read_text())
 
 
-def test_what_the_search_found_is_run_with_all_managers(project: Path) -> None:
+def test_the_thresholds_of_the_search_are_run_with_all_managers(project: Path) -> None:
     assert set(inodes(project)) == {SEARCHED, *REPORTED}
     assert results(project)["seeds"] == [1, 2]
     assert list(results(project)["results"]["managers"]) == ["none", "ours", "random", "threshold"]
@@ -61,7 +61,7 @@ def test_the_page_has_both_pictures_and_the_grid(project: Path) -> None:
     assert "chosen" in page
 
 
-def test_it_goes_on_where_it_was_in_the_search_and_after_it(project: Path, tmp_path: Path) -> None:
+def test_it_continues_where_it_stopped_in_the_search_and_after_it(project: Path, tmp_path: Path) -> None:
     copied = Path(shutil.copytree(project, tmp_path / "project"))
     before, was = inodes(copied), results(copied)["results"]
     for name in (SEARCHED, "ours-2.json"):
@@ -76,7 +76,7 @@ def test_it_goes_on_where_it_was_in_the_search_and_after_it(project: Path, tmp_p
     assert "3 had been run before" in (copied / FOLDER / "report.html").read_text()
 
 
-def test_a_trial_that_follows_from_the_search_is_run_alone_by_its_name(project: Path, tmp_path: Path) -> None:
+def test_a_trial_that_depends_on_the_search_is_run_alone_by_its_name(project: Path, tmp_path: Path) -> None:
     copied = Path(shutil.copytree(project, tmp_path / "project"))
     (copied / FOLDER / "trials" / "none-2.json").unlink()
     done = codra(*TINY, "--trial", "none-2", cwd=copied)
@@ -85,7 +85,7 @@ def test_a_trial_that_follows_from_the_search_is_run_alone_by_its_name(project: 
     assert done.stdout == "trial 'none-2' (seed 2): 12.0 s, 0 loops\n"
 
 
-def test_a_spec_without_loops_is_told_in_a_line(project: Path) -> None:
+def test_a_spec_without_loops_is_reported_in_a_line(project: Path) -> None:
     done = codra("experiment", "tiny_store:EXPERIMENT", "--spec", "specs/lab.yaml", "--out", "runs/lab", cwd=project)
 
     assert done.returncode == 1

@@ -1,4 +1,4 @@
-"""The picker's page in Chromium, beside a real `codra run`: what is clicked stands in the journal of that process."""
+"""The picker's page in Chromium, beside a real `codra run`: clicks reach the journal of that process."""
 
 from __future__ import annotations
 
@@ -41,13 +41,13 @@ class Run:
             preexec_fn=_heed_interrupts,  # a shell makes jobs in the background ignore them  # noqa: PLW1509
         )
         assert self.process.stderr is not None
-        told = self.process.stderr.readline()
-        found = re.fullmatch(r"the picker's page is at (http://127\.0\.0\.1:\d+/)\n", told)
-        assert found, told
-        self.url = found[1]
+        line = self.process.stderr.readline()
+        match = re.fullmatch(r"the picker's page is at (http://127\.0\.0\.1:\d+/)\n", line)
+        assert match, line
+        self.url = match[1]
 
     def events(self, *about: str) -> str:
-        """Return what the journal says by now; the process still writes it."""
+        """Return the journal so far; the process still writes it."""
         assert self.process.poll() is None
         return codra("journal", "show", str(self.journal), *about, cwd=self.folder).stdout
 
@@ -85,7 +85,7 @@ def copied(folder: Path) -> Path:
 
 
 def opened(browser: Browser, run: Run, **settings: Any) -> Page:
-    """Return the page, once it shows what the robot knows."""
+    """Return the page, once it shows the robot's knowledge."""
     page = browser.new_page(**settings)
     page.goto(run.url)
     expect(page.locator("#connection")).to_have_text("Live.")
@@ -99,24 +99,24 @@ def test_a_container_is_requested_by_a_click(browser: Browser, run: Run) -> None
     expect(page.locator("#answer")).to_have_text("Order 1 is in the robot's knowledge.")
     expect(page.locator("#orders")).to_contain_text("Order 1: provideSupplyArea 3open", timeout=1000 * LONG_S)
 
-    told = run.events("--kind", "knowledge")
+    events = run.events("--kind", "knowledge")
 
-    assert re.search(r"order_1 node_inserted .*\"agent\":\"picker_page\"", told)
-    assert re.search(r"order_1\.kind written .*\"agent\":\"picker_page\".*\"value\":\"provide\"", told)
-    assert "order_1 -of_area-> supply edge_inserted" in told
-    assert "order_1 -to_area-> area_3 edge_inserted" in told
+    assert re.search(r"order_1 node_inserted .*\"agent\":\"picker_page\"", events)
+    assert re.search(r"order_1\.kind written .*\"agent\":\"picker_page\".*\"value\":\"provide\"", events)
+    assert "order_1 -of_area-> supply edge_inserted" in events
+    assert "order_1 -to_area-> area_3 edge_inserted" in events
 
 
-def test_delivery_is_asked_for_and_the_robot_sets_out(browser: Browser, run: Run) -> None:
+def test_delivery_is_asked_for_and_the_robot_starts(browser: Browser, run: Run) -> None:
     page = opened(browser, run)
     page.get_by_role("button", name="Ask for delivery").click()
     navigating = page.locator("#tasks tr").filter(has_text="Navigating")
-    expect(navigating).to_contain_text("under way for mission")
+    expect(navigating).to_contain_text("under way for mission", timeout=1000 * LONG_S)
 
-    told = run.events("--kind", "knowledge")
+    events = run.events("--kind", "knowledge")
 
-    assert "order_1 -to_area-> delivery edge_inserted" in told
-    assert re.search(r"navigating wants .*\"agent\":\"mission\"", told)
+    assert "order_1 -to_area-> delivery edge_inserted" in events
+    assert re.search(r"navigating wants .*\"agent\":\"mission\"", events)
 
 
 def test_an_order_is_taken_back_by_a_click(browser: Browser, run: Run) -> None:
@@ -125,35 +125,35 @@ def test_an_order_is_taken_back_by_a_click(browser: Browser, run: Run) -> None:
     page.get_by_role("button", name="Take back order 1").click()
     expect(page.locator("#orders")).to_contain_text("cancelled", timeout=1000 * LONG_S)
 
-    told = run.events("--kind", "knowledge")
+    events = run.events("--kind", "knowledge")
 
-    assert re.search(r"order_1\.cancelled written .*\"agent\":\"picker_page\"", told)
-    assert re.search(r"order_1\.state written .*\"agent\":\"mission\".*\"value\":\"cancelled\"", told)
+    assert re.search(r"order_1\.cancelled written .*\"agent\":\"picker_page\"", events)
+    assert re.search(r"order_1\.state written .*\"agent\":\"mission\".*\"value\":\"cancelled\"", events)
 
 
-def test_full_is_marked_with_the_keyboard_and_every_browser_sees_it(browser: Browser, run: Run) -> None:
+def test_a_container_is_marked_full_with_the_keyboard_and_every_browser_sees_it(browser: Browser, run: Run) -> None:
     page, other = opened(browser, run), opened(browser, run, viewport={"width": 390, "height": 844})
     full = page.get_by_role("button", name="Full")
     full.focus()
     page.keyboard.press("Enter")
 
     expect(page.locator("#answer")).to_have_text("The container is marked full.")
-    for each in (page, other):
-        expect(each.get_by_role("button", name="Full")).to_have_attribute("aria-pressed", "true")
+    for shown in (page, other):
+        expect(shown.get_by_role("button", name="Full")).to_have_attribute("aria-pressed", "true")
     expect(full).to_be_focused()
     assert re.search(
         r"variable container_load identified .*\"value\":\"full\".*\"source\":\"picker_page\"", run.events()
     )
 
 
-def test_what_is_missing_in_a_run_is_said_in_words(browser: Browser, tmp_path: Path) -> None:
+def test_missing_parts_of_a_run_are_named_on_the_page(browser: Browser, tmp_path: Path) -> None:
     spec = copied(tmp_path)
     spec.write_text(spec.read_text("utf-8").partition("\nmetrics:\n")[0], "utf-8")
     run = Run(tmp_path, "--pace", "real", spec=spec.name)
     try:
         page = opened(browser, run)
 
-        expect(page.locator("#no-metrics")).to_have_text("No agent of this run works out metrics.")
+        expect(page.locator("#no-metrics")).to_have_text("No agent of this run computes metrics.")
         expect(page.locator("#parameters")).to_have_text("Maximum speedunknown (never observed)")
         expect(page.locator("#no-orders")).to_be_visible()
         expect(page.locator("#map-text")).to_contain_text("Robot (blue) at 8.2 m east, 2.0 m north")
@@ -161,7 +161,7 @@ def test_what_is_missing_in_a_run_is_said_in_words(browser: Browser, tmp_path: P
         run.kill()
 
 
-def test_a_person_reads_who_may_do_what_the_page_may_not(browser: Browser, tmp_path: Path) -> None:
+def test_a_refused_click_names_the_agent_with_the_permission(browser: Browser, tmp_path: Path) -> None:
     spec = copied(tmp_path)
     mine, theirs = (f"values: [empty, loading, full], source: {agent}" for agent in ("picker_page", "fork"))
     spec.write_text(spec.read_text("utf-8").replace(mine, theirs), "utf-8")
@@ -172,36 +172,36 @@ def test_a_person_reads_who_may_do_what_the_page_may_not(browser: Browser, tmp_p
         page.get_by_role("button", name="Full").click()
         expect(page.locator("#problem")).to_have_text(f"Refused (picker_page): {why}")
         expect(page.locator("#refusals")).to_contain_text(f"picker_page: {why}")
-        told = run.events("--kind", "knowledge", "--what", "refused")
+        events = run.events("--kind", "knowledge", "--what", "refused")
     finally:
         run.kill()
 
-    assert "robot.container_load refused" in told
-    assert "is for fork to write" in told
+    assert "robot.container_load refused" in events
+    assert "is for fork to write" in events
 
 
-def test_a_page_of_a_run_that_has_ended_says_that_it_is_old(browser: Browser, run: Run) -> None:
+def test_the_page_of_an_ended_run_shows_that_it_is_outdated(browser: Browser, run: Run) -> None:
     page = opened(browser, run)
     assert run.interrupt()[0] == 130
 
-    expect(page.locator("#connection")).to_have_text("No connection: what you see is old. Trying again …")
+    expect(page.locator("#connection")).to_have_text("No connection: the values shown are old. Trying again …")
     page.get_by_role("button", name="Full").click()
     expect(page.locator("#problem")).to_have_text("Not done: the robot's program does not answer.")
 
 
-def test_the_page_fits_any_screen_and_all_of_it_has_names(browser: Browser, run: Run) -> None:
+def test_the_page_fits_any_screen_and_all_controls_have_names(browser: Browser, run: Run) -> None:
     page = opened(browser, run)
     for width in (320, 390, 1024, 1400):
         page.set_viewport_size({"width": width, "height": 800})
         assert page.evaluate("document.documentElement.scrollWidth") == width
-        boxes = [each.bounding_box() for each in page.locator("button, select").all()]
-        assert all(box is not None and box["height"] >= 44 for box in boxes), "a thumb finds them"
+        boxes = [control.bounding_box() for control in page.locator("button, select").all()]
+        assert all(box is not None and box["height"] >= 44 for box in boxes), "large enough for a thumb"
 
     unnamed = page.locator("select").evaluate_all("all => all.filter(each => each.labels.length === 0).length")
     assert (len(boxes), unnamed) == (8, 0)
 
 
-def test_an_interrupted_run_leaves_a_whole_journal_that_replays(browser: Browser, tmp_path: Path) -> None:
+def test_an_interrupted_run_leaves_a_complete_journal_that_replays(browser: Browser, tmp_path: Path) -> None:
     run = Run(tmp_path, "--pace", "fast")
     page = opened(browser, run)
     page.get_by_role("button", name="Request a container").click()
@@ -214,7 +214,7 @@ def test_an_interrupted_run_leaves_a_whole_journal_that_replays(browser: Browser
     assert (done.returncode, done.stdout.split(":")[0]) == (0, "equal")
 
 
-def test_a_port_that_is_taken_is_told(run: Run, tmp_path: Path) -> None:
+def test_a_port_in_use_is_reported(run: Run, tmp_path: Path) -> None:
     port = run.url.rstrip("/").rpartition(":")[2]
 
     done = codra("run", STORE, "--world", "store", "--page", "--port", port, cwd=tmp_path)
@@ -226,7 +226,7 @@ def test_a_port_that_is_taken_is_told(run: Run, tmp_path: Path) -> None:
 # Without a page
 
 
-def test_a_run_in_the_store_prints_what_came_of_it(tmp_path: Path) -> None:
+def test_a_run_in_the_store_prints_its_result(tmp_path: Path) -> None:
     situation = ("--situation", "hidden", "--seed", "6", "--for", "200 s")
     done = codra("run", STORE, "--world", "store", *situation, cwd=tmp_path)
 
@@ -236,28 +236,28 @@ def test_a_run_in_the_store_prints_what_came_of_it(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("options", "told"),
+    ("options", "message"),
     [
-        (("--world", "store", "--naive"), "the store has no such option"),
-        (("--world", "lab", "--page"), "the lab has no such option"),
+        (("--world", "store", "--naive"), "the world 'store' has no such option"),
+        (("--world", "lab", "--page"), "the world 'lab' has no such option"),
         (("--world", "store", "--port", "8000"), "it is the port of --page"),
     ],
 )
-def test_options_of_another_world_are_refused(options: tuple[str, ...], told: str, tmp_path: Path) -> None:
+def test_options_of_another_world_are_refused(options: tuple[str, ...], message: str, tmp_path: Path) -> None:
     done = codra("run", STORE, *options, cwd=tmp_path)
 
     assert done.returncode == 2
-    assert told in done.stderr
+    assert message in done.stderr
 
 
-def test_a_spec_for_something_else_is_told_what_the_store_needs(tmp_path: Path) -> None:
+def test_a_spec_without_the_needs_of_the_store_is_refused(tmp_path: Path) -> None:
     done = codra("run", str(ROOT / "specs/kitchen.yaml"), "--world", "store", cwd=tmp_path)
 
     assert (done.returncode, done.stdout) == (1, "")
     assert done.stderr.startswith("codra: 'kitchen' does not run in the store: ")
 
 
-def test_a_tree_with_an_action_that_the_truck_lacks_is_told(tmp_path: Path) -> None:
+def test_a_tree_with_an_action_that_the_truck_lacks_is_reported(tmp_path: Path) -> None:
     for file in (copied(tmp_path), tmp_path / "trees/mission.xml"):
         file.write_text(file.read_text("utf-8").replace("LowerFork", "DropLoad"), "utf-8")
     done = codra("run", "store.yaml", "--world", "store", cwd=tmp_path)

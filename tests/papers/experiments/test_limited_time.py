@@ -34,23 +34,23 @@ def test_a_wait_beyond_the_end_ends_there() -> None:
     assert clock.now_s() == 5.0
 
 
-def test_a_wait_that_is_over_before_the_end_only_says_so() -> None:
+def test_a_wait_that_times_out_before_the_end_returns_false() -> None:
     clock = limited(5.0)
 
     assert not clock.wait_until(never, 4.0)
     assert clock.now_s() == 4.0
 
 
-def test_what_comes_at_the_end_itself_is_still_seen() -> None:
+def test_an_event_at_the_end_itself_still_counts() -> None:
     clock = limited(5.0)
-    came: list[float] = []
-    clock.call_at(5.0, lambda: came.append(clock.now_s()))
+    calls_s: list[float] = []
+    clock.call_at(5.0, lambda: calls_s.append(clock.now_s()))
 
-    assert clock.wait_until(lambda: bool(came), 9.0)
-    assert came == [5.0]
+    assert clock.wait_until(lambda: bool(calls_s), 9.0)
+    assert calls_s == [5.0]
 
 
-def test_time_without_an_end_goes_on() -> None:
+def test_time_without_an_end_continues() -> None:
     clock = limited(math.inf)
     clock.sleep(1e9)
 

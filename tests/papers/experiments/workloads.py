@@ -1,4 +1,4 @@
-"""What main executions of trials do that end otherwise than by themselves, for processes that import it."""
+"""Main executions that end a trial abnormally, in a module that the processes of trials can import."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from codra_papers.lab.mission import Mission
 
 @dataclass(frozen=True, slots=True)
 class Raises:
-    """Fail in a way that nobody foresaw."""
+    """Raise an unexpected exception."""
 
     def __call__(self, mission: Mission) -> None:
         raise ZeroDivisionError(f"no robot\nat {type(mission).__name__}")
@@ -20,7 +20,7 @@ class Raises:
 
 @dataclass(frozen=True, slots=True)
 class Dies:
-    """End the process as the operating system does where memory is short."""
+    """Kill the process, as the operating system does if memory is short."""
 
     def __call__(self, mission: Mission) -> None:
         del mission
@@ -37,5 +37,5 @@ class Exits:
 
 
 def wanders(mission: Mission) -> None:
-    """Do nothing: a function, which in another process has another address."""
+    """Do nothing. It is a function, so its `repr` contains an address that differs between processes."""
     del mission

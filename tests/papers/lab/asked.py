@@ -1,4 +1,4 @@
-"""What perception functions are given: a job that keeps a record, cameras that show one frame, a base that stands."""
+"""Arguments of perception functions: a job that records its calls, cameras with one frame, a resting base."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from codra_papers.lab.perception.processing import Computer
 
 @dataclass(slots=True)
 class RecordedJob:
-    """A job in simulated time that records what the function does, in order."""
+    """A job in simulated time that records the calls of the function, in order."""
 
     random: Random = field(default_factory=lambda: Random(1))
     start_s: float = 20.0
@@ -31,7 +31,7 @@ class RecordedJob:
 
 @dataclass(frozen=True, slots=True)
 class Still:
-    """A camera that shows one frame whenever it is asked."""
+    """A camera that always returns the same frame."""
 
     frame: Frame
 
@@ -44,7 +44,7 @@ class Still:
 
 @dataclass(frozen=True, slots=True)
 class Computing:
-    """A camera that shows one frame whenever it is asked, with a computer that takes its time."""
+    """A camera that always returns the same frame, with a computer that needs time."""
 
     frame: Frame
     job: RecordedJob
@@ -58,8 +58,8 @@ class Computing:
 
 
 @dataclass(frozen=True, slots=True)
-class Standing:
-    """A mobile base that believes to stand somewhere."""
+class FixedBase:
+    """A mobile base with a fixed believed pose."""
 
     pose: Pose
 

@@ -1,6 +1,6 @@
-"""Frames as files: a lossless picture, and what belongs to it as JSON. Run as a program it perceives stored frames.
+"""Frames as files: a lossless picture, and its other values as JSON. Run as a program it perceives stored frames.
 
-The program loads nothing but perception, so that what it prints comes from the files alone.
+The program loads only perception, so that its output depends only on the files.
 """
 
 from __future__ import annotations
@@ -47,19 +47,19 @@ def stored(picture: Path) -> Frame:
 
 
 def perceived(frame: Frame) -> dict[str, Any]:
-    """Return all that perception makes of a frame, and what it says of its evidence and time."""
-    found: dict[str, Any] = {}
+    """Return all results of perception for a frame, with the evidence and times that it reports."""
+    results: dict[str, Any] = {}
     for machine in MACHINES:
         for function in (perception.find_in_view, perception.localize_lid):
             job = RecordedJob()
-            found[f"{machine} {function.__name__}"] = dict(function(machine=machine, camera=Still(frame), job=job))
-            found[f"{machine} {function.__name__} job"] = [list(entry) for entry in job.record]
-    found["rotor"] = dict(perception.localize_rotor(machine="centrifuge", camera=Still(frame), job=RecordedJob()))
-    return found
+            results[f"{machine} {function.__name__}"] = dict(function(machine=machine, camera=Still(frame), job=job))
+            results[f"{machine} {function.__name__} job"] = [list(entry) for entry in job.record]
+    results["rotor"] = dict(perception.localize_rotor(machine="centrifuge", camera=Still(frame), job=RecordedJob()))
+    return results
 
 
 def main() -> None:
-    """Print what is perceived on the stored frames of a folder, by name, and which simulator modules were loaded."""
+    """Print the results of perception on the stored frames of a folder, by name, and whether MuJoCo was loaded."""
     frames = {picture.name: perceived(stored(picture)) for picture in sorted(Path(sys.argv[1]).glob("*.png"))}
     print(json.dumps({"frames": frames, "mujoco": "mujoco" in sys.modules}))  # noqa: T201
 

@@ -1,4 +1,4 @@
-"""What the experiments rest on: what machines show while they are handled, what looking costs, the error map."""
+"""The basis of the experiments: views of machines during handling, the cost of looking, the error map."""
 
 from __future__ import annotations
 
@@ -36,12 +36,12 @@ SEEDS = range(201, 221)
 Start = Callable[..., ContextManager[Any, Any]]
 
 
-# What is seen of a machine while it is handled
+# Views of a machine during handling
 
 
 @dataclass
 class Visit:
-    """A robot that handles a machine, and which whole tags of it the camera has in view once a second meanwhile."""
+    """A robot that handles a machine, and the machine's complete tags in the camera's view once a second."""
 
     machine: str
     world: LabWorld = field(default_factory=lambda: LabWorld(1))
@@ -56,13 +56,13 @@ class Visit:
         for action in actions:
             getattr(self.robot, action)(self.machine)
 
-    def whole_tags(self) -> list[dict[Part, int]]:
-        """Return for each second how many tags of each part are whole in view."""
+    def complete_tags(self) -> list[dict[Part, int]]:
+        """Return for each second how many complete tags of each part are in view."""
         geometry, counts = GeometricCamera(), []
         for t_s in np.arange(self.start_s, self.clock.now_s()).tolist():
-            whole = {view.tag_id for view in geometry.tags_in_view(self.world.state(t_s)) if view.is_resolved()}
+            complete_ids = {view.tag_id for view in geometry.tags_in_view(self.world.state(t_s)) if view.is_resolved()}
             counts.append(
-                {part: sum(tag.tag_id in whole for tag in MACHINES[self.machine].tags_on(part)) for part in Part}
+                {part: sum(tag.tag_id in complete_ids for tag in MACHINES[self.machine].tags_on(part)) for part in Part}
             )
         return counts
 
@@ -85,7 +85,7 @@ def test_the_compact_machine_shows_four_tags_or_more_while_its_lever_and_its_lid
     visit.start_s = visit.clock.now_s()
     visit.handle(*(("open_lid", "close_lid") if before else ("unlock", "lock")))
 
-    assert share(visit.whole_tags(), shows_enough) >= 0.9
+    assert share(visit.complete_tags(), shows_enough) >= 0.9
 
 
 def test_over_two_visits_the_compact_machine_shows_four_tags_or_more_nearly_all_the_time() -> None:
@@ -93,23 +93,23 @@ def test_over_two_visits_the_compact_machine_shows_four_tags_or_more_nearly_all_
     visit.handle("unlock", "open_lid", "take_samples", "close_lid", "lock")
     visit.handle("unlock", "open_lid", "bring_samples", "close_lid", "lock")
 
-    assert share(visit.whole_tags(), shows_enough) >= 0.85
+    assert share(visit.complete_tags(), shows_enough) >= 0.85
 
 
 def test_the_large_machine_shows_its_lid_or_its_base_not_at_all_much_of_the_time() -> None:
     visit = Visit(CENTRIFUGE)
     visit.handle("unlock", "open_lid", "take_samples", "bring_samples", "close_lid", "lock")
-    counts = visit.whole_tags()
+    counts = visit.complete_tags()
 
     assert share(counts, lambda tags: tags[Part.BASE] == 0 or tags[Part.LID] == 0) > 0.5
     assert share(counts, lambda tags: 1 <= sum(tags.values()) <= 2) > 0.05
 
 
-# What looking costs
+# The cost of looking
 
 
 class TimedEyes(SequentialPerception):
-    """Eyes that remember how long each perception task took."""
+    """Sequential perception that records the duration of each perception task."""
 
     tasks_s: list[float]
 
@@ -123,7 +123,7 @@ class TimedEyes(SequentialPerception):
 
 @dataclass(frozen=True)
 class Sequential:
-    """What one task took without observers."""
+    """The duration of one task without observers."""
 
     total_s: float
     tasks_s: tuple[float, ...]
@@ -131,7 +131,7 @@ class Sequential:
 
 @pytest.fixture(scope="module")
 def without_observers(tmp_path_factory: pytest.TempPathFactory) -> Start:
-    """The laboratory's spec with nothing to preview or monitor: no observer ever runs, so every decision looks."""
+    """The laboratory's spec without previews and monitoring: no observer runs, so every decision looks."""
     spec, _ = load_spec(ROOT / "specs" / "lab.yaml", ROOT / "specs")
     assert spec is not None
     skills = tuple(replace(skill, preview=(), monitor=(), changes=()) for skill in spec.skills)
@@ -168,7 +168,7 @@ def runs(without_observers: Start) -> list[tuple[Sequential, Sequential]]:
 def test_without_observers_opening_and_closing_take_as_long_as_in_the_paper(
     runs: list[tuple[Sequential, Sequential]], task: int, total_s: float, perception_s: float
 ) -> None:
-    """P1, section 4.2 and Table 3, by arithmetic, for tasks in which nothing slipped and had to be done again."""
+    """P1, section 4.2 and Table 3, by arithmetic, for tasks without a slip and a second try."""
     smooth = [run[task] for run in runs if len(run[task].tasks_s) == 4]
 
     assert len(smooth) >= 16
@@ -176,7 +176,7 @@ def test_without_observers_opening_and_closing_take_as_long_as_in_the_paper(
     assert fmean(sum(done.tasks_s) for done in smooth) == pytest.approx(perception_s, rel=0.05)
 
 
-def test_opening_and_closing_take_four_perception_tasks_each_and_more_only_where_something_slipped(
+def test_opening_and_closing_take_four_perception_tasks_and_more_only_after_a_slip(
     runs: list[tuple[Sequential, Sequential]],
 ) -> None:
     """P1, section 4.2: two of situation preview, two of situation monitoring."""
@@ -191,7 +191,7 @@ def test_opening_and_closing_take_four_perception_tasks_each_and_more_only_where
 CELLS = ((PCR_CYCLER, 0.8, 30), (PCR_CYCLER, 2.0, 45), (CENTRIFUGE, 1.3, 60), (CENTRIFUGE, 3.0, 15))
 
 
-def test_the_declared_map_of_detection_error_is_what_is_measured(tmp_path: Path) -> None:
+def test_the_declared_map_of_detection_error_agrees_with_new_measurements(tmp_path: Path) -> None:
     declared = read_table(ROOT / "docs" / "papers" / "detection-map.csv")
     measured = [row for row in table(views(CELLS)) if row.about == "tag"]
     write_table(measured, tmp_path / "part.csv")
@@ -201,7 +201,7 @@ def test_the_declared_map_of_detection_error_is_what_is_measured(tmp_path: Path)
         assert row in declared
 
 
-def test_the_map_has_a_row_for_each_distance_and_angle_that_the_room_has_place_for() -> None:
+def test_the_map_has_a_row_for_every_distance_and_angle_with_space_in_the_room() -> None:
     declared = read_table(ROOT / "docs" / "papers" / "detection-map.csv")
     tags = [row for row in declared if row["about"] == "tag"]
 
@@ -220,7 +220,7 @@ def rows_of_the_page() -> list[list[str]]:
 
 
 @pytest.mark.parametrize("phase", Phase)
-def test_the_page_tells_each_duration(phase: Phase) -> None:
+def test_the_page_lists_all_durations(phase: Phase) -> None:
     spread = DURATIONS[phase]
     row = next(row for row in rows_of_the_page() if row[0] == f"`{phase.name.lower()}`")
 
@@ -228,7 +228,7 @@ def test_the_page_tells_each_duration(phase: Phase) -> None:
 
 
 @pytest.mark.parametrize("machine", MACHINES.values(), ids=lambda machine: machine.name)
-def test_the_page_tells_where_each_tag_is(machine: Machine) -> None:
+def test_the_page_lists_the_places_of_all_tags(machine: Machine) -> None:
     for tag in machine.tags:
         place_mm = np.round(1000 * tag.part_from_tag.translation_m).astype(int)
         row = next(row for row in rows_of_the_page() if row[0] == str(tag.tag_id))

@@ -1,4 +1,4 @@
-"""The robot's actions: what they do to the world, how long they take, and that nobody who watches matters."""
+"""The robot's actions: their effects on the world, their durations, and their independence from observers."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ from tests.papers.lab.perception.posed import SteadyHand, put, set_joint
 
 CENTRIFUGE, PCR_CYCLER = "centrifuge", "pcr_cycler"
 LOOK_TAKES_S = LOCALIZE_LID_S
-"""What perception takes after the camera stands still."""
+"""The duration of perception after the camera is at rest."""
 
 
 class UnluckyHand(SteadyHand):
-    """Everything slips that can, and every drive loses the way."""
+    """Random numbers with which every part slips, and every drive loses the localisation."""
 
     def random(self) -> float:
         return 0.0
@@ -101,7 +101,7 @@ def test_the_robot_drives_round_the_table_in_the_middle_of_the_room() -> None:
 
 
 def test_the_large_machine_is_in_the_background_where_the_compact_one_is_looked_at() -> None:
-    """A detector sees its tags, small, from far beyond the distance at which they tell anything reliable."""
+    """A detector sees its tags, small, from far beyond the distance at which they give reliable measurements."""
     there = lab_at(PCR_CYCLER)
     there.robot.look_at(PCR_CYCLER, Part.LID)
     with FrameSource(there.world) as source:
@@ -141,7 +141,7 @@ def test_a_robot_that_lost_its_way_relocalizes_before_it_drives_on() -> None:
     unlucky.robot.drive_to(Station.HOME)
 
 
-def test_the_robot_tells_where_it_believes_to_stand() -> None:
+def test_the_robot_returns_its_believed_pose() -> None:
     there = lab_at(CENTRIFUGE)
     believed = there.robot.believed_map_from_base()
 
@@ -168,8 +168,8 @@ def test_a_look_shows_the_part_and_most_of_the_base(machine: str, part: Part) ->
     assert there.truth(f"{machine}_base_in_FOV")
 
 
-def test_a_look_takes_as_long_as_the_paper_says_and_ends_at_rest() -> None:
-    """P1, section 4.2: 15.8 and 16.9 s were saved for each perception task, 87 and 89 % of it."""
+def test_a_look_takes_as_long_as_in_the_paper_and_ends_at_rest() -> None:
+    """P1, section 4.2: observers saved 15.8 and 16.9 s per perception task, 87 and 89 % of it."""
     there = lab_at(PCR_CYCLER)
     took_s = [there.seconds_of(lambda: there.robot.look_at(PCR_CYCLER, Part.LID)) for _ in range(60)]
 
@@ -178,7 +178,7 @@ def test_a_look_takes_as_long_as_the_paper_says_and_ends_at_rest() -> None:
 
 
 @pytest.mark.parametrize(("is_localized", "low_m", "high_m"), [(1.0, 0.0, 0.06), (0.0, 0.3, 0.9)])
-def test_the_robot_looks_from_where_it_believes_to_stand(is_localized: float, low_m: float, high_m: float) -> None:
+def test_the_robot_looks_from_its_believed_position(is_localized: float, low_m: float, high_m: float) -> None:
     there = lab_at(CENTRIFUGE)
     put(there.world, Quantity.LOCALIZED, is_localized, at_s=there.clock.now_s())
     there.clock.sleep(1.0)
@@ -211,7 +211,7 @@ def test_a_locked_lid_does_not_follow_the_hand() -> None:
 
 
 @pytest.mark.parametrize("part", [Part.LATCH, Part.LID])
-def test_what_slips_stays_on_its_way(part: Part) -> None:
+def test_a_part_that_slips_stops_on_its_way(part: Part) -> None:
     there = lab_at(PCR_CYCLER, UnluckyHand(1))
     if part is Part.LID:
         set_joint(there.world, PCR_CYCLER, Part.LATCH, 1.0, at_s=there.clock.now_s())
@@ -266,7 +266,7 @@ def test_the_tray_is_in_the_hand_only_between_machine_and_deck() -> None:
     assert 10 < sum(held) * 0.5 < 40
 
 
-def test_what_is_out_of_reach_is_neither_touched_nor_looked_at() -> None:
+def test_a_machine_out_of_reach_is_neither_touched_nor_looked_at() -> None:
     there = lab_at(CENTRIFUGE)
     robot = there.robot
 
@@ -279,7 +279,7 @@ def test_what_is_out_of_reach_is_neither_touched_nor_looked_at() -> None:
         robot.unlock("fridge")
 
 
-def test_opening_the_large_machine_leaves_hardly_a_whole_tag_in_view() -> None:
+def test_opening_the_large_machine_leaves_hardly_a_complete_tag_in_view() -> None:
     """P1, section 4.1: too few visible markers, as the hand works close by."""
     there = lab_at(CENTRIFUGE)
     there.robot.unlock(CENTRIFUGE)
@@ -289,14 +289,14 @@ def test_opening_the_large_machine_leaves_hardly_a_whole_tag_in_view() -> None:
     hand_on_s = np.arange(start_s, there.clock.now_s(), 0.5)
     working = [t_s for t_s in hand_on_s if there.world.state(t_s).reach == 1.0]
     geometry = GeometricCamera()
-    whole = [sum(view.is_resolved() for view in geometry.tags_in_view(there.world.state(t_s))) for t_s in working]
+    complete = [sum(view.is_resolved() for view in geometry.tags_in_view(there.world.state(t_s))) for t_s in working]
 
     assert sum(view.is_resolved() for view in before) >= 4
-    assert fmean(whole) < 1.0
-    assert max(whole) <= 3
+    assert fmean(complete) < 1.0
+    assert max(complete) <= 3
 
 
-def test_after_it_touched_the_compact_machine_the_arm_waits_where_it_shows_whole() -> None:
+def test_after_it_touched_the_compact_machine_the_arm_waits_with_a_complete_view_of_it() -> None:
     there = lab_at(PCR_CYCLER)
     there.robot.unlock(PCR_CYCLER)
     there.robot.open_lid(PCR_CYCLER)
@@ -375,7 +375,7 @@ def test_a_loop_of_sample_processing_takes_as_long_as_in_the_paper() -> None:
     assert not there.robot.is_carrying
 
 
-def test_who_watches_changes_nothing_of_what_the_robot_does() -> None:
+def test_observers_do_not_change_the_actions_of_the_robot() -> None:
     watched, alone = lab(Random(4), seed=4), lab(Random(4), seed=4)
     alone.robot.drive_to(Station.PCR_CYCLER)
     alone.robot.look_at(PCR_CYCLER, Part.LID)
@@ -399,7 +399,7 @@ def test_who_watches_changes_nothing_of_what_the_robot_does() -> None:
         assert watched.world.state(t_s) == alone.world.state(t_s)
 
 
-def test_truth_follows_a_whole_visit() -> None:
+def test_truth_follows_a_complete_visit() -> None:
     there = lab_at(PCR_CYCLER)
     for action in (there.robot.unlock, there.robot.open_lid, there.robot.close_lid, there.robot.lock):
         action(PCR_CYCLER)

@@ -1,6 +1,6 @@
-"""The chain of one adaptation in the store, worked out anew from its journal and the words of the spec.
+"""The chain of one adaptation in the store, computed again from its journal and the rules of the spec.
 
-Nothing of the runtime's arithmetic is used: rules are their texts, terms are written here as specs/store.yaml has them.
+The test does not use the runtime's arithmetic: it parses the rule texts, and copies the terms from specs/store.yaml.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import pytest
 
 from codra_dsl.runtime.journal import Event, Kind
 from codra_papers.store.simulator.situations import Situation
-from tests.papers.store.test_loops_of_the_store import told
+from tests.papers.store.test_loops_of_the_store import recorded_run
 
 ACTIONS = ("pick", "deliver", "start", "dock")
 SMOOTH_S, LEAD, HOLD_S, DWELL_S = 1.0, 0.1, 3.0, 5.0
@@ -25,10 +25,10 @@ RAMPS = {
     ("person_distance", "close"): (2.5, 1.5),
 }
 DRAINS = [step / 10.0 for step in range(51)]
-"""What an unknown drain can be."""
+"""The possible values of an unknown drain."""
 
 POINTS = 1000
-"""How many points of an output's range FuzzyLite looks at unless it is told otherwise."""
+"""FuzzyLite's default resolution: the number of points in an output's range."""
 
 Values = Mapping[str, object]
 
@@ -52,59 +52,65 @@ def degree(variable: str, term: str, value: object) -> float:
 
 def holds(proposition: str, values: Values) -> float:
     variable, _, *words = proposition.split()
-    found = degree(variable, words[-1], values[variable])
-    return 1.0 - found if words[:-1] == ["not"] else found
+    membership = degree(variable, words[-1], values[variable])
+    return 1.0 - membership if words[:-1] == ["not"] else membership
 
 
 def strength(rule: str, values: Values) -> float:
     condition = rule.removeprefix("if ").partition(" then ")[0]
-    return max(min(holds(each, values) for each in part.split(" and ")) for part in condition.split(" or "))
+    return max(
+        min(holds(proposition, values) for proposition in part.split(" and ")) for part in condition.split(" or ")
+    )
 
 
 def inferred(rules: list[str], values: Values) -> float:
     """Mamdani's method: conclusions cut off at their rules' strengths, and the centre of gravity of all of them."""
-    said = [(rule.split()[-1], strength(rule, values)) for rule in rules]
+    conclusions = [(rule.split()[-1], strength(rule, values)) for rule in rules]
     xs = [(index + 0.5) / POINTS for index in range(POINTS)]
-    ys = [max(min(strong, share_is(term, x)) for term, strong in said) for x in xs]
+    ys = [max(min(strong, share_is(term, x)) for term, strong in conclusions) for x in xs]
     return sum(x * y for x, y in zip(xs, ys, strict=True)) / sum(ys)
 
 
 @pytest.fixture(scope="module")
 def events() -> list[Event]:
-    return told(Situation.PEOPLE_CLOSE).events
+    return recorded_run(Situation.PEOPLE_CLOSE).events
 
 
 @pytest.fixture(scope="module")
 def switch(events: list[Event]) -> Event:
-    """The robot gives the pick-up up because somebody is close."""
-    (*_, last) = [each for each in events if (each.name, each.what) == ("course", "chosen")]
+    """The switch with which the robot gives up the pick-up because a person is close."""
+    (*_, last) = [event for event in events if (event.name, event.what) == ("course", "chosen")]
     assert (last.details["before"], last.details["action"]) == ("pick", "start")
     return last
 
 
 def readings(switch: Event) -> dict[str, object]:
-    return {each["variable"]: json.loads(each["value"]) for each in switch.details["readings"] if "value" in each}
+    return {
+        reading["variable"]: json.loads(reading["value"])
+        for reading in switch.details["readings"]
+        if "value" in reading
+    }
 
 
 def rules_about(switch: Event, output: str) -> list[str]:
-    return [each["text"] for each in switch.details["rules"] if each["concludes"] == [output]]
+    return [rule["text"] for rule in switch.details["rules"] if rule["concludes"] == [output]]
 
 
-def test_what_the_chain_says_was_known_is_what_was_written(events: list[Event], switch: Event) -> None:
+def test_the_readings_of_the_chain_are_those_that_were_written(events: list[Event], switch: Event) -> None:
     before = events[: events.index(switch)]
-    for each in switch.details["readings"]:
-        (*_, last) = [event for event in before if (event.kind, event.name) == (Kind.VARIABLE, each["variable"])]
-        if "value" in each:
+    for reading in switch.details["readings"]:
+        (*_, last) = [event for event in before if (event.kind, event.name) == (Kind.VARIABLE, reading["variable"])]
+        if "value" in reading:
             assert (last.details["value"], last.details["evidence_s"]) == (
-                json.loads(each["value"]),
-                each["evidence_s"],
+                json.loads(reading["value"]),
+                reading["evidence_s"],
             )
         else:
             assert last.what == "unknown"
 
 
-def worked_out(switch: Event) -> dict[str, float]:
-    """The metrics: the least that each comes to, whatever an unknown drain is."""
+def computed_metrics(switch: Event) -> dict[str, float]:
+    """The metrics: the smallest values for all possible values of an unknown drain."""
     known = readings(switch)
     scenes = [known] if "battery_drain" in known else [{**known, "battery_drain": drain} for drain in DRAINS]
     return {
@@ -113,40 +119,40 @@ def worked_out(switch: Event) -> dict[str, float]:
     }
 
 
-def test_metrics_weights_and_strengths_follow_from_what_was_known(switch: Event) -> None:
-    metrics = worked_out(switch)
+def test_metrics_weights_and_strengths_follow_from_the_readings(switch: Event) -> None:
+    metrics = computed_metrics(switch)
     known: dict[str, object] = {**readings(switch), **metrics}
-    for each in switch.details["metrics"]:
-        is_certain = each["low"] == each["high"]
-        assert each["value"] == pytest.approx(metrics[each["name"]], abs=1e-6 if is_certain else 1e-3)
-        assert each["value"] <= metrics[each["name"]] + 1e-6  # bounds may be too wide, never too narrow
-    for each in switch.details["weights"]:
-        expected = inferred(rules_about(switch, each["name"]), known)
-        assert each["value"] == pytest.approx(expected, abs=1e-3)  # a hair's breadth of a metric counts much for dock
-    for each in switch.details["rules"]:
-        if "battery_drain" not in each["text"]:
-            assert each["low"] == each["high"] == pytest.approx(strength(each["text"], known), abs=1e-3)
+    for metric in switch.details["metrics"]:
+        is_certain = metric["low"] == metric["high"]
+        assert metric["value"] == pytest.approx(metrics[metric["name"]], abs=1e-6 if is_certain else 1e-3)
+        assert metric["value"] <= metrics[metric["name"]] + 1e-6  # bounds may be too wide, never too narrow
+    for weight in switch.details["weights"]:
+        expected = inferred(rules_about(switch, weight["name"]), known)
+        assert weight["value"] == pytest.approx(expected, abs=1e-3)  # a tiny change of a metric counts much for dock
+    for rule in switch.details["rules"]:
+        if "battery_drain" not in rule["text"]:
+            assert rule["low"] == rule["high"] == pytest.approx(strength(rule["text"], known), abs=1e-3)
 
 
 def changes(events: list[Event], action: str) -> Iterator[tuple[float, float]]:
-    """When which weight was written, until the switch."""
-    for each in events:
-        if (each.kind, each.name, each.what) == (Kind.VARIABLE, f"weight_of_{action}", "identified"):
-            yield each.instant_s, each.details["value"]
+    """The instants and values of a written weight."""
+    for event in events:
+        if (event.kind, event.name, event.what) == (Kind.VARIABLE, f"weight_of_{action}", "identified"):
+            yield event.instant_s, event.details["value"]
 
 
 def smoothed(written: list[tuple[float, float]], instant_s: float) -> float:
-    found = written[0][1]
+    level = written[0][1]
     for (since_s, weight), (until_s, _) in pairwise([*written, (math.inf, 0.0)]):
         if since_s <= instant_s:
-            found = weight + (found - weight) * math.exp((since_s - min(until_s, instant_s)) / SMOOTH_S)
-    return found
+            level = weight + (level - weight) * math.exp((since_s - min(until_s, instant_s)) / SMOOTH_S)
+    return level
 
 
 def test_the_state_of_the_filter_follows_from_the_weights_that_were_written(events: list[Event], switch: Event) -> None:
     before = events[: events.index(switch)]
     written = {action: list(changes(before, action)) for action in ACTIONS}
-    weights = {each["name"]: each for each in switch.details["weights"]}
+    weights = {record["name"]: record for record in switch.details["weights"]}
 
     def lead(instant_s: float) -> float:
         return smoothed(written["start"], instant_s) - smoothed(written["pick"], instant_s)
@@ -157,18 +163,18 @@ def test_the_state_of_the_filter_follows_from_the_weights_that_were_written(even
     assert lead(since_s) == pytest.approx(LEAD, abs=1e-6)
     assert all(lead(since_s + share * HOLD_S) >= LEAD - 1e-6 for share in (0.0, 0.2, 0.4, 0.6, 0.8, 1.0))
     assert switch.instant_s == pytest.approx(since_s + HOLD_S, abs=1e-5)
-    earlier = [each for each in before if (each.name, each.what) == ("course", "chosen")]
+    earlier = [record for record in before if (record.name, record.what) == ("course", "chosen")]
     assert switch.details["since_s"] == earlier[-1].instant_s
     assert switch.details["dwell_until_s"] == earlier[-1].instant_s + DWELL_S
 
 
-def test_what_would_have_kept_the_pick_up_would_have_and_a_little_less_would_not(
+def test_the_counterfactual_keeps_the_pick_up_and_a_slightly_smaller_change_does_not(
     events: list[Event], switch: Event
 ) -> None:
     after = events[events.index(switch) :]
-    explained = next(each for each in after if (each.name, each.what) == ("course", "explained"))
-    (change,) = [each for each in explained.details["kept_by"] if each["kind"] == "input"]
-    power = worked_out(switch)["power_autonomy"]  # which a person's distance does not change
+    explained = next(event for event in after if (event.name, event.what) == ("course", "explained"))
+    (change,) = [counterfactual for counterfactual in explained.details["kept_by"] if counterfactual["kind"] == "input"]
+    power = computed_metrics(switch)["power_autonomy"]  # it does not depend on a person's distance
 
     def start_leads_by(distance: float) -> float:
         known: dict[str, object] = {**readings(switch), change["name"]: distance, "power_autonomy": power}

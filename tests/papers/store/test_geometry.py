@@ -1,4 +1,4 @@
-"""Rays and rectangles, against geometry that knows nothing of theirs: points tested one after the other."""
+"""Rays and rectangles, compared with an independent computation that tests single points."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ STEP_M = 0.01
 FARTHEST_M = 5.0
 
 places = st.floats(-4, 4)
-stands = st.builds(Pose2D, places, places, st.floats(-pi, pi))
-boxes = st.builds(Box, stands, st.floats(0.3, 2), st.floats(0.3, 2))
+poses = st.builds(Pose2D, places, places, st.floats(-pi, pi))
+boxes = st.builds(Box, poses, st.floats(0.3, 2), st.floats(0.3, 2))
 discs = st.builds(Disc, st.tuples(places, places), st.floats(0.1, 1))
 
 
-def holds(thing: Box | Disc, point: Point) -> bool:
-    """Whether a point lies in a thing: for a rectangle, on the inner side of each of its edges."""
-    if isinstance(thing, Disc):
-        return hypot(point[0] - thing.centre_m[0], point[1] - thing.centre_m[1]) <= thing.radius_m
-    corners = thing.corners()
+def holds(shape: Box | Disc, point: Point) -> bool:
+    """Whether a point lies in a shape: for a rectangle, on the inner side of all its edges."""
+    if isinstance(shape, Disc):
+        return hypot(point[0] - shape.centre_m[0], point[1] - shape.centre_m[1]) <= shape.radius_m
+    corners = shape.corners()
     crosses = [
         (b[0] - a[0]) * (point[1] - a[1]) - (b[1] - a[1]) * (point[0] - a[0])
         for a, b in zip(corners, (*corners[1:], corners[0]), strict=True)
@@ -31,39 +31,39 @@ def holds(thing: Box | Disc, point: Point) -> bool:
     return all(cross >= 0 for cross in crosses)
 
 
-def marched_m(things: list[Box | Disc], eye: Point, bearing_rad: float) -> float:
+def marched_m(shapes: list[Box | Disc], eye: Point, bearing_rad: float) -> float:
     for step in range(round(FARTHEST_M / STEP_M) + 1):
         far = step * STEP_M
         point = (eye[0] + far * cos(bearing_rad), eye[1] + far * sin(bearing_rad))
-        if any(holds(thing, point) for thing in things):
+        if any(holds(shape, point) for shape in shapes):
             return far
     return FARTHEST_M
 
 
 @settings(max_examples=150, deadline=None)
 @given(st.lists(boxes, max_size=3), st.lists(discs, max_size=3), st.tuples(places, places), st.floats(-pi, pi))
-def test_a_ray_ends_where_a_point_that_marches_along_it_first_meets_something(
+def test_a_ray_ends_where_a_point_that_marches_along_it_first_hits_a_shape(
     some_boxes: list[Box], some_discs: list[Disc], eye: Point, bearing_rad: float
 ) -> None:
-    things = [*some_boxes, *some_discs]
-    if any(holds(thing, eye) for thing in things):
+    shapes = [*some_boxes, *some_discs]
+    if any(holds(shape, eye) for shape in shapes):
         return
     ray_m = float(Scene(some_boxes, some_discs).ranges_m(eye, np.array([bearing_rad]), FARTHEST_M)[0])
-    walk_m = marched_m(things, eye, bearing_rad)
+    walk_m = marched_m(shapes, eye, bearing_rad)
 
     assert ray_m <= walk_m + 1e-9
     if walk_m - ray_m > STEP_M + 1e-9:  # a corner or a rim that the march steps over
         before, after = (
             (eye[0] + far * cos(bearing_rad), eye[1] + far * sin(bearing_rad)) for far in (ray_m - 1e-6, ray_m + 1e-6)
         )
-        assert not any(holds(thing, before) for thing in things)
-        assert any(holds(thing, after) for thing in things) or touches(things, after)
+        assert not any(holds(shape, before) for shape in shapes)
+        assert any(holds(shape, after) for shape in shapes) or touches(shapes, after)
 
 
-def touches(things: list[Box | Disc], point: Point) -> bool:
-    """Whether something is next to a point."""
+def touches(shapes: list[Box | Disc], point: Point) -> bool:
+    """Whether a shape is next to a point."""
     around = [(point[0] + 1e-4 * cos(turn), point[1] + 1e-4 * sin(turn)) for turn in np.linspace(0, 2 * pi, 16)]
-    return any(holds(thing, each) for thing in things for each in around)
+    return any(holds(shape, neighbour) for shape in shapes for neighbour in around)
 
 
 @settings(max_examples=150, deadline=None)
@@ -93,9 +93,9 @@ def test_the_distance_to_a_rectangle_is_that_to_the_nearest_point_of_its_edges(b
     assert box.distance_m(point) == 0.0 if holds(box, point) else abs(box.distance_m(point) - nearest) < 0.02
 
 
-@given(stands, st.tuples(places, places))
-def test_what_is_seen_from_somewhere_lies_out_there(stand: Pose2D, point: Point) -> None:
-    back = stand.out(*stand.seen_from_here(point))
+@given(poses, st.tuples(places, places))
+def test_seen_from_here_is_the_inverse_of_out(pose: Pose2D, point: Point) -> None:
+    back = pose.out(*pose.seen_from_here(point))
 
     assert hypot(back[0] - point[0], back[1] - point[1]) < 1e-9
 

@@ -1,4 +1,4 @@
-"""The map: corridors of two metres, recesses hidden from the first pose, and ways that keep off the shelves."""
+"""The map: corridors of two metres, recesses hidden from the first pose, and routes that keep off the shelves."""
 
 from __future__ import annotations
 
@@ -42,10 +42,10 @@ def test_from_each_observation_pose_one_of_the_places_is_in_sight(name: str, pos
 @settings(max_examples=60, deadline=None)
 @given(st.sampled_from(OPEN), st.sampled_from(OPEN))
 def test_a_route_leads_there_and_leaves_room_to_turn_all_along(start: str, goal: str) -> None:
-    stands = named_stands()
-    points = [stands[start].point_m, *route(stands[start], stands[goal])]
+    poses = named_stands()
+    points = [poses[start].point_m, *route(poses[start], poses[goal])]
 
-    assert points[-1] == stands[goal].point_m
+    assert points[-1] == poses[goal].point_m
     assert all(has_room(a, b, TURNING_ROOM_M - 0.05) for a, b in pairwise(points))
 
 
@@ -59,7 +59,7 @@ def test_from_a_recess_the_route_first_leads_straight_out(name: str) -> None:
     assert has_room(inside.point_m, points[0], LANE_M)
 
 
-def test_a_route_goes_round_what_is_to_be_avoided() -> None:
+def test_a_route_goes_around_places_to_avoid() -> None:
     goal = AREAS["area_2"].observation[1]
     obstacle = Disc((8.2, 4.0), 0.3)
     points = [START.point_m, *route(START, goal, (obstacle,))]
@@ -71,8 +71,8 @@ def test_a_route_goes_round_what_is_to_be_avoided() -> None:
             assert hypot(x_m - 8.2, y_m - 4.0) > 0.3 + TURNING_ROOM_M - 0.05
 
 
-def test_where_there_is_no_way_this_is_said() -> None:
+def test_without_a_route_an_error_is_raised() -> None:
     with pytest.raises(NoRouteError, match="no room to turn"):
         route(START, FIXED[0].centre)
-    with pytest.raises(NoRouteError, match="no way"):
+    with pytest.raises(NoRouteError, match="no route"):
         route(Pose2D(1.0, 1.0), START, (Disc((4.0, 2.0), 1.2), Disc((1.0, 9.0), 1.0)))

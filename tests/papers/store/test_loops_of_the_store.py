@@ -1,4 +1,4 @@
-"""P2's situations as whole runs of specs/store.yaml: its loops and trees on its agents, told by the journal."""
+"""P2's situations as whole runs of specs/store.yaml: its loops and trees on its agents, checked by the journal."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ LASTS_S = {
     Situation.HIDDEN: 70.0,
     Situation.ABSENT: 88.0,
 }
-"""Long enough for what each situation is about, with the seeds that are asked for."""
+"""The duration of a run per situation, long enough for the seeds of the tests."""
 
 TASKS = ("navigating", "detecting", "rotating", "checking", "lifting", "lowering", "fetching")
 
 
-class Told:
+class RecordedRun:
     """A run and its journal."""
 
     def __init__(self, situation: Situation, seed: int, lasts_s: float) -> None:
@@ -40,27 +40,27 @@ class Told:
         self.events: list[Event] = list(read(self.journal)[1])
 
     def courses(self) -> list[str]:
-        return [each.details["action"] for each in self.events if (each.name, each.what) == ("course", "chosen")]
+        return [event.details["action"] for event in self.events if (event.name, event.what) == ("course", "chosen")]
 
     def tasks(self) -> list[str]:
-        """How tasks ended, in order."""
-        ends = [each for each in self.events if each.name in TASKS and each.what in ("finished", "aborted")]
-        return [f"{each.name} {each.details.get('result') or each.what}" for each in ends]
+        """The results of tasks, in order."""
+        ends = [event for event in self.events if event.name in TASKS and event.what in ("finished", "aborted")]
+        return [f"{event.name} {event.details.get('result') or event.what}" for event in ends]
 
     def written(self, name: str) -> list[object]:
-        return [each.details.get("value") for each in self.events if (each.name, each.what) == (name, "written")]
+        return [event.details.get("value") for event in self.events if (event.name, event.what) == (name, "written")]
 
-    def said(self, variable: str) -> list[object]:
-        """What a context-variable was, one after the other."""
-        of_it = [each for each in self.events if each.kind is Kind.VARIABLE and each.name == variable]
-        return [each.details["value"] for each in of_it if "value" in each.details]
+    def values(self, variable: str) -> list[object]:
+        """The values of a context-variable, in order."""
+        of_it = [event for event in self.events if event.kind is Kind.VARIABLE and event.name == variable]
+        return [event.details["value"] for event in of_it if "value" in event.details]
 
     def instant_s(self, name: str, what: str, **details: object) -> float:
-        """When something happened for the first time."""
+        """The instant of the first matching event."""
         return next(
-            each.instant_s
-            for each in self.events
-            if (each.name, each.what) == (name, what) and details.items() <= each.details.items()
+            event.instant_s
+            for event in self.events
+            if (event.name, event.what) == (name, what) and details.items() <= event.details.items()
         )
 
 
@@ -71,22 +71,22 @@ SEEDS = {
     Situation.HIDDEN: 6,
     Situation.ABSENT: 3,
 }
-"""Where one seed is enough."""
+"""The seed of tests that use only one."""
 
 
 @cache
-def told_by(situation: Situation, seed: int) -> Told:
-    return Told(situation, seed, LASTS_S[situation])
+def recorded_run_of(situation: Situation, seed: int) -> RecordedRun:
+    return RecordedRun(situation, seed, LASTS_S[situation])
 
 
-def told(situation: Situation) -> Told:
-    return told_by(situation, SEEDS[situation])
+def recorded_run(situation: Situation) -> RecordedRun:
+    return recorded_run_of(situation, SEEDS[situation])
 
 
 @pytest.mark.parametrize("seed", [3, 4])
 def test_an_ordinary_order_is_delivered(seed: int) -> None:
-    """With seed 3 somebody stands for a while where the robot is to turn."""
-    run = told_by(Situation.ORDINARY, seed)
+    """With seed 3 a person is for a while where the robot must turn."""
+    run = recorded_run_of(Situation.ORDINARY, seed)
 
     assert run.written("order_1.state") == ["open", "done"]
     assert run.run.score.deliveries == ("delivery",)
@@ -95,23 +95,23 @@ def test_an_ordinary_order_is_delivered(seed: int) -> None:
 
 def test_a_container_that_is_full_is_brought_to_the_general_delivery_pose_instead() -> None:
     """P2's first situation: provided, ordered elsewhere while it is loaded, and full on the way there."""
-    run = told(Situation.SECOND_ORDER)
+    run = recorded_run(Situation.SECOND_ORDER)
 
     assert run.written("order_1.state")[-1] == "done"
     assert run.written("order_2.state")[-1] == "aborted"
     assert run.run.score.deliveries == ("area_1", "delivery")
     ordered_s = run.instant_s("order_2", "node_inserted")
     full_s = run.instant_s("container_load", "identified", value="full")
-    fetched_s = [each.instant_s for each in run.events if each.details.get("result") == "fetched"]
+    fetched_s = [event.instant_s for event in run.events if event.details.get("result") == "fetched"]
     assert ordered_s < fetched_s[1] < full_s < run.instant_s("course", "chosen", action="deliver") < full_s + 5.0
 
 
 @pytest.mark.parametrize("seed", [4, 7])
 def test_people_close_make_safety_fall_to_a_half_and_the_pick_up_is_aborted(seed: int) -> None:
     """P2's second situation: `start` weighs most. The order stays open."""
-    run = told_by(Situation.PEOPLE_CLOSE, seed)
-    values = curves(run.events, ["safety", *(f"weight_of_{each}" for each in ("pick", "deliver", "start", "dock"))])
-    switched_s = [each.instant_s for each in run.events if (each.name, each.what) == ("course", "chosen")][-1]
+    run = recorded_run_of(Situation.PEOPLE_CLOSE, seed)
+    values = curves(run.events, ["safety", *(f"weight_of_{action}" for action in ("pick", "deliver", "start", "dock"))])
+    switched_s = [event.instant_s for event in run.events if (event.name, event.what) == ("course", "chosen")][-1]
     then = {name: [value for at_s, value in curve if at_s < switched_s][-1] for name, curve in values.items()}
 
     assert run.courses() == ["start", "pick", "start"]
@@ -119,11 +119,11 @@ def test_people_close_make_safety_fall_to_a_half_and_the_pick_up_is_aborted(seed
     assert max(then, key=lambda name: then[name]) == "weight_of_start"
     assert "fetching aborted" in run.tasks()
     assert run.written("order_1.state") == ["open"]
-    assert "mission_aborted" in run.said("base_notice")
+    assert "mission_aborted" in run.values("base_notice")
 
 
-def test_what_was_aborted_is_tried_again_from_the_start_and_delivered_once_the_people_have_gone() -> None:
-    run = Told(Situation.PEOPLE_CLOSE, 6, 293.0)
+def test_an_aborted_pick_up_is_tried_again_from_the_start_and_delivered_once_the_people_have_gone() -> None:
+    run = RecordedRun(Situation.PEOPLE_CLOSE, 6, 293.0)
     tasks = run.tasks()
 
     assert run.written("order_1.state")[-1] == "done"
@@ -134,22 +134,22 @@ def test_what_was_aborted_is_tried_again_from_the_start_and_delivered_once_the_p
 
 @pytest.mark.parametrize("seed", [6, 8])
 def test_a_container_that_is_hidden_from_the_first_pose_is_fetched_from_the_second(seed: int) -> None:
-    tasks = told_by(Situation.HIDDEN, seed).tasks()
+    tasks = recorded_run_of(Situation.HIDDEN, seed).tasks()
 
-    assert [each for each in tasks if each.startswith("detecting")] == [
+    assert [task for task in tasks if task.startswith("detecting")] == [
         *("detecting lost", "detecting found", "detecting found"),
     ]
     assert "fetching fetched" in tasks
 
 
 @pytest.mark.parametrize("seed", [3, 4])
-def test_of_a_container_that_is_nowhere_the_base_is_told_and_the_robot_returns(seed: int) -> None:
-    run = told_by(Situation.ABSENT, seed)
+def test_without_a_container_the_base_gets_a_notice_and_the_robot_returns(seed: int) -> None:
+    run = recorded_run_of(Situation.ABSENT, seed)
 
-    assert [each for each in run.tasks() if each.startswith(("detecting", "fetching"))] == [
+    assert [task for task in run.tasks() if task.startswith(("detecting", "fetching"))] == [
         *("detecting lost", "detecting lost", "fetching not_found"),
     ]
-    assert run.said("base_notice")[-1] == "container_not_found"
+    assert run.values("base_notice")[-1] == "container_not_found"
     assert run.written("order_1.state") == ["open", "failed"]
     assert run.tasks()[-1] == "navigating arrived"
     assert run.courses()[-1] == "start"
@@ -157,14 +157,14 @@ def test_of_a_container_that_is_nowhere_the_base_is_told_and_the_robot_returns(s
 
 @pytest.mark.parametrize("situation", LASTS_S)
 def test_the_same_seed_gives_the_same_journal_byte_for_byte(situation: Situation) -> None:
-    again = Told(situation, SEEDS[situation], LASTS_S[situation])
+    again = RecordedRun(situation, SEEDS[situation], LASTS_S[situation])
 
-    assert again.journal.read_bytes() == told(situation).journal.read_bytes()
+    assert again.journal.read_bytes() == recorded_run(situation).journal.read_bytes()
 
 
 def test_the_command_gives_the_same_journal_as_the_program(tmp_path: Path) -> None:
     journal = tmp_path / "run.mcap"
-    told_s = f"{LASTS_S[Situation.PEOPLE_CLOSE]:g}s"
+    duration = f"{LASTS_S[Situation.PEOPLE_CLOSE]:g}s"
     words = (
         "specs/store.yaml",
         "--world",
@@ -174,17 +174,17 @@ def test_the_command_gives_the_same_journal_as_the_program(tmp_path: Path) -> No
         "--seed",
         str(SEEDS[Situation.PEOPLE_CLOSE]),
         "--for",
-        told_s,
+        duration,
     )
     ended = codra("run", *words, "--journal", str(journal), cwd=ROOT)
 
     assert "orders              1 open" in ended.stdout
-    assert journal.read_bytes() == told(Situation.PEOPLE_CLOSE).journal.read_bytes()
+    assert journal.read_bytes() == recorded_run(Situation.PEOPLE_CLOSE).journal.read_bytes()
 
 
-def test_why_tells_the_chain_from_the_person_to_the_branch_and_what_would_have_kept_it() -> None:
+def test_why_prints_the_chain_from_the_person_to_the_branch_and_the_counterfactual() -> None:
     """Each link has the place of its rule in the spec."""
-    journal = str(told(Situation.PEOPLE_CLOSE).journal)
+    journal = str(recorded_run(Situation.PEOPLE_CLOSE).journal)
     why = codra("why", "course", "--journal", journal, cwd=ROOT).stdout
 
     for link in (
@@ -201,9 +201,9 @@ def test_why_tells_the_chain_from_the_person_to_the_branch_and_what_would_have_k
         assert link in why
 
 
-def test_why_of_a_metric_and_of_a_weight_tells_what_led_to_them() -> None:
-    run = told(Situation.PEOPLE_CLOSE)
-    switched_s = [each.instant_s for each in run.events if (each.name, each.what) == ("course", "chosen")][-1]
+def test_why_of_a_metric_and_of_a_weight_prints_their_causes() -> None:
+    run = recorded_run(Situation.PEOPLE_CLOSE)
+    switched_s = [event.instant_s for event in run.events if (event.name, event.what) == ("course", "chosen")][-1]
     asked = ("--journal", str(run.journal), "--at", str(switched_s - 0.01))
     of_metric, of_weight = (codra("why", name, *asked, cwd=ROOT).stdout for name in ("safety", "weight_of_start"))
 
@@ -224,9 +224,12 @@ def test_why_of_a_metric_and_of_a_weight_tells_what_led_to_them() -> None:
 
 def test_metrics_and_weights_are_drawn_over_time(tmp_path: Path) -> None:
     draw_adaptation(
-        tmp_path / "curves.svg", told(Situation.PEOPLE_CLOSE).events, ["safety"], ["weight_of_pick", "weight_of_start"]
+        tmp_path / "curves.svg",
+        recorded_run(Situation.PEOPLE_CLOSE).events,
+        ["safety"],
+        ["weight_of_pick", "weight_of_start"],
     )
     picture = (tmp_path / "curves.svg").read_text("utf-8")
 
     assert picture.startswith("<?xml")
-    assert picture.count("<!-- start -->") >= 2  # where it was chosen, and in the legend
+    assert picture.count("<!-- start -->") >= 2  # at the choice, and in the legend

@@ -1,4 +1,4 @@
-"""specs/store.yaml says what the world's knowledge says, element by element."""
+"""specs/store.yaml agrees with the world's knowledge, element by element."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from codra_papers.store.knowledge import named_stands, pose_of, stand_of, store_
 PATH = Path(__file__).parents[3] / "specs" / "store.yaml"
 MODEL = store_knowledge()
 OF_LOOPS = {"fetching"}
-"""What one tree asks of the other: the world's own agents know nothing of it."""
+"""The tasks between the two trees, which the world's own agents do not know."""
 
 
 @cache
@@ -30,7 +30,7 @@ def spec() -> Spec:
 
 
 def names(writers: object) -> set[str]:
-    return {getattr(each, "name", None) or each.agent for each in writers}  # type: ignore[attr-defined]
+    return {getattr(writer, "name", None) or writer.agent for writer in writers}  # type: ignore[attr-defined]
 
 
 def test_the_same_nodes_edges_tasks_and_agents_are_declared() -> None:
@@ -41,11 +41,11 @@ def test_the_same_nodes_edges_tasks_and_agents_are_declared() -> None:
 
 
 def test_edges_have_the_same_ends_writers_and_motions() -> None:
-    types = {each.name: each for each in MODEL.edge_types}
+    types = {edge_type.name: edge_type for edge_type in MODEL.edge_types}
     for edge in spec().edges:
         model = types[edge.name]
-        assert {each.name for each in edge.origins} == set(model.origins), edge.name
-        assert {each.name for each in edge.targets} == set(model.targets), edge.name
+        assert {node_type.name for node_type in edge.origins} == set(model.origins), edge.name
+        assert {node_type.name for node_type in edge.targets} == set(model.targets), edge.name
         assert names(edge.sources) == names(model.sources), edge.name
         assert (edge.motion is None) == (model.motion is None), edge.name
         if edge.motion is not None and model.motion is not None:
@@ -74,17 +74,17 @@ def test_tasks_have_the_same_executors_requesters_results_and_deadlines() -> Non
             continue
         model = of_model[task.name]
         assert task.by.name == model.by
-        assert {each.name for each in task.requesters} == set(model.requesters)
-        assert [each.name for each in task.results] == list(model.results)
+        assert {agent.name for agent in task.requesters} == set(model.requesters)
+        assert [result.name for result in task.results] == list(model.results)
         assert (task.acknowledge_s, task.finish_s) == (model.acknowledge_s, model.finish_s)
 
 
 def test_attributes_of_certain_nodes_are_the_variables_of_the_context() -> None:
-    types = {each.name: each for each in MODEL.node_types}
+    types = {node_type.name: node_type for node_type in MODEL.node_types}
     of_model: dict[tuple[str, str], AttributeModel] = {
         (node.name, attribute.name): attribute for node in MODEL.nodes for attribute in types[node.type].attributes
     }
-    variables = {(each.node, each.name): each for each in spec().context}
+    variables = {(variable.node, variable.name): variable for variable in spec().context}
 
     assert variables.keys() > of_model.keys()
     assert {name for _, name in variables.keys() - of_model.keys()} >= {"order_open", "picking_up", "safety", "course"}
@@ -106,12 +106,12 @@ def test_every_agent_has_a_handle_and_the_graph_opens() -> None:
 
 
 @pytest.mark.parametrize("name", named_stands())
-def test_a_stand_survives_the_way_through_a_pose(name: str) -> None:
-    stand = named_stands()[name]
-    back = stand_of(pose_of(stand))
+def test_a_floor_pose_survives_the_conversion_to_a_pose_and_back(name: str) -> None:
+    place = named_stands()[name]
+    back = stand_of(pose_of(place))
 
-    assert back.distance_m(stand) < 1e-9
-    assert abs(back.turned(-stand.heading_rad).heading_rad) < 1e-9
+    assert back.distance_m(place) < 1e-9
+    assert abs(back.turned(-place.heading_rad).heading_rad) < 1e-9
 
 
 def test_declarations_are_frozen() -> None:

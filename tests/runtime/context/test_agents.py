@@ -1,4 +1,4 @@
-"""Outside writers: each acts through a handle that carries its name, and writes nothing but what names it."""
+"""Agents: each writes through a handle with its name, and only variables that name it as source."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ PATIENCE_S = 60.0
 LIGHT = variable("light", type=real(0, 2000, unit="lux"), sources=("house",), valid_for_s=10.0)
 
 
-def test_an_agent_writes_what_names_it_and_the_reading_carries_its_name() -> None:
+def test_an_agent_writes_a_variable_that_names_it_and_the_reading_has_its_name() -> None:
     with started(forest([LIGHT]), World()) as manager:
         manager.agent("house").set("light", 300)
         reading = manager.get("light")
     assert (reading.value, reading.source) == (300.0, "house")
 
 
-def test_an_agent_needs_no_declaration_and_the_main_execution_does() -> None:
+def test_an_agent_writes_without_a_declaration_and_the_main_execution_does_not() -> None:
     with started(forest([LIGHT]), World()) as manager:
         with pytest.raises(NotDeclaredError, match=r"and an agent writes with agent\('house'\)\.set$"):
             manager.set("light", 300)
@@ -40,7 +40,7 @@ def test_an_agent_needs_no_declaration_and_the_main_execution_does() -> None:
         assert manager.get("light").source == "main_execution"
 
 
-def test_what_an_agent_may_not_write_is_refused_and_told_in_the_record() -> None:
+def test_a_forbidden_write_of_an_agent_is_refused_and_recorded() -> None:
     model = forest([LIGHT, variable("open"), variable("rain", sources=("roof",))])
     with started(model, World()) as manager:
         with pytest.raises(NotASourceError, match=r"'open' is for observer to write, not for 'house'"):
@@ -50,7 +50,7 @@ def test_what_an_agent_may_not_write_is_refused_and_told_in_the_record() -> None
     assert (event.name, event.what, event.details["source"]) == ("open", "refused", "house")
 
 
-def test_an_agent_that_no_variable_names_is_told_with_the_one_that_was_meant() -> None:
+def test_an_agent_that_no_variable_names_is_reported_with_a_suggestion() -> None:
     with started(forest([LIGHT, given("here")]), World()) as manager:
         with pytest.raises(UnknownNameError, match=r"no variable whose source is 'huose': did you mean 'house'\?"):
             manager.agent("huose")
@@ -59,7 +59,7 @@ def test_an_agent_that_no_variable_names_is_told_with_the_one_that_was_meant() -
                 manager.agent(name)
 
 
-def test_what_an_agent_writes_is_checked_as_everything_is() -> None:
+def test_values_of_an_agent_are_checked() -> None:
     with started(forest([LIGHT]), World()) as manager:
         house = manager.agent("house")
         with pytest.raises(NotOfTypeError, match=r"lies outside \[0, 2000\]"):
@@ -77,12 +77,12 @@ def test_a_report_counts_from_the_instant_of_its_evidence() -> None:
         assert (reading.evidence_s, reading.start_s, reading.identified_s) == (96.0, 96.0, 100.0)
         house.set("light", 50, evidence_s=95.0)
         assert manager.get("light").value == 300.0
-        assert [each.value for each in manager.history("light")] == [50.0, 300.0]
+        assert [entry.value for entry in manager.history("light")] == [50.0, 300.0]
         clock.sleep(6.0)
         assert manager.get("light").reason is Reason.STALE
 
 
-def test_evidence_of_the_future_and_of_no_instant_is_refused() -> None:
+def test_evidence_from_the_future_or_without_an_instant_is_refused() -> None:
     with started(forest([LIGHT, given("here")]), World()) as manager:
         for instant_s in (0.1, float("nan")):
             with pytest.raises(ValueError, match=r"was taken at 0.0 at the latest"):
@@ -90,7 +90,7 @@ def test_evidence_of_the_future_and_of_no_instant_is_refused() -> None:
         assert manager.history("here") == ()
 
 
-def test_a_report_of_what_was_before_a_skill_acted_does_not_undo_the_invalidation() -> None:
+def test_a_report_from_before_a_skill_acted_does_not_undo_the_invalidation() -> None:
     skill = SkillModel(name="switch", changes=("light",))
     clock = SimClock()
     with started(forest([LIGHT], skills=[skill]), World(), clock) as manager, manager.skill("switch") as switch:
@@ -103,7 +103,7 @@ def test_a_report_of_what_was_before_a_skill_acted_does_not_undo_the_invalidatio
             assert manager.get("light").value == 0.0
 
 
-def test_what_an_agent_writes_wakes_the_observers_that_wait_for_it() -> None:
+def test_a_value_of_an_agent_wakes_the_observers_that_wait_for_it() -> None:
     eye = seen("eye", "open", when=[value("light") > 100])
     clock, world = SimClock(), World({"eye": {"seen": True}})
     with started(forest([LIGHT, variable("open")], observer("o", eye)), world, clock) as manager:
@@ -114,7 +114,7 @@ def test_what_an_agent_writes_wakes_the_observers_that_wait_for_it() -> None:
         assert manager.get("open").evidence_s == 3.0
 
 
-def test_an_agent_may_write_from_a_thread_of_its_own_in_real_time() -> None:
+def test_an_agent_may_write_from_a_separate_thread_in_real_time() -> None:
     with WallClock() as clock, started(forest([LIGHT]), World(), clock) as manager:
         house = manager.agent("house")
         thread = threading.Thread(target=lambda: [house.set("light", level) for level in range(100)])

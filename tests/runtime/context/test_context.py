@@ -23,13 +23,13 @@ from tests.runtime.forests import started as started_forest
 
 
 def must_not_look() -> object:
-    raise AssertionError("the robot looked although context knew")
+    raise AssertionError("the robot looked although the context knew the value")
 
 
 # Declaring
 
 
-def test_nothing_runs_before_something_is_declared() -> None:
+def test_no_observer_runs_before_a_declaration() -> None:
     door = Door()
     with started(door) as (manager, clock):
         clock.sleep(10)
@@ -37,7 +37,7 @@ def test_nothing_runs_before_something_is_declared() -> None:
     assert door.calls == []
 
 
-def test_declaring_starts_what_the_variable_needs_and_withdrawing_stops_it() -> None:
+def test_declaring_starts_the_needed_observers_and_withdrawing_stops_them() -> None:
     with started(Door()) as (manager, clock):
         manager.declare("open")
         assert manager.running() == {"door_distance", "door_lid"}
@@ -58,23 +58,23 @@ def test_declaring_twice_needs_one_withdrawal() -> None:
         assert manager.running() == set()
 
 
-def test_what_a_skill_declares_stays_when_the_main_execution_withdraws_its_own() -> None:
+def test_declarations_of_a_skill_stay_when_the_main_execution_withdraws_its_own() -> None:
     with started(Door()) as (manager, _), manager.skill("drive"):
         manager.declare("near")
         manager.withdraw("near")
         assert manager.running() == {"door_distance"}
 
 
-def test_a_value_that_is_declared_is_known_at_once() -> None:
+def test_a_declared_value_is_known_at_once() -> None:
     with started(Door()) as (manager, _):
         manager.declare("open", value=False)
         reading = manager.get("open")
     assert (reading.value, reading.source) == (False, "main_execution")
 
 
-def test_declaring_a_value_of_another_type_declares_nothing() -> None:
+def test_declaring_a_value_of_another_type_does_not_declare_the_variable() -> None:
     with started(Door()) as (manager, _):
-        with pytest.raises(NotOfTypeError, match=r"'wide' is no bool"):
+        with pytest.raises(NotOfTypeError, match=r"'wide' is not of type bool"):
             manager.declare("open", value="wide")
         assert manager.declared() == set()
 
@@ -92,7 +92,7 @@ def test_closing_stops_all_observers_and_cancels_their_jobs() -> None:
     assert len(door.calls) == calls
 
 
-def test_without_with_it_works_until_it_is_closed_and_then_nothing_can_be_declared() -> None:
+def test_without_a_with_statement_it_works_until_it_is_closed_and_then_refuses_declarations() -> None:
     clock = SimClock()
     manager = ContextManager[str, str](GIVEN_NEAR, clock=clock, resources={"door": Door(angle_rad=1.0)})
     manager.set("near", True)
@@ -103,7 +103,7 @@ def test_without_with_it_works_until_it_is_closed_and_then_nothing_can_be_declar
     manager.close()
     assert manager.get("open").value is True
     for declare in (lambda: manager.declare("open"), lambda: manager.expect("drive")):
-        with pytest.raises(RuntimeError, match=r"the context manager is closed: start\(\) makes a new one"):
+        with pytest.raises(RuntimeError, match=r"the context manager is closed: start\(\) creates a new one"):
             declare()
     with pytest.raises(RuntimeError, match=r"closed"), manager.skill("drive"):
         pass
@@ -113,7 +113,7 @@ def test_without_with_it_works_until_it_is_closed_and_then_nothing_can_be_declar
 # Names
 
 
-def test_a_wrong_name_is_told_with_the_one_that_was_meant() -> None:
+def test_a_wrong_name_is_reported_with_a_suggestion() -> None:
     with started(Door()) as (manager, _):
         for call in (manager.get, manager.declare, manager.withdraw, manager.history):
             with pytest.raises(UnknownNameError, match=r"the spec has no variable 'opne': did you mean 'open'\?"):
@@ -127,7 +127,7 @@ def test_a_wrong_name_is_told_with_the_one_that_was_meant() -> None:
             pass
 
 
-def test_a_handle_that_nothing_reads_is_told_before_anything_runs() -> None:
+def test_a_handle_that_no_algorithm_reads_is_reported_before_an_observer_runs() -> None:
     model = forest([], slots={"vision": 1})
     with pytest.raises(CallError, match=r"the spec has no resource 'wrold': did you mean 'world'\?"):
         ContextManager(model, clock=SimClock(), resources={"wrold": World()})
@@ -135,7 +135,7 @@ def test_a_handle_that_nothing_reads_is_told_before_anything_runs() -> None:
         ContextManager(model, clock=SimClock(), resources={"world": World(), "vision": None})
 
 
-def test_a_missing_handle_is_told_before_anything_runs() -> None:
+def test_a_missing_handle_is_reported_before_an_observer_runs() -> None:
     with pytest.raises(CallError, match=r"perception 'eye' reads 'world': give start\(\) its handle"):
         ContextManager(forest([variable("a")], observer("o", seen("eye", "a"))), clock=SimClock(), resources={})
 
@@ -143,18 +143,18 @@ def test_a_missing_handle_is_told_before_anything_runs() -> None:
 # Writing
 
 
-def test_the_main_execution_writes_what_is_its_own_or_what_it_declares() -> None:
+def test_the_main_execution_writes_its_own_or_declared_variables() -> None:
     with started(Door()) as (manager, _):
         manager.set("localized", False)
-        with pytest.raises(NotDeclaredError, match=r"observer to write: the main execution may only while"):
+        with pytest.raises(NotDeclaredError, match=r"observer to write: the main execution may write it only while"):
             manager.set("open", True)
         manager.declare("open")
         manager.set("open", True)
         assert manager.get("open").value is True
 
 
-def test_the_newest_evidence_wins_and_older_evidence_goes_into_the_history_only() -> None:
-    """The lid is seen at 0, reported at 2; the main execution knows something newer at 1."""
+def test_the_newest_evidence_wins_and_older_evidence_is_only_in_the_history() -> None:
+    """The lid is observed at 0 s and reported at 2 s; the main execution writes newer evidence at 1 s."""
     with started(Door(duration_s=2.0, angle_rad=1.0), GIVEN_NEAR) as (manager, clock):
         manager.declare("open")
         clock.sleep(1)
@@ -167,7 +167,7 @@ def test_the_newest_evidence_wins_and_older_evidence_goes_into_the_history_only(
         ]
 
 
-def test_numbers_of_numpy_are_the_numbers_that_they_are() -> None:
+def test_numpy_scalars_are_converted_to_numbers() -> None:
     with started_forest(forest([given("x", type=real(0, 10))]), World()) as manager:
         manager.set("x", np.float32(0.5))
         assert repr(manager.get("x").value) == "0.5"
@@ -178,7 +178,7 @@ def test_numbers_of_numpy_are_the_numbers_that_they_are() -> None:
 # Skills
 
 
-def test_an_expected_skill_has_its_preview_declared_while_the_robot_still_does_something_else() -> None:
+def test_the_preview_of_an_expected_skill_is_declared_during_another_skill() -> None:
     with started(Door(angle_rad=1.0)) as (manager, clock):
         manager.expect("open_door")
         assert manager.declared() == {"open"}
@@ -190,7 +190,7 @@ def test_an_expected_skill_has_its_preview_declared_while_the_robot_still_does_s
         assert manager.declared() == set()
 
 
-def test_a_skill_that_begins_fulfils_its_own_expectation_only() -> None:
+def test_a_skill_that_begins_is_no_longer_expected_and_others_still_are() -> None:
     with started(Door()) as (manager, _):
         manager.expect("drive", "open_door")
         with manager.skill("drive"):
@@ -201,7 +201,7 @@ def test_a_skill_that_begins_fulfils_its_own_expectation_only() -> None:
         assert manager.declared() == set()
 
 
-def test_expecting_others_withdraws_what_was_expected() -> None:
+def test_expecting_other_skills_withdraws_the_earlier_previews() -> None:
     with started(Door()) as (manager, _):
         manager.expect("open_door")
         manager.expect("drive")
@@ -210,7 +210,7 @@ def test_expecting_others_withdraws_what_was_expected() -> None:
         assert manager.declared() == set()
 
 
-def test_what_passes_from_expectation_to_skill_keeps_running() -> None:
+def test_an_observer_keeps_running_from_the_expectation_to_the_skill() -> None:
     with started(Door()) as (manager, clock):
         manager.expect("open_door")
         clock.sleep(0.5)
@@ -219,7 +219,7 @@ def test_what_passes_from_expectation_to_skill_keeps_running() -> None:
     assert events(manager, Kind.OBSERVER, "door_lid") == ["started", "stopped"]
 
 
-def test_a_skill_that_fails_withdraws_what_it_declared() -> None:
+def test_a_skill_that_fails_withdraws_its_declarations() -> None:
     with started(Door()) as (manager, _):
         with pytest.raises(ZeroDivisionError), manager.skill("open_door"):
             raise ZeroDivisionError
@@ -233,7 +233,7 @@ def test_one_skill_can_be_under_way_twice() -> None:
         assert manager.declared() == {"near"}
 
 
-def test_acting_invalidates_what_the_skill_changes() -> None:
+def test_acting_invalidates_the_variables_that_the_skill_changes() -> None:
     with started(Door(angle_rad=1.0), GIVEN_NEAR) as (manager, clock), manager.skill("open_door") as skill:
         clock.sleep(0.9)
         assert manager.get("open").known
@@ -244,7 +244,7 @@ def test_acting_invalidates_what_the_skill_changes() -> None:
 
 @pytest.mark.parametrize("snapshot", [False, True])
 def test_evidence_that_starts_before_an_invalidation_never_counts(snapshot: bool) -> None:
-    """Whether it was complete by then goes into the history, or was still being taken and goes nowhere."""
+    """Evidence that was complete by then is only in the history; evidence that was being taken is dropped."""
     door = Door(angle_rad=1.0, duration_s=0.9, snapshot=snapshot)
     with started(door, GIVEN_NEAR) as (manager, clock), manager.skill("open_door") as skill:
         clock.sleep(0.5)
@@ -258,7 +258,7 @@ def test_evidence_that_starts_before_an_invalidation_never_counts(snapshot: bool
             assert manager.get("open").evidence_s >= 1.0
 
 
-def test_evidence_that_starts_at_the_very_instant_of_an_invalidation_does_not_count() -> None:
+def test_evidence_that_starts_at_the_instant_of_an_invalidation_does_not_count() -> None:
     with started(Door(angle_rad=1.0, duration_s=0.2), GIVEN_NEAR) as (manager, clock):
         with manager.skill("open_door") as skill:
             clock.sleep(1)
@@ -284,7 +284,7 @@ def test_a_failed_look_that_began_before_the_invalidation_leaves_its_reason() ->
             assert manager.get("open").reason is Reason.FAILED
 
 
-def test_what_an_action_changes_is_not_kept_once_it_cannot_be_seen_and_otherwise_it_is() -> None:
+def test_a_changing_variable_is_forgotten_when_unobservable_and_kept_otherwise() -> None:
     with started(Door(angle_rad=1.0), GIVEN_NEAR) as (manager, clock), manager.skill("open_door") as skill:
         clock.sleep(2)
         with skill.acting():
@@ -301,7 +301,7 @@ def test_what_an_action_changes_is_not_kept_once_it_cannot_be_seen_and_otherwise
         assert manager.get("open").known
 
 
-def test_what_the_main_execution_knows_of_its_own_act_counts() -> None:
+def test_a_value_from_the_main_execution_counts_while_it_acts() -> None:
     with started(Door(), GIVEN_NEAR) as (manager, _), manager.skill("open_door") as skill, skill.acting():
         manager.set("open", True)
         assert manager.get("open").value is True
@@ -319,7 +319,7 @@ def test_a_decision_that_context_knows_is_answered() -> None:
     assert (decision.what, decision.details["value"], decision.details["source"]) == ("answered", True, "look")
 
 
-def test_a_decision_that_context_does_not_know_falls_back_and_keeps_what_is_found() -> None:
+def test_a_decision_without_an_answer_falls_back_and_keeps_the_result() -> None:
     with started(Door()) as (manager, clock):
         manager.declare("open")
 
@@ -336,19 +336,19 @@ def test_a_decision_that_context_does_not_know_falls_back_and_keeps_what_is_foun
 
 
 @pytest.mark.parametrize("shadow", [False, True])
-@pytest.mark.parametrize("found", ["a pose", 7, object(), np.zeros(3)])
-def test_what_is_found_is_a_value_of_the_variable_or_an_error_that_is_told(found: object, shadow: bool) -> None:
+@pytest.mark.parametrize("result", ["a pose", 7, object(), np.zeros(3)])
+def test_a_result_of_another_type_is_an_error_and_recorded(result: object, shadow: bool) -> None:
     with started(Door()) as (manager, _):
         manager.declare("open")
-        with pytest.raises(NotOfTypeError, match=r"is no bool"):
-            manager.decide("open", lambda: found, shadow=shadow)
+        with pytest.raises(NotOfTypeError, match=r"is not of type bool"):
+            manager.decide("open", lambda: result, shadow=shadow)
         assert manager.get("open").reason is Reason.NEVER_OBSERVED
         (decision,) = manager.record.of(Kind.DECISION)
         assert manager.record.text().count("fell_back") == 1
     assert decision.details["raised"] == "NotOfTypeError"
 
 
-def test_a_look_that_finds_nothing_returns_none_and_nothing_is_kept() -> None:
+def test_a_look_without_a_result_returns_none_and_keeps_no_value() -> None:
     with started(Door()) as (manager, _):
         manager.declare("open")
         assert manager.decide("open", lambda: None) is None
@@ -357,7 +357,7 @@ def test_a_look_that_finds_nothing_returns_none_and_nothing_is_kept() -> None:
     assert (decision.details["found"], decision.details["kept"]) == (None, False)
 
 
-def test_a_look_that_fails_is_the_main_executions_own_matter_and_is_told_in_the_record() -> None:
+def test_a_look_that_fails_raises_in_the_main_execution_and_is_recorded() -> None:
     with started(Door()) as (manager, _):
         with pytest.raises(ZeroDivisionError):
             manager.decide("open", lambda: 1 // 0)
@@ -365,7 +365,7 @@ def test_a_look_that_fails_is_the_main_executions_own_matter_and_is_told_in_the_
     assert (decision.what, decision.details["raised"]) == ("fell_back", "ZeroDivisionError")
 
 
-def test_what_is_found_of_a_variable_that_is_not_declared_is_not_kept() -> None:
+def test_the_result_for_an_undeclared_variable_is_not_kept() -> None:
     with started(Door()) as (manager, _):
         assert manager.decide("open", lambda: True) is True
         assert not manager.get("open").known
@@ -398,7 +398,7 @@ def test_a_decision_does_not_take_evidence_that_is_too_old() -> None:
 
 
 def test_a_decision_does_not_take_evidence_that_began_before_an_instant() -> None:
-    """A look that began while an action was under way, and takes its evidence till after it, does not do."""
+    """A look that began during an action does not count, even if it ends after the action."""
     for snapshot in (True, False):
         with started(Door(angle_rad=1.0, duration_s=2.0, snapshot=snapshot), GIVEN_NEAR) as (manager, clock):
             manager.declare("open")
@@ -410,26 +410,26 @@ def test_a_decision_does_not_take_evidence_that_began_before_an_instant() -> Non
             assert manager.decide("open", lambda: None, since_s=2.1) is None
 
 
-def test_what_the_main_execution_wrote_at_an_instant_does_for_a_decision_since_then() -> None:
+def test_a_value_that_the_main_execution_wrote_at_an_instant_counts_since_then() -> None:
     with started(Door()) as (manager, clock):
         clock.sleep(1)
         manager.declare("open", value=True)
         assert manager.decide("open", must_not_look, since_s=1.0) is True
 
 
-def test_shadow_looks_in_any_case_and_tells_whether_context_agrees() -> None:
+def test_shadow_mode_looks_in_any_case_and_records_whether_context_agrees() -> None:
     with started(Door(angle_rad=1.0)) as (manager, clock):
         manager.declare("open")
         clock.sleep(2)
-        for found in (True, False, np.True_, None):
-            assert manager.decide("open", lambda found=found: found, shadow=True) is found
+        for result in (True, False, np.True_, None):
+            assert manager.decide("open", lambda result=result: result, shadow=True) is result
         agreed = [(event.what, event.details.get("agrees")) for event in manager.record.of(Kind.DECISION)]
         assert manager.record.text().count("shadowed") == 4
     assert agreed == [("shadowed", True), ("shadowed", False), ("shadowed", True), ("shadowed", None)]
 
 
-def test_shadow_teaches_context_nothing() -> None:
-    """Else it would measure how often the old perception agrees with itself."""
+def test_shadow_mode_does_not_write_to_the_context() -> None:
+    """Otherwise it would measure how often the old perception agrees with itself."""
     with started(Door()) as (manager, _):
         manager.declare("open")
         assert manager.decide("open", lambda: True, shadow=True) is True
@@ -443,7 +443,7 @@ def test_an_unknown_value_cannot_be_taken_for_false() -> None:
         reading = manager.get("open")
         with pytest.raises(UnknownValueError, match=r"open is unknown \(never_observed: near\)"):
             _ = reading.value
-        with pytest.raises(TypeError, match=r"a reading has no truth value: ask \.known"):
+        with pytest.raises(TypeError, match=r"a reading has no truth value: use \.known"):
             bool(reading)
 
 
@@ -471,22 +471,22 @@ def test_the_main_execution_goes_first_when_slots_become_free() -> None:
         assert world.calls == [("eye", 0.0), ("eye", 7.0)]
 
 
-def test_a_resource_without_slots_gives_none() -> None:
-    told = r"'world' has no slots: use its handle"
+def test_a_resource_without_slots_is_refused() -> None:
+    message = r"'world' has no slots: use its handle"
     with (
         started_forest(forest([]), World()) as manager,
-        pytest.raises(UnknownNameError, match=told),
+        pytest.raises(UnknownNameError, match=message),
         manager.slot("world"),
     ):
         pass
 
 
-def test_waiting_for_slots_that_nobody_can_free_is_an_error_in_simulated_time() -> None:
+def test_waiting_for_slots_that_cannot_become_free_is_an_error_in_simulated_time() -> None:
     model = forest([], slots={"one": 1})
     with started_forest(model, World()) as manager:
         manager.commands.request_slots(("one",), lambda: None)
         for _ in range(2):
-            with pytest.raises(RuntimeError, match=r"wait for ever"), manager.slot("one"):
+            with pytest.raises(RuntimeError, match=r"wait forever"), manager.slot("one"):
                 pass
 
 
@@ -498,7 +498,7 @@ def test_previews_of_several_skills_are_declared_together() -> None:
         assert manager.declared() == {"A", "C"}
 
 
-def test_a_decision_sees_that_validity_has_ended_though_no_time_has_passed_since() -> None:
+def test_a_decision_sees_the_end_of_validity_at_its_instant() -> None:
     model = forest([given("x", valid_for_s=2.0)])
     clock = SimClock()
     with started_forest(model, World(), clock) as manager:

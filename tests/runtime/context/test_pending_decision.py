@@ -1,4 +1,4 @@
-"""Decisions asked step by step: the same as those asked in one call."""
+"""Decisions in steps have the same results as decisions in one call."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from tests.runtime.journal.journals import read
 
 
 def in_steps(manager: Manager, clock: SimClock, seen: bool | None, wait_s: float, shadow: bool) -> object:
-    question = manager.ask("open", wait_up_to_s=wait_s, shadow=shadow)
-    while question.poll() is DecisionState.WAITING:
-        question.wait(0.3)
-    if question.step is DecisionState.ANSWERED:
-        return question.value
+    pending = manager.ask("open", wait_up_to_s=wait_s, shadow=shadow)
+    while pending.poll() is DecisionState.WAITING:
+        pending.wait(0.3)
+    if pending.step is DecisionState.ANSWERED:
+        return pending.value
     clock.sleep(2.0)
-    question.found(seen)
+    pending.found(seen)
     return seen
 
 
@@ -43,7 +43,7 @@ def at_once(manager: Manager, clock: SimClock, seen: bool | None, wait_s: float,
     wait_s=st.sampled_from([0.0, 0.4, 5.0]),
     shadow=st.booleans(),
 )
-def test_in_steps_or_at_once_a_decision_has_the_same_answer_and_the_same_record(
+def test_in_steps_or_at_once_a_decision_has_the_same_answer_and_the_same_events(
     *, markers: int, declared: bool, before_s: float, seen: bool | None, wait_s: float, shadow: bool
 ) -> None:
     results = []
@@ -58,48 +58,48 @@ def test_in_steps_or_at_once_a_decision_has_the_same_answer_and_the_same_record(
     assert results[0] == results[1]
 
 
-def test_what_was_found_must_be_a_value_of_the_variable_and_the_record_tells_if_it_is_not() -> None:
+def test_a_result_of_another_type_is_refused_and_recorded() -> None:
     with started(Door()) as (manager, _):
-        question = manager.ask("open")
+        pending = manager.ask("open")
         with pytest.raises(NotOfTypeError):
-            question.found("wide")
+            pending.found("wide")
 
         (event,) = manager.record.of(Kind.DECISION)
         assert (event.what, event.details["raised"]) == ("fell_back", "NotOfTypeError")
 
 
-def test_nothing_can_be_found_that_nobody_was_to_look_for() -> None:
+def test_a_result_is_refused_if_no_look_was_requested() -> None:
     with started(Door()) as (manager, _):
         manager.declare("open", value=True)
-        question = manager.ask("open")
-        assert question.value is True
-        with pytest.raises(RuntimeError, match="nobody was to look"):
-            question.found(False)
+        pending = manager.ask("open")
+        assert pending.value is True
+        with pytest.raises(RuntimeError, match="no look was requested"):
+            pending.found(False)
         with pytest.raises(RuntimeError, match="has not answered"):
             _ = manager.ask("open", since_s=math.inf).value
 
 
-def test_a_decision_that_was_given_up_while_it_waited_is_urgent_no_more() -> None:
+def test_a_decision_that_was_abandoned_while_it_waited_is_no_longer_urgent() -> None:
     with started(Door()) as (manager, _):
         manager.declare("open")
         urgency = manager.commands.urgency
         assert {urgency(name) for name in manager.running()} == {Urgency.DECLARED}
-        question = manager.ask("open", since_s=math.inf, wait_up_to_s=5.0)
+        pending = manager.ask("open", since_s=math.inf, wait_up_to_s=5.0)
         assert Urgency.WAITED_FOR in {urgency(name) for name in manager.running()}
-        question.abandon("interrupted")
+        pending.abandon("interrupted")
         assert {urgency(name) for name in manager.running()} == {Urgency.DECLARED}
 
 
-def test_a_run_with_decisions_that_were_given_up_replays(tmp_path: Path) -> None:
+def test_a_run_with_abandoned_decisions_replays(tmp_path: Path) -> None:
     clock, path = SimClock(), tmp_path / "run.mcap"
     with ContextManager[str, str](MODEL, clock=clock, resources={"door": Door()}, record=Journal(path)) as manager:
         manager.ask("open", wait_up_to_s=5.0).abandon("interrupted")
-        question = manager.ask("open")
+        pending = manager.ask("open")
         clock.sleep(1.0)
-        question.abandon("interrupted")
-        question.abandon("interrupted")
-        told = manager.record.text()
+        pending.abandon("interrupted")
+        pending.abandon("interrupted")
+        text = manager.record.text()
 
-    assert told.count("interrupted") == 2
+    assert text.count("interrupted") == 2
     head, events = read(path)
     assert replay(head, events, MODEL, ContextManager[str, str], None).difference is None

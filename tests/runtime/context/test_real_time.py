@@ -1,4 +1,4 @@
-"""Real time and real threads: nothing that perception does reaches the forest or the main execution."""
+"""Real time and real threads: perception cannot disturb the forest or the main execution."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def wait(clock: WallClock, ready: Callable[[], bool]) -> None:
 
 
 class Gate:
-    """Perception that does not come back before it is let go, and does not listen to `job`."""
+    """Perception that blocks until it is released, and does not react to `job`."""
 
     def __init__(self) -> None:
         self.entered = threading.Event()
@@ -67,7 +67,7 @@ def raises(_: Any) -> object:
     raise ValueError("no picture")
 
 
-WAYS: dict[str, tuple[object, Reason, str]] = {
+BEHAVIOURS: dict[str, tuple[object, Reason, str]] = {
     "raises": (raises, Reason.FAILED, "ValueError: no picture"),
     "exits": (dies, Reason.FAILED, "SystemExit: 1"),
     "interrupts": (interrupts, Reason.FAILED, "KeyboardInterrupt: "),
@@ -75,15 +75,17 @@ WAYS: dict[str, tuple[object, Reason, str]] = {
     "waits a minute": (takes(60.0, YES), Reason.TIMED_OUT, "no result within 0.2 s"),
     "returns a list": ([True], Reason.FAILED, "returned a list, not a mapping"),
     "returns too much": ({"seen": True, "heard": 1}, Reason.FAILED, "returned 'heard', which `returns` does not name"),
-    "returns another type": ({"seen": "yes"}, Reason.FAILED, "returned 'seen': 'yes' is no bool"),
-    "returns 100 MB": (lambda _: {"seen": b"x" * 10**8}, Reason.FAILED, "returned 'seen': a bytes is no bool"),
-    "returns nothing": ({}, Reason.REJECTED, "the result does not tell"),
+    "returns another type": ({"seen": "yes"}, Reason.FAILED, "returned 'seen': 'yes' is not of type bool"),
+    "returns 100 MB": (lambda _: {"seen": b"x" * 10**8}, Reason.FAILED, "returned 'seen': a bytes is not of type bool"),
+    "returns nothing": ({}, Reason.REJECTED, "the result has no value for it"),
 }
 
 
-@pytest.mark.parametrize("way", WAYS)
-def test_whatever_perception_does_get_answers_and_only_its_variables_become_unknown(way: str, clock: WallClock) -> None:
-    find, reason, detail = WAYS[way]
+@pytest.mark.parametrize("behaviour", BEHAVIOURS)
+def test_with_any_perception_get_answers_and_only_its_variables_become_unknown(
+    behaviour: str, clock: WallClock
+) -> None:
+    find, reason, detail = BEHAVIOURS[behaviour]
     timeout_s = 0.2 if reason is Reason.TIMED_OUT else PATIENCE_S
     eye, ear = seen("eye", "a", timeout_s=timeout_s), seen("ear", "b", timeout_s=PATIENCE_S)
     model = forest([variable("a"), variable("b")], observer("o", eye), observer("p", ear))
@@ -108,7 +110,7 @@ def test_get_answers_while_a_writer_holds_the_lock(clock: WallClock) -> None:
             assert answers == [True]
 
 
-def test_a_function_that_hangs_is_not_called_again_before_it_came_back(clock: WallClock, gate: Gate) -> None:
+def test_a_function_that_hangs_is_not_called_again_before_it_returns(clock: WallClock, gate: Gate) -> None:
     world = World({"eye": gate, "ear": YES})
     model = forest(
         [variable("a"), variable("b")],
@@ -199,7 +201,7 @@ def test_the_main_execution_waits_for_a_slot_and_gets_it_before_observers(clock:
         wait(clock, lambda: manager.get("b").known)
 
 
-def test_validity_ends_without_anybody_asking(clock: WallClock) -> None:
+def test_validity_ends_without_a_query(clock: WallClock) -> None:
     with started(forest([given("x", valid_for_s=0.05)]), World(), clock) as manager:
         manager.set("x", True)
         wait(clock, lambda: events(manager, Kind.VARIABLE) == ["identified", "unknown"])
@@ -210,20 +212,20 @@ def hammer(manager: Manager, clock: WallClock, seed: int, skills: tuple[SkillMod
     mine: set[str] = set()
     for _ in range(60):
         name = f"v{chance.randrange(60)}"
-        what = chance.choice(["declare", "withdraw", "set", "expect", "skill", "get", "decide"])
-        if what == "declare":
+        action = chance.choice(["declare", "withdraw", "set", "expect", "skill", "get", "decide"])
+        if action == "declare":
             mine.add(name)
             manager.declare(name)
-        elif what == "withdraw":
+        elif action == "withdraw":
             manager.withdraw(name)
-        elif what == "set" and name in mine:
+        elif action == "set" and name in mine:
             manager.declare(name, value=chance.random() < 0.5)
-        elif what == "expect":
+        elif action == "expect":
             manager.expect(chance.choice(skills).name)
-        elif what == "skill":
+        elif action == "skill":
             with manager.skill(chance.choice(skills).name) as skill, skill.acting():
                 clock.sleep(0.001)
-        elif what == "decide":
+        elif action == "decide":
             manager.decide(name, lambda: None, wait_up_to_s=0.002)
         else:
             reading = manager.get(name)
@@ -232,14 +234,14 @@ def hammer(manager: Manager, clock: WallClock, seed: int, skills: tuple[SkillMod
 
 def test_many_threads_leave_no_observer_running_or_missing(clock: WallClock) -> None:
     model = random_forest(11)
-    world = World({f"look_{each.name[2:]}": takes(0.002, YES) for each in model.observers})
+    world = World({f"look_{observer_.name[2:]}": takes(0.002, YES) for observer_ in model.observers})
     with started(model, world, clock) as manager:
         errors: list[BaseException] = []
 
         def body(seed: int) -> None:
             try:
                 hammer(manager, clock, seed, model.skills)
-            except BaseException as error:  # noqa: BLE001 - told below
+            except BaseException as error:  # noqa: BLE001 - checked below
                 errors.append(error)
 
         threads = [threading.Thread(target=body, args=(seed,), daemon=True) for seed in range(8)]
@@ -277,7 +279,7 @@ print("end", flush=True)
 """
 
 
-def test_the_process_ends_within_two_seconds_of_the_run_though_two_functions_hang() -> None:
+def test_the_process_ends_within_two_seconds_of_the_run_although_two_functions_hang() -> None:
     with subprocess.Popen([sys.executable, "-c", HANGS], cwd=ROOT, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         assert process.stdout.readline() == "end\n"

@@ -1,4 +1,4 @@
-"""Why a variable is unknown: what a reading says of itself, and what the record tells besides."""
+"""Why a variable is unknown: the reason in a reading, and the reasons in the event log."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tests.runtime.forests import started as started_forest
 YES = {"seen": True}
 
 
-def test_what_was_never_observed_tells_the_precondition_that_is_in_the_way() -> None:
+def test_a_variable_that_was_never_observed_names_the_precondition_that_does_not_hold() -> None:
     with started(Door(distance_m=9.0)) as (manager, clock):
         manager.declare("open")
         clock.sleep(3.0)
@@ -21,18 +21,18 @@ def test_what_was_never_observed_tells_the_precondition_that_is_in_the_way() -> 
         assert (reading.reason, reading.detail) == (Reason.NEVER_OBSERVED, "near")
 
 
-def test_what_nobody_declared_tells_that_its_observer_does_not_run() -> None:
+def test_an_undeclared_variable_reports_that_its_observer_does_not_run() -> None:
     with started(Door()) as (manager, _):
         assert manager.get("open").detail == "door_lid does not run: declare open"
 
 
-def test_what_has_no_observer_tells_whose_it_is_to_write() -> None:
+def test_a_variable_without_an_observer_names_its_sources() -> None:
     model = forest([variable("light", sources=("main_execution", "house"))])
     with started_forest(model, World()) as manager:
         assert manager.get("light").detail == "for main_execution or house to write"
 
 
-def test_of_alternatives_each_tells_what_is_in_its_way_and_none_does_while_one_can_look() -> None:
+def test_all_obstacles_of_alternatives_are_reported_unless_one_of_them_can_look() -> None:
     first, second = seen("eye", "a", when=[value("x")]), seen("ear", "a", when=[value("y")])
     model = forest([given("x"), given("y"), variable("a")], observer("o", first, second))
     clock = SimClock()
@@ -44,7 +44,7 @@ def test_of_alternatives_each_tells_what_is_in_its_way_and_none_does_while_one_c
         assert (manager.get("a").reason, manager.get("a").detail) == (Reason.NEVER_OBSERVED, "")
 
 
-def test_what_went_stale_tells_why_it_was_not_seen_again() -> None:
+def test_a_stale_variable_reports_why_it_was_not_observed_again() -> None:
     eye = seen("eye", "a", when=[value("x")])
     model = forest([given("x"), variable("a", valid_for_s=5.0)], observer("o", eye))
     clock = SimClock()
@@ -58,7 +58,7 @@ def test_what_went_stale_tells_why_it_was_not_seen_again() -> None:
     assert (reading.reason, reading.detail) == (Reason.STALE, "value('x')")
 
 
-def test_whatever_a_variable_is_its_obstacle_is_told() -> None:
+def test_the_obstacle_of_a_variable_is_reported_whether_known_or_not() -> None:
     with started(Door(angle_rad=1.0)) as (manager, clock):
         manager.declare("open")
         clock.sleep(1.0)
@@ -70,7 +70,7 @@ def test_whatever_a_variable_is_its_obstacle_is_told() -> None:
         assert manager.obstacle("localized") == "for main_execution to write"
 
 
-def test_a_decision_that_fell_back_tells_what_was_in_the_way() -> None:
+def test_a_decision_that_fell_back_records_the_obstacle() -> None:
     with started(Door(distance_m=9.0)) as (manager, clock):
         manager.declare("open")
         clock.sleep(3.0)
@@ -79,7 +79,7 @@ def test_a_decision_that_fell_back_tells_what_was_in_the_way() -> None:
     assert (decision.details["reason"], decision.details["detail"]) == (Reason.NEVER_OBSERVED, "near")
 
 
-def test_a_result_that_is_rejected_is_told_though_the_variable_keeps_its_value() -> None:
+def test_a_rejected_result_is_recorded_although_the_variable_keeps_its_value() -> None:
     door = Door(angle_rad=1.0)
     with started(door) as (manager, clock):
         manager.declare("open")
@@ -92,16 +92,16 @@ def test_a_result_that_is_rejected_is_told_though_the_variable_keeps_its_value()
     assert (event.details["index"], event.details["reason"]) == (1, Reason.REJECTED)
 
 
-def test_a_result_that_does_not_tell_one_variable_is_rejected_for_that_one() -> None:
+def test_a_result_without_a_value_for_one_variable_is_rejected_for_that_one() -> None:
     door = Door(angle_rad=None)
     with started(door) as (manager, clock):
         manager.declare("open")
         clock.sleep(0.9)
         (event,) = [event for event in manager.record.of(Kind.JOB) if event.what == "rejected"]
-    assert (event.details["variables"], event.details["message"]) == (["open"], "the result does not tell")
+    assert (event.details["variables"], event.details["message"]) == (["open"], "the result has no value for it")
 
 
-def test_a_value_that_cannot_be_the_variables_is_told_with_what_is_wrong() -> None:
+def test_a_value_outside_the_range_is_recorded_with_the_error() -> None:
     returns = {"count": integer()}
     look = Looking(algorithm("eye", returns), {"a": value("count")})
     model = forest([variable("a", type=integer(0, 3))], observer("o", look))
@@ -113,7 +113,7 @@ def test_a_value_that_cannot_be_the_variables_is_told_with_what_is_wrong() -> No
     assert (event.details["reason"], event.details["message"]) == (Reason.FAILED, "7 lies outside [0, 3]")
 
 
-def test_what_was_looked_for_before_a_skill_changed_it_is_not_kept() -> None:
+def test_the_result_of_a_look_from_before_a_change_is_not_kept() -> None:
     with started(Door()) as (manager, clock):
 
         def look_then_act() -> bool:

@@ -1,4 +1,4 @@
-"""Shadow mode: how often context agrees with what the robot sees itself, and when it does not."""
+"""Shadow mode: how often context agrees with the robot's own looks, and when it does not."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ MODEL = forest(
 
 
 def decide_in_shadow(manager: Manager, clock: SimClock, world: World) -> None:
-    """Six decisions on the door within a skill, two on a weight outside of it."""
+    """Make six decisions on the door within a skill, and decisions on a weight outside of it."""
     manager.decide("open", lambda: False, shadow=True)
     with manager.skill("pass"):
         manager.decide("open", lambda: True, shadow=True)
         clock.sleep(0.5)
-        for found in (True, True, False, None):
-            assert manager.decide("open", lambda found=found: found, shadow=True) is found
+        for result in (True, True, False, None):
+            assert manager.decide("open", lambda result=result: result, shadow=True) is result
         world.finds["look"] = {}
         clock.sleep(6.0)
         manager.decide("open", lambda: True, shadow=True)
@@ -43,7 +43,7 @@ def decide_in_shadow(manager: Manager, clock: SimClock, world: World) -> None:
     manager.decide("weight", lambda: 1.0)
 
 
-def test_the_report_tells_for_each_variable_and_skill_how_often_context_agreed() -> None:
+def test_the_report_counts_the_agreements_per_variable_and_skill() -> None:
     clock, world = SimClock(), World({"look": {"seen": True}})
     with started(MODEL, world, clock) as manager:
         decide_in_shadow(manager, clock, world)
@@ -58,7 +58,7 @@ def test_the_report_tells_for_each_variable_and_skill_how_often_context_agreed()
     assert weight.unknown == {"too_old": 1}
 
 
-def test_the_report_reads_as_a_text() -> None:
+def test_the_report_is_readable_text() -> None:
     clock, world = SimClock(), World({"look": {"seen": True}})
     with started(MODEL, world, clock) as manager:
         assert str(manager.shadow_report()) == "no decision was taken in shadow mode"
@@ -79,7 +79,7 @@ def test_the_report_reads_as_a_text() -> None:
     ]
 
 
-def test_nothing_that_is_seen_in_shadow_mode_is_kept() -> None:
+def test_the_result_of_a_look_in_shadow_mode_is_not_kept() -> None:
     with started(MODEL, World()) as manager:
         manager.decide("weight", lambda: 1.0, shadow=True)
         assert not manager.get("weight").known
@@ -107,23 +107,23 @@ def a_journal(path: Path) -> ContextManager[Any, Any]:
     return manager
 
 
-def test_a_journal_tells_the_same(tmp_path: Path) -> None:
+def test_a_journal_gives_the_same_report(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     manager = a_journal(path)
     head, events = read(path)
     assert shadow_report(events) == manager.shadow_report()
     assert replay(head, events, MODEL, ContextManager, None).difference is None
 
-    told = CliRunner().invoke(app, ["shadow", str(path)])
-    assert (told.exit_code, told.stdout) == (0, f"{manager.shadow_report()}\n")
+    result = CliRunner().invoke(app, ["shadow", str(path)])
+    assert (result.exit_code, result.stdout) == (0, f"{manager.shadow_report()}\n")
     plain = json.loads(CliRunner().invoke(app, ["shadow", str(path), "--format", "json"]).stdout)
     assert [row["agreed"] for row in plain["rows"]] == [0, 2, 1]
 
 
-def test_what_is_no_journal_is_refused(tmp_path: Path) -> None:
+def test_a_file_that_is_not_a_journal_is_refused(tmp_path: Path) -> None:
     other = tmp_path / "other.mcap"
     other.write_bytes(b"nothing")
     for path in (other, tmp_path / "absent.mcap"):
-        told = CliRunner().invoke(app, ["shadow", str(path)])
-        assert told.exit_code in (1, 2)
-        assert "Traceback" not in told.output
+        result = CliRunner().invoke(app, ["shadow", str(path)])
+        assert result.exit_code in (1, 2)
+        assert "Traceback" not in result.output

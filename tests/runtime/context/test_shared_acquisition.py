@@ -1,4 +1,4 @@
-"""What is declared while somebody follows it: by agents that something wakes, begun and ended from any thread."""
+"""Variables that are declared while an agent waits for them; waiting begins and ends in any thread."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def look(**_: object) -> dict[str, float]:
 
 @pytest.fixture
 def door(tmp_path: Path) -> Any:
-    """The package of a spec in which an agent is woken by what only an observer identifies, and no skill needs it."""
+    """Return a package in which an agent is woken by an observed variable that no skill needs."""
     (tmp_path / "pyproject.toml").write_text("[tool.codra]\n")
     (tmp_path / "door.yaml").write_text(DOOR)
     compiled = compile_paths([tmp_path / "door.yaml"], tmp_path)
@@ -50,15 +50,15 @@ def door(tmp_path: Path) -> Any:
     return load_emitted(compiled.files, "door", tmp_path / "made")
 
 
-def test_an_agent_is_woken_by_what_only_observers_identify_until_it_wants_no_more(door: Any, tmp_path: Path) -> None:
-    clock, told = SimClock(), list[float]()
+def test_an_agent_is_woken_by_an_observed_variable_until_it_unsubscribes(door: Any, tmp_path: Path) -> None:
+    clock, wakes_s = SimClock(), list[float]()
     with door.start(clock=clock, resources={}, record=Journal(tmp_path / "run.mcap")) as codra:
         speaker = codra.agent("speaker")
         assert codra.declared() == frozenset()
-        waking = speaker.on_wake(lambda _: told.append(clock.now_s()))
+        waking = speaker.on_wake(lambda _: wakes_s.append(clock.now_s()))
         again = speaker.on_wake(lambda _: None)
         clock.sleep(3.0)
-        assert (len(told), codra.declared()) == (1, {"door_open"})
+        assert (len(wakes_s), codra.declared()) == (1, {"door_open"})
         assert codra.commands.declarations.of("agent speaker") == ("door_open",)
         waking.unsubscribe()
         waking.unsubscribe()
@@ -69,7 +69,7 @@ def test_an_agent_is_woken_by_what_only_observers_identify_until_it_wants_no_mor
     assert replay(head, events, door.MODEL, door.Door, None, knowledge=door.KNOWLEDGE).difference is None
 
 
-def test_an_agent_whose_handle_is_closed_declares_nothing_more_also_after_the_context(door: Any) -> None:
+def test_an_agent_with_a_closed_handle_declares_no_variable_even_after_the_context(door: Any) -> None:
     with door.start(clock=SimClock(), resources={}) as codra:
         with codra.agent("speaker").graph as graph:
             del graph
@@ -84,9 +84,9 @@ def test_an_agent_whose_handle_is_closed_declares_nothing_more_also_after_the_co
 
 
 @pytest.mark.parametrize("order", sorted(set(itertools.permutations("bbee"))))
-def test_in_whatever_order_beginnings_and_ends_come_nothing_stays_taken(order: tuple[str, ...]) -> None:
+def test_in_any_order_of_begin_and_end_all_is_released(order: tuple[str, ...]) -> None:
     taken: list[bool] = []
-    following = SharedAcquisition(lambda: taken.append(True), lambda: taken.append(False))
-    for each in order:
-        (following.begin if each == "b" else following.end)()
+    acquisition = SharedAcquisition(lambda: taken.append(True), lambda: taken.append(False))
+    for step in order:
+        (acquisition.begin if step == "b" else acquisition.end)()
     assert taken == [True, False] * (len(taken) // 2)

@@ -1,4 +1,4 @@
-"""What shipped code of others gets wrong, each as a story about ours."""
+"""Mistakes in published code of other projects, each as a test of this runtime."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ YES = {"seen": True}
 PATIENCE_S = 20.0
 
 
-def test_no_message_about_the_battery_is_not_a_battery_that_is_fine() -> None:
+def test_a_missing_message_about_the_battery_does_not_mean_that_it_is_fine() -> None:
     """Nav2's IsBatteryLow starts as false and never ages."""
     model = forest(
         [given("battery_is_low", valid_for_s=10.0), variable("path_free")],
@@ -94,21 +94,21 @@ def test_a_history_is_a_ring_that_goes_on() -> None:
         assert [reading.value for reading in manager.history("x")] == [45, 46, 47, 48, 49]
 
 
-def test_a_record_that_is_full_goes_on_with_the_newest() -> None:
-    """So does whoever listens: py_trees' stream freezes what it shows."""
-    clock, record, heard = SimClock(), EventLog(limit=20), []
+def test_a_full_event_log_continues_with_the_newest_events() -> None:
+    """Subscribers continue as well; py_trees' stream stops at the content that it shows."""
+    clock, record, contents = SimClock(), EventLog(limit=20), []
     model = forest([given("x", type=real())])
     with ContextManager[str, str](model, clock=clock, resources={"world": World()}, record=record) as manager:
-        manager.subscribe("x", lambda reading: heard.append(reading.content))
+        manager.subscribe("x", lambda reading: contents.append(reading.content))
         for step in range(500):
             manager.set("x", step)
             clock.sleep(1)
     assert list(record)[-1].details["value"] == 499
     assert 20 <= len(record) < 40
-    assert heard == [None, *range(500)]
+    assert contents == [None, *range(500)]
 
 
-def test_one_function_that_raises_or_overstays_stops_no_other() -> None:
+def test_one_function_that_raises_or_takes_too_long_does_not_stop_others() -> None:
     """An exception in a py_trees behaviour ends the tick of the whole tree, and its Timeout does not pre-empt."""
 
     def raises(_: object) -> object:
@@ -131,8 +131,8 @@ def test_one_function_that_raises_or_overstays_stops_no_other() -> None:
     assert len(world.asked_s("see_c")) == 11
 
 
-def test_in_real_time_what_never_ends_or_breaks_its_tree_stops_no_other() -> None:
-    """A function that hangs for ever, one that ends its thread, a tree that is broken, and a subscriber that raises."""
+def test_in_real_time_a_function_that_hangs_or_a_broken_tree_does_not_stop_others() -> None:
+    """One function hangs forever, one ends its thread, one tree is broken, and one subscriber raises."""
     release = threading.Event()
 
     def leaves(_: object) -> object:

@@ -1,4 +1,4 @@
-"""Callbacks that are told of changes, and waiting for them: in simulated and in real time."""
+"""Callbacks on changes, and waiting for conditions: in simulated and in real time."""
 
 from __future__ import annotations
 
@@ -25,17 +25,17 @@ def in_real_time() -> Iterator[Manager]:
         yield manager
 
 
-def said(reading: Reading[object]) -> object:
+def state(reading: Reading[object]) -> object:
     return reading.value if reading.known else reading.reason
 
 
 # Simulated time
 
 
-def test_a_subscriber_is_told_what_is_and_then_each_change_at_its_instant() -> None:
-    clock, heard = SimClock(), []
+def test_a_subscriber_gets_the_present_reading_and_then_each_change_at_its_instant() -> None:
+    clock, received = SimClock(), []
     with started(MODEL, World(), clock) as manager:
-        manager.subscribe("a", lambda reading: heard.append((clock.now_s(), said(reading))))
+        manager.subscribe("a", lambda reading: received.append((clock.now_s(), state(reading))))
         clock.sleep(1.0)
         manager.set("a", True)
         clock.sleep(1.0)
@@ -43,84 +43,84 @@ def test_a_subscriber_is_told_what_is_and_then_each_change_at_its_instant() -> N
         clock.sleep(1.0)
         manager.set("a", False)
         clock.sleep(50.0)
-    assert heard == [(0.0, Reason.NEVER_OBSERVED), (1.0, True), (3.0, False), (13.0, Reason.STALE)]
+    assert received == [(0.0, Reason.NEVER_OBSERVED), (1.0, True), (3.0, False), (13.0, Reason.STALE)]
 
 
-def test_of_several_variables_changes_are_told_in_their_order() -> None:
-    clock, heard = SimClock(), []
+def test_changes_of_several_variables_arrive_in_their_order() -> None:
+    clock, received = SimClock(), []
     with started(MODEL, World(), clock) as manager:
-        manager.subscribe(["n", "a"], lambda reading: heard.append((reading.name, said(reading))))
+        manager.subscribe(["n", "a"], lambda reading: received.append((reading.name, state(reading))))
         clock.sleep(1.0)
         for number in range(3):
             manager.set("n", number)
             manager.set("a", number % 2 == 0)
         clock.sleep(0.0)
-    assert heard[2:] == [("n", 0), ("a", True), ("n", 1), ("a", False), ("n", 2), ("a", True)]
+    assert received[2:] == [("n", 0), ("a", True), ("n", 1), ("a", False), ("n", 2), ("a", True)]
 
 
-def test_changes_that_observers_bring_are_told() -> None:
-    clock, heard = SimClock(), []
+def test_changes_by_observers_are_reported() -> None:
+    clock, received = SimClock(), []
     model = forest([variable("a")], observer("o", seen("look", "a")))
     with started(model, World({"look": takes(0.5, {"seen": True})}), clock) as manager:
-        manager.subscribe("a", lambda reading: heard.append((clock.now_s(), said(reading))))
+        manager.subscribe("a", lambda reading: received.append((clock.now_s(), state(reading))))
         manager.declare("a")
         clock.sleep(5.0)
-    assert heard == [(0.0, Reason.NEVER_OBSERVED), (0.5, True)]
+    assert received == [(0.0, Reason.NEVER_OBSERVED), (0.5, True)]
 
 
-def test_subscribing_declares_nothing() -> None:
+def test_subscribing_does_not_declare_the_variable() -> None:
     model = forest([variable("a")], observer("o", seen("look", "a")))
     with started(model, World()) as manager:
         manager.subscribe("a", lambda _: None)
         assert (manager.declared(), manager.running()) == (frozenset(), frozenset())
 
 
-def test_older_evidence_that_changes_nothing_now_is_not_told() -> None:
-    clock, heard = SimClock(100.0), []
+def test_older_evidence_without_a_present_change_is_not_reported() -> None:
+    clock, received = SimClock(100.0), []
     with started(MODEL, World(), clock) as manager:
         manager.set("n", 1)
-        manager.subscribe("n", lambda reading: heard.append(said(reading)))
+        manager.subscribe("n", lambda reading: received.append(state(reading)))
         manager.set("n", 2, evidence_s=50.0)
         clock.sleep(1.0)
-    assert heard == [1]
+    assert received == [1]
 
 
-def test_who_has_unsubscribed_is_told_nothing_more_not_even_what_waits() -> None:
-    clock, heard = SimClock(), list[object]()
+def test_after_unsubscribing_no_change_is_reported_not_even_a_waiting_one() -> None:
+    clock, received = SimClock(), list[object]()
     with started(MODEL, World(), clock) as manager:
-        subscription = manager.subscribe("n", lambda reading: heard.append(said(reading)))
+        subscription = manager.subscribe("n", lambda reading: received.append(state(reading)))
         clock.sleep(0.0)
         manager.set("n", 1)
         subscription.unsubscribe()
         subscription.unsubscribe()
         manager.set("n", 2)
         clock.sleep(1.0)
-        with manager.subscribe("n", lambda reading: heard.append(said(reading))):
+        with manager.subscribe("n", lambda reading: received.append(state(reading))):
             clock.sleep(0.0)
         manager.set("n", 3)
         clock.sleep(1.0)
-    assert heard == [Reason.NEVER_OBSERVED, 2]
+    assert received == [Reason.NEVER_OBSERVED, 2]
 
 
 def test_a_callback_may_end_its_own_subscription_and_write() -> None:
-    clock, heard = SimClock(), list[object]()
+    clock, received = SimClock(), list[object]()
     with started(MODEL, World(), clock) as manager:
 
         def once(reading: Reading[object]) -> None:
-            heard.append(said(reading))
+            received.append(state(reading))
             manager.set("n", 7)
             subscription.unsubscribe()
 
         subscription = manager.subscribe("n", once)
         clock.sleep(1.0)
-        assert (heard, manager.get("n").value) == ([Reason.NEVER_OBSERVED], 7)
+        assert (received, manager.get("n").value) == ([Reason.NEVER_OBSERVED], 7)
 
 
-def test_a_callback_that_raises_is_logged_and_told_the_next_change(caplog: pytest.LogCaptureFixture) -> None:
-    clock, heard = SimClock(), list[object]()
+def test_a_callback_that_raises_is_logged_and_gets_the_next_change(caplog: pytest.LogCaptureFixture) -> None:
+    clock, received = SimClock(), list[object]()
 
     def raises(reading: Reading[object]) -> None:
-        heard.append(said(reading))
+        received.append(state(reading))
         raise ValueError("no thanks")
 
     with started(MODEL, World(), clock) as manager, caplog.at_level(logging.ERROR):
@@ -129,7 +129,7 @@ def test_a_callback_that_raises_is_logged_and_told_the_next_change(caplog: pytes
         clock.sleep(1.0)
         manager.set("n", 2)
         clock.sleep(1.0)
-    assert heard == [Reason.NEVER_OBSERVED, 1, 2]
+    assert received == [Reason.NEVER_OBSERVED, 1, 2]
     assert [str(record.exc_info[1]) for record in caplog.records if record.exc_info] == ["no thanks"] * 3
 
 
@@ -150,7 +150,7 @@ def test_a_name_that_the_spec_lacks_cannot_be_subscribed_to() -> None:
 
 
 def test_a_callback_runs_in_a_thread_without_any_lock_and_in_order() -> None:
-    heard, done = list[object](), threading.Event()
+    received, done = list[object](), threading.Event()
     with in_real_time() as manager:
 
         def slowly(reading: Reading[object]) -> None:
@@ -158,7 +158,7 @@ def test_a_callback_runs_in_a_thread_without_any_lock_and_in_order() -> None:
             other.start()
             other.join(PATIENCE_S)
             assert not other.is_alive()
-            heard.append(said(reading))
+            received.append(state(reading))
             if reading.content == 9:
                 done.set()
 
@@ -166,28 +166,28 @@ def test_a_callback_runs_in_a_thread_without_any_lock_and_in_order() -> None:
         for number in range(10):
             manager.set("n", number)
         assert done.wait(PATIENCE_S)
-    assert heard == [Reason.NEVER_OBSERVED, *range(10)]
+    assert received == [Reason.NEVER_OBSERVED, *range(10)]
 
 
-def test_a_callback_that_hangs_holds_up_neither_writers_nor_other_callbacks() -> None:
-    release, heard = threading.Event(), threading.Event()
+def test_a_callback_that_hangs_delays_neither_writers_nor_other_callbacks() -> None:
+    release, received = threading.Event(), threading.Event()
     with in_real_time() as manager:
         slow = manager.subscribe("n", lambda _: release.wait(PATIENCE_S))
-        manager.subscribe("n", lambda reading: heard.set() if reading.content == 2 * MOST_WAITING else None)
+        manager.subscribe("n", lambda reading: received.set() if reading.content == 2 * MOST_WAITING else None)
         for number in range(2 * MOST_WAITING + 1):
             manager.set("n", number)
-        assert heard.wait(PATIENCE_S)
+        assert received.wait(PATIENCE_S)
         assert slow.dropped >= MOST_WAITING
         release.set()
 
 
-def test_what_is_told_after_too_much_is_the_newest() -> None:
-    release, done, heard = threading.Event(), threading.Event(), list[object]()
+def test_with_too_many_changes_the_newest_are_reported() -> None:
+    release, done, received = threading.Event(), threading.Event(), list[object]()
     last = 2 * MOST_WAITING
 
     def slowly(reading: Reading[object]) -> None:
         release.wait(PATIENCE_S)
-        heard.append(reading.content)
+        received.append(reading.content)
         if reading.content == last:
             done.set()
 
@@ -197,11 +197,11 @@ def test_what_is_told_after_too_much_is_the_newest() -> None:
             manager.set("n", number)
         release.set()
         assert done.wait(PATIENCE_S)
-    assert len(heard) + subscription.dropped == last + 2
-    assert heard[-MOST_WAITING:] == list(range(last + 1 - MOST_WAITING, last + 1))
+    assert len(received) + subscription.dropped == last + 2
+    assert received[-MOST_WAITING:] == list(range(last + 1 - MOST_WAITING, last + 1))
 
 
-def test_a_callback_that_wants_to_end_its_thread_is_told_the_next_change() -> None:
+def test_a_callback_that_exits_its_thread_gets_the_next_change() -> None:
     done = threading.Event()
 
     def leaves(reading: Reading[object]) -> None:
@@ -227,7 +227,7 @@ def test_waiting_for_a_variable_ends_when_it_is_known() -> None:
         assert (clock.now_s(), manager.wait_for("a", 0.0)) == (1.5, True)
 
 
-def test_waiting_for_a_condition_ends_when_it_holds_or_in_vain() -> None:
+def test_waiting_for_a_condition_ends_when_it_holds_or_at_the_timeout() -> None:
     clock, world = SimClock(), World({"look": lambda job: {"seen": job.now_s() >= 3.0}})
     model = forest([variable("a"), given("b")], observer("o", seen("look", "a")))
     with started(model, world, clock) as manager:
@@ -238,7 +238,7 @@ def test_waiting_for_a_condition_ends_when_it_holds_or_in_vain() -> None:
         assert clock.now_s() == 7.5
 
 
-def test_waiting_for_an_age_ends_though_nothing_else_happens() -> None:
+def test_waiting_for_an_age_ends_without_another_event() -> None:
     clock = SimClock()
     with started(MODEL, World(), clock) as manager:
         manager.set("n", 1)
@@ -249,7 +249,7 @@ def test_waiting_for_an_age_ends_though_nothing_else_happens() -> None:
         assert manager.wait_for(age("n") > 0.2, PATIENCE_S) is True
 
 
-def test_waiting_for_an_age_ends_though_the_variable_is_known_only_meanwhile() -> None:
+def test_waiting_for_an_age_ends_if_the_variable_becomes_known_meanwhile() -> None:
     clock = SimClock()
     with started(MODEL, World(), clock) as manager:
         clock.call_at(5.0, lambda: manager.set("a", True))
@@ -257,7 +257,7 @@ def test_waiting_for_an_age_ends_though_the_variable_is_known_only_meanwhile() -
         assert 9.0 < clock.now_s() < 9.1
 
 
-def test_waiting_for_what_the_spec_lacks_is_an_error() -> None:
+def test_waiting_for_an_undeclared_variable_is_an_error() -> None:
     with started(MODEL, World()) as manager:
         for condition in ("m", value("n") > known("m")):
             with pytest.raises(UnknownNameError, match="no variable 'm'"):
@@ -279,7 +279,7 @@ def test_waiting_ends_when_the_clock_is_closed() -> None:
             assert manager.wait_for(condition, 10 * PATIENCE_S) is False
 
 
-def test_waiting_for_less_than_no_time_asks_once() -> None:
+def test_waiting_with_a_negative_timeout_checks_once() -> None:
     with started(MODEL, World()) as manager:
         manager.set("n", 1)
         assert manager.wait_for("n", -1.0) is True

@@ -1,4 +1,4 @@
-"""Steady values, expectations, events and subscribers at once, under threads in real time; the journal tells all."""
+"""Hysteresis, expectations, events and subscribers together, under threads in real time, and their replay."""
 
 from __future__ import annotations
 
@@ -71,11 +71,11 @@ def unruly_skill(name: str, chance: random.Random) -> SkillModel:
     monitor = tuple(chance.sample(NAMES, 3))
     expects = [
         ExpectationModel(
-            text=f"{each} ...",
-            condition=chance.choice([value(each), ~value(each)]),
+            text=f"{variable_name} ...",
+            condition=chance.choice([value(variable_name), ~value(variable_name)]),
             **chance.choice([{}, {"within_s": 0.02}, {"within_s": 0.2}]),
         )
-        for each in monitor
+        for variable_name in monitor
     ]
     changes = tuple(chance.sample(NAMES, 2))
     return SkillModel(name=name, preview=(), monitor=monitor, changes=changes, expects=tuple(expects))
@@ -88,24 +88,24 @@ def hammer(manager: Manager, clock: WallClock, seed: int, end_s: float) -> None:
         return chance.choice([True, False, None])
 
     while clock.now_s() < end_s:
-        name, what = chance.choice(NAMES), chance.randrange(7)
-        if what == 0:
+        name, action = chance.choice(NAMES), chance.randrange(7)
+        if action == 0:
             manager.declare(name)
-        elif what == 1:
+        elif action == 1:
             manager.withdraw(name)
-        elif what == 2:
+        elif action == 2:
             manager.set("near", chance.random() < 0.7)
-        elif what == 3:
+        elif action == 3:
             with manager.skill(f"s{chance.randrange(4)}") as skill:
                 with skill.acting(), skill.subscribe(lambda _: manager.set("near", True)):
                     clock.sleep(chance.random() * 0.03)
-                found = skill.verify(chance.choice([look, None]), wait_up_to_s=chance.choice([0.0, 0.03]))
-                assert len(found.met) + len(found.violated) + len(found.not_seen) == 3
-        elif what == 4:
+                verification = skill.verify(chance.choice([look, None]), wait_up_to_s=chance.choice([0.0, 0.03]))
+                assert len(verification.met) + len(verification.violated) + len(verification.not_seen) == 3
+        elif action == 4:
             assert manager.why(name).variable == name
             with manager.subscribe([name, "near"], lambda reading: manager.get(reading.name)):
                 clock.sleep(chance.random() * 0.01)
-        elif what == 5:
+        elif action == 5:
             manager.wait_for(chance.choice([name, value(name) | (age("near") > 0.01)]), 0.01)
         else:
             manager.decide(name, lambda: chance.choice([True, None]), wait_up_to_s=chance.choice([0.0, 0.01]))
@@ -119,7 +119,7 @@ def in_threads(count: int, body: Callable[[int], None]) -> list[BaseException]:
             body(number)
         except NotDeclaredError:
             pass
-        except BaseException as error:  # noqa: BLE001 - told below
+        except BaseException as error:  # noqa: BLE001 - returned below
             errors.append(error)
 
     threads = [threading.Thread(target=run, args=(number,), daemon=True) for number in range(count)]
@@ -132,7 +132,7 @@ def in_threads(count: int, body: Callable[[int], None]) -> list[BaseException]:
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_all_of_it_under_threads_is_derived_again_byte_for_byte(tmp_path: Path, seed: int) -> None:
+def test_a_run_under_threads_is_replayed_byte_for_byte(tmp_path: Path, seed: int) -> None:
     model, path = unruly_model(seed), tmp_path / "run.mcap"
     world = World({f"look_{rank}_{number}": unruly for rank in range(2) for number in range(0, len(NAMES), 2)})
     with (
@@ -143,9 +143,9 @@ def test_all_of_it_under_threads_is_derived_again_byte_for_byte(tmp_path: Path, 
         assert in_threads(4, lambda number: hammer(manager, clock, number, end_s)) == []
 
     head, events = read(path)
-    found = replay(head, events, model, Manager, Journal(tmp_path / "again.mcap"))
-    assert found.difference is None
+    replayed = replay(head, events, model, Manager, Journal(tmp_path / "again.mcap"))
+    assert replayed.difference is None
     assert (tmp_path / "again.mcap").read_bytes() == path.read_bytes()
-    assert {"met", "violated", "not_seen"} <= {each.what for each in events if each.kind is Kind.EXPECTATION}
-    reasons = {each.details["reason"] for each in events if each.kind is Kind.JOB and each.what == "rejected"}
+    assert {"met", "violated", "not_seen"} <= {event.what for event in events if event.kind is Kind.EXPECTATION}
+    reasons = {event.details["reason"] for event in events if event.kind is Kind.JOB and event.what == "rejected"}
     assert {Reason.REJECTED, Reason.UNCONFIRMED} <= reasons

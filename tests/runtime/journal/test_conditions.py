@@ -12,26 +12,26 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from codra_dsl.logic import Term, age, choose, first_of, known, literal, maximum, value
-from codra_dsl.runtime.values.condition_text import TermTextError, spoken, term_of
+from codra_dsl.runtime.values.condition_text import ConditionTextError, format_condition, parse_condition
 from codra_dsl.runtime.values.conditions import between, confirmed
 from tests.test_logic import TERMS
 
 
 @given(TERMS)
 def test_the_text_of_a_condition_builds_it_again(term: Term) -> None:
-    assert repr(term_of(repr(term))) == repr(term)
+    assert repr(parse_condition(repr(term))) == repr(term)
 
 
 @given(TERMS)
 def test_every_condition_has_a_readable_text(term: Term) -> None:
-    assert spoken(repr(term))
+    assert format_condition(repr(term))
 
 
 @given(st.text(max_size=60))
 def test_any_other_text_is_refused(text: str) -> None:
     try:
-        term = term_of(text)
-    except TermTextError:
+        term = parse_condition(text)
+    except ConditionTextError:
         return
     assert isinstance(term, Term)
 
@@ -62,8 +62,8 @@ def test_any_other_text_is_refused(text: str) -> None:
     ],
 )
 def test_a_text_that_is_not_a_condition_is_refused_and_not_run(text: str) -> None:
-    with pytest.raises(TermTextError):
-        term_of(text)
+    with pytest.raises(ConditionTextError):
+        parse_condition(text)
 
 
 @pytest.mark.parametrize(
@@ -85,7 +85,7 @@ def test_a_text_that_is_not_a_condition_is_refused_and_not_run(text: str) -> Non
     ],
 )
 def test_a_condition_reads_as_in_a_spec(term: Term, text: str) -> None:
-    assert spoken(repr(term)) == text.replace("literal", "2")
+    assert format_condition(repr(term)) == text.replace("literal", "2")
 
 
 class Cycle:
@@ -115,7 +115,9 @@ def test_threads_read_conditions_at_once() -> None:
         texts = []
         for number in range(60):
             _ = [Cycle() for _ in range(30)]
-            texts.append(spoken(" & ".join(f"(value('v{thread}_{number}') > {limit}.5)" for limit in range(30))))
+            texts.append(
+                format_condition(" & ".join(f"(value('v{thread}_{number}') > {limit}.5)" for limit in range(30)))
+            )
         return texts
 
     with ThreadPoolExecutor(6) as threads:

@@ -1,4 +1,4 @@
-"""A bay with a machine that a robot drives up to: an observer looks at its lid while the robot is near and sees it."""
+"""A bay with a machine and a robot. An observer looks at the machine's lid while the robot is near and sees it."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ LOOK = Algorithm(
 
 @dataclass
 class Lid:
-    """The machine's lid, and the instants at which somebody looked at it."""
+    """The machine's lid, and the instants of all looks at it."""
 
     gap_m: float = 0.3
     looks_s: list[float] = field(default_factory=list)
@@ -89,7 +89,7 @@ MODEL = ContextModel(
 
 
 def knowledge(extrapolate_s: float = 0.0) -> KnowledgeModel:
-    """Return what there is to know: the machine stands still, the robot and the cup are placed."""
+    """Return the declarations: the machine has a fixed pose, the robot and the cup are placed by agents."""
     return KnowledgeModel(
         name="bay",
         node_types=(
@@ -140,14 +140,14 @@ def knowledge(extrapolate_s: float = 0.0) -> KnowledgeModel:
 def manager(
     clock: Clock, lid: Lid, record: EventLog | None = None, extrapolate_s: float = 0.0
 ) -> ContextManager[str, str]:
-    """Return a context manager of the bay at its start."""
+    """Return a context manager with the initial graph of the bay."""
     return ContextManager[str, str](
         MODEL, clock=clock, resources={"lid": lid}, record=record, knowledge=knowledge(extrapolate_s)
     )
 
 
 def sees(at_m: Several[float]) -> bool:
-    """Return whether a camera of this view that is not turned sees a point of its frame."""
+    """Return whether an unrotated camera with this view sees a point of its frame."""
     x_m, y_m, z_m = at_m
     return (
         VIEW.nearest_m <= z_m <= VIEW.farthest_m

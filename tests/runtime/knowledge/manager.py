@@ -21,7 +21,7 @@ MODEL = ContextModel(
     ),
     observers=(),
 )
-"""`charge` and `docked` are of the battery and the robot; `light` is of no node that the spec names."""
+"""`charge` and `docked` belong to the battery and the robot; `light` belongs to no declared node."""
 
 _OWN = {
     "battery": AttributeModel(
@@ -37,5 +37,5 @@ KNOWLEDGE: KnowledgeModel = replace(
 
 
 def manager(clock: Clock, record: EventLog | None = None) -> ContextManager[str, str]:
-    """Return a context manager of the store at its start."""
+    """Return a context manager with the initial graph of the store."""
     return ContextManager[str, str](MODEL, clock=clock, resources={}, record=record, knowledge=KNOWLEDGE)

@@ -1,4 +1,4 @@
-"""The store of P2, as its prose tells it: what the tests of knowledge declare."""
+"""The declarations of P2's store for the tests of knowledge."""
 
 from __future__ import annotations
 
@@ -145,5 +145,5 @@ STORE = KnowledgeModel(
 
 
 def store(clock: Clock | None = None) -> Knowledge:
-    """Return the store at its start."""
+    """Return the initial graph of the store."""
     return Knowledge(STORE, clock=SimClock() if clock is None else clock)

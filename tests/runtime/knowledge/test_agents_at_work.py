@@ -1,4 +1,4 @@
-"""Agents are woken by the graph and act by their rules: before is enforced, during and after are observed."""
+"""Agents are woken by the graph and execute their rules: before is enforced, during and after are observed."""
 
 from __future__ import annotations
 
@@ -42,10 +42,10 @@ def store(clock: SimClock | WallClock, journal: Journal | None = None) -> Contex
     return ContextManager[str, str](MODEL, clock=clock, resources={}, record=journal, knowledge=AT_WORK)
 
 
-def test_an_agent_is_woken_when_what_wakes_it_comes_to_hold_each_pattern_by_itself() -> None:
-    clock, told = SimClock(), []
+def test_every_pattern_in_wakes_wakes_its_agent_independently() -> None:
+    clock, calls = SimClock(), []
     with store(clock) as codra:
-        codra.agent("container_detection").on_wake(lambda change: told.append((clock.now_s(), len(change.new))))
+        codra.agent("container_detection").on_wake(lambda change: calls.append((clock.now_s(), len(change.new))))
         clock.sleep(1.0)
         picking = codra.agent("picking")
         picking.graph.request("detecting")
@@ -55,64 +55,64 @@ def test_an_agent_is_woken_when_what_wakes_it_comes_to_hold_each_pattern_by_itse
         clock.sleep(5.0)
         picking.graph.request("detecting")
         clock.sleep(0.1)
-    assert told == [(1.0, 1), (1.5, 1), (6.5, 1)]
+    assert calls == [(1.0, 1), (1.5, 1), (6.5, 1)]
 
 
-def test_a_task_that_is_asked_for_again_wakes_again_though_nobody_looked_meanwhile() -> None:
-    clock, told = SimClock(), []
+def test_a_second_request_of_a_task_wakes_its_executor_again() -> None:
+    clock, calls = SimClock(), []
     with store(clock) as codra:
-        codra.agent("container_detection").on_wake(lambda change: told.append(change.snapshot.handover("detecting")))
+        codra.agent("container_detection").on_wake(lambda change: calls.append(change.snapshot.handover("detecting")))
         picking = codra.agent("picking")
         first = picking.graph.request("detecting")
         clock.sleep(0.1)
         picking.graph.abort(first)
         picking.graph.request("detecting")
         clock.sleep(0.1)
-    assert [handover.number for handover in told] == [1, 2]
+    assert [handover.number for handover in calls] == [1, 2]
 
 
-def test_an_agent_that_nothing_wakes_is_called_once_and_is_active_from_then_on() -> None:
-    clock, told = SimClock(), []
+def test_an_agent_without_wakes_is_called_once_and_stays_active() -> None:
+    clock, calls = SimClock(), []
     with store(clock) as codra:
-        codra.agent("navigation").on_wake(told.append)
+        codra.agent("navigation").on_wake(calls.append)
         clock.sleep(1.0)
         codra.agent("picking").graph.request("detecting")
         clock.sleep(1.0)
-    assert len(told) == 1
+    assert len(calls) == 1
 
 
-def test_an_agent_whose_handle_is_closed_is_woken_no_more_and_begins_nothing() -> None:
-    clock, told = SimClock(), []
+def test_an_agent_with_a_closed_handle_is_not_woken_and_begins_no_rule() -> None:
+    clock, calls = SimClock(), []
     with store(clock) as codra:
         detection, picking = codra.agent("container_detection"), codra.agent("picking").graph
-        detection.on_wake(lambda _: told.append("the first"))
+        detection.on_wake(lambda _: calls.append("the first"))
         detection.close()
         again = codra.agent("container_detection")
-        again.on_wake(lambda _: told.append("the next"))
+        again.on_wake(lambda _: calls.append("the next"))
         picking.request("detecting")
         clock.sleep(1.0)
-        assert told == ["the next"]
+        assert calls == ["the next"]
         for begin in (lambda: detection.on_wake(print), lambda: detection.graph.transaction().__enter__()):
             with pytest.raises(PermissionError, match="is closed"):
                 begin()
 
 
-def test_an_agent_that_waits_to_be_woken_is_taken_though_its_handle_was_dropped() -> None:
-    clock, told = SimClock(), []
+def test_a_subscription_to_wakes_keeps_the_handle_of_its_agent_open() -> None:
+    clock, calls = SimClock(), []
     with store(clock) as codra:
-        waiting = codra.agent("container_detection").on_wake(lambda _: told.append("the first"))
+        waiting = codra.agent("container_detection").on_wake(lambda _: calls.append("the first"))
         gc.collect()
         with pytest.raises(AgentTakenError):
             codra.agent("container_detection")
         codra.agent("picking").graph.request("detecting")
         clock.sleep(0.1)
         waiting.unsubscribe()
-        codra.agent("container_detection").on_wake(lambda _: told.append("the next"))
+        codra.agent("container_detection").on_wake(lambda _: calls.append("the next"))
         clock.sleep(0.1)
-    assert told == ["the first", "the next"]
+    assert calls == ["the first", "the next"]
 
 
-def test_a_woken_agent_does_its_task_by_its_rule_and_the_record_tells_it(tmp_path: Path) -> None:
+def test_a_woken_agent_executes_its_rule_and_the_journal_records_it(tmp_path: Path) -> None:
     clock = SimClock()
     with store(clock, Journal(tmp_path / "run.mcap")) as codra:
         detection = codra.agent("container_detection").graph
@@ -130,14 +130,14 @@ def test_a_woken_agent_does_its_task_by_its_rule_and_the_record_tells_it(tmp_pat
         clock.sleep(1.0)
         codra.agent("picking").graph.request("detecting")
         clock.sleep(1.0)
-        told = codra.record.of(Kind.KNOWLEDGE, "container_detection.detect")
-        assert [(event.instant_s, event.what) for event in told] == [(1.0, "begun"), (1.0, "fulfilled")]
+        events = codra.record.of(Kind.KNOWLEDGE, "container_detection.detect")
+        assert [(event.instant_s, event.what) for event in events] == [(1.0, "begun"), (1.0, "fulfilled")]
         assert "rule detect of agent container_detection fulfilled" in str(codra.why("container_detection.detect"))
     head, events = read(tmp_path / "run.mcap")
     assert replay(head, events, MODEL, ContextManager[str, str], None, AT_WORK).difference is None
 
 
-def test_what_must_hold_before_keeps_an_action_from_beginning_and_is_audited() -> None:
+def test_an_action_whose_before_does_not_hold_is_refused_and_audited() -> None:
     with store(SimClock()) as codra:
         detection, people = codra.agent("container_detection").graph, codra.agent("person_detection").graph
         with pytest.raises(RuleError, match="cannot begin: robot -wants-> detecting does not hold"):
@@ -154,27 +154,27 @@ def test_what_must_hold_before_keeps_an_action_from_beginning_and_is_audited() -
         assert [event.what for event in events] == ["refused", "refused"]
 
 
-def test_nobody_comes_between_the_check_of_a_rule_and_the_first_changes_of_its_action(tmp_path: Path) -> None:
+def test_no_write_comes_between_the_check_of_a_rule_and_its_first_changes(tmp_path: Path) -> None:
     with store(SimClock(), Journal(tmp_path / "run.mcap")) as codra:
         detection, people = codra.agent("container_detection").graph, codra.agent("person_detection").graph
         people.insert_node("him", "person")
         request = codra.agent("picking").graph.request("detecting")
         with detection.acting("detect") as acting:
 
-            def begin_as_somebody_comes() -> None:
+            def begin_during_another_write() -> None:
                 with acting.transaction() as first:
                     first.acknowledge(request)
                     people.insert_edge("him", "close_to", "robot")
 
             with pytest.raises(RuleError, match="not some person -close_to-> robot does not hold"):
-                begin_as_somebody_comes()
+                begin_during_another_write()
             assert codra.knowledge.snapshot().handover("detecting").stage is Stage.WANTS
             people.delete_edge("him", "close_to", "robot")
             with acting.transaction() as first:
                 first.acknowledge(request)
                 first.insert_node("box", "roll_container")
-        told = [event.what for event in codra.record.of(Kind.KNOWLEDGE, "container_detection.detect")]
-        assert told == ["begun", "refused", "unfulfilled"]
+        events = [event.what for event in codra.record.of(Kind.KNOWLEDGE, "container_detection.detect")]
+        assert events == ["begun", "refused", "unfulfilled"]
         why = codra.why("container_detection.detect")
         assert str(why).startswith("container_detection.detect is 'unfulfilled' at 0 s")
         assert "unfulfilled at 0 s: detecting.result == 'ok' does not hold" in str(why)
@@ -183,20 +183,20 @@ def test_nobody_comes_between_the_check_of_a_rule_and_the_first_changes_of_its_a
     assert replay(head, events, MODEL, ContextManager[str, str], None, AT_WORK).difference is None
 
 
-def test_a_rule_that_needs_some_of_a_type_tells_that_there_is_none() -> None:
+def test_a_rule_that_needs_a_type_reports_that_there_is_no_such_node() -> None:
     looks = RuleModel(name="detect", before=(path("robot", "close_to", some("roll_container")),))
     model = replace(AT_WORK, agents=(AgentModel(name="container_detection", rules=(looks,)),))
     with ContextManager[str, str](MODEL, clock=SimClock(), resources={}, knowledge=model) as codra:
         detection = codra.agent("container_detection").graph
-        told = "robot -close_to-> some roll_container does not hold"
-        with pytest.raises(RuleError, match=f"{told}: there is no roll_container$"):
+        unmet = "robot -close_to-> some roll_container does not hold"
+        with pytest.raises(RuleError, match=f"{unmet}: there is no roll_container$"):
             detection.acting("detect").__enter__()
         detection.insert_node("box", "roll_container")
-        with pytest.raises(RuleError, match=f"{told}$"):
+        with pytest.raises(RuleError, match=f"{unmet}$"):
             detection.acting("detect").__enter__()
 
 
-def test_a_pattern_with_a_type_that_is_misspelt_is_no_pattern_that_never_holds() -> None:
+def test_a_pattern_with_a_misspelt_type_is_an_error() -> None:
     with store(SimClock()) as codra:
         now = codra.knowledge.snapshot()
         for pattern in (path("robot", "close_to", some("persn")), absent(some("persn"), "close_to", "robot")):
@@ -219,7 +219,7 @@ def test_why_asks_for_a_name_where_a_pattern_would_ask_for_some_of_a_type() -> N
             codra.why("some roll_container")
 
 
-def test_what_ceases_to_hold_during_an_action_is_noticed_while_it_goes_on() -> None:
+def test_a_broken_during_pattern_is_noticed_while_the_action_continues() -> None:
     clock = SimClock()
     with store(clock) as codra:
         detection, picking = codra.agent("container_detection").graph, codra.agent("picking").graph
@@ -232,18 +232,18 @@ def test_what_ceases_to_hold_during_an_action_is_noticed_while_it_goes_on() -> N
             clock.sleep(1.0)
             assert not acting.may_go_on
         assert acting.became is RuleState.UNFULFILLED
-        told = codra.record.of(Kind.KNOWLEDGE, "container_detection.detect")
-        assert [event.what for event in told] == ["begun", "broken", "unfulfilled"]
-        assert told[1].details["message"] == "robot -is-> detecting does not hold"
+        events = codra.record.of(Kind.KNOWLEDGE, "container_detection.detect")
+        assert [event.what for event in events] == ["begun", "broken", "unfulfilled"]
+        assert events[1].details["message"] == "robot -is-> detecting does not hold"
 
 
-def test_a_rule_that_an_agent_does_not_have_is_named_with_the_nearest() -> None:
+def test_an_unknown_rule_is_reported_with_a_suggestion() -> None:
     with store(SimClock()) as codra, pytest.raises(UnknownNameError, match="did you mean 'detect'"):
         codra.agent("container_detection").graph.acting("detcet")
 
 
-def test_a_callback_that_hangs_or_raises_holds_up_nobody() -> None:
-    """In real time: one agent sleeps in its callback, another raises, and eight writers go on."""
+def test_a_callback_that_blocks_or_raises_delays_no_other() -> None:
+    """In real time, one agent sleeps in its callback, another raises an exception, and eight writers continue."""
     hold, woken = threading.Event(), threading.Event()
     with WallClock() as clock, store(clock) as codra:
 

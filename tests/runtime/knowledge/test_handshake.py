@@ -35,7 +35,7 @@ MODEL = KnowledgeModel(
 
 
 class Handshake(RuleBasedStateMachine):
-    """What the rules of the handshake say, in words of their own, beside what the graph does."""
+    """A model of the rules of the handshake, compared with the graph."""
 
     @initialize()
     def begin(self) -> None:
@@ -95,13 +95,13 @@ class Handshake(RuleBasedStateMachine):
             self.stage, self.deadline_s = "aborted", float("inf")
 
     @invariant()
-    def the_graph_is_what_the_rules_say(self) -> None:
+    def the_graph_agrees_with_the_rules(self) -> None:
         seen = self.knowledge.snapshot()
         assert [edge.label for edge in seen.edges(target="detecting")] == ([self.stage] if self.stage else [])
         handover = seen.handover("detecting")
         assert (handover.stage or "", handover.number, handover.requester) == (self.stage, self.number, self.requester)
-        told = [seen.get("detecting", name).content for name in ("request", "requester", "result", "reason")]
-        assert told == [self.number or None, self.requester or None, self.result, self.reason or None]
+        attributes = [seen.get("detecting", name).content for name in ("request", "requester", "result", "reason")]
+        assert attributes == [self.number or None, self.requester or None, self.result, self.reason or None]
         assert handover.deadline_s == self.deadline_s
 
 
@@ -125,7 +125,7 @@ def stage(knowledge: Knowledge) -> tuple[str | None, str]:
 
 
 def work(worker: AgentHandle, request: Request, steps: int) -> None:
-    """Do some steps of the executor's part; then it dies, and its handle with it."""
+    """Take some steps as the executor; then it dies, with its handle."""
     for step in (lambda: worker.acknowledge(request), lambda: worker.finish(request, "found"))[:steps]:
         step()
     worker.close()
@@ -153,43 +153,43 @@ def test_a_task_whose_executor_dies_ends_as_aborted_by_its_deadline(
     assert stage(knowledge) == as_what
 
 
-def test_a_new_executor_answers_the_next_request_and_not_the_one_before(knowledge: Knowledge, clock: SimClock) -> None:
+def test_a_new_executor_answers_the_next_request_and_not_the_previous_one(
+    knowledge: Knowledge, clock: SimClock
+) -> None:
     ann = knowledge.as_agent("ann")
     first = ann.request("detecting")
     clock.sleep(ACKNOWLEDGE_S)
     second = ann.request("detecting")
     worker = knowledge.as_agent("worker")
-    with pytest.raises(ConflictError, match="request 1 of 'detecting' is not the present one: that is 2"):
+    with pytest.raises(ConflictError, match="request 1 of 'detecting' is not the latest one, which is 2"):
         worker.acknowledge(first)
     worker.acknowledge(second)
     assert stage(knowledge) == (Stage.IS, "")
 
 
-def test_who_comes_too_late_is_told_what_became_of_the_task(knowledge: Knowledge, clock: SimClock) -> None:
+def test_a_late_step_raises_an_error_with_the_stage_of_the_task(knowledge: Knowledge, clock: SimClock) -> None:
     ann, worker = knowledge.as_agent("ann"), knowledge.as_agent("worker")
     request = ann.request("detecting")
-    with pytest.raises(ConflictError, match=r"'detecting' was asked for by 'ann' already \(request 1, wants\)"):
+    with pytest.raises(ConflictError, match=r"'detecting' was already requested by 'ann' \(request 1, wants\)"):
         knowledge.as_agent("bob").request("detecting")
     clock.sleep(ACKNOWLEDGE_S)
-    with pytest.raises(ConflictError, match=r"request 1 of 'detecting' is aborted by now \(unacknowledged\)"):
+    with pytest.raises(ConflictError, match=r"request 1 of 'detecting' is at the stage aborted \(unacknowledged\)"):
         worker.acknowledge(request)
 
 
-def test_a_step_at_the_very_deadline_comes_too_late_whichever_event_is_first(
-    knowledge: Knowledge, clock: SimClock
-) -> None:
+def test_a_step_at_the_deadline_is_too_late_in_either_order_of_events(knowledge: Knowledge, clock: SimClock) -> None:
     ann, worker = knowledge.as_agent("ann"), knowledge.as_agent("worker")
-    told: list[str] = []
+    errors: list[str] = []
 
     def acknowledge() -> None:
         with pytest.raises(ConflictError) as conflict:
             worker.acknowledge(Request("detecting", 1))
-        told.append(str(conflict.value))
+        errors.append(str(conflict.value))
 
     clock.call_at(ACKNOWLEDGE_S, acknowledge)
     ann.request("detecting")
     clock.sleep(ACKNOWLEDGE_S)
-    assert told == ["request 1 of 'detecting' is aborted by now (unacknowledged)"]
+    assert errors == ["request 1 of 'detecting' is at the stage aborted (unacknowledged)"]
     assert stage(knowledge) == (Stage.ABORTED, "unacknowledged")
 
 
@@ -203,7 +203,7 @@ def test_a_result_that_is_not_declared_is_refused(knowledge: Knowledge) -> None:
         knowledge.as_agent("bob").request("detectin")
 
 
-def test_only_who_asked_may_abort(knowledge: Knowledge) -> None:
+def test_only_the_requester_may_abort(knowledge: Knowledge) -> None:
     request = knowledge.as_agent("ann").request("detecting")
     with pytest.raises(NotASourceError, match="'the abortion of request 1 of detecting' is for ann to write"):
         knowledge.as_agent("bob").abort(request)
@@ -242,11 +242,11 @@ def test_steps_of_a_handshake_are_part_of_a_transaction(knowledge: Knowledge) ->
             write.acknowledge(request)
             ann.abort(request)
 
-    with pytest.raises(ConflictError, match=r"request 1 of 'detecting' is aborted by now \(requester\)"):
+    with pytest.raises(ConflictError, match=r"request 1 of 'detecting' is at the stage aborted \(requester\)"):
         job_run()
 
 
-def test_a_request_that_another_was_given_meanwhile_is_not_given_twice(knowledge: Knowledge) -> None:
+def test_a_request_number_is_not_given_to_two_requesters(knowledge: Knowledge) -> None:
     ann, bob = knowledge.as_agent("ann"), knowledge.as_agent("bob")
 
     def job_run() -> None:
@@ -254,6 +254,6 @@ def test_a_request_that_another_was_given_meanwhile_is_not_given_twice(knowledge
             write.request("detecting")
             bob.abort(bob.request("detecting"))
 
-    with pytest.raises(ConflictError, match="handed over otherwise while the transaction was made"):
+    with pytest.raises(ConflictError, match="was requested again while this transaction was open"):
         job_run()
     assert knowledge.snapshot().handover("detecting").number == 1

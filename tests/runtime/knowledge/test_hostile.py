@@ -1,4 +1,4 @@
-"""What agents and callbacks may do wrong, and what becomes of the graph then: nothing."""
+"""Mistakes of agents and callbacks do not affect the graph."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ NO_POSES = {
 
 
 @pytest.mark.parametrize("message", NO_POSES)
-def test_what_is_no_rigid_motion_does_not_come_into_the_graph(message: str) -> None:
+def test_a_pose_that_is_not_a_rigid_motion_is_refused(message: str) -> None:
     knowledge = store()
     navigation, before = knowledge.as_agent("navigation"), knowledge.snapshot()
     for pose in NO_POSES[message]:
@@ -43,7 +43,7 @@ def test_what_is_no_rigid_motion_does_not_come_into_the_graph(message: str) -> N
     assert knowledge.snapshot().version == before.version
 
 
-def test_a_quaternion_of_another_length_is_made_a_unit_one_and_arrays_stay_what_they_were() -> None:
+def test_quaternions_are_normalized_and_given_arrays_are_not_changed() -> None:
     knowledge = store()
     array: Any = np.array([1.0, 2.0, 3.0])
     knowledge.as_agent("navigation").place("world", "robot_pose", "robot", Pose(array, (2.0, 0.0, 0.0, 2.0)))
@@ -53,13 +53,13 @@ def test_a_quaternion_of_another_length_is_made_a_unit_one_and_arrays_stay_what_
     np.testing.assert_allclose(pose.rotation, (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)), atol=1e-15)
 
 
-def test_a_pose_is_not_asked_for_at_nan() -> None:
+def test_the_instant_of_a_transform_must_not_be_nan() -> None:
     frames = Frames().with_pose("robot", "world", Pose(), 0.0).with_pose("robot", "world", Pose(), 1.0)
     with pytest.raises(ValueError, match="the instant of a transform must not be NaN"):
         frames.transform("world", "robot", math.nan)
 
 
-def test_a_chain_of_thousands_is_followed_and_closed_to_no_circle() -> None:
+def test_a_chain_of_thousands_is_followed_and_cannot_become_a_cycle() -> None:
     count = 3_000
     nodes = tuple(NodeModel(name=f"n{number}", type="part") for number in range(count))
     model = KnowledgeModel(name="chain", node_types=PARTS.node_types, edge_types=PARTS.edge_types, nodes=nodes)
@@ -72,7 +72,7 @@ def test_a_chain_of_thousands_is_followed_and_closed_to_no_circle() -> None:
         hand.place(f"n{count - 1}", "moves", "n0", Pose())
 
 
-def test_a_path_of_thousands_of_edges_is_followed_from_wherever_it_is_certain() -> None:
+def test_a_path_of_thousands_of_edges_is_followed_from_any_named_node() -> None:
     count = 3_000
     nodes = tuple(NodeModel(name=f"n{number}", type="part") for number in range(count))
     model = KnowledgeModel(name="chain", node_types=PARTS.node_types, edge_types=PARTS.edge_types, nodes=nodes)
@@ -83,32 +83,32 @@ def test_a_path_of_thousands_of_edges_is_followed_from_wherever_it_is_certain() 
     for start, end in ((0, count - 1), (None, count - 1)):
         first = some("part", called="first") if start is None else f"n{start}"
         parts = [part for _ in range(count - 2) for part in ("moves", anything())]
-        (found,) = knowledge.snapshot().match(path(first, *parts, "moves", f"n{end}"))
-        assert found.edges[0] == ("n0", "RT", "n1")
-        assert len(found.edges) == count - 1
+        (match,) = knowledge.snapshot().match(path(first, *parts, "moves", f"n{end}"))
+        assert match.edges[0] == ("n0", "RT", "n1")
+        assert len(match.edges) == count - 1
 
 
 NO_PATTERNS = (None, "robot -near-> box", 3, [], KnowledgeModel)
 
 
 @pytest.mark.parametrize("given", NO_PATTERNS)
-def test_what_is_no_pattern_no_callback_and_no_request_is_told_so(given: Any) -> None:
+def test_wrong_patterns_callbacks_and_requests_are_reported(given: Any) -> None:
     knowledge = store()
     picking = knowledge.as_agent("picking")
     for ask in (knowledge.snapshot().holds, lambda it: knowledge.subscribe(print, it)):
         with pytest.raises(TypeError, match="a pattern is a path, an absence or a condition, not"):
             ask(given)
-    with pytest.raises(TypeError, match="what names a request is what request"):
+    with pytest.raises(TypeError, match="expected the return value of request"):
         picking.abort(given)
     for hear in (knowledge.subscribe, picking.on_wake, lambda it: knowledge.follow("battery", "level", it)):
         if not callable(given):
-            with pytest.raises(TypeError, match="what is called back is a function, not"):
+            with pytest.raises(TypeError, match="the callback must be a function, not"):
                 hear(given)
     with pytest.raises(FrameError, match="there is no frame None"):
         knowledge.transform(None, None)  # type: ignore[arg-type]
 
 
-def test_a_circle_by_new_parents_is_refused_with_all_of_its_transaction() -> None:
+def test_a_cycle_of_new_parents_is_refused_with_its_transaction() -> None:
     knowledge = Knowledge(PARTS, clock=SimClock())
     hand = knowledge.as_agent("hand")
     hand.place("n0", "moves", "n1", Pose())
@@ -125,12 +125,12 @@ def test_a_circle_by_new_parents_is_refused_with_all_of_its_transaction() -> Non
 
 
 @pytest.mark.parametrize("name", ["", "\ud800", "x" * 10_001])
-def test_a_node_has_a_name_that_can_be_written_down(name: str) -> None:
-    with pytest.raises(ValueError, match=r"a node has a name|a lone surrogate|is too long"):
+def test_the_name_of_a_node_must_be_writable_text(name: str) -> None:
+    with pytest.raises(ValueError, match=r"the name of a node must be|a lone surrogate|is too long"):
         store().as_agent("container_detection").insert_node(name, "roll_container")
 
 
-def test_a_transaction_that_is_over_takes_no_more_changes() -> None:
+def test_a_transaction_that_has_ended_accepts_no_changes() -> None:
     knowledge = store()
     detection = knowledge.as_agent("container_detection")
     with detection.transaction() as write:
@@ -153,14 +153,14 @@ def put(knowledge: Knowledge, *names: str) -> None:
             write.insert_edge(name, "close_to", "robot")
 
 
-def test_a_callback_that_deletes_what_it_was_told_of_ends_at_nothing() -> None:
-    clock, told = SimClock(), []
+def test_a_callback_that_deletes_its_matches_is_called_until_there_are_no_matches() -> None:
+    clock, received = SimClock(), []
     knowledge = store(clock)
     put(knowledge, "a", "b", "c")
     detection = knowledge.as_agent("container_detection")
 
     def delete(change: Change) -> None:
-        told.append((len(change.new), len(change.over), len(change.matches)))
+        received.append((len(change.new), len(change.over), len(change.matches)))
         for match in change.matches:
             detection.delete_node(match.node("box"))
             with pytest.raises(AbsentError):
@@ -168,16 +168,16 @@ def test_a_callback_that_deletes_what_it_was_told_of_ends_at_nothing() -> None:
 
     knowledge.subscribe(delete, BOXES)
     clock.sleep(1.0)
-    assert told == [(3, 0, 3), (0, 3, 0)]
+    assert received == [(3, 0, 3), (0, 3, 0)]
     assert knowledge.snapshot().edges("close_to") == ()
 
 
 def test_a_callback_may_end_its_own_subscription_and_begin_others() -> None:
-    clock, told, others = SimClock(), [], []
+    clock, received, others = SimClock(), [], []
     knowledge = store(clock)
 
     def once(change: Change) -> None:
-        told.append(len(change.matches))
+        received.append(len(change.matches))
         subscription.unsubscribe()
         subscription.unsubscribe()
         knowledge.subscribe(lambda other: others.append(len(other.matches)), BOXES)
@@ -186,11 +186,11 @@ def test_a_callback_may_end_its_own_subscription_and_begin_others() -> None:
     for name in ("a", "b"):
         put(knowledge, name)
         clock.sleep(1.0)
-    assert (told, others) == ([1], [1, 2])
+    assert (received, others) == ([1], [1, 2])
 
 
-def test_a_callback_that_ends_its_thread_is_called_again_and_others_as_well(caplog: pytest.LogCaptureFixture) -> None:
-    clock, calls, told = SimClock(), [], []
+def test_callbacks_continue_after_one_has_ended_its_thread(caplog: pytest.LogCaptureFixture) -> None:
+    clock, calls, received = SimClock(), [], []
     knowledge = store(clock)
 
     def end(_: Change) -> None:
@@ -198,16 +198,16 @@ def test_a_callback_that_ends_its_thread_is_called_again_and_others_as_well(capl
         raise SystemExit(3)
 
     knowledge.subscribe(end, BOXES)
-    knowledge.subscribe(lambda change: told.append(len(change.matches)), BOXES)
+    knowledge.subscribe(lambda change: received.append(len(change.matches)), BOXES)
     with caplog.at_level(logging.ERROR):
         for name in ("a", "b"):
             put(knowledge, name)
             clock.sleep(1.0)
-    assert (calls, told) == ([1, 1], [1, 2])
+    assert (calls, received) == ([1, 1], [1, 2])
     assert "a callback raised" in caplog.text
 
 
-def test_news_of_the_past_in_any_number_fill_no_memory() -> None:
+def test_any_number_of_late_poses_takes_limited_memory() -> None:
     knowledge = store(SimClock(10_000.0))
     navigation = knowledge.as_agent("navigation")
     for step in range(5_000):

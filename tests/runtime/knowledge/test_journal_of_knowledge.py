@@ -1,4 +1,4 @@
-"""What a journal holds of knowledge, what a replay makes of it, and what `why` tells."""
+"""Knowledge in the journal, in replays and in `why`."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from tests.runtime.knowledge.manager import KNOWLEDGE, MODEL, manager
 
 
 def run(path: Path) -> ContextManager[str, str]:
-    """A robot that finds a container, is refused, hands over tasks, and writes what is not its own."""
+    """A robot finds a container, hands over tasks, and is refused writes without permission."""
     clock = SimClock(10.0)
     with manager(clock, Journal(path)) as codra:
         navigation, detection = codra.agent("navigation"), codra.agent("container_detection")
@@ -35,11 +35,11 @@ def run(path: Path) -> ContextManager[str, str]:
         clock.sleep(1.0)
         request = picking.graph.request("detecting")
         clock.sleep(0.5)
-        with detection.graph.transaction() as found:
-            found.acknowledge(request)
-            found.insert_node("box", "roll_container")
-            found.place("world", "container_pose", "box", Pose.about((0, 0, 1), 0.5, (3.0, 0.0, 0.0)))
-            found.insert_edge("box", "close_to", "robot", distance=2.0)
+        with detection.graph.transaction() as transaction:
+            transaction.acknowledge(request)
+            transaction.insert_node("box", "roll_container")
+            transaction.place("world", "container_pose", "box", Pose.about((0, 0, 1), 0.5, (3.0, 0.0, 0.0)))
+            transaction.insert_edge("box", "close_to", "robot", distance=2.0)
         page.graph.set("box", "locked", True)
         for write in (
             lambda: detection.graph.set("box", "load", "full"),
@@ -78,16 +78,16 @@ def test_every_message_of_a_journal_fits_its_closed_schema(tmp_path: Path) -> No
     }
 
 
-def test_a_replay_makes_the_same_journal_byte_for_byte(tmp_path: Path) -> None:
+def test_a_replay_writes_the_same_journal_byte_for_byte(tmp_path: Path) -> None:
     run(tmp_path / "run.mcap")
     head, events = read(tmp_path / "run.mcap")
-    found = replay(head, events, MODEL, ContextManager[str, str], Journal(tmp_path / "again.mcap"), KNOWLEDGE)
-    assert found.difference is None
-    assert found.derived[Kind.KNOWLEDGE] > 30
+    result = replay(head, events, MODEL, ContextManager[str, str], Journal(tmp_path / "again.mcap"), KNOWLEDGE)
+    assert result.difference is None
+    assert result.derived[Kind.KNOWLEDGE] > 30
     assert (tmp_path / "again.mcap").read_bytes() == (tmp_path / "run.mcap").read_bytes()
 
 
-def test_a_journal_stripped_of_knowledge_gives_it_back(tmp_path: Path) -> None:
+def test_a_replay_restores_knowledge_that_was_stripped_from_a_journal(tmp_path: Path) -> None:
     run(tmp_path / "run.mcap")
     head, events = read(tmp_path / "run.mcap")
     kept = [event for event in events if event.kind is Kind.INPUT]
@@ -96,7 +96,7 @@ def test_a_journal_stripped_of_knowledge_gives_it_back(tmp_path: Path) -> None:
     assert read(tmp_path / "again.mcap")[1] == events
 
 
-def test_a_replay_under_other_rights_names_the_first_write_that_differs(tmp_path: Path) -> None:
+def test_a_replay_with_other_permissions_reports_the_first_different_write(tmp_path: Path) -> None:
     run(tmp_path / "run.mcap")
     head, events = read(tmp_path / "run.mcap")
     changed = [
@@ -105,10 +105,10 @@ def test_a_replay_under_other_rights_names_the_first_write_that_differs(tmp_path
         else Event(event.instant_s, event.kind, event.name, event.what, {**event.details, "operations": "[]"})
         for event in events
     ]
-    found = replay(head, changed, MODEL, ContextManager[str, str], None, KNOWLEDGE)
-    assert found.difference is not None
-    assert found.difference.recorded is not None
-    assert (found.difference.recorded.name, found.difference.recorded.what) == ("detecting", "finished")
+    result = replay(head, changed, MODEL, ContextManager[str, str], None, KNOWLEDGE)
+    assert result.difference is not None
+    assert result.difference.recorded is not None
+    assert (result.difference.recorded.name, result.difference.recorded.what) == ("detecting", "finished")
 
 
 def test_a_run_in_real_time_with_threads_replays_exactly(tmp_path: Path) -> None:
@@ -137,20 +137,20 @@ def test_a_run_in_real_time_with_threads_replays_exactly(tmp_path: Path) -> None
             thread.join(60.0)
         clock.sleep(1.2)
     head, events = read(tmp_path / "run.mcap")
-    found = replay(head, events, MODEL, ContextManager[str, str], None, KNOWLEDGE)
-    assert found.difference is None, found.difference
-    assert found.derived[Kind.KNOWLEDGE] > 120
+    result = replay(head, events, MODEL, ContextManager[str, str], None, KNOWLEDGE)
+    assert result.difference is None, result.difference
+    assert result.derived[Kind.KNOWLEDGE] > 120
 
 
-def test_the_graph_of_any_instant_is_the_same_live_and_from_a_file(tmp_path: Path) -> None:
+def test_the_graph_at_any_instant_is_the_same_live_and_from_a_file(tmp_path: Path) -> None:
     codra = run(tmp_path / "run.mcap")
     head, events = read(tmp_path / "run.mcap")
     for instant_s in (10.0, 10.5, 11.0, 11.5, 12.0, 12.5, 13.5, 14.5):
-        live, told = codra.knowledge.at(instant_s), knowledge_at(head, events, MODEL, KNOWLEDGE, instant_s)
-        assert _plain(told) == _plain(live)
-        assert told.handover("detecting") == live.handover("detecting")
+        live, recorded = codra.knowledge.at(instant_s), knowledge_at(head, events, MODEL, KNOWLEDGE, instant_s)
+        assert _plain(recorded) == _plain(live)
+        assert recorded.handover("detecting") == live.handover("detecting")
         if "box" in live:
-            assert told.transform("robot", "box") == live.transform("robot", "box")
+            assert recorded.transform("robot", "box") == live.transform("robot", "box")
 
 
 def _plain(snapshot: Snapshot) -> object:
@@ -165,9 +165,9 @@ def test_the_past_of_the_graph_is_as_it_was_known_then(tmp_path: Path) -> None:
     assert codra.knowledge.at(11.5).get("box", "locked").value is True
     assert codra.knowledge.at(10.0).get("battery", "charge").value == 80.0
     assert "box" not in codra.knowledge.snapshot()
-    with pytest.raises(ValueError, match="not known yet"):
+    with pytest.raises(ValueError, match="lies in the future"):
         codra.knowledge.at(100.0)
-    with pytest.raises(ValueError, match="a journal has the rest"):
+    with pytest.raises(ValueError, match="use a journal for the rest"):
         codra.knowledge.at(9.0)
 
 
@@ -204,14 +204,14 @@ rotating is 'aborted' at 14 s
 
 
 @pytest.mark.parametrize(("name", "at_s"), list(WHYS))
-def test_why_tells_who_wrote_knowledge_when_and_in_which_change(name: str, at_s: float, tmp_path: Path) -> None:
+def test_why_states_the_writer_the_time_and_the_change(name: str, at_s: float, tmp_path: Path) -> None:
     codra = run(tmp_path / "run.mcap")
     assert str(codra.why(name, at_s=at_s)) == WHYS[name, at_s]
     head, events = read(tmp_path / "run.mcap")
     assert str(explain(head.summary, lambda until_s: LatestEvents.of(events, until_s), name, at_s)) == WHYS[name, at_s]
 
 
-def test_why_tells_what_one_change_deletes_and_makes_again_and_the_attributes_of_what_is_gone() -> None:
+def test_why_explains_deleted_elements_and_recreated_ones() -> None:
     clock = SimClock()
     with manager(clock) as codra:
         detection = codra.agent("container_detection").graph
@@ -223,10 +223,10 @@ def test_why_tells_what_one_change_deletes_and_makes_again_and_the_attributes_of
             again.delete_node("box")
             again.insert_node("box", "roll_container")
             again.insert_edge("box", "close_to", "robot", distance=2.0)
-        told = {
+        explained = {
             name: codra.why(name).reading.content for name in ("box", "box.locked", "box -close_to-> robot.distance")
         }
-        assert told == {"box": True, "box.locked": None, "box -close_to-> robot.distance": 2.0}
+        assert explained == {"box": True, "box.locked": None, "box -close_to-> robot.distance": 2.0}
 
         with detection.transaction() as again:
             again.delete_edge("box", "close_to", "robot")
@@ -242,16 +242,16 @@ def test_why_of_a_shared_attribute_is_that_of_the_variable(tmp_path: Path) -> No
     assert codra.why("battery.charge", at_s=12.0) == codra.why("charge", at_s=12.0)
     text = str(codra.why("battery.charge", at_s=12.0))
     assert "charge is 80 percent at 12 s" in text
-    assert "container_detection" in text, "what was refused is told as well"
+    assert "container_detection" in text, "refused writes are reported as well"
 
 
-def test_why_of_what_never_was_says_so(tmp_path: Path) -> None:
+def test_why_reports_a_name_that_never_existed(tmp_path: Path) -> None:
     codra = run(tmp_path / "run.mcap")
     with pytest.raises(UnknownNameError, match="did you mean 'box"):
         codra.why("boxx", at_s=12.0)
 
 
-def test_the_command_why_tells_of_knowledge_and_of_what_is_not_there(tmp_path: Path) -> None:
+def test_the_command_why_explains_knowledge_and_reports_unknown_names(tmp_path: Path) -> None:
     run(tmp_path / "run.mcap")
 
     def ask(*arguments: str) -> subprocess.CompletedProcess[str]:
@@ -276,9 +276,9 @@ codra = manager(clock, Journal(sys.argv[1]))
 detection = codra.agent("container_detection")
 navigation = codra.agent("navigation")
 for number in range(400):
-    with detection.graph.transaction() as found:
-        found.insert_node(f"box_{number}", "roll_container")
-        found.insert_edge(f"box_{number}", "close_to", "robot", distance=float(number % 50))
+    with detection.graph.transaction() as transaction:
+        transaction.insert_node(f"box_{number}", "roll_container")
+        transaction.insert_edge(f"box_{number}", "close_to", "robot", distance=float(number % 50))
     navigation.graph.set("battery", "charge", float(number % 100))
     clock.sleep(0.1)
 os.kill(os.getpid(), 9)

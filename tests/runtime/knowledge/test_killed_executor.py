@@ -1,4 +1,4 @@
-"""An executor that is a process of its own and is killed at each step of the handshake, in real time."""
+"""An executor in its own process is killed at every step of the handshake, in real time."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ for asked in sys.stdin:
 
 
 class Worker:
-    """The executor: what its process says is done in its name, and when the process dies nothing is any more."""
+    """The executor: it takes the steps that its process requests, and none after the process has died."""
 
     def __init__(self, handle: AgentHandle) -> None:
         self._handle = handle
@@ -54,7 +54,7 @@ class Worker:
         assert self._process.stdout.readline() == "ready\n"
 
     def take(self, request: Request, steps: int) -> threading.Thread:
-        """Hand a request to the process, which is killed after some of its steps; return what listens to it."""
+        """Send a request to the process, which is killed after some steps; return the thread that listens to it."""
         thread = threading.Thread(target=self._listen, args=(request, steps))
         thread.start()
         return thread
@@ -62,7 +62,10 @@ class Worker:
     def _listen(self, request: Request, steps: int) -> None:
         assert self._process.stdin is not None
         assert self._process.stdout is not None
-        take = {"acknowledge": self._handle.acknowledge, "finish": lambda asked: self._handle.finish(asked, "found")}
+        take = {
+            "acknowledge": self._handle.acknowledge,
+            "finish": lambda request: self._handle.finish(request, "found"),
+        }
         for _ in range(steps):
             self._process.stdin.write("go on\n")
             self._process.stdin.flush()
@@ -82,7 +85,7 @@ class Worker:
         (2, Stage.FINISHED, "", "found"),
     ],
 )
-def test_a_task_whose_executor_is_killed_ends_by_its_deadline_and_can_be_asked_for_again(
+def test_a_task_of_a_killed_executor_ends_at_its_deadline_and_can_be_requested_again(
     steps: int, stage: Stage, reason: str, result: str | None
 ) -> None:
     knowledge = Knowledge(MODEL, clock=(clock := WallClock()))

@@ -1,4 +1,4 @@
-"""The graph: what is in it, who may write it, and what each reader sees of it."""
+"""The graph: its content, its permissions, and its snapshots."""
 
 from __future__ import annotations
 
@@ -38,13 +38,13 @@ HERE = Pose.of((1.0, 2.0, 0.0))
 
 
 def names(elements: Iterable[Node | Edge]) -> list[str]:
-    return [each.name if isinstance(each, Node) else str(each) for each in elements]
+    return [element.name if isinstance(element, Node) else str(element) for element in elements]
 
 
-# What is there
+# Nodes and edges
 
 
-def test_what_is_declared_to_be_there_is_there_from_the_start() -> None:
+def test_declared_nodes_and_edges_exist_from_the_start() -> None:
     seen = store(SimClock(100.0)).snapshot()
     assert names(seen.nodes())[:7] == ["world", "robot", "camera", "people", "battery", "area_1", "area_2"]
     assert names(seen.edges(origin="robot")) == ["robot -has-> battery", "robot -RT-> camera"]
@@ -52,7 +52,7 @@ def test_what_is_declared_to_be_there_is_there_from_the_start() -> None:
     assert (reading.value, reading.source, reading.evidence_s) == (80.0, "", 100.0)
 
 
-def test_two_nodes_can_have_edges_of_several_labels_and_one_of_each() -> None:
+def test_two_nodes_can_have_one_edge_per_label() -> None:
     knowledge = store()
     people, detection = knowledge.as_agent("person_detection"), knowledge.as_agent("container_detection")
     people.insert_node("anna", "person")
@@ -72,7 +72,7 @@ def test_two_nodes_can_have_edges_of_several_labels_and_one_of_each() -> None:
     assert [seen.edge("world", name, "box").type for name in ("RT", "container_pose")] == ["container_pose"] * 2
 
 
-def test_nodes_come_by_type_and_by_what_their_attributes_are() -> None:
+def test_nodes_are_selected_by_type_and_attributes() -> None:
     knowledge = store()
     people = knowledge.as_agent("person_detection")
     for name, height_m in (("zoe", 1.9), ("anna", 1.6), ("bob", 1.8)):
@@ -86,7 +86,7 @@ def test_nodes_come_by_type_and_by_what_their_attributes_are() -> None:
         seen.nodes("person", where=value("hight") > 1.7)
 
 
-def test_a_node_is_deleted_with_its_edges_whoever_wrote_them() -> None:
+def test_a_node_is_deleted_with_all_its_edges_regardless_of_their_writers() -> None:
     knowledge = store()
     detection, fork = knowledge.as_agent("container_detection"), knowledge.as_agent("fork")
     detection.insert_node("box", "roll_container")
@@ -96,22 +96,22 @@ def test_a_node_is_deleted_with_its_edges_whoever_wrote_them() -> None:
     seen = knowledge.snapshot()
     assert "box" not in seen
     assert names(seen.edges()) == ["robot -has-> battery", "robot -RT-> camera"]
-    with pytest.raises(AbsentError, match="there is no node 'box'"):
+    with pytest.raises(AbsentError, match="the node 'box' does not exist"):
         seen.get("box", "load")
 
 
-def test_a_node_that_comes_again_knows_nothing_of_the_one_before() -> None:
+def test_a_new_node_of_the_same_name_has_no_earlier_values() -> None:
     knowledge = store()
     people = knowledge.as_agent("person_detection")
     people.insert_node("anna", "person", height=1.7)
-    with pytest.raises(PresentError, match="there is a node 'anna' already"):
+    with pytest.raises(PresentError, match="the node 'anna' already exists"):
         people.insert_node("anna", "person")
     people.delete_node("anna")
     people.insert_node("anna", "person")
     assert knowledge.get("anna", "height").reason is Reason.NEVER_OBSERVED
 
 
-def test_a_snapshot_finds_its_nodes_and_edges_after_thousands_came_and_went() -> None:
+def test_a_snapshot_keeps_its_nodes_and_edges_after_thousands_of_changes() -> None:
     knowledge = store()
     people = knowledge.as_agent("person_detection")
     kept = []
@@ -134,7 +134,7 @@ def test_a_snapshot_finds_its_nodes_and_edges_after_thousands_came_and_went() ->
 # Attributes
 
 
-def test_an_attribute_has_a_stamp_an_author_and_a_past() -> None:
+def test_an_attribute_has_a_stamp_a_writer_and_a_history() -> None:
     clock = SimClock()
     knowledge = store(clock)
     navigation = knowledge.as_agent("navigation")
@@ -142,12 +142,17 @@ def test_an_attribute_has_a_stamp_an_author_and_a_past() -> None:
         clock.sleep(10.0)
         navigation.set("battery", "level", level)
     navigation.set("battery", "level", 75.0, evidence_s=5.0)
-    told = [(each.evidence_s, each.value, each.source) for each in knowledge.snapshot().history("battery", "level")]
-    assert told == [(0.0, 80.0, ""), (5.0, 75.0, "navigation"), (10.0, 70.0, "navigation"), (20.0, 60.0, "navigation")]
+    history = [(seen.evidence_s, seen.value, seen.source) for seen in knowledge.snapshot().history("battery", "level")]
+    assert history == [
+        (0.0, 80.0, ""),
+        (5.0, 75.0, "navigation"),
+        (10.0, 70.0, "navigation"),
+        (20.0, 60.0, "navigation"),
+    ]
     assert knowledge.get("battery", "level").value == 60.0
 
 
-def test_an_attribute_is_unknown_when_its_time_is_over_and_when_its_author_says_so() -> None:
+def test_an_attribute_is_unknown_when_it_expires_and_when_its_writer_makes_it_unknown() -> None:
     clock = SimClock()
     knowledge = store(clock)
     clock.sleep(60.0)
@@ -159,21 +164,26 @@ def test_an_attribute_is_unknown_when_its_time_is_over_and_when_its_author_says_
     assert knowledge.get("battery", "level").reason is Reason.REJECTED
 
 
-def test_the_past_of_an_attribute_is_a_ring() -> None:
+def test_the_history_of_an_attribute_is_a_ring() -> None:
     knowledge = store()
     navigation = knowledge.as_agent("navigation")
     kept = [knowledge.snapshot()]
     for step in range(1000):
         navigation.set("battery", "level", step / 10)
         kept.append(knowledge.snapshot())
-    assert [each.value for each in kept[-1].history("battery", "level")] == [step / 10 for step in range(900, 1000)]
-    assert [each.get("battery", "level").value for each in kept] == [80.0, *(step / 10 for step in range(1000))]
-    assert [len(each.history("battery", "level")) for each in (kept[0], kept[5], kept[500])] == [1, 6, 100]
+    assert [reading.value for reading in kept[-1].history("battery", "level")] == [
+        step / 10 for step in range(900, 1000)
+    ]
+    assert [snapshot.get("battery", "level").value for snapshot in kept] == [80.0, *(step / 10 for step in range(1000))]
+    assert [len(snapshot.history("battery", "level")) for snapshot in (kept[0], kept[5], kept[500])] == [1, 6, 100]
 
 
 @pytest.mark.parametrize(
     ("level", "message"),
-    [("full", r"battery\.level: 'full' is no float"), (101.0, r"battery\.level: 101\.0 lies outside \[0, 100\]")],
+    [
+        ("full", r"battery\.level: 'full' is not of type float"),
+        (101.0, r"battery\.level: 101\.0 lies outside \[0, 100\]"),
+    ],
 )
 def test_a_value_of_another_type_or_out_of_range_is_refused(level: object, message: str) -> None:
     knowledge = store()
@@ -182,12 +192,12 @@ def test_a_value_of_another_type_or_out_of_range_is_refused(level: object, messa
     assert knowledge.get("battery", "level").value == 80.0
 
 
-def test_evidence_of_the_future_is_refused() -> None:
+def test_future_evidence_is_refused() -> None:
     with pytest.raises(ValueError, match=r"battery\.level was taken at 0\.0 at the latest, not at 1\.0"):
         store().as_agent("navigation").set("battery", "level", 1.0, evidence_s=1.0)
 
 
-def test_names_that_are_not_declared_are_told_with_what_was_probably_meant() -> None:
+def test_undeclared_names_are_reported_with_suggestions() -> None:
     navigation = store().as_agent("navigation")
     with pytest.raises(UnknownNameError, match="no attribute of 'battery' 'levle': did you mean 'level'"):
         navigation.set("battery", "levle", 1.0)
@@ -197,17 +207,15 @@ def test_names_that_are_not_declared_are_told_with_what_was_probably_meant() -> 
         navigation.insert_node("anna", "persn")
 
 
-def test_an_edge_between_types_that_it_does_not_connect_is_refused() -> None:
+def test_an_edge_between_wrong_types_is_refused() -> None:
     navigation = store().as_agent("navigation")
-    with pytest.raises(
-        NotOfTypeError, match="goes from robot to picking_area, not from robot 'robot' to world 'world'"
-    ):
+    with pytest.raises(NotOfTypeError, match="go from robot to picking_area, not from robot 'robot' to world 'world'"):
         navigation.insert_edge("robot", "in", "world")
-    with pytest.raises(NotOfTypeError, match="goes from world to robot, not from world 'world' to battery 'battery'"):
+    with pytest.raises(NotOfTypeError, match="go from world to robot, not from world 'world' to battery 'battery'"):
         navigation.place("world", "robot_pose", "battery", HERE)
 
 
-# Who may write
+# Permissions
 
 
 @pytest.mark.parametrize(
@@ -215,36 +223,36 @@ def test_an_edge_between_types_that_it_does_not_connect_is_refused() -> None:
     [
         (lambda agent: agent.set("battery", "level", 1.0), "'battery.level' is for navigation to write"),
         (lambda agent: agent.insert_node("anna", "person"), "'nodes of type person' is for person_detection to write"),
-        (lambda agent: agent.delete_node("robot"), "'nodes of type robot' is for nobody to write"),
+        (lambda agent: agent.delete_node("robot"), "'nodes of type robot' is for no agent to write"),
         (
             lambda agent: agent.insert_edge("robot", "close_to", "robot"),
             "'edges of type close_to' is for container_detection or person_detection to write",
         ),
-        (lambda agent: agent.delete_edge("robot", "has", "battery"), "'edges of type has' is for nobody to write"),
+        (lambda agent: agent.delete_edge("robot", "has", "battery"), "'edges of type has' is for no agent to write"),
         (lambda agent: agent.place("world", "robot_pose", "robot", HERE), "is for navigation to write"),
-        (lambda agent: agent.insert_edge("robot", "wants", "detecting"), "'edges of type wants' is for nobody"),
-        (lambda agent: agent.set("detecting", "result", "ok"), "'detecting.result' is for nobody to write"),
+        (lambda agent: agent.insert_edge("robot", "wants", "detecting"), "'edges of type wants' is for no agent"),
+        (lambda agent: agent.set("detecting", "result", "ok"), "'detecting.result' is for no agent to write"),
         (lambda agent: agent.request("rotating"), "'a request of rotating' is for picking to write"),
     ],
 )
-def test_what_is_for_others_to_write_is_refused_and_found_in_the_audit(write: object, why: str) -> None:
+def test_a_write_without_permission_is_refused_and_audited(write: object, why: str) -> None:
     knowledge = store(SimClock(3.0))
     before = knowledge.snapshot()
     assert callable(write)
     with pytest.raises(NotASourceError) as refused:
         write(knowledge.as_agent("picker_page"))
     assert why in str(refused.value)
-    (told,) = knowledge.refusals()
-    assert (told.instant_s, told.agent, told.why) == (3.0, "picker_page", str(refused.value))
+    (refusal,) = knowledge.refusals()
+    assert (refusal.instant_s, refusal.agent, refusal.why) == (3.0, "picker_page", str(refused.value))
     assert knowledge.snapshot().version == before.version
 
 
-def test_a_name_is_taken_by_one_handle_at_a_time() -> None:
+def test_an_agent_has_one_open_handle_at_a_time() -> None:
     knowledge = store()
     navigation = knowledge.as_agent("navigation")
-    with pytest.raises(AgentTakenError, match="the agent 'navigation' is taken"):
+    with pytest.raises(AgentTakenError, match="the agent 'navigation' already has an open handle"):
         knowledge.as_agent("navigation")
-    assert [each.agent for each in knowledge.refusals()] == ["navigation"]
+    assert [refusal.agent for refusal in knowledge.refusals()] == ["navigation"]
     navigation.close()
     with pytest.raises(PermissionError, match="this handle of the agent 'navigation' is closed"):
         navigation.set("battery", "level", 1.0)
@@ -256,7 +264,7 @@ def test_a_name_is_taken_by_one_handle_at_a_time() -> None:
     assert knowledge.as_agent("navigation").name == "navigation"
 
 
-def test_nobody_writes_under_a_name_that_is_not_declared() -> None:
+def test_an_undeclared_agent_gets_no_handle() -> None:
     with pytest.raises(UnknownNameError, match="no agent 'navigaton': did you mean 'navigation'"):
         store().as_agent("navigaton")
     with pytest.raises(UnknownNameError, match="no agent ''"):
@@ -269,22 +277,22 @@ def test_the_name_of_a_handle_cannot_be_changed() -> None:
         handle.name = "picker_page"  # type: ignore[misc]
 
 
-def test_of_two_owners_what_the_first_wrote_stands_while_it_is_valid() -> None:
+def test_the_value_of_the_higher_priority_wins_while_it_is_valid() -> None:
     clock = SimClock()
     knowledge = store(clock)
     knowledge.as_agent("container_detection").insert_node("box", "roll_container")
     page, fork = knowledge.as_agent("picker_page"), knowledge.as_agent("fork")
     fork.set("box", "locked", True)
     page.set("box", "locked", False)
-    with pytest.raises(OutrankedError, match=r"what 'picker_page' has written of 'box\.locked' still stands"):
+    with pytest.raises(OutrankedError, match=r"'fork' cannot overwrite 'box\.locked': 'picker_page' wrote it"):
         fork.set("box", "locked", True)
-    assert [each.agent for each in knowledge.refusals()] == ["fork"]
+    assert [refusal.agent for refusal in knowledge.refusals()] == ["fork"]
     clock.sleep(5.0)
     fork.set("box", "locked", True)
     assert knowledge.get("box", "locked").source == "fork"
 
 
-def test_eight_threads_write_what_is_theirs_and_every_foreign_write_is_refused_and_audited() -> None:
+def test_eight_threads_write_and_every_foreign_write_is_refused_and_audited() -> None:
     owners = [f"agent_{number}" for number in range(8)]
     knowledge = Knowledge(_counters(owners), clock=(clock := WallClock()))
     refused: list[tuple[str, str]] = []
@@ -305,7 +313,7 @@ def test_eight_threads_write_what_is_theirs_and_every_foreign_write_is_refused_a
 
     _all(threading.Thread(target=run, args=(number,)) for number in range(8))
     clock.close()
-    audited = [(each.agent, each.why.split("is for ")[1].split()[0]) for each in knowledge.refusals()]
+    audited = [(refusal.agent, refusal.why.split("is for ")[1].split()[0]) for refusal in knowledge.refusals()]
     assert wrong == []
     assert len(refused) == 8 * 400
     assert sorted(audited) == sorted(refused)
@@ -332,7 +340,7 @@ def test_a_transaction_becomes_visible_as_one() -> None:
 
 
 @pytest.mark.parametrize("is_caught", [True, False])
-def test_a_transaction_of_which_one_part_is_refused_changes_nothing(is_caught: bool) -> None:
+def test_a_transaction_with_a_refused_part_has_no_effect(is_caught: bool) -> None:
     knowledge = store()
     detection = knowledge.as_agent("container_detection")
 
@@ -351,7 +359,7 @@ def test_a_transaction_of_which_one_part_is_refused_changes_nothing(is_caught: b
     assert len(knowledge.refusals()) == 1
 
 
-def test_a_transaction_that_the_program_breaks_off_changes_nothing() -> None:
+def test_an_interrupted_transaction_has_no_effect() -> None:
     knowledge = store()
     detection = knowledge.as_agent("container_detection")
 
@@ -365,7 +373,7 @@ def test_a_transaction_that_the_program_breaks_off_changes_nothing() -> None:
     assert "box" not in knowledge.snapshot()
 
 
-def test_what_a_transaction_that_failed_wrote_is_in_no_history() -> None:
+def test_a_failed_transaction_leaves_no_readings() -> None:
     knowledge = store()
     navigation = knowledge.as_agent("navigation")
 
@@ -377,10 +385,10 @@ def test_what_a_transaction_that_failed_wrote_is_in_no_history() -> None:
     with pytest.raises(TimeoutError):
         job_run()
     navigation.set("battery", "level", 2.0)
-    assert [each.value for each in knowledge.snapshot().history("battery", "level")] == [80.0, 2.0]
+    assert [reading.value for reading in knowledge.snapshot().history("battery", "level")] == [80.0, 2.0]
 
 
-def test_a_transaction_is_done_again_on_what_others_have_written_meanwhile() -> None:
+def test_a_transaction_is_applied_again_after_other_writes() -> None:
     knowledge = store()
     detection, people = knowledge.as_agent("container_detection"), knowledge.as_agent("person_detection")
     with detection.transaction() as write:
@@ -394,12 +402,12 @@ def test_a_transaction_is_done_again_on_what_others_have_written_meanwhile() -> 
             write.insert_node("case", "roll_container")
             detection.insert_node("crate", "roll_container")
 
-    with pytest.raises(PresentError, match="there is a node 'crate' already"):
+    with pytest.raises(PresentError, match="the node 'crate' already exists"):
         job_run()
     assert "case" not in knowledge.snapshot()
 
 
-def test_snapshots_never_see_half_a_transaction() -> None:
+def test_snapshots_never_contain_a_part_of_a_transaction() -> None:
     owners = [f"agent_{number}" for number in range(4)]
     knowledge = Knowledge(_counters(owners), clock=(clock := WallClock()))
     halves: list[tuple[object, ...]] = []
@@ -418,10 +426,10 @@ def test_snapshots_never_see_half_a_transaction() -> None:
             seen = knowledge.snapshot()
             for number in range(4):
                 name = f"node_{number}"
-                told = (seen.get(name, "count").content, seen.get(name, "copy").content)
-                where_m = seen.transform("root", name, 1e9).pose.translation_m[0] if told[0] is not None else None
-                if not told[0] == told[1] == where_m:
-                    halves.append((*told, where_m))
+                counts = (seen.get(name, "count").content, seen.get(name, "copy").content)
+                where_m = seen.transform("root", name, 1e9).pose.translation_m[0] if counts[0] is not None else None
+                if not counts[0] == counts[1] == where_m:
+                    halves.append((*counts, where_m))
 
     readers = [threading.Thread(target=read) for _ in range(3)]
     for reader in readers:
@@ -435,7 +443,7 @@ def test_snapshots_never_see_half_a_transaction() -> None:
     assert [knowledge.get(f"node_{number}", "copy").value for number in range(4)] == [299] * 4
 
 
-def test_a_snapshot_is_of_its_instant_for_good() -> None:
+def test_a_snapshot_never_changes() -> None:
     clock = SimClock()
     knowledge = store(clock)
     seen = knowledge.snapshot()
@@ -444,43 +452,43 @@ def test_a_snapshot_is_of_its_instant_for_good() -> None:
     assert (seen.get("battery", "level").value, knowledge.get("battery", "level").value) == (80.0, 1.0)
 
 
-# Declarations that contradict each other
+# Contradictory declarations
 
 
 @pytest.mark.parametrize(
     ("model", "message"),
     [
-        (KnowledgeModel(name="x", node_types=(NodeTypeModel(name="a"),) * 2), "two of the type of nodes 'a'"),
+        (KnowledgeModel(name="x", node_types=(NodeTypeModel(name="a"),) * 2), "type of nodes 'a' is declared twice"),
         (
             KnowledgeModel(
                 name="x",
                 node_types=(NodeTypeModel(name="task"),),
                 tasks=(TaskModel(name="t", origin="r", by="a", requesters=("b",), results=("ok",)),),
             ),
-            "'task', or it is one that tasks bring along",
+            "'task' is declared twice, or is reserved for tasks",
         ),
         (
             KnowledgeModel(
                 name="x", edge_types=(EdgeTypeModel(name="e", label="near", origins=(), targets=(), motion=Motion()),)
             ),
-            "edges of type 'e' have a motion if, and only if, their label is RT",
+            "edges of type 'e' must either have a motion and the label RT, or neither",
         ),
         (KnowledgeModel(name="x", nodes=(NodeModel(name="a", type="thing"),)), "no type of nodes 'thing'"),
     ],
 )
-def test_declarations_that_contradict_each_other_are_told(model: KnowledgeModel, message: str) -> None:
+def test_contradictory_declarations_are_reported(model: KnowledgeModel, message: str) -> None:
     with pytest.raises((ValueError, LookupError), match=message):
         Knowledge(model, clock=SimClock())
 
 
-def test_every_writer_that_is_declared_anywhere_is_an_agent() -> None:
+def test_every_declared_writer_is_an_agent() -> None:
     knowledge = Knowledge(STORE, clock=SimClock())
     for name in ("navigation", "decision_maker", "fork", "picker_page", "picking"):
         assert knowledge.as_agent(name).name == name
 
 
 def _counters(owners: list[str]) -> KnowledgeModel:
-    """Declare a root, and for each owner a node with two counts and a pose that are its own."""
+    """Declare a root, and for every owner a node with two counts and a pose of its own."""
     nodes = [owner.replace("agent", "node") for owner in owners]
     return KnowledgeModel(
         name="counters",
@@ -511,7 +519,7 @@ def _counters(owners: list[str]) -> KnowledgeModel:
 
 
 def _all(threads: Iterable[threading.Thread]) -> None:
-    """Run threads to their end."""
+    """Run threads until they end."""
     running = list(threads)
     for thread in running:
         thread.start()

@@ -1,4 +1,4 @@
-"""P2's own examples: Figure 1 as its prose tells it, and the steps t to t+7 of section 3.2."""
+"""P2's examples: Figure 1 as described in the text, and the steps t to t+7 of section 3.2."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ def test_figure_1_holds_symbols_and_geometry_in_one_structure() -> None:
     seen = knowledge.snapshot()
 
     by_hand = np.linalg.inv(np.array(ROBOT.matrix())) @ np.array(CONTAINER.matrix())
-    found = seen.transform("robot", "roll_container")
-    np.testing.assert_allclose(np.array(found.pose.matrix()), by_hand, atol=1e-12)
-    assert found.outcome is Outcome.EXACT
+    transform = seen.transform("robot", "roll_container")
+    np.testing.assert_allclose(np.array(transform.pose.matrix()), by_hand, atol=1e-12)
+    assert transform.outcome is Outcome.EXACT
     (close,) = seen.match(path(some("roll_container", called="container"), "close_to", "robot"))
     assert close.node("container") == "roll_container"
     assert seen.holds(path("people", "is_not", "robot"), distance("robot", "roll_container") < 1.2)
@@ -39,7 +39,7 @@ def test_figure_1_holds_symbols_and_geometry_in_one_structure() -> None:
 
 TURNED = Pose.about((0.0, 0.0, 1.0), 0.5 + np.pi, ROBOT.translation_m)
 WHEELS = Pose.about((0.0, 0.0, 1.0), -0.2, (3.05, 1.48, 0.0))
-"""Where the wheels tell that the container is, once the robot has turned round."""
+"""The pose of the container according to its wheels, after the robot has turned round."""
 
 LIFTED = Pose.of((-0.6, 0.0, 0.1))
 
@@ -66,16 +66,16 @@ STEPS: dict[str, dict[str, str]] = {
     },
     "t+7": dict.fromkeys(("navigating", "detecting", "picking_up", "rotating", "approaching", "lifting"), "finished"),
 }
-"""The tasks on which the robot's edges lie at each step, as section 3.2 and Figure 2 tell them."""
+"""The tasks with edges from the robot at every step, according to section 3.2 and Figure 2."""
 
 
 def tasks(seen: Snapshot) -> dict[str, str]:
-    """Return how far each task is that was asked for, by the edges of a graph."""
+    """Return the stages of the requested tasks, by the edges of a graph."""
     return {edge.target: edge.label for edge in seen.edges(origin="robot") if edge.type in set(Stage)}
 
 
 class Trial:
-    """The agents of section 3.2, each with the handle of its own name, and the graph of each step."""
+    """The agents of section 3.2 with their handles, and the graph of every step."""
 
     def __init__(self) -> None:
         self.clock = SimClock()
@@ -89,7 +89,7 @@ class Trial:
         self.graphs: dict[str, Snapshot] = {}
 
     def do(self, requester: AgentHandle, executor: AgentHandle, task: str, **goal: float) -> Request:
-        """Hand a task over: it is asked for, and the ACK comes a moment later; until it ends it has no result."""
+        """Hand a task over: request it, and acknowledge it a moment later. It has no result until it ends."""
         request = requester.request(task, **goal)
         assert tasks(self.knowledge.snapshot())[task] == "wants"
         self.clock.sleep(0.2)
@@ -106,7 +106,7 @@ class Trial:
         assert (tasks(seen)[request.task], seen.get(request.task, "result").value) == ("finished", "ok")
 
     def step(self, name: str) -> Snapshot:
-        """Let things go on for a while, in which reactive agents write as well; return the graph of the step."""
+        """Let time pass, while reactive agents write as well; return the graph of the step."""
         self.clock.sleep(5.0)
         self.navigation.set("battery", "level", 79.0 - len(self.graphs))
         self.people.insert_edge("people", "is_not", "robot")
@@ -115,30 +115,30 @@ class Trial:
         return seen
 
 
-def near(found: Pose, expected: Pose) -> bool:
-    """Return whether two poses are one but for rounding."""
-    return found.distance_m(expected) < 1e-9 and found.angle_rad(expected) < 1e-6
+def near(pose: Pose, expected: Pose) -> bool:
+    """Return whether two poses are equal except for rounding."""
+    return pose.distance_m(expected) < 1e-9 and pose.angle_rad(expected) < 1e-6
 
 
 def test_section_3_2_is_replayed_step_by_step() -> None:
     trial = Trial()
-    # before: the picker's request is a goal of the navigation agent, which comes to observation pose 1
+    # before: the picker's request is a goal of the navigation agent, which drives to observation pose 1
     navigating = trial.do(trial.decider, trial.navigation, "navigating", goal_x=2.0, goal_y=1.0)
     trial.navigation.place("world", "robot_pose", "robot", ROBOT)
     trial.navigation.insert_edge("robot", "in", "area_1")
     trial.end(trial.navigation, navigating)
 
-    # t: in picking area 1 the decision maker wakes the detection up, and its ACK turns the edge into `is`
+    # t: in picking area 1 the decision maker wakes the detection, whose ACK turns the edge into `is`
     detecting = trial.do(trial.decider, trial.detection, "detecting")
     seen = trial.step("t")
     assert seen.holds(path("robot", "in", "area_1"), absent("world", "container_pose", some("roll_container")))
     assert not seen.nodes("roll_container")
 
-    # t+1: result, node and position are told; the robot approaches the estimated pose, a new goal of navigating
-    with trial.detection.transaction() as found:
-        found.finish(detecting, "ok")
-        found.insert_node("container_1", "roll_container")
-        found.place("world", "container_pose", "container_1", CONTAINER)
+    # t+1: result, node and position are written; the robot approaches the estimated pose, a new goal of navigating
+    with trial.detection.transaction() as transaction:
+        transaction.finish(detecting, "ok")
+        transaction.insert_node("container_1", "roll_container")
+        transaction.place("world", "container_pose", "container_1", CONTAINER)
     navigating = trial.do(trial.decider, trial.navigation, "navigating", goal_x=2.6, goal_y=1.2)
     seen = trial.step("t+1")
     assert seen.holds(value("detecting.result") == "ok", path("world", "container_pose", "container_1"))
@@ -152,20 +152,20 @@ def test_section_3_2_is_replayed_step_by_step() -> None:
     assert (seen.handover("detecting").number, seen.get("detecting", "result").known) == (2, False)
     trial.end(trial.detection, detecting)
     pick_up(trial)
-    # each step's graph is what it was, now that all is over
+    # the graph of every step is unchanged at the end
     assert {name: tasks(graph) for name, graph in trial.graphs.items()} == STEPS
     assert [graph.get("battery", "level").value for graph in trial.graphs.values()] == [79.0 - at for at in range(8)]
     assert all(graph.holds(path("people", "is_not", "robot")) for graph in trial.graphs.values())
 
 
 def pick_up(trial: Trial) -> None:
-    """Go on with t+3 to t+7, in which the picking agent hands over tasks of its own."""
+    """Continue with t+3 to t+7, in which the picking agent hands over tasks of its own."""
     # t+3: the robot starts to pick up, for which its agent rotates it
     picking_up = trial.do(trial.decider, trial.picking, "picking_up")
     rotating = trial.do(trial.picking, trial.navigation, "rotating")
     trial.step("t+3")
 
-    # t+4: turned by 180 degrees, it checks the wheels, which tell the pose of the container again
+    # t+4: turned by 180 degrees, it checks the wheels, which show the pose of the container again
     trial.navigation.place("world", "robot_pose", "robot", TURNED)
     trial.end(trial.navigation, rotating)
     detecting = trial.do(trial.picking, trial.detection, "detecting")
@@ -175,7 +175,7 @@ def pick_up(trial: Trial) -> None:
     trial.detection.place("world", "container_pose", "container_1", WHEELS)
     trial.end(trial.detection, detecting)
 
-    # t+5: it is to approach; a new pose is navigation's goal, and the decision maker starts navigating, backwards
+    # t+5: it must approach; a new pose is navigation's goal, and the decision maker starts navigating, backwards
     approaching = trial.do(trial.picking, trial.navigation, "approaching")
     goal = trial.knowledge.transform("world", "container_1").pose.translation_m
     navigating = trial.do(trial.decider, trial.navigation, "navigating", goal_x=goal[0], goal_y=goal[1])
@@ -187,12 +187,12 @@ def pick_up(trial: Trial) -> None:
     trial.end(trial.navigation, navigating)
     trial.end(trial.navigation, approaching)
 
-    # t+6: the robot forks the container up
+    # t+6: the robot lifts the container with its fork
     lifting = trial.do(trial.picking, trial.fork, "lifting")
     seen = trial.step("t+6")
     assert seen.parent("container_1") == "world"
 
-    # t+7: the container stands on the robot, which is ready to deliver it
+    # t+7: the container is on the robot, which is ready to deliver it
     with trial.fork.transaction() as lifted:
         lifted.place("robot", "carried", "container_1", LIFTED)
         lifted.finish(lifting, "ok")

@@ -1,4 +1,4 @@
-"""What each version of the graph tells, whatever is written afterwards."""
+"""Earlier versions of the graph are unaffected by later writes."""
 
 from __future__ import annotations
 
@@ -41,11 +41,11 @@ FILES = (str(Path(inspect.getfile(Knowledge)).parent), inspect.getfile(Persisten
 
 EDGE = ("a", "near", "b")
 
-Told = dict[str, list[int]]
-"""Of each node the values of its attribute, in the order of their evidence, and of the edge the present one."""
+Values = dict[str, list[int]]
+"""The values of the attribute by node, ordered by evidence, and the present value of the edge."""
 
 Step = tuple[str, str, float]
-"""What is done, to which node, and how old its evidence is."""
+"""An operation, its node, and the age of its evidence."""
 
 STEPS = st.tuples(
     st.sampled_from(["set", "set", "set", "set of edge", "delete"]),
@@ -55,18 +55,21 @@ STEPS = st.tuples(
 
 
 class Record:
-    """What was written, as lists that are sorted when they are asked."""
+    """All writes, as lists that are sorted when they are read."""
 
     def __init__(self) -> None:
         self.written: dict[str, list[tuple[float, int]]] = {}
         self.count = 0
 
-    def told(self) -> Told:
-        told = {name: sorted(each, key=itemgetter(0)) for name, each in self.written.items()}
-        return {name: [count for _, count in each[-1 if name == "edge" else -MOST :]] for name, each in told.items()}
+    def values(self) -> Values:
+        values = {name: sorted(readings, key=itemgetter(0)) for name, readings in self.written.items()}
+        return {
+            name: [count for _, count in readings[-1 if name == "edge" else -MOST :]]
+            for name, readings in values.items()
+        }
 
     def take(self, write: Writer, step: Step, now_s: float) -> None:
-        """Take a step on both sides; a node and the edge are there when something is written of them."""
+        """Apply a step to the graph and to this record; insert the node or the edge first if it is missing."""
         what, name, age_s = step
         self.count += 1
         if what == "delete":
@@ -86,22 +89,22 @@ class Record:
         self.written.setdefault(name if what == "set" else "edge", []).append((now_s - age_s, self.count))
 
 
-def told(snapshot: Snapshot) -> Told:
-    """Return what a snapshot tells, which is the same however it is asked."""
-    found: Told = {}
+def values_in(snapshot: Snapshot) -> Values:
+    """Return the values in a snapshot; all ways to read them must agree."""
+    values: Values = {}
     for node in snapshot.nodes():
         readings = snapshot.history(node.name, "count")
-        found[node.name] = [reading.value for reading in readings]
+        values[node.name] = [reading.value for reading in readings]
         assert tuple(node.attributes.values()) == readings[-1:]
         assert snapshot.get(node.name, "count").content == (readings[-1].value if readings else None)
     for edge in snapshot.edges():
         assert list(edge.attributes.values()) == [snapshot.get_of_edge(*EDGE, "count")]
-        found["edge"] = [reading.value for reading in edge.attributes.values()]
-    return found
+        values["edge"] = [reading.value for reading in edge.attributes.values()]
+    return values
 
 
 @given(st.lists(st.tuples(st.booleans(), st.lists(STEPS, max_size=4)), max_size=30))
-def test_each_snapshot_tells_for_good_what_was_written_until_then(runs: list[tuple[bool, list[Step]]]) -> None:
+def test_a_snapshot_always_contains_exactly_the_earlier_writes(runs: list[tuple[bool, list[Step]]]) -> None:
     clock, record = SimClock(100.0), Record()
     knowledge = Knowledge(MODEL, clock=clock)
     agent = knowledge.as_agent("author")
@@ -115,13 +118,13 @@ def test_each_snapshot_tells_for_good_what_was_written_until_then(runs: list[tup
         else:
             for step in steps:
                 record.take(agent, step, clock.now_s())
-        kept.append((knowledge.snapshot(), clock.now_s(), record.told()))
+        kept.append((knowledge.snapshot(), clock.now_s(), record.values()))
     for snapshot, instant_s, expected in kept:
-        assert told(snapshot) == expected
-        assert told(knowledge.at(instant_s)) == expected
+        assert values_in(snapshot) == expected
+        assert values_in(knowledge.at(instant_s)) == expected
 
 
-def test_nodes_and_histories_tell_for_good_what_they_told_however_much_is_written() -> None:
+def test_nodes_and_histories_never_change_despite_later_writes() -> None:
     knowledge = Knowledge(MODEL, clock=SimClock())
     agent = knowledge.as_agent("author")
     agent.insert_node("a", "thing", count=0)
@@ -131,10 +134,10 @@ def test_nodes_and_histories_tell_for_good_what_they_told_however_much_is_writte
         kept.append((count, knowledge.snapshot(), knowledge.snapshot().node("a"), knowledge.snapshot().nodes()))
     for count, snapshot, node, nodes in kept:
         assert [reading.value for reading in snapshot.history("a", "count")] == list(range(count + 1))[-MOST:]
-        assert [each.attributes["count"].value for each in (node, *nodes)] == [count, count]
+        assert [version.attributes["count"].value for version in (node, *nodes)] == [count, count]
 
 
-def test_how_often_the_graph_changes_at_one_instant_does_not_shorten_its_past() -> None:
+def test_many_changes_at_one_instant_do_not_shorten_the_past() -> None:
     clock = SimClock()
     knowledge = Knowledge(MODEL, clock=clock)
     agent = knowledge.as_agent("author")
@@ -146,7 +149,7 @@ def test_how_often_the_graph_changes_at_one_instant_does_not_shorten_its_past() 
     assert knowledge.at(1.0).get("a", "count").value == MOST_PAST
 
 
-def test_evidence_may_be_taken_while_a_transaction_goes_on() -> None:
+def test_evidence_may_be_taken_during_a_transaction() -> None:
     clock = SimClock()
     knowledge = Knowledge(MODEL, clock=clock)
     with knowledge.as_agent("author").transaction() as write:
@@ -156,7 +159,7 @@ def test_evidence_may_be_taken_while_a_transaction_goes_on() -> None:
     assert knowledge.get("a", "count").evidence_s == 1.5
 
 
-def test_who_writes_in_a_transaction_as_it_ends_is_told_that_it_is_over_and_changes_nothing() -> None:
+def test_a_write_to_a_transaction_that_has_ended_is_refused() -> None:
     knowledge = Knowledge(MODEL, clock=SimClock())
     agent = knowledge.as_agent("author")
     agent.insert_node("a", "thing")
@@ -173,7 +176,7 @@ def test_who_writes_in_a_transaction_as_it_ends_is_told_that_it_is_over_and_chan
     thread = threading.Thread(target=write_in_another_thread)
 
     class Ending:
-        """A number; while the graph reads it, nobody else can write to it."""
+        """A number; no other thread can write to the graph while the graph converts it."""
 
         def item(self) -> int:
             if thread.ident is None:
@@ -189,7 +192,7 @@ def test_who_writes_in_a_transaction_as_it_ends_is_told_that_it_is_over_and_chan
 
 
 @pytest.mark.parametrize("names", [("a", "b"), ("a",)])
-def test_what_is_interrupted_anywhere_is_there_whole_or_not_at_all(names: tuple[str, ...]) -> None:
+def test_an_interrupted_write_is_complete_or_absent(names: tuple[str, ...]) -> None:
     knowledge = Knowledge(MODEL, clock=SimClock())
     agent = knowledge.as_agent("author")
     for name in (*names, "another"):
@@ -198,20 +201,20 @@ def test_what_is_interrupted_anywhere_is_there_whole_or_not_at_all(names: tuple[
     def counts() -> list[int]:
         return [knowledge.get(name, "count").value for name in names]
 
-    line, found = 1, []
+    line, seen = 1, []
     while _is_interrupted(agent, names, line):
         assert [knowledge.at(0.0).get(name, "count").value for name in names] == counts()
-        found.append(counts())
+        seen.append(counts())
         agent.set("another", "count", line)
-        assert counts() == found[-1]
+        assert counts() == seen[-1]
         line += 1
-    assert all(len(set(each)) == 1 for each in found)
-    assert {each[0] == line for line, each in enumerate(found, 1)} == {True, False}
+    assert all(len(set(values)) == 1 for values in seen)
+    assert {values[0] == line for line, values in enumerate(seen, 1)} == {True, False}
 
 
 @pytest.mark.parametrize("names", [("a", "b"), ("a",)])
-def test_what_the_handler_of_a_signal_writes_within_a_write_is_written_as_well(names: tuple[str, ...]) -> None:
-    """Python runs handlers between steps of its own, such as where a call begins, in the thread that writes."""
+def test_the_write_of_a_signal_handler_within_a_write_is_kept(names: tuple[str, ...]) -> None:
+    """Python runs signal handlers in the writing thread between its own steps, such as at the start of a call."""
     knowledge = Knowledge(MODEL, clock=SimClock())
     agent = knowledge.as_agent("author")
     for name in (*names, "of the handler"):
@@ -252,10 +255,10 @@ def _is_interrupted(agent: AgentHandle, names: tuple[str, ...], at_line: int) ->
 
 
 def _is_hit(agent: AgentHandle, names: tuple[str, ...], event: str, at: int, happen: Callable[[], object]) -> bool:
-    """Write a number to a node, or to several as one, while something happens before a line, or as a call begins.
+    """Write a number to one or several nodes in one change; call `happen` before a line, or at the start of a call.
 
     Returns:
-        Whether the write came so far.
+        Whether the write reached this point.
     """
     left = at
 

@@ -1,4 +1,4 @@
-"""Geometry in the graph: RT edges that move, change their parent, end and go stale, against matrices by hand."""
+"""Geometry in the graph: RT edges that move, change their parent, end and become stale, against matrices by hand."""
 
 from __future__ import annotations
 
@@ -47,35 +47,35 @@ PARTS = KnowledgeModel(
 
 @dataclass
 class ByHand:
-    """All poses that were ever said, and matrices made of them anew for every question."""
+    """All placements, and matrices computed from them for every transform."""
 
-    said: dict[str, dict[float, tuple[str, str, Any]]] = field(default_factory=dict)
+    placements: dict[str, dict[float, tuple[str, str, Any]]] = field(default_factory=dict)
 
-    def standing(self, name: str, at_s: float) -> tuple[str, Any, Outcome]:
-        said = self.said[name]
-        stamps_s = sorted(said)
+    def pose_at(self, name: str, at_s: float) -> tuple[str, Any, Outcome]:
+        stamped = self.placements[name]
+        stamps_s = sorted(stamped)
         before = [stamp_s for stamp_s in stamps_s if stamp_s <= at_s]
         if not before:
-            kind, parent, matrix = said[stamps_s[0]]
+            kind, parent, matrix = stamped[stamps_s[0]]
             return parent, matrix, Outcome.CLAMPED
-        kind, parent, matrix = said[before[-1]]
+        kind, parent, matrix = stamped[before[-1]]
         if kind == "fixed" or before[-1] == at_s:
             return parent, matrix, Outcome.EXACT
         after = [stamp_s for stamp_s in stamps_s if stamp_s > at_s]
-        if after and said[after[0]][:2] == (kind, parent):
-            return parent, between(before[-1], matrix, after[0], said[after[0]][2], at_s), Outcome.INTERPOLATED
+        if after and stamped[after[0]][:2] == (kind, parent):
+            return parent, between(before[-1], matrix, after[0], stamped[after[0]][2], at_s), Outcome.INTERPOLATED
         if at_s - before[-1] > EXTRAPOLATE_S:
             return parent, matrix, Outcome.CLAMPED
-        if len(before) > 1 and said[before[-2]][:2] == (kind, parent):
-            matrix = between(before[-2], said[before[-2]][2], before[-1], matrix, at_s)
+        if len(before) > 1 and stamped[before[-2]][:2] == (kind, parent):
+            matrix = between(before[-2], stamped[before[-2]][2], before[-1], matrix, at_s)
         return parent, matrix, Outcome.EXTRAPOLATED
 
     def to_root(self, name: str, at_s: float) -> tuple[Any, dict[str, Outcome]]:
-        found, outcomes = np.eye(4), {}
-        while name in self.said:
-            parent, matrix, outcomes[name] = self.standing(name, at_s)
-            found, name = matrix @ found, parent
-        return found, outcomes
+        matrix_to_root, outcomes = np.eye(4), {}
+        while name in self.placements:
+            parent, matrix, outcomes[name] = self.pose_at(name, at_s)
+            matrix_to_root, name = matrix @ matrix_to_root, parent
+        return matrix_to_root, outcomes
 
     def transform(self, target: str, source: str, at_s: float) -> tuple[Any, Outcome]:
         (down, downs), (up, ups) = self.to_root(target, at_s), self.to_root(source, at_s)
@@ -84,7 +84,7 @@ class ByHand:
 
 
 def between(a_s: float, a: Any, b_s: float, b: Any, at_s: float) -> Any:
-    """Return what scipy's Slerp and a straight line give between two poses, or by its constant rate beyond them."""
+    """Return a pose between two poses by scipy's Slerp and a straight line, or beyond them at the same rate."""
     made, share = np.eye(4), (at_s - a_s) / (b_s - a_s)
     made[:3, 3] = a[:3, 3] + share * (b[:3, 3] - a[:3, 3])
     turns = Rotation.from_matrix([a[:3, :3], b[:3, :3]])
@@ -101,7 +101,7 @@ def pose_of(chance: np.random.Generator) -> Pose:
 
 
 class Tree:
-    """A random tree that is at least six edges deep, whose edges move, are fixed, and change their parents."""
+    """A random tree, at least six edges deep, with moving and fixed edges that change their parents."""
 
     def __init__(self, seed: int) -> None:
         self.chance = np.random.default_rng(seed)
@@ -111,24 +111,24 @@ class Tree:
         self.by_hand = ByHand()
         self.kinds = {number: "fixed" if self.chance.random() < 0.2 else "moves" for number in range(1, COUNT)}
         for number in range(1, COUNT):
-            self.say(number, number - 1 if number <= 6 else int(self.chance.integers(number)), 0.0)
+            self.place_part(number, number - 1 if number <= 6 else int(self.chance.integers(number)), 0.0)
 
-    def say(self, number: int, parent: int, stamp_s: float) -> None:
+    def place_part(self, number: int, parent: int, stamp_s: float) -> None:
         pose = pose_of(self.chance)
-        self.by_hand.said.setdefault(f"n{number}", {})[stamp_s] = (
+        self.by_hand.placements.setdefault(f"n{number}", {})[stamp_s] = (
             self.kinds[number],
             f"n{parent}",
             np.array(pose.matrix()),
         )
         self.hand.place(f"n{parent}", self.kinds[number], f"n{number}", pose, stamp_s=stamp_s)
 
-    def say_more(self) -> None:
-        """Say where some part stands at some instant: in its last parent, or in another that came before it."""
+    def place_some_part(self) -> None:
+        """Place a random part at a random instant, in its last parent or in another part with a lower number."""
         number = int(self.chance.integers(1, COUNT))
         stamp_s = float(self.chance.integers(0, 4 * HORIZON_S)) / 4
         is_moved = number > 6 and self.chance.random() < 0.4
-        last = self.by_hand.said[f"n{number}"][max(self.by_hand.said[f"n{number}"])][1]
-        self.say(number, int(self.chance.integers(number)) if is_moved else int(last[1:]), stamp_s)
+        last = self.by_hand.placements[f"n{number}"][max(self.by_hand.placements[f"n{number}"])][1]
+        self.place_part(number, int(self.chance.integers(number)) if is_moved else int(last[1:]), stamp_s)
 
     def question(self) -> tuple[str, str, float]:
         a, b = self.chance.integers(COUNT, size=2)
@@ -137,16 +137,16 @@ class Tree:
 
 @settings(max_examples=60)
 @given(seed=some.integers(0, 2**32 - 1))
-def test_every_answer_is_that_of_matrices_by_hand_after_any_interleaving(seed: int) -> None:
+def test_every_transform_agrees_with_matrices_by_hand_after_any_interleaving(seed: int) -> None:
     tree, asked = Tree(seed), []
     for _ in range(25):
-        tree.say_more()
+        tree.place_some_part()
         asked.append(tree.question())
-        for target, source, at_s in asked[-8:]:  # again, too, after what was said since
-            found = tree.knowledge.transform(target, source, at_s)
+        for target, source, at_s in asked[-8:]:  # earlier transforms again, after further placements
+            transform = tree.knowledge.transform(target, source, at_s)
             matrix, outcome = tree.by_hand.transform(target, source, at_s)
-            np.testing.assert_allclose(np.array(found.pose.matrix()), matrix, atol=1e-7)
-            assert found.outcome == outcome
+            np.testing.assert_allclose(np.array(transform.pose.matrix()), matrix, atol=1e-7)
+            assert transform.outcome == outcome
 
 
 @settings(max_examples=40)
@@ -154,7 +154,7 @@ def test_every_answer_is_that_of_matrices_by_hand_after_any_interleaving(seed: i
 def test_transforms_invert_chain_and_keep_distances(seed: int) -> None:
     tree = Tree(seed)
     for _ in range(10):
-        tree.say_more()
+        tree.place_some_part()
     seen = tree.knowledge.snapshot()
     for _ in range(10):
         (a, b, at_s), (c, *_) = tree.question(), tree.question()
@@ -169,27 +169,27 @@ def test_transforms_invert_chain_and_keep_distances(seed: int) -> None:
 
 @settings(max_examples=20)
 @given(seed=some.integers(0, 2**32 - 1))
-def test_a_part_on_the_way_from_one_pose_to_the_next_turns_at_a_constant_rate(seed: int) -> None:
+def test_interpolation_between_poses_turns_at_a_constant_rate(seed: int) -> None:
     chance = np.random.default_rng(seed)
     knowledge = Knowledge(PARTS, clock=SimClock(1.0))
     hand, (a, b) = knowledge.as_agent("hand"), (pose_of(chance), pose_of(chance))
     hand.place("n0", "moves", "n1", a, stamp_s=0.0)
     hand.place("n0", "moves", "n1", b, stamp_s=1.0)
     for share in (0.25, 0.5, 0.9):
-        found = knowledge.transform("n0", "n1", share).pose
-        assert a.angle_rad(found) == pytest.approx(share * a.angle_rad(b), abs=1e-7)
-        assert a.distance_m(found) == pytest.approx(share * a.distance_m(b))
+        between_poses = knowledge.transform("n0", "n1", share).pose
+        assert a.angle_rad(between_poses) == pytest.approx(share * a.angle_rad(b), abs=1e-7)
+        assert a.distance_m(between_poses) == pytest.approx(share * a.distance_m(b))
 
 
 @settings(max_examples=25)
 @given(seed=some.integers(0, 2**32 - 1))
-def test_each_snapshot_tells_for_good_where_everything_stood_when_it_was_taken(seed: int) -> None:
-    tree, told = Tree(seed), []
+def test_the_transforms_of_a_snapshot_never_change(seed: int) -> None:
+    tree, answers = Tree(seed), []
     for _ in range(20):
-        tree.say_more()
+        tree.place_some_part()
         seen, question = tree.knowledge.snapshot(), tree.question()
-        told.append((seen, question, seen.transform(*question)))
-    assert [seen.transform(*question) for seen, question, _ in told] == [answer for *_, answer in told]
+        answers.append((seen, question, seen.transform(*question)))
+    assert [seen.transform(*question) for seen, question, _ in answers] == [answer for *_, answer in answers]
 
 
 # Edges of the graph
@@ -208,7 +208,7 @@ def edges(knowledge: Knowledge) -> list[str]:
     return sorted(f"{edge.origin} {edge.type} {edge.target}" for edge in knowledge.snapshot().edges("RT"))
 
 
-def test_a_part_that_is_picked_up_has_one_edge_and_the_past_is_as_it_was() -> None:
+def test_a_part_that_is_picked_up_has_one_edge_and_its_past_is_unchanged() -> None:
     knowledge, clock = parts(("n0", "moves", "n1", 1.0), ("n0", "moves", "n2", 5.0), ("n1", "fixed", "n3", 0.5))
     clock.sleep(10.0)
     knowledge.as_agent("hand").place("n2", "moves", "n3", Pose.of((0.25, 0.0, 0.0)))
@@ -218,7 +218,7 @@ def test_a_part_that_is_picked_up_has_one_edge_and_the_past_is_as_it_was() -> No
     assert [knowledge.snapshot().parent("n3", at_s) for at_s in (9.0, 10.0)] == ["n1", "n2"]
 
 
-def test_news_of_the_past_does_not_change_on_which_edge_a_part_stands_now() -> None:
+def test_a_late_pose_does_not_change_the_present_edge() -> None:
     knowledge, clock = parts(("n0", "moves", "n1", 1.0))
     clock.sleep(10.0)
     hand = knowledge.as_agent("hand")
@@ -228,7 +228,7 @@ def test_news_of_the_past_does_not_change_on_which_edge_a_part_stands_now() -> N
     assert knowledge.transform("n0", "n1", 1.0).pose.translation_m[0] == 2.0
 
 
-def test_a_pose_of_the_future_and_a_circle_are_refused() -> None:
+def test_a_future_pose_and_a_cycle_are_refused() -> None:
     knowledge, _ = parts(("n0", "moves", "n1", 1.0), ("n1", "moves", "n2", 1.0))
     hand = knowledge.as_agent("hand")
     before = knowledge.snapshot().version
@@ -236,12 +236,12 @@ def test_a_pose_of_the_future_and_a_circle_are_refused() -> None:
         hand.place("n0", "moves", "n1", Pose(), stamp_s=1.0)
     with pytest.raises(FrameError, match="'n0' cannot be placed in 'n2' from 0 s on: this makes a cycle"):
         hand.place("n2", "moves", "n0", Pose())
-    with pytest.raises(ValueError, match="an edge of type 'moves' has a pose: place 'n3' in 'n2'"):
+    with pytest.raises(ValueError, match=r"edges of type 'moves' have a pose: use place\(\) to place 'n3' in 'n2'"):
         hand.insert_edge("n2", "moves", "n3")
     assert knowledge.snapshot().version == before
 
 
-def test_an_edge_that_is_deleted_lets_its_target_stand_nowhere_from_then_on() -> None:
+def test_the_target_of_a_deleted_edge_has_no_pose_from_then_on() -> None:
     knowledge, clock = parts(("n0", "moves", "n1", 1.0), ("n1", "moves", "n2", 1.0))
     clock.sleep(5.0)
     knowledge.as_agent("hand").delete_edge("n0", "moves", "n1")
@@ -252,7 +252,7 @@ def test_an_edge_that_is_deleted_lets_its_target_stand_nowhere_from_then_on() ->
     assert knowledge.snapshot().distance_m("n0", "n2") is None
 
 
-def test_what_stood_in_a_part_that_is_deleted_stands_nowhere() -> None:
+def test_the_children_of_a_deleted_part_have_no_pose() -> None:
     knowledge, clock = parts(("n0", "moves", "n1", 1.0), ("n1", "moves", "n2", 1.0), ("n0", "fixed", "n3", 1.0))
     clock.sleep(5.0)
     hand = knowledge.as_agent("hand")
@@ -264,7 +264,7 @@ def test_what_stood_in_a_part_that_is_deleted_stands_nowhere() -> None:
     assert edges(knowledge) == []
 
 
-def test_the_poses_of_what_comes_and_goes_do_not_pile_up() -> None:
+def test_the_poses_of_deleted_nodes_do_not_pile_up() -> None:
     clock = SimClock()
     knowledge = store(clock)
     detection = knowledge.as_agent("container_detection")
@@ -274,12 +274,12 @@ def test_the_poses_of_what_comes_and_goes_do_not_pile_up() -> None:
         detection.place("world", "container_pose", f"box_{number}", Pose())
         clock.sleep(1.0)
         detection.delete_node(f"box_{number}")
-    told = [f"box_{number}" for number in range(200) if _is_told(knowledge, f"box_{number}", clock.now_s() - 3.5)]
-    assert 1 <= len(told) <= 10
-    assert "box_199" in told
+    known = [f"box_{number}" for number in range(200) if _is_known(knowledge, f"box_{number}", clock.now_s() - 3.5)]
+    assert 1 <= len(known) <= 10
+    assert "box_199" in known
 
 
-def _is_told(knowledge: Knowledge, name: str, at_s: float) -> bool:
+def _is_known(knowledge: Knowledge, name: str, at_s: float) -> bool:
     try:
         knowledge.transform("world", name, at_s)
     except FrameError as error:
@@ -291,12 +291,12 @@ def test_the_outcome_of_a_chain_is_that_of_its_worst_edge() -> None:
     clock = SimClock()
     knowledge = store(clock)
     knowledge.as_agent("navigation").place("world", "robot_pose", "robot", Pose())
-    told = []
+    outcomes = []
     for duration_s in (0.0, 0.1, 1.0, 5.0):
         clock.sleep(duration_s)
-        found = knowledge.transform("world", "camera")
-        told.append((found.outcome.name, found.weakest, round(found.gap_s, 3)))
-    assert told == [
+        transform = knowledge.transform("world", "camera")
+        outcomes.append((transform.outcome.name, transform.weakest, round(transform.gap_s, 3)))
+    assert outcomes == [
         ("EXACT", "", 0.0),
         ("EXTRAPOLATED", "robot", 0.1),
         ("CLAMPED", "robot", 1.1),

@@ -1,4 +1,4 @@
-"""Comparisons with poses as context: an observer looks while one holds, and each is what poses say at any instant."""
+"""Comparisons with poses as context-variables: they enable observers, and agree with the poses at every instant."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from tests.runtime.knowledge.bay import (
 
 
 def drive(codra: ContextManager[str, str], *positions_m: float) -> None:
-    """Let the robot stand somewhere else each half second; it is told each time where."""
+    """Place the robot at another position every half second."""
     navigation = codra.agent("navigation")
     for x_m in positions_m:
         navigation.graph.place("world", "robot_pose", "robot", Pose.of((x_m, 0.0, 0.0)))
@@ -60,7 +60,7 @@ def test_an_observer_looks_while_the_robot_is_near_and_no_longer() -> None:
         assert lid.looks_s[2:] == [4.5]
 
 
-def test_it_is_blocked_at_the_instant_at_which_the_pose_goes_stale() -> None:
+def test_it_is_blocked_when_the_pose_becomes_stale() -> None:
     clock, lid = SimClock(), Lid()
     with manager(clock, lid) as codra:
         codra.declare("lid_open")
@@ -81,12 +81,12 @@ def test_it_is_blocked_at_the_instant_at_which_the_pose_goes_stale() -> None:
         assert len(lid.looks_s) == looks + 1
 
 
-def test_what_never_stood_anywhere_and_what_is_taken_away_make_it_unknown() -> None:
+def test_a_comparison_is_unknown_for_a_node_without_a_pose() -> None:
     clock = SimClock()
     with manager(clock, Lid()) as codra:
         people = codra.agent("people")
         assert codra.get(CUP_NEAR).reason is Reason.NEVER_OBSERVED
-        assert codra.get(CUP_NEAR).detail == "nothing says where 'machine' stands to 'cup'"
+        assert codra.get(CUP_NEAR).detail == "the pose of 'machine' relative to 'cup' is unknown"
         assert codra.get(ASKED).value is False
         people.graph.place("world", "cup_pose", "cup", Pose.of((3.0, 0.0, 0.0)))
         assert (codra.get(CUP_NEAR).value, codra.get(ASKED).value) == (True, True)
@@ -99,7 +99,7 @@ def test_what_never_stood_anywhere_and_what_is_taken_away_make_it_unknown() -> N
         assert codra.get(IN_VIEW).reason is Reason.FORGOTTEN
 
 
-def test_nobody_writes_what_follows_from_poses() -> None:
+def test_agents_cannot_write_comparisons_with_poses() -> None:
     clock = SimClock()
     with manager(clock, Lid()) as codra:
         drive(codra, 0.0)
@@ -108,7 +108,7 @@ def test_nobody_writes_what_follows_from_poses() -> None:
             lambda: codra.declare(NEAR, True),
             lambda: codra.agent("navigation").set(NEAR, True),
         ):
-            with pytest.raises(NotASourceError, match="follows from poses: nobody writes it"):
+            with pytest.raises(NotASourceError, match="follows from poses and cannot be written"):
                 write()
         with pytest.raises(LookupError):
             codra.agent("the knowledge graph")
@@ -118,17 +118,17 @@ def test_nobody_writes_what_follows_from_poses() -> None:
         assert NEAR not in {reading.name for node in codra.knowledge.snapshot().nodes() for reading in node.histories}
 
 
-def test_a_pose_that_changes_no_comparison_is_told_to_nobody() -> None:
-    clock, told = SimClock(), list[object]()
+def test_a_pose_that_changes_no_comparison_notifies_no_subscriber() -> None:
+    clock, readings = SimClock(), list[object]()
     with manager(clock, Lid()) as codra:
-        codra.subscribe(NEAR, told.append)
+        codra.subscribe(NEAR, readings.append)
         drive(codra, *(0.001 * step for step in range(1000)), *(3.2 + 0.0001 * step for step in range(1000)))
         events = codra.record.of(Kind.VARIABLE, NEAR)
     assert [event.details.get("value") for event in events] == [None, False, True]
-    assert len(told) == 3
+    assert len(readings) == 3
 
 
-def test_evidence_counts_from_when_the_pose_was_measured_and_never_goes_back() -> None:
+def test_evidence_has_the_stamp_of_the_pose_and_never_goes_back() -> None:
     clock = SimClock()
     with manager(clock, Lid()) as codra:
         drive(codra, 0.0)
@@ -145,7 +145,7 @@ def test_evidence_counts_from_when_the_pose_was_measured_and_never_goes_back() -
 
 
 def run(path: Path) -> None:
-    """A robot that drives to the machine and stays until its pose is stale, with a cup carried about."""
+    """A robot drives to the machine and waits there until its pose is stale, while a cup is carried around."""
     clock = SimClock(10.0)
     with manager(clock, Lid(), Journal(path), extrapolate_s=0.3) as codra:
         codra.declare("lid_open")
@@ -160,20 +160,20 @@ def run(path: Path) -> None:
         clock.sleep(3.0)
 
 
-def test_a_replay_works_it_out_anew_from_the_poses(tmp_path: Path) -> None:
+def test_a_replay_computes_comparisons_from_the_poses(tmp_path: Path) -> None:
     run(tmp_path / "run.mcap")
     head, events = read(tmp_path / "run.mcap")
     names = [event.name for event in events if event.kind is Kind.VARIABLE]
     assert {NEAR, IN_VIEW, CUP_NEAR, ASKED, "lid_open"} == set(names)
     assert not [event for event in events if event.kind is Kind.INPUT and event.name == "the knowledge graph"]
     copy = Journal(tmp_path / "copy.mcap")
-    found = replay(head, events, MODEL, ContextManager, copy, knowledge(0.3))
-    assert found.difference is None
-    assert found.derived[Kind.VARIABLE] == len(names)
+    result = replay(head, events, MODEL, ContextManager, copy, knowledge(0.3))
+    assert result.difference is None
+    assert result.derived[Kind.VARIABLE] == len(names)
     assert (tmp_path / "copy.mcap").read_bytes() == (tmp_path / "run.mcap").read_bytes()
 
 
-def test_a_run_in_real_time_under_several_threads_is_worked_out_again_byte_for_byte(tmp_path: Path) -> None:
+def test_a_replay_of_a_threaded_run_in_real_time_is_identical_byte_for_byte(tmp_path: Path) -> None:
     clock = WallClock()
     with manager(clock, Lid(), Journal(tmp_path / "run.mcap"), extrapolate_s=0.1) as codra:
         codra.declare("lid_open")
@@ -208,16 +208,18 @@ def test_a_replay_with_another_threshold_differs_at_the_comparison(tmp_path: Pat
     run(tmp_path / "run.mcap")
     head, events = read(tmp_path / "run.mcap")
     nearer = replace(
-        next(each for each in MODEL.variables if each.name == NEAR), posed=distance("robot", "machine") < 9
+        next(variable for variable in MODEL.variables if variable.name == NEAR), posed=distance("robot", "machine") < 9
     )
-    model = replace(MODEL, variables=tuple(nearer if each.name == NEAR else each for each in MODEL.variables))
-    found = replay(head, events, model, ContextManager, None, knowledge(0.3))
-    assert found.difference is not None
-    assert found.difference.recorded is not None
-    assert (found.difference.recorded.name, found.difference.recorded.details["value"]) == (NEAR, False)
+    model = replace(
+        MODEL, variables=tuple(nearer if variable.name == NEAR else variable for variable in MODEL.variables)
+    )
+    result = replay(head, events, model, ContextManager, None, knowledge(0.3))
+    assert result.difference is not None
+    assert result.difference.recorded is not None
+    assert (result.difference.recorded.name, result.difference.recorded.details["value"]) == (NEAR, False)
 
 
-def test_why_tells_who_placed_what_and_why_it_is_unknown(tmp_path: Path) -> None:
+def test_why_explains_who_placed_a_node_and_why_a_comparison_is_unknown(tmp_path: Path) -> None:
     run(tmp_path / "run.mcap")
     head, events = read(tmp_path / "run.mcap")
 
@@ -234,40 +236,40 @@ def test_why_tells_who_placed_what_and_why_it_is_unknown(tmp_path: Path) -> None
         "    present from the start, 10 s\n"
         "    placed at (4, 0, 0) m from the start, 10 s"
     )
-    told = why("lid_open", 16.0)
-    assert f"{NEAR} is unknown (stale) at 16 s\n" in told
-    assert "unknown since 15.2 s: the pose of 'robot' is too old\n" in told
-    assert "placed at (3.6, 0, 0) m by agent navigation at 13.2 s" in told
-    assert told.endswith(f"missing: {NEAR} = true")
+    explanation = why("lid_open", 16.0)
+    assert f"{NEAR} is unknown (stale) at 16 s\n" in explanation
+    assert "unknown since 15.2 s: the pose of 'robot' is too old\n" in explanation
+    assert "placed at (3.6, 0, 0) m by agent navigation at 13.2 s" in explanation
+    assert explanation.endswith(f"missing: {NEAR} = true")
 
 
 class ByHand:
-    """Where robot and cup stand, worked out anew from all that was said, in a world in which nothing is turned."""
+    """The poses of the robot and the cup, computed from all placements, in a world without rotations."""
 
     def __init__(self, extrapolate_s: float) -> None:
         self.extrapolate_s = extrapolate_s
-        self.said: dict[str, list[tuple[float, str, tuple[float, ...]]]] = {"robot": [], "cup": []}
+        self.placements: dict[str, list[tuple[float, str, tuple[float, ...]]]] = {"robot": [], "cup": []}
 
     def offset(self, name: str, now_s: float) -> tuple[str, tuple[float, ...]] | None:
-        """Return in what something stands and where in that, unless nobody knows."""
-        said = self.said[name]
-        if not said or said[-1][1] == "nothing":
+        """Return the parent of a node and the position in it; None if unknown."""
+        placements = self.placements[name]
+        if not placements or placements[-1][1] == "nothing":
             return None
-        stamp_s, parent, at_m = said[-1]
+        stamp_s, parent, at_m = placements[-1]
         if name == "robot" and now_s - stamp_s >= VALID_FOR_S:
             return None
-        if now_s - stamp_s <= self.extrapolate_s and len(said) > 1 and said[-2][1] == parent:
-            before_s, _, before_m = said[-2]
+        if now_s - stamp_s <= self.extrapolate_s and len(placements) > 1 and placements[-2][1] == parent:
+            before_s, _, before_m = placements[-2]
             share = (now_s - stamp_s) / (stamp_s - before_s)
             at_m = tuple(now + (now - before) * share for now, before in zip(at_m, before_m, strict=True))
         return parent, at_m
 
     def place(self, name: str, now_s: float) -> tuple[float, ...] | None:
-        found = self.offset(name, now_s)
-        if found is None or found[0] == "world":
-            return None if found is None else found[1]
+        offset = self.offset(name, now_s)
+        if offset is None or offset[0] == "world":
+            return None if offset is None else offset[1]
         robot_m = self.place("robot", now_s)
-        return None if robot_m is None else tuple(map(sum, zip(robot_m, found[1], strict=True)))
+        return None if robot_m is None else tuple(map(sum, zip(robot_m, offset[1], strict=True)))
 
     def truths(self, now_s: float) -> dict[str, bool | None]:
         robot_m, cup_m = self.place("robot", now_s), self.place("cup", now_s)
@@ -299,7 +301,7 @@ STEPS = some.lists(
 @pytest.mark.parametrize("extrapolate_s", [0.0, 0.4])
 @settings(max_examples=60, deadline=None)
 @given(steps=STEPS)
-def test_each_comparison_is_at_any_instant_what_poses_say_then(
+def test_comparisons_agree_with_the_poses_at_every_instant(
     extrapolate_s: float, steps: list[tuple[str, tuple[int, int, int], int]]
 ) -> None:
     clock, hand = SimClock(), ByHand(extrapolate_s)
@@ -309,14 +311,14 @@ def test_each_comparison_is_at_any_instant_what_poses_say_then(
             now_s, at_m = clock.now_s(), tuple(0.25 * number for number in place)
             if what == "robot":
                 robot.place("world", "robot_pose", "robot", Pose.of(at_m))
-                hand.said["robot"].append((now_s, "world", at_m))
+                hand.placements["robot"].append((now_s, "world", at_m))
             elif what.startswith("cup"):
                 parent = what.removeprefix("cup in ")
                 people.place(parent, "cup_pose", "cup", Pose.of(at_m))
-                hand.said["cup"].append((now_s, parent, at_m))
-            elif what == "no cup" and hand.said["cup"] and hand.said["cup"][-1][1] != "nothing":
-                people.delete_edge(hand.said["cup"][-1][1], "cup_pose", "cup")
-                hand.said["cup"].append((now_s, "nothing", ()))
+                hand.placements["cup"].append((now_s, parent, at_m))
+            elif what == "no cup" and hand.placements["cup"] and hand.placements["cup"][-1][1] != "nothing":
+                people.delete_edge(hand.placements["cup"][-1][1], "cup_pose", "cup")
+                hand.placements["cup"].append((now_s, "nothing", ()))
             check(codra, hand)
             for _ in range(pause // 7):
                 clock.sleep(0.07)
@@ -326,7 +328,7 @@ def test_each_comparison_is_at_any_instant_what_poses_say_then(
 
 
 def check(codra: ContextManager[str, str], hand: ByHand) -> None:
-    """Compare all readings with what is so by hand; what moves on beyond its newest pose is asked each 10 ms."""
+    """Compare all readings with the ones computed by hand; extrapolated ones are read every 10 ms."""
     now_s = codra.clock.now_s()
     instants_s = [now_s] if hand.extrapolate_s == 0.0 else [now_s - 0.001 * step for step in range(12)]
     allowed = [hand.truths(instant_s) for instant_s in instants_s]

@@ -1,4 +1,4 @@
-"""Context-variables are attributes of nodes: both sides have the same readings, in one order, under one lock."""
+"""Context-variables are attributes of nodes: the context and the graph share their readings, order and lock."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from tests.runtime.knowledge.manager import MODEL, manager
 from tests.runtime.knowledge.store import STORE
 
 
-def test_what_either_side_writes_is_one_reading_on_both() -> None:
+def test_a_write_on_either_side_is_one_reading_on_both() -> None:
     clock = SimClock()
     with manager(clock) as codra:
         navigation = codra.agent("navigation")
@@ -33,13 +33,13 @@ def test_what_either_side_writes_is_one_reading_on_both() -> None:
         assert (reading.expires_s, reading.name) == (60.5, "charge")
 
 
-def test_a_variable_of_no_node_is_an_attribute_of_the_node_context() -> None:
+def test_a_variable_without_a_node_is_an_attribute_of_the_node_context() -> None:
     with manager(SimClock()) as codra:
         codra.set("light", True)
         assert codra.knowledge.get("context", "light") is codra.get("light")
 
 
-def test_a_value_goes_stale_on_both_sides_at_one_instant() -> None:
+def test_a_value_expires_on_both_sides_at_one_instant() -> None:
     clock = SimClock()
     with manager(clock) as codra:
         codra.agent("navigation").graph.set("battery", "charge", 40.0)
@@ -63,7 +63,7 @@ _STEPS = st.lists(
 
 @settings(max_examples=60, deadline=None)
 @given(_STEPS)
-def test_both_sides_have_the_same_history_whoever_writes_in_whatever_order(
+def test_both_sides_have_the_same_history_for_every_order_of_writes(
     steps: list[tuple[str, float, float, float]],
 ) -> None:
     clock = SimClock(100.0)
@@ -95,32 +95,32 @@ def test_a_snapshot_does_not_change_when_the_context_does() -> None:
         before = codra.knowledge.snapshot()
         codra.set("light", False)
         assert before.get("context", "light").value is True
-        assert [each.value for each in before.history("context", "light")] == [True]
+        assert [reading.value for reading in before.history("context", "light")] == [True]
         assert codra.knowledge.get("context", "light").value is False
 
 
-def test_a_change_of_the_context_reaches_who_subscribed_to_a_pattern() -> None:
-    clock, told = SimClock(), []
+def test_a_change_of_the_context_notifies_subscribers_of_patterns() -> None:
+    clock, counts = SimClock(), []
     with manager(clock) as codra:
-        codra.knowledge.subscribe(lambda change: told.append(len(change.new)), value("battery.charge") < 20.0)
+        codra.knowledge.subscribe(lambda change: counts.append(len(change.new)), value("battery.charge") < 20.0)
         navigation = codra.agent("navigation")
         for level in (50.0, 10.0, 5.0, 30.0, 15.0):
             navigation.set("charge", level)
             clock.sleep(1.0)
-    assert told == [1, 0, 1]
+    assert counts == [1, 0, 1]
 
 
-def test_what_an_agent_writes_into_the_graph_wakes_who_waits_for_the_variable() -> None:
-    clock, told = SimClock(), []
+def test_an_agents_write_to_the_graph_notifies_subscribers_of_the_variable() -> None:
+    clock, values = SimClock(), []
     with manager(clock) as codra:
-        codra.subscribe("docked", lambda reading: told.append(reading.content))
+        codra.subscribe("docked", lambda reading: values.append(reading.content))
         codra.agent("fork").graph.set("robot", "docked", True)
         assert codra.wait_for("docked", 1.0)
         clock.sleep(1.0)
-    assert told == [None, True]
+    assert values == [None, True]
 
 
-def test_a_transaction_of_both_is_seen_whole_by_readers_of_snapshots() -> None:
+def test_snapshots_never_contain_a_part_of_a_shared_transaction() -> None:
     seen: set[tuple[object, bool]] = set()
     with WallClock() as clock, manager(clock) as codra, codra.agent("container_detection").graph as detection:
         over = threading.Event()
@@ -176,7 +176,7 @@ def test_a_foreign_write_of_a_variable_is_refused_on_either_side_and_recorded(
         with pytest.raises(NotASourceError, match="is for navigation to write, not for 'fork'"):
             write(codra)
         assert not codra.get("charge").known
-        assert [each.agent for each in codra.knowledge.refusals()] == ["fork"]
+        assert [refusal.agent for refusal in codra.knowledge.refusals()] == ["fork"]
         (event,) = codra.record.of(Kind.VARIABLE)
         assert (event.name, event.what, event.details) == ("charge", "refused", {"value": 1.0, "source": "fork"})
 
@@ -190,7 +190,7 @@ def test_a_value_that_a_variable_cannot_have_is_refused_on_either_side() -> None
         assert not codra.get("charge").known
 
 
-def test_nobody_else_gets_the_name_of_an_agent_while_its_handle_is_open() -> None:
+def test_an_agent_has_one_open_handle_on_both_sides() -> None:
     with manager(SimClock()) as codra:
         navigation = codra.agent("navigation")
         for take in (codra.agent, codra.knowledge.as_agent):
@@ -204,28 +204,28 @@ def test_nobody_else_gets_the_name_of_an_agent_while_its_handle_is_open() -> Non
 
 
 @pytest.mark.parametrize("name", ["observer", "nobody"])
-def test_nobody_can_write_as_an_observer_or_as_who_is_not_declared(name: str) -> None:
+def test_observers_and_undeclared_agents_get_no_handle(name: str) -> None:
     with manager(SimClock()) as codra:
         for take in (codra.agent, codra.knowledge.as_agent):
             with pytest.raises(LookupError, match="has no agent"):
                 take(name)
 
 
-def test_the_node_of_a_variable_stays() -> None:
+def test_the_node_of_a_variable_cannot_be_deleted() -> None:
     with manager(SimClock()) as codra, pytest.raises(PermissionError):
         codra.agent("navigation").graph.delete_node("battery")
 
 
 def test_without_knowledge_there_is_no_graph() -> None:
     with ContextManager[str, str](MODEL, clock=SimClock(), resources={}) as codra:
-        with pytest.raises(LookupError, match="says nothing of knowledge"):
+        with pytest.raises(LookupError, match="declares no knowledge graph"):
             codra.knowledge.snapshot()
-        with pytest.raises(LookupError, match="says nothing of knowledge"):
+        with pytest.raises(LookupError, match="declares no knowledge graph"):
             codra.agent("fork").graph.delete_node("box")
 
 
 def test_eight_threads_write_both_sides_and_no_foreign_write_gets_through() -> None:
-    """Each agent writes its own, the others', and the context meanwhile; nothing waits for ever."""
+    """Every agent writes its own subjects, those of others, and the context; there is no deadlock."""
     agents = ["navigation", "fork", "picker_page", "person_detection", "container_detection", "picking"]
     refused: list[str] = []
     with WallClock() as clock, manager(clock) as codra:
@@ -255,8 +255,8 @@ def test_eight_threads_write_both_sides_and_no_foreign_write_gets_through() -> N
         for thread in threads:
             thread.join(120.0)
             assert not thread.is_alive()
-        sources = {each.source for each in codra.history("charge")}
-        audited = [each.agent for each in codra.knowledge.refusals()]
+        sources = {reading.source for reading in codra.history("charge")}
+        audited = [refusal.agent for refusal in codra.knowledge.refusals()]
         recorded = codra.record.of(Kind.VARIABLE, "charge")
     assert sources == {"navigation"}
     assert len(refused) == 5 * 600
@@ -264,11 +264,11 @@ def test_eight_threads_write_both_sides_and_no_foreign_write_gets_through() -> N
     assert len([event for event in recorded if event.what == "refused"]) == 5 * 400
 
 
-def test_the_main_execution_is_an_agent_of_what_it_is_a_source_and_has_one_owner_at_a_time() -> None:
+def test_the_main_execution_is_an_agent_if_it_is_a_source() -> None:
     with manager(SimClock()) as codra:
         main = codra.agent("main_execution")
-        with main.graph.transaction() as said:
-            said.set("context", "light", True)
+        with main.graph.transaction() as transaction:
+            transaction.set("context", "light", True)
         assert (codra.get("light").value, codra.get("light").source) == (True, "main_execution")
         main.set("light", False)
         codra.set("light", True)
@@ -281,27 +281,27 @@ def test_the_main_execution_is_an_agent_of_what_it_is_a_source_and_has_one_owner
         assert codra.knowledge.as_agent("main_execution").name == "main_execution"
 
 
-def test_the_main_execution_is_no_agent_of_a_graph_that_does_not_name_it() -> None:
+def test_the_main_execution_is_not_an_agent_of_a_graph_that_does_not_name_it() -> None:
     with pytest.raises(LookupError, match="has no agent 'main_execution'"):
         Knowledge(STORE, clock=SimClock()).as_agent("main_execution")
 
 
-def test_without_knowledge_the_error_tells_where_to_declare_it() -> None:
+def test_without_knowledge_the_error_states_where_to_declare_it() -> None:
     with ContextManager[str, str](MODEL, clock=SimClock(), resources={}) as codra:
-        with pytest.raises(LookupError, match="the spec 'store' says nothing of knowledge: declare `knowledge` in it"):
+        with pytest.raises(LookupError, match="the spec 'store' declares no knowledge graph: add `knowledge` to it"):
             _ = codra.knowledge
         navigation = codra.agent("navigation")
-        with pytest.raises(LookupError, match="says nothing of knowledge: declare `knowledge` in it"):
+        with pytest.raises(LookupError, match="declares no knowledge graph: add `knowledge` to it"):
             _ = navigation.graph
-        with pytest.raises(LookupError, match="says nothing of knowledge"):
+        with pytest.raises(LookupError, match="declares no knowledge graph"):
             navigation.on_wake(print)
 
 
 def test_a_session_has_an_agent_from_its_first_write_to_its_end() -> None:
-    told: list[dict[str, Any]] = []
+    replies: list[dict[str, Any]] = []
     written = {"codra": 1, "id": 1, "ask": "set", "variable": "charge", "value": 50.0, "agent": "navigation"}
     with manager(SimClock()) as codra:
-        session, another = open_session(codra, told.append), open_session(codra, told.append)
+        session, another = open_session(codra, replies.append), open_session(codra, replies.append)
         program = codra.agent("navigation")
         session.receive(written)
         program.close()
@@ -312,5 +312,5 @@ def test_a_session_has_an_agent_from_its_first_write_to_its_end() -> None:
         session.close()
         another.receive(written)
 
-        kinds = [each["error"]["kind"] if "error" in each else "answer" for each in told]
+        kinds = [message["error"]["kind"] if "error" in message else "answer" for message in replies]
         assert kinds == ["agent_taken", "answer", "agent_taken", "answer"]

@@ -1,4 +1,4 @@
-"""Patterns, and who is told when they come to hold: without ever holding up who writes."""
+"""Patterns, and subscriptions to their changes, which never block a writer."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def clock() -> SimClock:
 
 @pytest.fixture
 def knowledge(clock: SimClock) -> Knowledge:
-    """Return the store with two people, one of them near, and a container."""
+    """Return the store with two people, one of them near the robot, and a container."""
     knowledge = store(clock)
     with knowledge.as_agent("person_detection") as people:
         for name, height_m in (("anna", 1.7), ("bob", 1.9)):
@@ -47,7 +47,7 @@ def knowledge(clock: SimClock) -> Knowledge:
 
 
 @pytest.mark.parametrize(
-    ("patterns", "found"),
+    ("patterns", "people"),
     [
         ([path(some("person", called="who"), "close_to", "robot")], ["bob"]),
         ([path(anything(called="who"), "close_to", "robot")], ["bob", "box"]),
@@ -68,13 +68,13 @@ def knowledge(clock: SimClock) -> Knowledge:
         ([path(some("roll_container", called="who")), ~known("who.load")], ["box"]),
         ([path(some("person", called="who")), value("nobody.height") > 1.0], []),
     ],
-    ids=lambda each: ", ".join(map(str, each)) or "none",
+    ids=lambda values: ", ".join(map(str, values)) or "none",
 )
-def test_a_pattern_finds_what_it_says(knowledge: Knowledge, patterns: list[Any], found: list[str]) -> None:
-    assert [match.node("who") for match in knowledge.snapshot().match(*patterns)] == found
+def test_a_pattern_finds_its_matches(knowledge: Knowledge, patterns: list[Any], people: list[str]) -> None:
+    assert [match.node("who") for match in knowledge.snapshot().match(*patterns)] == people
 
 
-def test_places_that_are_called_the_same_are_one_node(knowledge: Knowledge) -> None:
+def test_places_of_the_same_name_match_one_node(knowledge: Knowledge) -> None:
     twice = path(some("person", called="a"), "close_to", "robot"), path(anything(called="b"), "close_to", "robot")
     pairs = [(match.node("a"), match.node("b")) for match in knowledge.snapshot().match(*twice)]
     assert pairs == [("bob", "bob"), ("bob", "box")]
@@ -84,22 +84,22 @@ def test_places_that_are_called_the_same_are_one_node(knowledge: Knowledge) -> N
     )
 
 
-def test_a_pattern_of_what_is_not_declared_is_told(knowledge: Knowledge) -> None:
+def test_undeclared_names_in_a_pattern_are_reported(knowledge: Knowledge) -> None:
     with pytest.raises(UnknownNameError, match="no type of edges 'close': did you mean 'close_to'"):
         knowledge.snapshot().match(path("robot", "close", "box"))
     with pytest.raises(UnknownNameError, match="no type of nodes 'persons': did you mean 'person'"):
         knowledge.subscribe(print, path(some("persons")))
-    with pytest.raises(ValueError, match="a path ends with a node"):
+    with pytest.raises(ValueError, match="a path must end with a node"):
         path("robot", "wants")
 
 
-def test_a_path_reads_as_the_spec_writes_it() -> None:
-    said: Path = path("world", "container_pose", some("roll_container", called="c"), backward("near"), anything())
-    assert str(said) == "world -container_pose-> some roll_container as c <-near- anything"
+def test_the_text_of_a_path_has_the_notation_of_the_spec() -> None:
+    pattern: Path = path("world", "container_pose", some("roll_container", called="c"), backward("near"), anything())
+    assert str(pattern) == "world -container_pose-> some roll_container as c <-near- anything"
     assert str(absent("robot", "is", "detecting")) == "not robot -is-> detecting"
 
 
-def test_poses_are_asked_for_in_conditions(knowledge: Knowledge, clock: SimClock) -> None:
+def test_conditions_can_read_poses(knowledge: Knowledge, clock: SimClock) -> None:
     navigation = knowledge.as_agent("navigation")
     assert not knowledge.snapshot().holds(~(distance("robot", "box") < 5.0))
     navigation.place("world", "robot_pose", "robot", at(1.0))
@@ -111,25 +111,25 @@ def test_poses_are_asked_for_in_conditions(knowledge: Knowledge, clock: SimClock
     clock.sleep(5.0)
     assert knowledge.snapshot().distance_m("robot", "box") is None
     assert knowledge.snapshot().in_view("anna", "camera") is None
-    with pytest.raises(ValueError, match="'box' is no camera: its type 'roll_container' has no view"):
+    with pytest.raises(ValueError, match="'box' is not a camera: its type 'roll_container' has no view"):
         knowledge.snapshot().in_view("robot", "box")
 
 
-# Being told
+# Subscriptions
 
 
-def told_of(knowledge: Knowledge, *patterns: Any) -> list[tuple[list[str], list[str]]]:
-    told: list[tuple[list[str], list[str]]] = []
+def notifications(knowledge: Knowledge, *patterns: Any) -> list[tuple[list[str], list[str]]]:
+    received: list[tuple[list[str], list[str]]] = []
 
     def callback(change: Change) -> None:
-        told.append(([each.node("who") for each in change.new], [each.node("who") for each in change.over]))
+        received.append(([match.node("who") for match in change.new], [match.node("who") for match in change.over]))
 
     knowledge.subscribe(callback, *patterns)
-    return told
+    return received
 
 
-def test_a_subscriber_is_told_what_holds_and_then_what_changes(knowledge: Knowledge, clock: SimClock) -> None:
-    told = told_of(knowledge, path(some("person", called="who"), "close_to", "robot"))
+def test_a_subscriber_is_notified_of_present_matches_and_then_of_changes(knowledge: Knowledge, clock: SimClock) -> None:
+    received = notifications(knowledge, path(some("person", called="who"), "close_to", "robot"))
     clock.sleep(1.0)
     people = knowledge.as_agent("person_detection")
     people.insert_edge("anna", "close_to", "robot")
@@ -139,11 +139,11 @@ def test_a_subscriber_is_told_what_holds_and_then_what_changes(knowledge: Knowle
     clock.sleep(1.0)
     people.delete_node("bob")
     clock.sleep(1.0)
-    assert told == [(["bob"], []), (["anna"], []), ([], ["bob"])]
+    assert received == [(["bob"], []), (["anna"], []), ([], ["bob"])]
 
 
-def test_what_changes_within_one_instant_is_told_as_one(knowledge: Knowledge, clock: SimClock) -> None:
-    told = told_of(knowledge, path(some("person", called="who"), "close_to", "robot"))
+def test_changes_at_one_instant_cause_one_notification(knowledge: Knowledge, clock: SimClock) -> None:
+    received = notifications(knowledge, path(some("person", called="who"), "close_to", "robot"))
     clock.sleep(1.0)
     people = knowledge.as_agent("person_detection")
     for name in ("carl", "dora"):
@@ -152,10 +152,10 @@ def test_what_changes_within_one_instant_is_told_as_one(knowledge: Knowledge, cl
     people.delete_edge("bob", "close_to", "robot")
     people.insert_edge("bob", "close_to", "robot")
     clock.sleep(1.0)
-    assert told == [(["bob"], []), (["carl", "dora"], [])]
+    assert received == [(["bob"], []), (["carl", "dora"], [])]
 
 
-def test_a_condition_wakes_when_a_value_goes_stale_and_when_its_age_is_reached(
+def test_a_condition_changes_when_a_value_expires_and_when_it_reaches_an_age(
     knowledge: Knowledge, clock: SimClock
 ) -> None:
     heard: list[tuple[float, str]] = []
@@ -168,7 +168,9 @@ def test_a_condition_wakes_when_a_value_goes_stale_and_when_its_age_is_reached(
     assert heard == [(0.0, "known True"), (20.0, "old True"), (60.0, "known False"), (60.0, "old False")]
 
 
-def test_a_distance_wakes_when_a_pose_is_written_and_when_it_goes_stale(knowledge: Knowledge, clock: SimClock) -> None:
+def test_a_distance_changes_when_a_pose_is_written_and_when_it_becomes_stale(
+    knowledge: Knowledge, clock: SimClock
+) -> None:
     heard: list[tuple[float, bool]] = []
     knowledge.subscribe(
         lambda change: heard.append((clock.now_s(), bool(change.matches))), distance("robot", "box") < 1.0
@@ -181,7 +183,9 @@ def test_a_distance_wakes_when_a_pose_is_written_and_when_it_goes_stale(knowledg
     assert heard == [(3.0, True), (8.0, False)]
 
 
-def test_an_attribute_is_followed_from_what_it_is_to_when_it_is_stale(knowledge: Knowledge, clock: SimClock) -> None:
+def test_an_attribute_is_followed_from_its_present_value_until_it_expires(
+    knowledge: Knowledge, clock: SimClock
+) -> None:
     heard: list[object] = []
     knowledge.follow("battery", "level", lambda reading: heard.append(reading.content or reading.reason))
     clock.sleep(1.0)
@@ -191,7 +195,7 @@ def test_an_attribute_is_followed_from_what_it_is_to_when_it_is_stale(knowledge:
     assert heard == [80.0, 70.0, Reason.STALE]
 
 
-def test_who_unsubscribes_is_told_no_more(knowledge: Knowledge, clock: SimClock) -> None:
+def test_an_ended_subscription_causes_no_calls(knowledge: Knowledge, clock: SimClock) -> None:
     heard: list[object] = []
     subscription = knowledge.follow("battery", "level", heard.append)
     clock.sleep(1.0)
@@ -201,7 +205,7 @@ def test_who_unsubscribes_is_told_no_more(knowledge: Knowledge, clock: SimClock)
     assert len(heard) == 1
 
 
-def test_a_callback_that_raises_hurts_nobody(
+def test_an_exception_in_a_callback_affects_no_other_callback(
     knowledge: Knowledge, clock: SimClock, caplog: pytest.LogCaptureFixture
 ) -> None:
     def callback(_: object) -> None:
@@ -215,8 +219,8 @@ def test_a_callback_that_raises_hurts_nobody(
         for level in (1.0, 2.0):
             navigation.set("battery", "level", level)
             clock.sleep(1.0)
-    assert [getattr(each, "content", None) for each in heard] == [1.0, 2.0]
-    assert sum("mine" in (each.exc_text or "") for each in caplog.records) == 2
+    assert [getattr(reading, "content", None) for reading in heard] == [1.0, 2.0]
+    assert sum("mine" in (record.exc_text or "") for record in caplog.records) == 2
 
 
 def test_an_agent_may_write_in_its_callback(knowledge: Knowledge, clock: SimClock) -> None:
@@ -237,7 +241,7 @@ def wall() -> Iterator[WallClock]:
         yield clock
 
 
-def test_a_callback_that_hangs_holds_up_neither_writers_nor_others(wall: WallClock) -> None:
+def test_a_blocked_callback_delays_neither_writers_nor_other_callbacks(wall: WallClock) -> None:
     knowledge = store(wall)
     hanging, is_over, newest = threading.Event(), threading.Event(), threading.Event()
 
@@ -259,7 +263,7 @@ def test_a_callback_that_hangs_holds_up_neither_writers_nor_others(wall: WallClo
     is_over.set()
 
 
-def test_whoever_waits_for_a_pattern_is_woken_by_a_write_of_another_thread(wall: WallClock) -> None:
+def test_a_wait_for_a_pattern_ends_with_a_write_of_another_thread(wall: WallClock) -> None:
     knowledge = store(wall)
     people = knowledge.as_agent("person_detection")
     writer = threading.Timer(0.05, write_of(people))

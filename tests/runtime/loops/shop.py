@@ -1,4 +1,4 @@
-"""A small shop whose loop is declared by hand: people, a battery, a container, and a truck with four courses."""
+"""A small shop with a loop that is declared in Python: people, a battery, a container, and a truck with its courses."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ def module_of(fll: str) -> ModuleType:
 
 
 def stage(fll: str, terms: Mapping[str, Mapping[str, Any]], members: Mapping[str, tuple[str, ...]]) -> StageModel:
-    """Bind an engine to the variables that its inputs and outputs are called by."""
+    """Bind an engine to the variables of its inputs and outputs."""
     module = module_of(fll)
     return StageModel(
         infer=module.infer,
@@ -233,7 +233,7 @@ UNFILTERED = replace(COURSE, smooth_s=0.0, lead=0.0, hold_s=0.0, dwell_s=0.0)
 
 
 class Shop:
-    """The shop in simulated time, or in real time; everybody who writes is told what to write by a test."""
+    """The shop in simulated or real time; a test decides what its agents write."""
 
     def __init__(
         self,
@@ -258,7 +258,7 @@ class Shop:
                 robot.can(name, partial(Task, f"to_{name}", self.mission, self.codra.knowledge))
         self.mape = Mape(self.codra, model, clock=self.clock, robot=robot, planner=planner)
 
-    def tell(
+    def write(
         self,
         *,
         person: float | None = None,
@@ -266,37 +266,37 @@ class Shop:
         load: str | None = None,
         bumped: bool | None = None,
     ) -> None:
-        """Write what is given."""
-        told = (
+        """Write the given values."""
+        written = (
             ("people", "person_distance", person),
             ("power", "battery_level", battery),
             ("picker", "container_load", load),
             ("base", "bumped", bumped),
         )
-        for agent, name, value_ in told:
+        for agent, name, value_ in written:
             if value_ is not None:
                 self.agents[agent].set(name, value_)
 
     def pass_s(self, duration_s: float, *, person: float = 6.0, battery: float = 80.0) -> None:
-        """Let time pass in which the sensors go on telling the same, twice a second."""
+        """Let time pass in which the sensors repeat the same values, twice a second."""
         for _ in range(round(duration_s * 2)):
-            self.tell(person=person, battery=battery)
+            self.write(person=person, battery=battery)
             self.clock.sleep(0.5)
 
     def begin(self) -> None:
-        """Let the loop run, in a calm shop with an empty container."""
-        self.tell(person=6.0, battery=80.0, load="empty", bumped=False)
+        """Start the loop, in a calm shop with an empty container."""
+        self.write(person=6.0, battery=80.0, load="empty", bumped=False)
         self.mape.start()
         self.pass_s(12.0)
 
     def course(self) -> str:
-        """Return the action that is the course."""
-        return self.mape.standing("course").state.action
+        """Return the action of the course."""
+        return self.mape.course_state("course").state.action
 
-    def told(self, *whats: str) -> list[Event]:
-        """Return what the loop has told of some kinds."""
+    def events(self, *whats: str) -> list[Event]:
+        """Return the events that the loop has recorded, given what happened in them."""
         return [event for event in self.codra.record.of(Kind.ADAPTATION) if event.what in whats]
 
     def stage(self, task: str) -> Stage | None:
-        """Return how far a task is."""
+        """Return the stage of a task."""
         return self.codra.knowledge.snapshot().handover(task).stage

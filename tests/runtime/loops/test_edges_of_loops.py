@@ -1,4 +1,4 @@
-"""What a loop does at its edges: stopped for a while, fed by itself, left in the midst of leaving, slow to tick."""
+"""Edge cases of a loop: a stop for a while, dependence on itself, a switch while a branch ends, slow ticks."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from tests.runtime.loops.test_loop import CLOSE_M, robot_that, stubborn, wait
 def test_a_lead_from_before_a_stop_does_not_count_after_it() -> None:
     shop = Shop(replace(MAPE, courses=(replace(COURSE, smooth_s=1.0, hold_s=1.0, dwell_s=0.0),)))
     shop.begin()
-    shop.pass_s(0.5, person=CLOSE_M)  # the weight of start leads from here on, and is not smoothed so far yet
+    shop.pass_s(0.5, person=CLOSE_M)  # the weight of start leads from here on, its smoothed weight not yet
     shop.mape.stop()
     shop.clock.sleep(60.0)
-    shop.tell(person=6.0, battery=80.0)
+    shop.write(person=6.0, battery=80.0)
     shop.mape.start()
     shop.pass_s(5.0)
-    assert [each.details["action"] for each in shop.told("chosen")] == ["deliver"]
+    assert [event.details["action"] for event in shop.events("chosen")] == ["deliver"]
 
 
 def rule(condition: str, action: str) -> HardRuleModel:
@@ -46,19 +46,19 @@ CIRCLES = {
 
 
 @pytest.mark.parametrize("name", CIRCLES)
-def test_what_follows_from_itself_is_told_and_time_goes_on(name: str) -> None:
+def test_an_adaptation_that_depends_on_itself_is_reported_and_time_goes_on(name: str) -> None:
     model: MapeModel = CIRCLES[name]
-    shop = Shop(replace(model, parameters=tuple(replace(each, dwell_s=0.0) for each in model.parameters)))
-    shop.tell(person=6.0, battery=80.0, load="empty", bumped=False)
+    shop = Shop(replace(model, parameters=tuple(replace(parameter, dwell_s=0.0) for parameter in model.parameters)))
+    shop.write(person=6.0, battery=80.0, load="empty", bumped=False)
     shop.mape.start()
     shop.clock.sleep(0.25)
-    (first, *_) = shop.told("failed")
+    (first, *_) = shop.events("failed")
     assert first.details["message"].startswith(f"'{name}' has changed 10 times at one instant")
-    changes = [each for each in shop.told("chosen", "set") if each.name == name]
+    changes = [event for event in shop.events("chosen", "set") if event.name == name]
     assert 20 <= len(changes) <= 50
 
 
-def test_a_tree_that_rests_begins_anew_though_its_course_is_chosen_again_before_another_began() -> None:
+def test_a_resting_tree_starts_again_even_if_its_course_is_chosen_again_before_another_began() -> None:
     runs: list[float] = []
     robot = Robot()
     for name in CHOICES:
@@ -73,20 +73,20 @@ def test_a_tree_that_rests_begins_anew_though_its_course_is_chosen_again_before_
     assert (len(runs), tree.branch) == (2, "deliver")
 
 
-def test_a_branch_that_does_not_end_is_left_in_time_however_seldom_its_tree_is_ticked() -> None:
+def test_a_branch_that_does_not_end_is_left_in_time_even_if_its_tree_is_rarely_ticked() -> None:
     model = replace(MAPE, trees=(replace(MISSION, period_s=30.0),))
     shop = stubborn(model)
     shop.begin()
     shop.driver.acknowledge(shop.codra.knowledge.snapshot().handover("to_deliver").request)
-    shop.tell(bumped=True)
+    shop.write(bumped=True)
     shop.pass_s(1.5)
     assert shop.stage("to_start") is None
     shop.pass_s(1.0)
     assert shop.stage("to_start") is Stage.WANTS
 
 
-def test_what_a_branch_waited_for_before_it_was_left_wakes_nobody() -> None:
-    """Its time comes while the branch has not ended: then nothing is due, and time goes on."""
+def test_the_timeout_of_a_branch_that_was_left_does_not_wake_the_loop() -> None:
+    """Its timeout is over while the branch has not ended: then no tick is due, and time goes on."""
 
     def mission() -> Node:
         kind = Switch(Entry("course"), "start", "dock")
@@ -96,43 +96,43 @@ def test_what_a_branch_waited_for_before_it_was_left_wakes_nobody() -> None:
     shop = stubborn(replace(MAPE, trees=(replace(MISSION, build=mission),)))
     shop.begin()
     shop.driver.acknowledge(shop.codra.knowledge.snapshot().handover("to_deliver").request)
-    shop.tell(bumped=True)
+    shop.write(bumped=True)
     shop.pass_s(2.0)
     assert shop.stage("to_start") is Stage.WANTS
 
 
-def test_a_chain_has_what_its_hard_rule_reads_though_no_fuzzy_rule_does() -> None:
+def test_a_chain_contains_the_inputs_of_its_hard_rule_even_if_no_fuzzy_rule_reads_them() -> None:
     shop = Shop(replace(MAPE, courses=(replace(COURSE, always=(BUMPED,)),)))
     shop.begin()
-    shop.tell(bumped=True)
+    shop.write(bumped=True)
     shop.clock.sleep(0.1)
     assert "bumped was true, from evidence taken at 12 s" in str(shop.codra.why("course")).lower()
 
 
-def test_a_chain_has_what_a_parameter_reads_though_no_fuzzy_rule_does() -> None:
+def test_a_chain_contains_the_inputs_of_a_parameter_even_if_no_fuzzy_rule_reads_them() -> None:
     shop = Shop(replace(MAPE, parameters=(replace(SPEED, value=choose(0.3, value("bumped"), 1.2)),)))
     shop.begin()
-    shop.tell(bumped=True)
+    shop.write(bumped=True)
     shop.clock.sleep(0.1)
     assert "bumped was true, from evidence taken at 12 s" in str(shop.codra.why("max_speed")).lower()
 
 
-def test_a_value_that_a_variable_cannot_take_is_told_once_and_is_not_taken_as_set() -> None:
-    """Neither does it dwell, nor is the value before set anew; what lies in the range is set at once."""
+def test_a_value_that_a_variable_cannot_take_is_reported_once_and_does_not_count_as_set() -> None:
+    """It has no dwell, and the value before is not set again; a value in the range is set at once."""
     shop = Shop(replace(MAPE, parameters=(replace(SPEED, value=value("person_distance"), dwell_s=3.0),)))
     shop.mape.start()
     for person in (1.0, 6.0, 6.0, 1.0, 6.0, 0.5):
         shop.pass_s(1.0, person=person)
-    told = [(each.details["value"], each.instant_s) for each in shop.told("set")]
-    assert told == [(1.0, 0.0), (0.5, 5.0)]
-    failed = [(each.name, each.instant_s, each.details["message"]) for each in shop.told("failed")]
+    settings = [(event.details["value"], event.instant_s) for event in shop.events("set")]
+    assert settings == [(1.0, 0.0), (0.5, 5.0)]
+    failed = [(event.name, event.instant_s, event.details["message"]) for event in shop.events("failed")]
     why = "'max_speed' is not set: 6.0 lies outside [0, 1.5]; bound the value, or state a wider range"
     assert failed == [("speed", 1.0, why), ("speed", 4.0, why)]
     assert shop.codra.get("max_speed").value == 0.5
 
 
-def test_an_explanation_that_takes_long_keeps_no_decision_waiting() -> None:
-    """In real time: somebody bumps into the robot while it is still being worked out what would have kept a course."""
+def test_a_long_explanation_does_not_delay_decisions() -> None:
+    """In real time: a person bumps into the robot while the counterfactuals of a switch are still being computed."""
     is_asked, may_go_on = threading.Event(), threading.Event()
 
     class Slow(Planning):
@@ -144,13 +144,13 @@ def test_an_explanation_that_takes_long_keeps_no_decision_waiting() -> None:
     with WallClock() as clock:
         shop = Shop(clock=clock)
         shop.mape.close()
-        shop.tell(person=6.0, battery=80.0, load="empty", bumped=False)
+        shop.write(person=6.0, battery=80.0, load="empty", bumped=False)
         with Mape(shop.codra, MAPE, clock=clock, robot=robot_that(), planner=Slow) as mape:
-            assert wait(lambda: mape.standing("course").state.action == "deliver")
-            shop.tell(battery=3.0)
-            assert wait(lambda: mape.standing("course").state.action == "dock")
+            assert wait(lambda: mape.course_state("course").state.action == "deliver")
+            shop.write(battery=3.0)
+            assert wait(lambda: mape.course_state("course").state.action == "dock")
             assert is_asked.wait(10.0)
-            shop.tell(bumped=True)
-            assert wait(lambda: mape.standing("course").state.action == "start")
+            shop.write(bumped=True)
+            assert wait(lambda: mape.course_state("course").state.action == "start")
             may_go_on.set()
         shop.codra.close()

@@ -1,4 +1,4 @@
-"""The filter against what its page says of it, played in small steps that work nothing out."""
+"""The filter against a simple implementation of its documentation, which takes small steps and computes no instants."""
 
 from __future__ import annotations
 
@@ -15,33 +15,33 @@ from codra_dsl.runtime.loops.declarations import CourseModel
 from tests.runtime.loops.test_filters import ACTIONS, Moment, course, play
 
 STEP_S = 0.02
-BESIDE = 0.004
-"""By how much a lead is made larger and smaller, to see whether a story hangs on a hair."""
+LEAD_CHANGE = 0.004
+"""The change of the lead, up and down, that shows whether a story depends on rounding."""
 
 Weights = Mapping[str, float | None]
 
 
 class Stepped:
-    """A course that is looked at every STEP_S, and counts how long each lead has lasted."""
+    """A course that is updated every STEP_S, and counts how long each lead has lasted."""
 
     def __init__(self, model: CourseModel) -> None:
         self._model = model
         self.action = ""
         self._smoothed: dict[str, float | None] = dict.fromkeys(model.choose)
         self._led_s: dict[str, float] = {}
-        self._stood_s = math.inf
+        self._stayed_s = math.inf
         self._gone_s: dict[str, float] = {}
         self._dark_s = -STEP_S
 
     def pass_step(self, then: Weights) -> None:
-        """Let a step pass, in which the weights are as they were."""
+        """Let one step pass, in which the weights are constant."""
         for action in self._model.choose:
             smoothed, weight = self._smoothed[action], then[action]
             if smoothed is not None and weight is not None and self._model.smooth_s:
                 self._smoothed[action] = smoothed + (weight - smoothed) * -math.expm1(-STEP_S / self._model.smooth_s)
         self._led_s = {action: led_s + STEP_S for action, led_s in self._led_s.items()}
         self._gone_s = {action: gone_s + STEP_S for action, gone_s in self._gone_s.items()}
-        self._stood_s += STEP_S
+        self._stayed_s += STEP_S
         self._dark_s += STEP_S
 
     def take(self, moment: Moment) -> None:
@@ -69,36 +69,36 @@ class Stepped:
         elif not known:
             wanted = self._model.otherwise if self._dark_s >= self._model.hold_s - STEP_S / 2 else self.action
         else:
-            wanted = self._heaviest([each for each in known if self._is_ready(each, moment)]) or self.action
+            wanted = self._heaviest([action for action in known if self._is_ready(action, moment)]) or self.action
         if wanted != self.action:
             is_makeshift = not self.action and not known and not moment.forced
             self._gone_s[self.action] = 0.0
-            self.action, self._stood_s = wanted, math.inf if is_makeshift else 0.0
-            self._led_s = {each: 0.0 for each in known if each != wanted and self._leads(each)}
+            self.action, self._stayed_s = wanted, math.inf if is_makeshift else 0.0
+            self._led_s = {action: 0.0 for action in known if action != wanted and self._leads(action)}
 
     def _is_ready(self, action: str, moment: Moment) -> bool:
         if action not in self._led_s or self._led_s[action] < self._model.hold_s - STEP_S / 2:
             return False
-        is_free = self._stood_s >= self._model.dwell_s - STEP_S / 2
+        is_free = self._stayed_s >= self._model.dwell_s - STEP_S / 2
         is_cool = self._gone_s.get(action, math.inf) >= self._model.cooldown_s - STEP_S / 2
         return action in moment.urgent or (is_free and is_cool)
 
     def _heaviest(self, among: list[str]) -> str:
         weighed = [(self._smoothed[action] or 0.0, action) for action in self._model.choose if action in among]
-        return max(weighed, key=lambda each: each[0])[1] if weighed else ""
+        return max(weighed, key=lambda weight_and_action: weight_and_action[0])[1] if weighed else ""
 
 
 def stepped(model: CourseModel, moments: list[Moment], end_s: float) -> list[tuple[float, str]]:
-    """Return when which action became the course."""
-    filter_, told, found = Stepped(model), dict(enumerate(moments)), [(0.0, "")]
+    """Return the instants at which the course changed, with the new actions."""
+    filter_, numbered, switches = Stepped(model), dict(enumerate(moments)), [(0.0, "")]
     for number in range(round(moments[0].instant_s / STEP_S), round(end_s / STEP_S)):
         now_s = number * STEP_S
-        present = max(index for index, each in told.items() if each.instant_s <= now_s + STEP_S / 2)
+        present = max(index for index, moment in numbered.items() if moment.instant_s <= now_s + STEP_S / 2)
         filter_.take(moments[present])
-        if filter_.action != found[-1][1]:
-            found.append((now_s, filter_.action))
+        if filter_.action != switches[-1][1]:
+            switches.append((now_s, filter_.action))
         filter_.pass_step(moments[present].weights)
-    return found[1:]
+    return switches[1:]
 
 
 weights = st.none() | st.integers(0, 1000).map(lambda number: number / 1000.0)
@@ -133,15 +133,15 @@ def test_the_filter_chooses_what_small_steps_choose(model: CourseModel, moments:
     end_s = moments[-1].instant_s + 6.0
     low, plain, high = (
         stepped(replace(model, lead=lead), moments, end_s)
-        for lead in (max(0.0, model.lead - BESIDE), model.lead, model.lead + BESIDE)
+        for lead in (max(0.0, model.lead - LEAD_CHANGE), model.lead, model.lead + LEAD_CHANGE)
     )
     names = [action for _, action in plain]
-    assume(all([action for _, action in other] == names for other in (low, high)))  # else it hangs on a hair
+    assume(all([action for _, action in other] == names for other in (low, high)))  # otherwise it depends on rounding
     assume(all(abs(one[0] - other[0]) < 0.2 for one, other in zip(low, high, strict=True)))
 
-    found = [each for each in play(model, moments) if each.instant_s < end_s - STEP_S]
+    switches = [switch for switch in play(model, moments) if switch.instant_s < end_s - STEP_S]
 
-    assert [each.action for each in found] == names[: len(found)]
-    assert len(names) <= len(found) + 1
-    for switch, (instant_s, _) in zip(found, plain, strict=False):
+    assert [switch.action for switch in switches] == names[: len(switches)]
+    assert len(names) <= len(switches) + 1
+    for switch, (instant_s, _) in zip(switches, plain, strict=False):
         assert abs(switch.instant_s - instant_s) < 0.25

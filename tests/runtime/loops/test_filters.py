@@ -1,4 +1,4 @@
-"""The temporal filter: what may switch a course, and when."""
+"""The temporal filter: which weights switch a course, and when."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def course(**settings: float) -> CourseModel:
 
 @dataclass(frozen=True)
 class Moment:
-    """What is said at an instant: weights, what is urgent, what a hard rule wants."""
+    """The inputs of the filter at an instant: weights, urgent actions, and the action of a hard rule."""
 
     instant_s: float
     weights: dict[str, float | None]
@@ -34,7 +34,7 @@ class Moment:
 
 @dataclass(frozen=True)
 class Switch:
-    """That the course became another one."""
+    """A change of the course."""
 
     instant_s: float
     action: str
@@ -42,11 +42,11 @@ class Switch:
 
 
 def play(model: CourseModel, moments: list[Moment], extra_s: tuple[float, ...] = ()) -> list[Switch]:
-    """Ask the filter at each moment, at extra instants, and whenever it wants to be asked."""
+    """Take a step at each moment, at extra instants, and whenever the filter is due."""
     switches: list[Switch] = []
     state, due_s = FilterState(), math.inf
     for moment, after in itertools.pairwise([*moments, Moment(moments[-1].instant_s + 100.0, {})]):
-        between = [each for each in extra_s if moment.instant_s < each < after.instant_s]
+        between = [instant_s for instant_s in extra_s if moment.instant_s < instant_s < after.instant_s]
         asked_s = moment.instant_s
         while asked_s < after.instant_s:
             chosen = step(model, state, asked_s, moment.weights, urgent=moment.urgent, forced=moment.forced)
@@ -54,14 +54,17 @@ def play(model: CourseModel, moments: list[Moment], extra_s: tuple[float, ...] =
                 switches.append(Switch(asked_s, chosen.state.action, chosen.because))
             state, due_s = chosen.state, chosen.due_s
             assert due_s > asked_s
-            between = [each for each in between if each > asked_s]
+            between = [instant_s for instant_s in between if instant_s > asked_s]
             asked_s = min(due_s, *between, after.instant_s)
     return switches
 
 
 def changes(*weights: tuple[float, float, float], every_s: float = 1.0) -> list[Moment]:
-    """Return moments at a regular pace."""
-    return [Moment(index * every_s, dict(zip(ACTIONS, each, strict=True))) for index, each in enumerate(weights)]
+    """Return moments at regular intervals."""
+    return [
+        Moment(index * every_s, dict(zip(ACTIONS, moment_weights, strict=True)))
+        for index, moment_weights in enumerate(weights)
+    ]
 
 
 degrees = st.one_of(st.none(), st.sampled_from([0.0, 0.25, 0.5, 0.75, 1.0]), st.floats(0.0, 1.0, allow_subnormal=False))
@@ -78,7 +81,7 @@ settings = st.fixed_dictionaries(
 
 @st.composite
 def stories(draw: st.DrawFn, *, calm: bool = False) -> list[Moment]:
-    """Draw what is said over some time; a calm story has no hard rules and nothing urgent."""
+    """Draw the inputs over some time; a calm story has no hard rules and no urgent actions."""
     gaps = draw(st.lists(st.sampled_from([0.05, 0.3, 1.0, 2.5, 7.0]), min_size=1, max_size=12))
     moments, instant_s = [], 0.0
     for gap_s in gaps:
@@ -91,7 +94,7 @@ def stories(draw: st.DrawFn, *, calm: bool = False) -> list[Moment]:
 
 
 @given(settings, stories())
-def test_nothing_switches_within_the_dwell_but_what_may(model: CourseModel, moments: list[Moment]) -> None:
+def test_only_permitted_reasons_switch_within_the_dwell(model: CourseModel, moments: list[Moment]) -> None:
     switches = play(model, moments)
     for before, after in itertools.pairwise(switches):
         is_soon = after.instant_s - before.instant_s < model.dwell_s - 1e-6
@@ -110,7 +113,7 @@ def test_an_action_that_was_left_stays_away_for_its_cooldown(model: CourseModel,
 
 @given(settings, stories())
 def test_a_lead_persists_for_the_hold_before_it_counts(model: CourseModel, moments: list[Moment]) -> None:
-    """The smoothed weights are worked out again here, densely, by their differential equation's solution."""
+    """The smoothed weights are computed again here at many instants, by the solution of their differential equation."""
     for before, after in itertools.pairwise(play(model, moments)):
         if after.because not in (SwitchReason.LEADS, SwitchReason.WORSE):
             continue
@@ -125,10 +128,10 @@ def test_a_lead_persists_for_the_hold_before_it_counts(model: CourseModel, momen
 
 
 def smoothed(model: CourseModel, moments: list[Moment], action: str, instant_s: float) -> float | None:
-    """Return a smoothed weight, with as many steps as there are moments."""
+    """Return a smoothed weight, with one step for each moment."""
     value: float | None = None
     past = [moment for moment in moments if moment.instant_s <= instant_s + 1e-9]
-    for moment, end_s in zip(past, [*(each.instant_s for each in past[1:]), instant_s], strict=True):
+    for moment, end_s in zip(past, [*(moment.instant_s for moment in past[1:]), instant_s], strict=True):
         target = moment.weights[action]
         if target is None or value is None or not model.smooth_s:
             value = target
@@ -138,11 +141,13 @@ def smoothed(model: CourseModel, moments: list[Moment], action: str, instant_s: 
 
 
 @given(settings, stories(calm=True), st.lists(st.floats(0.0, 60.0), max_size=30).map(sorted).map(tuple))
-def test_how_often_a_filter_is_asked_changes_nothing(
+def test_additional_steps_do_not_change_the_switches(
     model: CourseModel, moments: list[Moment], extra_s: tuple[float, ...]
 ) -> None:
     plain, often = play(model, moments), play(model, moments, extra_s)
-    assert [(each.action, each.because) for each in plain] == [(each.action, each.because) for each in often]
+    assert [(switch.action, switch.because) for switch in plain] == [
+        (switch.action, switch.because) for switch in often
+    ]
     assert all(abs(one.instant_s - other.instant_s) < 1e-4 for one, other in zip(plain, often, strict=True))
 
 
@@ -154,9 +159,9 @@ def test_the_same_story_gives_the_same_switches(model: CourseModel, moments: lis
 @given(settings, stories())
 def test_an_unknown_weight_never_wins(model: CourseModel, moments: list[Moment]) -> None:
     for switch in play(model, moments):
-        said = [moment for moment in moments if moment.instant_s <= switch.instant_s][-1]
+        latest = [moment for moment in moments if moment.instant_s <= switch.instant_s][-1]
         if switch.because in (SwitchReason.FIRST, SwitchReason.LEADS, SwitchReason.WORSE):
-            assert said.weights[switch.action] is not None
+            assert latest.weights[switch.action] is not None
 
 
 @given(settings, stories())
@@ -168,27 +173,27 @@ def test_while_a_hard_rule_holds_its_action_is_the_course(model: CourseModel, mo
         assert not moment.forced or state.action == moment.forced
 
 
-def test_the_heaviest_action_begins_without_waiting() -> None:
+def test_the_action_with_the_highest_weight_begins_without_waiting() -> None:
     model = course(smooth_s=5.0, hold_s=3.0, dwell_s=9.0)
     assert play(model, changes((0.2, 0.7, 0.7))) == [Switch(0.0, "start", SwitchReason.FIRST)]
 
 
-def test_a_lead_is_reached_between_two_weights_at_the_instant_that_can_be_worked_out() -> None:
+def test_a_lead_is_reached_between_two_weights_at_the_computed_instant() -> None:
     model = course(smooth_s=2.0, lead=0.1, hold_s=1.0)
     (_, switch) = play(model, changes((0.6, 0.4, 0.0), (0.6, 0.8, 0.0)))
     crossing_s = 1.0 + 2.0 * math.log((0.2 + 0.2) / (0.2 - 0.1))
     assert switch.instant_s == pytest.approx(crossing_s + 1.0, abs=1e-5)
 
 
-def test_a_dwell_holds_up_what_leads_and_an_urgent_action_does_not_wait() -> None:
+def test_a_dwell_delays_a_leading_action_but_not_an_urgent_one() -> None:
     model = course(dwell_s=5.0)
     calm = changes((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
-    assert [each.instant_s for each in play(model, calm)] == [0.0, pytest.approx(5.0, abs=1e-5)]
+    assert [switch.instant_s for switch in play(model, calm)] == [0.0, pytest.approx(5.0, abs=1e-5)]
     urgent = [calm[0], Moment(1.0, calm[1].weights, urgent=("start",))]
     assert play(model, urgent)[1:] == [Switch(1.0, "start", SwitchReason.WORSE)]
 
 
-def test_nothing_known_becomes_the_declared_action_after_the_hold() -> None:
+def test_without_known_weights_the_declared_action_is_chosen_after_the_hold() -> None:
     model = course(hold_s=2.0, dwell_s=60.0)
     moments = [*changes((1.0, 0.0, 0.0)), Moment(4.0, dict.fromkeys(ACTIONS))]
     after = play(model, moments)[1]
@@ -196,7 +201,7 @@ def test_nothing_known_becomes_the_declared_action_after_the_hold() -> None:
     assert after.instant_s == pytest.approx(6.0, abs=1e-5)
 
 
-def test_what_was_chosen_before_anything_was_known_has_no_dwell() -> None:
+def test_a_choice_before_any_weight_was_known_has_no_dwell() -> None:
     model = course(dwell_s=60.0, hold_s=1.0)
     moments = [Moment(0.0, dict.fromkeys(ACTIONS)), Moment(2.0, changes((1.0, 0.0, 0.0))[0].weights)]
     first, second = play(model, moments)
@@ -204,7 +209,7 @@ def test_what_was_chosen_before_anything_was_known_has_no_dwell() -> None:
     assert second.instant_s == pytest.approx(3.0, abs=1e-5)
 
 
-def test_what_is_unknown_for_less_than_the_hold_switches_nothing() -> None:
+def test_weights_that_are_unknown_for_less_than_the_hold_do_not_switch() -> None:
     model = course(hold_s=2.0)
     moments = [
         *changes((1.0, 0.0, 0.0)),
@@ -214,16 +219,14 @@ def test_what_is_unknown_for_less_than_the_hold_switches_nothing() -> None:
     assert len(play(model, moments)) == 1
 
 
-def test_equal_weights_switch_nothing_though_no_lead_is_asked_for() -> None:
+def test_equal_weights_do_not_switch_even_without_a_required_lead() -> None:
     model = course()
     assert len(play(model, changes((1.0, 0.5, 0.0), (0.5, 0.5, 0.5), (0.5, 0.5, 0.0)))) == 1
     assert not leads(model, 0.5, 0.5)
 
 
 @given(st.floats(0, 1), st.floats(0, 1), st.lists(st.floats(0.01, 3.0), min_size=1, max_size=6))
-def test_a_smoothed_weight_follows_by_its_time_constant_whatever_the_steps(
-    old: float, new: float, gaps_s: list[float]
-) -> None:
+def test_a_smoothed_weight_follows_its_time_constant_for_any_steps(old: float, new: float, gaps_s: list[float]) -> None:
     model = course(smooth_s=2.0)
     state = step(model, FilterState(), 0.0, {"pick": old, "start": 0.0, "dock": 0.0}).state
     state = step(model, state, 0.0, {"pick": new, "start": 0.0, "dock": 0.0}).state

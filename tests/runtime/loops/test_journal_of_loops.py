@@ -1,4 +1,4 @@
-"""Decisions in the journal: closed schemas, replay, and `why` the morning after."""
+"""Decisions in the journal: closed schemas, replay, and `why` after the run."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ from tests.runtime.loops.shop import KNOWLEDGE, MAPE, MODEL, SPEED, Shop
 
 
 def run(path: Path) -> Shop:
-    """A shop in which somebody comes close, the battery empties, a distance is lost, and an action fails."""
+    """Return a shop in which a person comes close, the battery empties, a distance is lost, and an action fails."""
     shop = Shop(record=Journal(path))
     shop.begin()
-    shop.driver.close()  # nobody drives: what is asked for is aborted as unacknowledged, or by the loop
+    shop.driver.close()  # without a driver, tasks are aborted as unacknowledged, or by the loop
     shop.pass_s(4.0, person=1.0)
     shop.pass_s(6.0, battery=25.0)
-    shop.tell(bumped=True)
+    shop.write(bumped=True)
     shop.clock.sleep(3.0)
-    shop.tell(bumped=False)
+    shop.write(bumped=False)
     shop.pass_s(8.0, battery=4.0)
     shop.mape.close()
     shop.codra.close()
@@ -55,37 +55,37 @@ def test_every_message_of_a_journal_fits_its_closed_schema(tmp_path: Path) -> No
 def test_a_replay_makes_the_same_journal_byte_for_byte(tmp_path: Path) -> None:
     run(tmp_path / "run.mcap")
     head, events = read(tmp_path / "run.mcap")
-    found = replay(head, events, MODEL, ContextManager[str, str], Journal(tmp_path / "again.mcap"), KNOWLEDGE)
-    assert found.difference is None
-    assert found.derived[Kind.ADAPTATION] > 10
+    replayed = replay(head, events, MODEL, ContextManager[str, str], Journal(tmp_path / "again.mcap"), KNOWLEDGE)
+    assert replayed.difference is None
+    assert replayed.derived[Kind.ADAPTATION] > 10
     assert (tmp_path / "again.mcap").read_bytes() == (tmp_path / "run.mcap").read_bytes()
 
 
-def test_why_says_the_same_of_a_journal_as_of_the_run(tmp_path: Path) -> None:
+def test_why_gives_the_same_explanation_from_a_journal_as_from_the_run(tmp_path: Path) -> None:
     shop = run(tmp_path / "run.mcap")
     head, events = read(tmp_path / "run.mcap")
     for name in ("course_now", "max_speed", "course", "speed", "safety", "weight_of_start"):
         for at_s in (10.0, 14.5, 22.5, 25.0, 32.0):
-            told = explain(head.summary, lambda until_s: LatestEvents.of(events, until_s), name, at_s)
-            assert str(told) == str(shop.codra.why(name, at_s=at_s))
+            explanation = explain(head.summary, lambda until_s: LatestEvents.of(events, until_s), name, at_s)
+            assert str(explanation) == str(shop.codra.why(name, at_s=at_s))
 
 
-def test_the_chain_of_each_decision_gives_that_decision_again(tmp_path: Path) -> None:
-    """From the readings that the journal holds of a decision, its metrics and weights follow."""
+def test_every_decision_can_be_recomputed_from_its_chain(tmp_path: Path) -> None:
+    """The readings of a decision in the journal determine its metrics and weights."""
     run(tmp_path / "run.mcap")
     chosen = [event for event in read(tmp_path / "run.mcap")[1] if event.what == "chosen"]
     assert [event.details["action"] for event in chosen] == ["deliver", "start", "deliver", "start", "dock"]
     for event in chosen:
         scene = {
-            each["variable"]: Observation(
-                variable=each["variable"], value=json.loads(each["value"]) if "value" in each else None
+            recorded["variable"]: Observation(
+                variable=recorded["variable"], value=json.loads(recorded["value"]) if "value" in recorded else None
             )
-            for each in event.details["readings"]
+            for recorded in event.details["readings"]
         }
-        found = assess(MAPE, scene)
-        assert {each["name"]: each.get("value") for each in event.details["weights"]} == found.weights()
-        metrics = {each.name: each.value for each in found.metrics.outputs}
-        assert {each["name"]: each.get("value") for each in event.details["metrics"]} == metrics
+        assessment = assess(MAPE, scene)
+        assert {weight["name"]: weight.get("value") for weight in event.details["weights"]} == assessment.weights()
+        metrics = {metric.name: metric.value for metric in assessment.metrics.outputs}
+        assert {metric["name"]: metric.get("value") for metric in event.details["metrics"]} == metrics
 
 
 def test_the_stamps_in_a_chain_are_those_of_the_readings(tmp_path: Path) -> None:
@@ -94,17 +94,19 @@ def test_the_stamps_in_a_chain_are_those_of_the_readings(tmp_path: Path) -> None
     known: dict[str, Reading[object]] = {}
     (chosen, *_) = [event for event in events if event.what == "chosen" and event.details["action"] == "start"]
     for name in ("person_distance", "battery_level", "container_load"):
-        past = [each for each in shop.codra.history(name) if each.identified_s <= chosen.instant_s]
+        past = [
+            past_reading for past_reading in shop.codra.history(name) if past_reading.identified_s <= chosen.instant_s
+        ]
         known[name] = past[-1]
-    told = {each["variable"]: each for each in chosen.details["readings"]}
+    recorded = {detail["variable"]: detail for detail in chosen.details["readings"]}
     for name, reading in known.items():
-        assert told[name]["evidence_s"] == reading.evidence_s
-        assert json.loads(told[name]["value"]) == reading.value
+        assert recorded[name]["evidence_s"] == reading.evidence_s
+        assert json.loads(recorded[name]["value"]) == reading.value
 
 
-def test_why_of_a_course_tells_what_was_known_what_it_came_to_and_what_would_have_kept_it(tmp_path: Path) -> None:
+def test_why_of_a_course_shows_readings_results_and_counterfactuals(tmp_path: Path) -> None:
     shop = run(tmp_path / "run.mcap")
-    told = str(shop.codra.why("course_now", at_s=15.0))
+    explanation = str(shop.codra.why("course_now", at_s=15.0))
     for part in (
         "start was chosen at 13.959 s instead of deliver: its weight was higher for the required time",
         ", smoothed 0.708379, leading since 12.959 s",
@@ -114,13 +116,13 @@ def test_why_of_a_course_tells_what_was_known_what_it_came_to_and_what_would_hav
         "the branch deliver ended (halted) after 0 s",
         "deliver would have been kept by person_distance = 1.89934 instead of 1",
     ):
-        assert part in told
-    weight = re.search(r"weight of start: (0\.\d+), smoothed 0\.708379, leading", told)
+        assert part in explanation
+    weight = re.search(r"weight of start: (0\.\d+), smoothed 0\.708379, leading", explanation)
     assert weight
-    assert float(weight[1]) == pytest.approx(0.7833125, abs=1e-6)  # which six digits say either way
+    assert float(weight[1]) == pytest.approx(0.7833125, abs=1e-6)  # which six digits can show in two ways
 
 
-def test_why_of_a_metric_and_of_a_weight_tells_the_readings_the_rules_and_their_strengths() -> None:
+def test_why_of_a_metric_and_of_a_weight_shows_readings_rules_and_strengths() -> None:
     shop = Shop()
     shop.begin()
     shop.pass_s(4.0, person=2.1)
@@ -150,7 +152,7 @@ weight_of_start is 0.474062 at 16 s
     )
 
 
-def test_an_action_by_its_name_is_its_weight_unless_something_else_is_called_so() -> None:
+def test_the_name_of_an_action_is_its_weight_unless_another_element_has_this_name() -> None:
     shop = Shop()
     shop.begin()
 
@@ -160,56 +162,61 @@ def test_an_action_by_its_name_is_its_weight_unless_something_else_is_called_so(
         shop.codra.why("delivr")
 
 
-def test_why_of_a_metric_that_is_unknown_tells_what_it_lacks() -> None:
+def test_why_of_an_unknown_metric_shows_the_missing_input() -> None:
     shop = Shop()
-    shop.tell(battery=80.0, load="empty", bumped=False)
+    shop.write(battery=80.0, load="empty", bumped=False)
     shop.mape.start()
     shop.clock.sleep(1.0)
-    told = str(shop.codra.why("safety"))
+    explanation = str(shop.codra.why("safety"))
 
-    assert re.search(r"safety has been (0\.\d+), the worse bound of \1 to 0\.\d+ since 0 s:", told)
-    assert "  person_distance was unknown: never_observed (close 0 to 1)" in told
+    assert re.search(r"safety has been (0\.\d+), the worse bound of \1 to 0\.\d+ since 0 s:", explanation)
+    assert "  person_distance was unknown: never_observed (close 0 to 1)" in explanation
 
 
-def test_what_is_told_of_an_analysis_gives_the_same_numbers_again(tmp_path: Path) -> None:
+def test_an_analysis_can_be_recomputed_from_its_event(tmp_path: Path) -> None:
     run(tmp_path / "run.mcap")
     analysed = [event for event in read(tmp_path / "run.mcap")[1] if event.what == "analysed"]
     assert len(analysed) > 5
     for event in analysed:
         for stage, parts in ((MAPE.metrics, event.details["metrics"]), (MAPE.actions, event.details["weights"])):
             assert stage is not None
-            read_from = {each["variable"]: json.loads(each.get("value", "null")) for each in event.details["readings"]}
-            scene = {
-                each.variable: Observation(variable=each.variable, value=read_from.get(each.variable))
-                for each in stage.inputs
+            read_from = {
+                recorded["variable"]: json.loads(recorded.get("value", "null"))
+                for recorded in event.details["readings"]
             }
-            found = infer(stage, scene)
-            strengths = {rule.text: rule.high for rule in found.rules}
+            scene = {
+                model_input.variable: Observation(
+                    variable=model_input.variable, value=read_from.get(model_input.variable)
+                )
+                for model_input in stage.inputs
+            }
+            inferred = infer(stage, scene)
+            strengths = {rule.text: rule.high for rule in inferred.rules}
             for part in parts:
-                assert part.get("value") == found.value(part["name"])
+                assert part.get("value") == inferred.value(part["name"])
                 acting = {
                     rule["text"]: rule["high"] for rule in event.details["rules"] if part["name"] in rule["concludes"]
                 }
                 assert acting.items() <= strengths.items()
 
 
-def test_an_analysis_that_comes_to_the_same_is_not_told_again() -> None:
+def test_an_analysis_with_the_same_result_is_not_recorded_again() -> None:
     shop = Shop()
     shop.begin()
-    before = len(shop.told("analysed"))
+    before = len(shop.events("analysed"))
     shop.pass_s(5.0)
 
-    assert len(shop.told("analysed")) == before
+    assert len(shop.events("analysed")) == before
 
 
-def test_why_of_a_parameter_tells_what_set_it(tmp_path: Path) -> None:
+def test_why_of_a_parameter_shows_the_rule_that_set_it(tmp_path: Path) -> None:
     shop = run(tmp_path / "run.mcap")
-    told = str(shop.codra.why("max_speed", at_s=13.0))
-    assert "set at 12 s to 0.3: 0.3 m/s if safety < 0.6 else 1.2 m/s" in told
-    assert "metric safety: 0.5" in told
+    explanation = str(shop.codra.why("max_speed", at_s=13.0))
+    assert "set at 12 s to 0.3: 0.3 m/s if safety < 0.6 else 1.2 m/s" in explanation
+    assert "metric safety: 0.5" in explanation
 
 
-def test_a_variable_that_is_called_like_a_parameter_is_not_taken_for_it() -> None:
+def test_a_variable_with_the_name_of_a_parameter_is_not_confused_with_it() -> None:
     loop = replace(MAPE.loops[0], adapt=("course", "person_distance"))
     shop = Shop(replace(MAPE, loops=(loop,), parameters=(replace(SPEED, name="person_distance"),)))
     shop.begin()
@@ -217,19 +224,19 @@ def test_a_variable_that_is_called_like_a_parameter_is_not_taken_for_it() -> Non
     assert "set at 0 s to 1.2" in str(shop.codra.why("max_speed"))
 
 
-def test_a_parameter_that_was_not_set_yet_is_explained_by_its_loop_and_by_what_was_refused() -> None:
+def test_why_of_a_parameter_that_was_not_set_yet_shows_its_loop_and_the_refused_value() -> None:
     shop = Shop(replace(MAPE, parameters=(replace(SPEED, value=value("person_distance")),)))
     shop.mape.start()
     shop.clock.sleep(1.0)
     why = str(shop.codra.why("speed"))
     assert "speed is unknown" in why
     assert "loop store has been running since 0 s and has not decided it yet" in why
-    shop.tell(person=6.0)
+    shop.write(person=6.0)
     shop.clock.sleep(1.0)
     refused = "at 1 s: 'max_speed' is not set: 6.0 lies outside [0, 1.5]; bound the value, or state a wider range"
     assert refused in str(shop.codra.why("speed"))
     assert refused in str(shop.codra.why("max_speed"))
-    shop.tell(person=1.0)
+    shop.write(person=1.0)
     shop.clock.sleep(1.0)
     assert refused not in str(shop.codra.why("speed"))
     with pytest.raises(UnknownNameError):

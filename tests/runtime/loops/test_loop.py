@@ -1,4 +1,4 @@
-"""The loop as an agent in a shop: what it analyses, chooses, aborts and sets."""
+"""The loop as an agent in a shop: it analyses, chooses, aborts and sets."""
 
 from __future__ import annotations
 
@@ -36,10 +36,10 @@ def test_a_calm_shop_delivers() -> None:
     assert (shop.course(), shop.codra.get("course_now").value) == ("deliver", "deliver")
     assert shop.codra.get("max_speed").value == 1.2
     assert shop.stage("to_deliver") is Stage.WANTS
-    assert [event.details["because"] for event in shop.told("chosen")] == ["first"]
+    assert [event.details["because"] for event in shop.events("chosen")] == ["first"]
 
 
-def test_somebody_close_makes_it_abort_by_the_handshake_and_go_to_the_start() -> None:
+def test_a_close_person_makes_it_abort_by_the_handshake_and_go_to_the_start() -> None:
     shop = Shop()
     shop.begin()
     shop.driver.acknowledge(shop.codra.knowledge.snapshot().handover("to_deliver").request)
@@ -49,47 +49,47 @@ def test_somebody_close_makes_it_abort_by_the_handshake_and_go_to_the_start() ->
     handover = shop.codra.knowledge.snapshot().handover("to_deliver")
     assert (handover.stage, handover.reason) == (Stage.ABORTED, "requester")
     assert shop.stage("to_start") is Stage.WANTS
-    (ended,) = shop.told("ended")
+    (ended,) = shop.events("ended")
     assert (ended.details["branch"], ended.details["result"], ended.details["took_s"]) == ("deliver", "halted", 0.0)
 
 
 class Steadfast:
-    """Lets nothing but the first decision pass."""
+    """Lets only the first decision pass."""
 
-    def __init__(self, *told: Any) -> None:
-        self.planning = Planning(*told)
+    def __init__(self, *arguments: Any) -> None:
+        self.planning = Planning(*arguments)
         self.model, self.courses = self.planning.model, self.planning.courses
         self.decisions: dict[str, list[Decision]] = {name: [] for name in self.courses}
 
     def resume(self) -> None:
         self.planning.resume()
 
-    def standing(self, course: str) -> CourseState:
-        return self.planning.standing(course)
+    def course_state(self, course: str) -> CourseState:
+        return self.planning.course_state(course)
 
     def watches(self) -> tuple[str, ...]:
         return self.planning.watches()
 
     def plan(self, context: Context, now_s: float) -> Plan:
         plan = self.planning.plan(context, now_s)
-        new = [each for each in plan.decisions if not self.decisions[each.course]]
-        passed = tuple(replace(each, because=SwitchReason.PLANNER) for each in new)
-        for each in passed:
-            self.decisions[each.course].append(each)
+        new = [decision for decision in plan.decisions if not self.decisions[decision.course]]
+        passed = tuple(replace(decision, because=SwitchReason.PLANNER) for decision in new)
+        for decision in passed:
+            self.decisions[decision.course].append(decision)
         return replace(plan, decisions=passed)
 
     def kept_by(self, decision: Decision) -> tuple[Counterfactual, ...]:
         return self.planning.kept_by(decision)
 
 
-def test_a_planner_of_ones_own_decides_in_the_place_of_the_declared_one() -> None:
+def test_a_custom_planner_replaces_the_declared_one() -> None:
     shop = Shop(planner=Steadfast)
     shop.begin()
     shop.pass_s(8.0, person=CLOSE_M)
 
     assert shop.codra.get("course_now").value == "deliver"
     assert shop.stage("to_deliver") is Stage.WANTS
-    assert [each.because for each in shop.mape.decisions("course")] == [SwitchReason.PLANNER]
+    assert [decision.because for decision in shop.mape.decisions("course")] == [SwitchReason.PLANNER]
     assert "a planner that replaces the spec's planner chose it" in str(shop.codra.why("course_now"))
 
 
@@ -112,41 +112,41 @@ def test_the_evidence_of_a_metric_is_that_of_its_oldest_input() -> None:
     shop.agents["people"].set("person_distance", 5.0, evidence_s=now_s)
     shop.clock.sleep(0.1)
     assert shop.codra.get("safety").evidence_s == now_s
-    assert shop.codra.get("weight_of_deliver").evidence_s == 0.0  # of the container, which nobody has told of since
+    assert shop.codra.get("weight_of_deliver").evidence_s == 0.0  # of the container, which was not written since
     assert shop.codra.get("battery_drain").evidence_s == 11.5
 
 
 def test_a_rate_is_unknown_at_first_and_then_follows_the_battery() -> None:
     shop = Shop()
-    shop.tell(person=FAR_M, battery=80.0, load="empty", bumped=False)
+    shop.write(person=FAR_M, battery=80.0, load="empty", bumped=False)
     shop.mape.start()
     shop.clock.sleep(0.1)
     assert not shop.codra.get("battery_drain").known
     for second in range(30):
-        shop.tell(person=FAR_M, battery=80.0 - second * 0.05)
+        shop.write(person=FAR_M, battery=80.0 - second * 0.05)
         shop.clock.sleep(1.0)
     assert shop.codra.get("battery_drain").value == pytest.approx(3.0)
     assert shop.codra.get("power_autonomy").value == pytest.approx(0.5, abs=0.01)
 
 
-def test_a_distance_that_goes_stale_counts_as_somebody_close() -> None:
+def test_a_stale_distance_counts_as_a_close_person() -> None:
     shop = Shop()
     shop.begin()
     for _ in range(16):
-        shop.tell(battery=80.0)
+        shop.write(battery=80.0)
         shop.clock.sleep(0.5)
     assert not shop.codra.get("person_distance").known
     assert shop.codra.get("safety").value == pytest.approx(0.5, abs=0.01)
     assert shop.course() == "start"
 
 
-def test_an_empty_battery_in_the_midst_of_a_mission_makes_it_dock() -> None:
+def test_an_empty_battery_during_a_mission_makes_it_dock() -> None:
     shop = Shop()
     shop.begin()
     for level in range(80, 4, -2):
         shop.pass_s(1.0, battery=float(level))
     assert shop.course() == "dock"
-    assert [(each.details["action"], each.details["because"]) for each in shop.told("chosen")] == [
+    assert [(event.details["action"], event.details["because"]) for event in shop.events("chosen")] == [
         ("deliver", "first"),
         ("dock", "leads"),
     ]
@@ -155,12 +155,12 @@ def test_an_empty_battery_in_the_midst_of_a_mission_makes_it_dock() -> None:
 
 
 @pytest.mark.parametrize(("bumped", "battery", "action"), [(True, 4.0, "start"), (False, 4.0, "dock")])
-def test_of_two_causes_at_once_the_rule_that_is_declared_first_decides_and_why_says_so(
+def test_of_two_hard_rules_the_first_declared_one_decides_and_why_shows_it(
     bumped: bool, battery: float, action: str
 ) -> None:
     shop = Shop()
     shop.begin()
-    shop.tell(bumped=bumped, battery=battery)
+    shop.write(bumped=bumped, battery=battery)
     shop.clock.sleep(0.01)
     assert shop.course() == action
     (decision,) = shop.mape.decisions("course")[1:]
@@ -173,27 +173,27 @@ def test_of_two_causes_at_once_the_rule_that_is_declared_first_decides_and_why_s
 def test_a_hard_rule_breaks_the_dwell_and_holds_its_action_while_it_holds() -> None:
     shop = Shop()
     shop.begin()
-    shop.tell(bumped=True)
+    shop.write(bumped=True)
     shop.clock.sleep(0.01)
     assert shop.course() == "start"
     shop.pass_s(20.0)
     assert shop.course() == "start"
-    shop.tell(bumped=False)
+    shop.write(bumped=False)
     shop.pass_s(3.0)
     assert shop.course() == "deliver"
 
 
 def switches(model: MapeModel) -> int:
-    """Return how often the course changes while somebody steps in and out of range each second for a minute."""
+    """Return how often the course changes while a person steps in and out of range each second for a minute."""
     shop = Shop(model)
     shop.begin()
-    before = len(shop.told("chosen"))
+    before = len(shop.events("chosen"))
     for second in range(60):
         shop.pass_s(1.0, person=CLOSE_M if second % 2 else FAR_M)
-    return len(shop.told("chosen")) - before
+    return len(shop.events("chosen")) - before
 
 
-def test_somebody_who_steps_in_and_out_makes_it_flap_only_without_the_filter() -> None:
+def test_a_person_who_steps_in_and_out_makes_it_flap_only_without_the_filter() -> None:
     assert switches(replace(MAPE, courses=(UNFILTERED,))) == 59
     assert switches(MAPE) == 0
 
@@ -202,7 +202,7 @@ def test_a_metric_that_became_worse_breaks_the_dwell_and_one_that_became_better_
     shop = Shop(with_course(dwell_s=30.0))
     shop.begin()
     shop.pass_s(4.0, person=CLOSE_M)
-    assert [each.details["because"] for each in shop.told("chosen")] == ["first", "worse"]
+    assert [event.details["because"] for event in shop.events("chosen")] == ["first", "worse"]
     shop.pass_s(20.0)
     assert shop.course() == "start"
     shop.pass_s(10.0)
@@ -219,8 +219,8 @@ def test_a_parameter_is_set_at_once_and_then_dwells_unless_a_metric_became_worse
     assert shop.codra.get("max_speed").value == 1.2
     shop.pass_s(1.0, person=CLOSE_M)
     assert shop.codra.get("max_speed").value == 0.3
-    told = [(event.instant_s, event.details["value"], event.details["because"]) for event in shop.told("set")]
-    assert told == [
+    settings = [(event.instant_s, event.details["value"], event.details["because"]) for event in shop.events("set")]
+    assert settings == [
         (0.0, 1.2, "first"),
         (12.0, 0.3, "changed"),
         (pytest.approx(15.0, abs=1e-3), 1.2, "changed"),
@@ -255,7 +255,7 @@ class Stubborn(Action):
 
 
 def stubborn(model: MapeModel) -> Shop:
-    """Return a shop whose way of delivering does not abort its task."""
+    """Return a shop whose deliver action does not abort its task."""
     robot = Robot()
     made: list[Shop] = []
     robot.can("deliver", lambda: Stubborn(lambda: made[0]))
@@ -268,15 +268,15 @@ def stubborn(model: MapeModel) -> Shop:
     return shop
 
 
-def test_a_branch_that_does_not_end_in_its_time_is_told_and_left() -> None:
+def test_a_branch_that_does_not_end_in_time_is_reported_and_left() -> None:
     shop = stubborn(MAPE)
     shop.begin()
     shop.driver.acknowledge(shop.codra.knowledge.snapshot().handover("to_deliver").request)
-    shop.tell(bumped=True)
+    shop.write(bumped=True)
     shop.pass_s(1.5)
     assert (shop.stage("to_deliver"), shop.stage("to_start")) == (Stage.IS, None)
     shop.pass_s(1.0)
-    (overdue,) = shop.told("overdue")
+    (overdue,) = shop.events("overdue")
     assert (overdue.instant_s, overdue.details["tasks"]) == (14.0, ["to_deliver"])
     assert shop.stage("to_start") is Stage.WANTS
     assert "the branch deliver had not ended after 2 s: to_deliver" in str(shop.codra.why("course"))
@@ -287,12 +287,12 @@ def test_a_branch_that_ends_late_but_in_time_is_waited_for() -> None:
     shop.begin()
     request = shop.codra.knowledge.snapshot().handover("to_deliver").request
     shop.driver.acknowledge(request)
-    shop.tell(bumped=True)
+    shop.write(bumped=True)
     shop.pass_s(1.0)
     shop.driver.finish(request, "there")
     shop.pass_s(2.0)
-    assert shop.told("overdue") == []
-    (ended,) = shop.told("ended")
+    assert shop.events("overdue") == []
+    (ended,) = shop.events("ended")
     assert ended.details["took_s"] == pytest.approx(1.0, abs=0.11)
     assert shop.stage("to_start") is Stage.WANTS
 
@@ -302,45 +302,45 @@ def raising(_: Ports) -> bool:
 
 
 def robot_that(**does: Callable[[Ports], bool | Result]) -> Robot:
-    """Return a robot whose actions are functions; the others run for ever."""
+    """Return a robot whose given actions are functions; the other actions run forever."""
     robot = Robot()
     for name in CHOICES:
         robot.does(name, does.get(name, lambda _: Result.RUNNING))
     return robot
 
 
-def test_an_action_that_raises_is_told_and_the_loop_goes_on() -> None:
+def test_an_action_that_raises_is_reported_and_the_loop_goes_on() -> None:
     shop = Shop(robot=robot_that(deliver=raising))
     shop.begin()
-    assert {event.details["message"] for event in shop.told("failed")} == {"OSError: the fork is stuck"}
+    assert {event.details["message"] for event in shop.events("failed")} == {"OSError: the fork is stuck"}
     shop.pass_s(4.0, person=CLOSE_M)
     assert (shop.course(), shop.mape.loop("store").trees["mission"].branch) == ("start", "start")
 
 
-def test_a_parameter_of_a_wrong_value_is_told_and_hurts_nothing_else() -> None:
+def test_a_wrong_value_of_a_parameter_is_reported_and_affects_only_that_parameter() -> None:
     shop = Shop(replace(MAPE, parameters=(replace(SPEED, value=choose(9.0, value("safety") < 0.6, 1.2)),)))
     shop.begin()
     shop.pass_s(4.0, person=CLOSE_M)
-    assert any("9.0 lies outside" in event.details["message"] for event in shop.told("failed"))
+    assert any("9.0 lies outside" in event.details["message"] for event in shop.events("failed"))
     assert (shop.course(), shop.codra.get("max_speed").value) == ("start", 1.2)
 
 
 @pytest.mark.parametrize(("repeat", "times"), [(Repeat.ALWAYS, 120), (Repeat.ON_SWITCH, 1)])
-def test_a_tree_that_has_completed_begins_anew_or_rests_until_the_next_switch(repeat: Repeat, times: int) -> None:
+def test_a_tree_that_has_completed_starts_again_or_rests_until_the_next_switch(repeat: Repeat, times: int) -> None:
     done: list[float] = []
     robot = robot_that(deliver=lambda _: done.append(0.0) is None)
     shop = Shop(replace(MAPE, trees=(replace(MISSION, repeat=repeat),)), robot=robot)
     shop.begin()
     assert len(done) == pytest.approx(times, abs=times * 0.02)
-    shop.tell(bumped=True)
+    shop.write(bumped=True)
     shop.pass_s(1.0)
-    shop.tell(bumped=False)
+    shop.write(bumped=False)
     shop.pass_s(9.0)
     assert shop.course() == "deliver"
     assert len(done) > times
 
 
-def test_what_is_stopped_halts_its_tree_and_goes_on_when_it_is_started_again() -> None:
+def test_a_stopped_loop_halts_its_tree_and_continues_after_a_new_start() -> None:
     shop = Shop()
     shop.begin()
     shop.mape.stop()
@@ -352,16 +352,16 @@ def test_what_is_stopped_halts_its_tree_and_goes_on_when_it_is_started_again() -
     shop.pass_s(3.0, person=CLOSE_M)
     assert shop.course() == "start"
     shop.mape.close()
-    assert [event.what for event in shop.told("started", "stopped")] == ["started", "stopped"] * 2
+    assert [event.what for event in shop.events("started", "stopped")] == ["started", "stopped"] * 2
     shop.codra.agent("analysis").close()
 
 
-def test_a_robot_that_lacks_an_action_is_told_when_the_loop_is_made() -> None:
+def test_a_robot_without_a_needed_action_is_rejected_when_the_loop_is_made() -> None:
     with pytest.raises(TreeError, match="the robot has no action 'deliver'"):
         Shop(robot=Robot())
 
 
-def test_a_tree_without_a_branch_for_an_action_is_told_when_the_loop_is_made() -> None:
+def test_a_tree_without_a_branch_for_an_action_is_rejected_when_the_loop_is_made() -> None:
     with pytest.raises(ValueError, match="the tree 'mission' has no branch for dock"):
         Shop(replace(MAPE, trees=(replace(MISSION, branches={"deliver": "deliver", "start": "start"}),)))
     with pytest.raises(ValueError, match="the tree 'mission' has no course 'cruise' to follow"):
@@ -369,17 +369,17 @@ def test_a_tree_without_a_branch_for_an_action_is_told_when_the_loop_is_made() -
 
 
 @pytest.mark.parametrize("key", ["rates", "analyse", "adapt", "execute"])
-def test_a_loop_that_names_what_is_not_declared_is_told_when_it_is_made(key: str) -> None:
+def test_a_loop_with_an_undeclared_name_is_rejected_when_it_is_made(key: str) -> None:
     with pytest.raises(UnknownNameError, match="'cruise'"):
         Shop(replace(MAPE, loops=(replace(MAPE.loops[0], **{key: ("cruise",)}),)))  # type: ignore[arg-type]
 
 
 def a_story() -> Shop:
-    """Return a shop in which much has happened."""
+    """Return a shop after many events."""
     shop = Shop()
     shop.begin()
     shop.pass_s(4.0, person=CLOSE_M)
-    shop.tell(load="loading")
+    shop.write(load="loading")
     for level in range(60, 2, -4):
         shop.pass_s(0.5, battery=float(level), person=2.0)
     shop.mape.close()
@@ -391,7 +391,7 @@ def test_the_same_story_gives_the_same_record() -> None:
 
 
 def wait(event: Callable[[], bool]) -> bool:
-    """Let real time pass until something is so; ten seconds at most."""
+    """Let real time pass until a condition holds; ten seconds at most."""
     for _ in range(200):
         if event():
             return True
@@ -405,17 +405,17 @@ QUICK = replace(COURSE, smooth_s=0.0, hold_s=0.0, dwell_s=0.0, abort_s=0.2)
 def test_in_real_time_it_switches_when_an_input_changes() -> None:
     with WallClock() as clock:
         shop = Shop(replace(MAPE, courses=(QUICK,)), clock=clock)
-        shop.tell(person=FAR_M, battery=80.0, load="empty", bumped=False)
+        shop.write(person=FAR_M, battery=80.0, load="empty", bumped=False)
         shop.mape.start()
         assert wait(lambda: shop.stage("to_deliver") is Stage.WANTS)
-        shop.tell(bumped=True)
+        shop.write(bumped=True)
         assert wait(lambda: shop.stage("to_start") is Stage.WANTS)
         assert shop.stage("to_deliver") is Stage.ABORTED
         shop.mape.close()
         shop.codra.close()
 
 
-def test_in_real_time_an_action_whose_halting_hangs_is_told() -> None:
+def test_in_real_time_an_action_that_hangs_while_it_is_halted_is_reported() -> None:
     freed = threading.Event()
 
     class Hanging(Stubborn):
@@ -431,21 +431,21 @@ def test_in_real_time_an_action_whose_halting_hangs_is_told() -> None:
         robot.does(name, lambda _: Result.RUNNING)
     with WallClock() as clock:
         shop = Shop(replace(MAPE, courses=(QUICK,)), clock=clock, robot=robot)
-        shop.tell(person=FAR_M, battery=80.0, load="empty", bumped=False)
+        shop.write(person=FAR_M, battery=80.0, load="empty", bumped=False)
         shop.mape.start()
         mission = shop.mape.loop("store").trees["mission"]
         assert wait(lambda: mission.branch == "deliver")
-        shop.tell(bumped=True)
-        assert wait(lambda: len(shop.told("overdue")) == 1)
+        shop.write(bumped=True)
+        assert wait(lambda: len(shop.events("overdue")) == 1)
         freed.set()
         assert wait(lambda: mission.branch == "start")
-        (ended,) = shop.told("ended")
+        (ended,) = shop.events("ended")
         assert ended.details["took_s"] >= 0.2
         shop.mape.close()
         shop.codra.close()
 
 
-def test_all_that_a_loop_tells_is_of_its_kind() -> None:
+def test_all_events_of_a_loop_have_its_kind() -> None:
     record = a_story().codra.record
     assert {event.what for event in record.of(Kind.ADAPTATION)} == {
         "started",
@@ -459,18 +459,18 @@ def test_all_that_a_loop_tells_is_of_its_kind() -> None:
 
 
 @pytest.mark.parametrize("period_s", [0.07, 0.5, 5.0])
-def test_how_often_a_loop_analyses_changes_no_decision(period_s: float) -> None:
+def test_the_period_of_a_loop_changes_no_decision(period_s: float) -> None:
     def story(model: MapeModel) -> list[tuple[object, object, float]]:
         shop = Shop(model)
         shop.begin()
         for index in range(30):
             shop.pass_s(1.5, person=2.4 - 0.04 * index, battery=40.0 - index)
-        return [(event.details["action"], event.details["because"], event.instant_s) for event in shop.told("chosen")]
+        return [(event.details["action"], event.details["because"], event.instant_s) for event in shop.events("chosen")]
 
     often = story(replace(MAPE, loops=(replace(MAPE.loops[0], period_s=period_s),)))
     plain = story(MAPE)
-    assert [each[:2] for each in often] == [each[:2] for each in plain]
-    assert [each[2] for each in often] == pytest.approx([each[2] for each in plain], abs=1e-4)
+    assert [choice[:2] for choice in often] == [choice[:2] for choice in plain]
+    assert [choice[2] for choice in often] == pytest.approx([choice[2] for choice in plain], abs=1e-4)
 
 
 def test_two_loops_share_the_work() -> None:
@@ -480,16 +480,16 @@ def test_two_loops_share_the_work() -> None:
     shop.begin()
     shop.pass_s(4.0, person=CLOSE_M)
     assert (shop.course(), shop.codra.get("safety").value) == ("start", 0.5)
-    assert {event.details["loop"] for event in shop.told("chosen", "set", "ended")} == {"acting"}
+    assert {event.details["loop"] for event in shop.events("chosen", "set", "ended")} == {"acting"}
 
 
 def test_a_course_chosen_again_before_the_old_branch_has_ended_goes_to_the_newest() -> None:
     shop = stubborn(MAPE)
     shop.begin()
     shop.driver.acknowledge(shop.codra.knowledge.snapshot().handover("to_deliver").request)
-    shop.tell(bumped=True)
+    shop.write(bumped=True)
     shop.pass_s(0.5)
-    shop.tell(bumped=False, battery=3.0)
+    shop.write(bumped=False, battery=3.0)
     shop.pass_s(3.0, battery=3.0)
     assert (shop.course(), shop.stage("to_start"), shop.stage("to_dock")) == ("dock", None, Stage.WANTS)
 
@@ -509,13 +509,13 @@ def test_an_action_whose_halting_raises_does_not_keep_the_next_branch_from_begin
     shop = Shop(robot=robot)
     shop.begin()
     shop.pass_s(4.0, person=CLOSE_M)
-    assert [event.details["message"] for event in shop.told("failed")] == ["OSError: the brake is jammed"]
-    (ended,) = shop.told("ended")
+    assert [event.details["message"] for event in shop.events("failed")] == ["OSError: the brake is jammed"]
+    (ended,) = shop.events("ended")
     assert (ended.details["result"], shop.mape.loop("store").trees["mission"].branch) == ("failed", "start")
 
 
 def test_a_tree_is_never_ticked_between_two_branches() -> None:
-    """So a switch on the course needs no case for the time between, and its default is a branch like the others."""
+    """So a switch on the course needs no case for the time between, and its default is a normal branch."""
     seen: list[str] = []
 
     def mission() -> Node:
@@ -525,8 +525,8 @@ def test_a_tree_is_never_ticked_between_two_branches() -> None:
     robot = robot_that(**{name: lambda _, name=name: bool(seen.append(name)) or Result.RUNNING for name in CHOICES})
     shop = Shop(replace(MAPE, trees=(replace(MISSION, build=mission),)), robot=robot)
     shop.begin()
-    shop.tell(bumped=True)
+    shop.write(bumped=True)
     shop.pass_s(1.0)
-    shop.tell(bumped=False, battery=3.0)
+    shop.write(bumped=False, battery=3.0)
     shop.pass_s(2.0, battery=3.0)
     assert [name for name, _ in itertools.groupby(seen)] == ["deliver", "start", "dock"]

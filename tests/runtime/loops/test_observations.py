@@ -1,4 +1,4 @@
-"""Rates of change over histories, and what inputs can be while they are unknown."""
+"""Rates of change over histories, and possible values of unknown inputs."""
 
 from __future__ import annotations
 
@@ -29,31 +29,33 @@ def history(*points: tuple[float, float | None]) -> list[Reading[Value]]:
 @given(st.floats(-5, 5), st.lists(st.floats(0, 20), min_size=2, max_size=30, unique=True))
 def test_the_rate_of_a_straight_line_is_its_slope(slope: float, instants_s: list[float]) -> None:
     instants_s = sorted({*instants_s, 0.0, 20.0})
-    found = rate(DRAIN, history(*((at_s, 7.0 + slope * at_s) for at_s in instants_s)), KNOWN, 20.0)
-    assert found.value == pytest.approx(-60.0 * slope, abs=1e-6)
-    assert found.evidence_s == 20.0
+    observed_rate = rate(DRAIN, history(*((at_s, 7.0 + slope * at_s) for at_s in instants_s)), KNOWN, 20.0)
+    assert observed_rate.value == pytest.approx(-60.0 * slope, abs=1e-6)
+    assert observed_rate.evidence_s == 20.0
 
 
 @pytest.mark.parametrize(("span_s", "is_known"), [(9.9, False), (10.0, True)])
 def test_a_rate_is_unknown_until_half_of_its_window_is_known(span_s: float, is_known: bool) -> None:
-    found = rate(DRAIN, history((100.0 - span_s, 50.0), (100.0, 49.0)), KNOWN, 100.0)
-    assert (found.value is not None) is is_known
-    assert is_known or found.because == "level is known for 9.9 s only"
+    observed_rate = rate(DRAIN, history((100.0 - span_s, 50.0), (100.0, 49.0)), KNOWN, 100.0)
+    assert (observed_rate.value is not None) is is_known
+    assert is_known or observed_rate.because == "level is known for 9.9 s only"
 
 
-def test_what_was_known_before_a_gap_does_not_count() -> None:
-    found = rate(DRAIN, history((0.0, 90.0), (8.0, None), (9.0, 50.0), (20.0, 50.0)), KNOWN, 20.0)
-    assert found.value == 0.0
+def test_readings_before_a_gap_do_not_count() -> None:
+    observed_rate = rate(DRAIN, history((0.0, 90.0), (8.0, None), (9.0, 50.0), (20.0, 50.0)), KNOWN, 20.0)
+    assert observed_rate.value == 0.0
 
 
-def test_what_lies_before_the_window_does_not_count() -> None:
-    found = rate(DRAIN, history((0.0, 90.0), (80.0, 50.0), (100.0, 48.0)), KNOWN, 100.0)
-    assert found.value == pytest.approx(6.0)
+def test_readings_before_the_window_do_not_count() -> None:
+    observed_rate = rate(DRAIN, history((0.0, 90.0), (80.0, 50.0), (100.0, 48.0)), KNOWN, 100.0)
+    assert observed_rate.value == pytest.approx(6.0)
 
 
-def test_the_rate_of_what_is_unknown_is_unknown() -> None:
-    found = rate(DRAIN, history((80.0, 50.0), (100.0, 48.0)), Observation(variable="level", because="stale"), 100.0)
-    assert (found.value, found.because) == (None, "level is unknown")
+def test_the_rate_of_an_unknown_variable_is_unknown() -> None:
+    observed_rate = rate(
+        DRAIN, history((80.0, 50.0), (100.0, 48.0)), Observation(variable="level", because="stale"), 100.0
+    )
+    assert (observed_rate.value, observed_rate.because) == (None, "level is unknown")
 
 
 def test_two_readings_of_one_instant_have_no_rate() -> None:
@@ -63,8 +65,8 @@ def test_two_readings_of_one_instant_have_no_rate() -> None:
 
 def test_members_count_from_zero_and_an_unknown_one_is_one_of_them() -> None:
     load = InputModel(variable="load", range=Bounds(0.0, 2.0), members=("empty", "loading", "full"))
-    assert [number_of(load, each) for each in load.members] == [0.0, 1.0, 2.0]
-    assert [value_of(load, each) for each in (0.0, 1.0, 2.0)] == list(load.members)
+    assert [number_of(load, member) for member in load.members] == [0.0, 1.0, 2.0]
+    assert [value_of(load, number) for number in (0.0, 1.0, 2.0)] == list(load.members)
     assert possible(load, math.nan) == (Bounds(0.0, 0.0), Bounds(1.0, 1.0), Bounds(2.0, 2.0))
     bumped = InputModel(variable="bumped", range=Bounds(0.0, 1.0), members=("false", "true"))
-    assert [value_of(bumped, number_of(bumped, each)) for each in (False, True)] == [False, True]
+    assert [value_of(bumped, number_of(bumped, value)) for value in (False, True)] == [False, True]

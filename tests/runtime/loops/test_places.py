@@ -1,4 +1,4 @@
-"""Places of loops, which stand beside generated code."""
+"""Places of loops, which are kept beside the generated code."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ def test_rules_are_counted_by_what_they_conclude() -> None:
         "adaptation/course": Place(file="a.yaml", line=20),
         "adaptation/course/always/1": Place(file="a.yaml", line=22),
     }
-    found = placed(bare(), places)
-    assert found.metrics is not None
-    assert [rule.place for rule in found.metrics.rules] == ["", "a.yaml:7", "a.yaml:9 (used at b.yaml:2)", "", ""]
-    assert (found.courses[0].place, [rule.place for rule in found.courses[0].always]) == (
+    model = placed(bare(), places)
+    assert model.metrics is not None
+    assert [rule.place for rule in model.metrics.rules] == ["", "a.yaml:7", "a.yaml:9 (used at b.yaml:2)", "", ""]
+    assert (model.courses[0].place, [rule.place for rule in model.courses[0].always]) == (
         "a.yaml:20",
         ["", "a.yaml:22"],
     )
 
 
 def test_a_place_that_is_declared_stays() -> None:
-    found = placed(MAPE, {"metric/safety/rules/0": Place(file="a.yaml", line=7)})
-    assert found.metrics is not None
-    assert found.metrics.rules[0].place == "specs/shop.yaml:1"
+    model = placed(MAPE, {"metric/safety/rules/0": Place(file="a.yaml", line=7)})
+    assert model.metrics is not None
+    assert model.metrics.rules[0].place == "specs/shop.yaml:1"

@@ -1,4 +1,4 @@
-"""Sweeps over what a loop reads: metrics that go one way, and a rule behind each switch."""
+"""Sweeps over the inputs of a loop: monotone metrics, and a rule that explains each switch."""
 
 from __future__ import annotations
 
@@ -45,26 +45,26 @@ def test_autonomy_never_falls_as_the_battery_fills(distance: float) -> None:
 
 @pytest.mark.parametrize("load", LOADS)
 @pytest.mark.parametrize("level", [3.0, 12.0, 18.0, 80.0])
-def test_each_switch_over_distance_is_explained_by_a_rule_about_what_is_varied(load: str, level: float) -> None:
-    found = swept("person_distance", [*DISTANCES], container_load=load, battery_level=level)
-    for switch in found.switches:
+def test_every_switch_over_distance_is_explained_by_a_rule_about_the_distance(load: str, level: float) -> None:
+    result = swept("person_distance", [*DISTANCES], container_load=load, battery_level=level)
+    for switch in result.switches:
         assert float(switch.high) - float(switch.low) < 1e-6
         *_, of_metrics = switch.rules
         assert "person_distance" in of_metrics.text
         assert all(rule.place.startswith("specs/shop.yaml:") for rule in switch.rules)
-        assert all(rule.text in str(found) for rule in switch.rules)
+        assert all(rule.text in str(result) for rule in switch.rules)
 
 
-def test_the_switch_over_distance_is_where_both_weigh_the_same() -> None:
+def test_the_switch_over_distance_is_where_both_weights_are_equal() -> None:
     (switch,) = swept("person_distance", [*DISTANCES]).switches
     assert (switch.before, switch.after) == ("start", "deliver")
     (row,) = swept("person_distance", [switch.low]).rows
     assert row.weights["start"] == pytest.approx(row.weights["deliver"], abs=1e-6)
 
 
-def test_below_the_limit_of_a_hard_rule_that_rule_is_what_explains() -> None:
-    found = swept("battery_level", [3.0, 7.0], person_distance=1.0)
-    (switch,) = found.switches
+def test_a_switch_at_the_limit_of_a_hard_rule_is_explained_by_that_rule() -> None:
+    result = swept("battery_level", [3.0, 7.0], person_distance=1.0)
+    (switch,) = result.switches
     assert (switch.before, switch.after) == ("dock", "start")
     assert [(rule.text, rule.before, rule.after) for rule in switch.rules] == [("battery_level < 5 percent", 1.0, 0.0)]
     assert float(switch.high) == pytest.approx(5.0)
@@ -76,6 +76,6 @@ def test_members_switch_between_two_of_them() -> None:
     assert "container_load is not full" in switch.rules[0].text
 
 
-def test_what_nobody_reads_cannot_be_swept() -> None:
+def test_a_variable_that_no_rule_reads_cannot_be_swept() -> None:
     with pytest.raises(UnknownNameError):
         swept("weather", [0.0])

@@ -32,7 +32,7 @@ class PapersManager:
     def activate_observers(self, declared: Iterable[str]) -> None:
         for variable_ in declared:  # lines 2 to 5
             self.context.add(variable_)
-            if variable_ in self.observer_of:  # the paper takes an observer of each declared variable for granted
+            if variable_ in self.observer_of:  # the paper assumes an observer for each declared variable
                 self.start_observer(self.observer_of[variable_])
 
     def start_observer(self, name: str) -> None:
@@ -51,7 +51,7 @@ VARIABLES = 60
 
 
 def random_forest(seed: int) -> ContextModel:
-    """Shared observers (one identifies up to four variables), variables that nobody identifies, and feedback."""
+    """Shared observers (one identifies up to four variables), variables without an observer, and feedback."""
     chance = random.Random(seed)
     names = [f"v{number}" for number in range(VARIABLES)]
     left, observers = names[: chance.randint(40, VARIABLES)], []
@@ -75,9 +75,9 @@ def random_forest(seed: int) -> ContextModel:
 
 
 def papers_answer(model: ContextModel, manager: Manager) -> tuple[set[str], set[str]]:
-    """Run Algorithm 1 from empty on what is declared now."""
-    observer_of = {name: each.name for each in model.observers for name in each.identifies}
-    needs = {each.name: manager._forest.observers[each.name].needs() for each in model.observers}
+    """Run Algorithm 1 on the present declarations, from an empty set of running observers."""
+    observer_of = {name: observer_.name for observer_ in model.observers for name in observer_.identifies}
+    needs = {observer_.name: manager._forest.observers[observer_.name].needs() for observer_ in model.observers}
     paper = PapersManager(observer_of, needs)
     paper.activate_observers(sorted(manager.declared()))
     return paper.running, paper.context
@@ -102,7 +102,7 @@ STEPS = st.lists(
 
 
 class Run:
-    """A main execution that does as it is told, and what it should have declared by then."""
+    """A main execution that executes given steps, and the declarations that it should have made."""
 
     def __init__(self, manager: Manager, clock: SimClock) -> None:
         self.manager = manager
@@ -112,29 +112,29 @@ class Run:
         self.expected: list[SkillModel] = []
 
     def do(self, step: Step, model: ContextModel) -> None:
-        what, number = step
+        action, number = step
         name = f"v{number % VARIABLES}"
         skills = [model.skills[number % 8], model.skills[(number // 8) % 8]]
-        if what == "declare":
+        if action == "declare":
             self.by_itself.add(name)
             self.manager.declare(name)
-        elif what == "withdraw":
+        elif action == "withdraw":
             name = sorted(self.by_itself)[number % len(self.by_itself)] if self.by_itself else name
             self.by_itself.discard(name)
             self.manager.withdraw(name)
-        elif what.startswith("expect"):
-            self.expected = skills[: 2 if what == "expect two" else number % 2]
+        elif action.startswith("expect"):
+            self.expected = skills[: 2 if action == "expect two" else number % 2]
             self.manager.expect(*(skill.name for skill in self.expected))
-        elif what == "begin":
+        elif action == "begin":
             opened = self.manager.skill(skills[0].name)
             self.under_way.append((skills[0], opened, opened.__enter__()))
             self.expected = [skill for skill in self.expected if skill is not skills[0]]
-        elif what == "end" and self.under_way:
+        elif action == "end" and self.under_way:
             self.under_way.pop(number % len(self.under_way))[1].__exit__(None, None, None)
-        elif what == "act" and self.under_way:
+        elif action == "act" and self.under_way:
             with self.under_way[number % len(self.under_way)][2].acting():
                 self.clock.sleep(0.1)
-        elif what == "sleep":
+        elif action == "sleep":
             self.clock.sleep(number % 3)
 
     def declared(self) -> set[str]:
@@ -144,9 +144,9 @@ class Run:
 
 
 def check_against_the_paper(seed: int, steps: Sequence[Step]) -> int:
-    """Return how many observers ran at most."""
+    """Return the largest number of observers that ran at the same time."""
     model, clock, most = random_forest(seed), SimClock(), 0
-    world = World({each.name[2:]: None for each in model.observers})
+    world = World({observer_.name[2:]: None for observer_ in model.observers})
     world.finds = {f"look_{name}": {"seen": True} for name in world.finds}
     with started(model, world, clock) as manager:
         run = Run(manager, clock)
@@ -156,7 +156,7 @@ def check_against_the_paper(seed: int, steps: Sequence[Step]) -> int:
             assert manager.declared() == run.declared()
             assert manager.running() == running == running_by_record(manager)
             assert manager.in_force() == context
-            assert {name for name, each in manager._forest.observers.items() if each.wanted} == running
+            assert {name for name, observer_ in manager._forest.observers.items() if observer_.wanted} == running
             most = max(most, len(running))
     assert running_by_record(manager) == set()
     return most
@@ -164,12 +164,12 @@ def check_against_the_paper(seed: int, steps: Sequence[Step]) -> int:
 
 @settings(max_examples=120)
 @given(st.integers(0, 10**6), STEPS)
-def test_running_observers_equal_algorithm_1_from_empty_on_what_is_declared(seed: int, steps: list[Step]) -> None:
+def test_running_observers_equal_algorithm_1_on_the_declarations(seed: int, steps: list[Step]) -> None:
     check_against_the_paper(seed, steps)
 
 
 class MissesOneDecrement(Activation):
-    """The planted bug: the third variable that is withdrawn does not lower its count."""
+    """A deliberate bug: withdrawing the third variable does not decrement its count."""
 
     withdrawn = 0
 
@@ -180,7 +180,7 @@ class MissesOneDecrement(Activation):
 
 
 def test_a_missed_decrement_is_caught_by_the_same_check(monkeypatch: pytest.MonkeyPatch) -> None:
-    steps = [(what, number) for number in range(0, 60, 3) for what in ("declare", "sleep", "withdraw")]
+    steps = [(action, number) for number in range(0, 60, 3) for action in ("declare", "sleep", "withdraw")]
     assert check_against_the_paper(7, steps) > 3
 
     monkeypatch.setattr(forest_module, "Activation", MissesOneDecrement)
@@ -189,13 +189,13 @@ def test_a_missed_decrement_is_caught_by_the_same_check(monkeypatch: pytest.Monk
 
 
 def test_the_random_forests_have_shared_observers_feedback_and_long_reach() -> None:
-    """Otherwise the comparison with the paper would say little."""
+    """Otherwise the comparison with the paper would prove little."""
     components, shared, most = [], 0, 0
     for seed in range(10):
         model = random_forest(seed)
         with started(model, World()) as manager:
-            needs = {each.name: manager._forest.observers[each.name].needs() for each in model.observers}
-        observer_of = {name: each.name for each in model.observers for name in each.identifies}
+            needs = {observer_.name: manager._forest.observers[observer_.name].needs() for observer_ in model.observers}
+        observer_of = {name: observer_.name for observer_ in model.observers for name in observer_.identifies}
         successors = {name: [observer_of[need] for need in needs[name] if need in observer_of] for name in needs}
         components += [len(members) for members in strongly_connected(successors)]
         users = [name for others in successors.values() for name in set(others)]
@@ -208,25 +208,27 @@ def test_the_random_forests_have_shared_observers_feedback_and_long_reach() -> N
 
 
 def chain_activation(needs: Mapping[str, Sequence[str]]) -> tuple[Activation, list[str]]:
-    """Observer `o_x` identifies `x`."""
-    told: list[str] = []
+    """Return an activation in which observer `o_x` identifies `x`, and the list of its calls."""
+    calls: list[str] = []
     identifies = {f"o_{name}": [name] for name in needs}
     of = {f"o_{name}": others for name, others in needs.items()}
-    return Activation(identifies, of, lambda name: told.append(f"+{name}"), lambda name: told.append(f"-{name}")), told
+    return Activation(
+        identifies, of, lambda name: calls.append(f"+{name}"), lambda name: calls.append(f"-{name}")
+    ), calls
 
 
-def test_an_observer_stops_only_when_nobody_needs_it_any_more() -> None:
-    activation, told = chain_activation({"a": ["c"], "b": ["c"], "c": []})
+def test_an_observer_stops_only_when_it_is_no_longer_needed() -> None:
+    activation, calls = chain_activation({"a": ["c"], "b": ["c"], "c": []})
     activation.declare("a")
     activation.declare("b")
     activation.withdraw("a")
     assert activation.running() == {"o_b", "o_c"}
 
     activation.withdraw("b")
-    assert told == ["+o_a", "+o_c", "+o_b", "-o_a", "-o_b", "-o_c"]
+    assert calls == ["+o_a", "+o_c", "+o_b", "-o_a", "-o_b", "-o_c"]
 
 
-def test_observers_that_need_each_other_start_and_stop_together() -> None:
+def test_observers_in_a_cycle_start_and_stop_together() -> None:
     activation, _ = chain_activation({"a": ["b"], "b": ["a"], "c": ["a"]})
     activation.declare("c")
     assert activation.running() == {"o_a", "o_b", "o_c"}
@@ -239,20 +241,20 @@ def test_observers_that_need_each_other_start_and_stop_together() -> None:
     assert activation.running() == set()
 
 
-def test_a_variable_without_an_observer_starts_nothing() -> None:
-    activation, told = chain_activation({"a": ["given"]})
+def test_a_variable_without_an_observer_starts_no_observer() -> None:
+    activation, calls = chain_activation({"a": ["given"]})
     activation.declare("given")
     activation.withdraw("given")
-    assert told == []
+    assert calls == []
 
 
 def test_starting_one_of_many_chains_touches_that_chain_only() -> None:
     needs = {
         f"v{chain}_{link}": [f"v{chain}_{link + 1}"] if link < 9 else [] for chain in range(100) for link in range(10)
     }
-    activation, told = chain_activation(needs)
+    activation, calls = chain_activation(needs)
     activation.declare("v3_0")
-    assert told == [f"+o_v3_{link}" for link in range(10)]
+    assert calls == [f"+o_v3_{link}" for link in range(10)]
 
 
 def test_a_chain_of_any_length_starts() -> None:
@@ -262,7 +264,7 @@ def test_a_chain_of_any_length_starts() -> None:
     assert len(activation.running()) == 5001
 
 
-def test_the_order_of_ticks_is_by_dependency_then_name_whoever_else_there_is() -> None:
+def test_the_order_of_ticks_is_by_dependency_then_name_and_independent_of_other_observers() -> None:
     needs = {"b": ["d"], "c": [], "d": [], "e": ["b"]}
     order = ("o_c", "o_d", "o_b", "o_e")
     assert chain_activation(needs)[0].order == order
@@ -272,7 +274,7 @@ def test_the_order_of_ticks_is_by_dependency_then_name_whoever_else_there_is() -
 
 
 @given(st.dictionaries(st.integers(0, 12), st.sets(st.integers(0, 12), max_size=4), min_size=13, max_size=13))
-def test_strongly_connected_components_are_those_that_reach_each_other(graph: dict[int, set[int]]) -> None:
+def test_strongly_connected_components_are_the_sets_of_mutually_reachable_nodes(graph: dict[int, set[int]]) -> None:
     successors = {str(node): sorted(map(str, others)) for node, others in graph.items()}
     reached = {node: {node} for node in successors}
     for _ in successors:

@@ -33,7 +33,7 @@ def test_a_tree_shows_the_order_of_figure_4() -> None:
         assert unicode_tree(manager._forest.observers["door_lid"].tree) == FIGURE_4
 
 
-def test_alternatives_show_figure_4_once_each() -> None:
+def test_a_tree_shows_figure_4_for_every_alternative() -> None:
     model = forest(
         [given("bright"), variable("open")],
         observer("lid", seen("camera", "open", when=[value("bright")]), seen("sonar", "open")),
@@ -48,8 +48,8 @@ def test_alternatives_show_figure_4_once_each() -> None:
         ]
 
 
-def test_perception_does_not_repeat_each_tick() -> None:
-    """Ten ticks a second, one look a second."""
+def test_perception_does_not_repeat_at_every_tick() -> None:
+    """There are ten ticks and one look per second."""
     with started(Door(duration_s=0.2), GIVEN_NEAR) as (manager, clock):
         manager.declare("open")
         for _ in range(100):
@@ -60,7 +60,7 @@ def test_perception_does_not_repeat_each_tick() -> None:
     assert events(manager, Kind.JOB) == ["started", "returned"] * 10
 
 
-def test_a_look_that_takes_longer_than_its_period_begins_again_as_soon_as_it_is_done() -> None:
+def test_a_look_that_takes_longer_than_its_period_is_followed_by_the_next_at_once() -> None:
     door = Door(duration_s=2.5)
     with started(door, GIVEN_NEAR) as (manager, clock):
         manager.declare("open")
@@ -68,7 +68,7 @@ def test_a_look_that_takes_longer_than_its_period_begins_again_as_soon_as_it_is_
     assert door.asked_s("look") == [0.0, 2.5, 5.0, 7.5]
 
 
-def test_ticks_between_find_the_job_running() -> None:
+def test_during_a_job_the_node_is_running() -> None:
     with started(Door(duration_s=0.8), GIVEN_NEAR) as (manager, clock):
         manager.declare("open")
         clock.sleep(0.5)
@@ -119,7 +119,7 @@ def test_a_precondition_that_fails_cancels_a_job_only_while_its_evidence_is_bein
 def test_a_precondition_that_flips_and_returns_between_ticks_voids_evidence_whose_interval_was_open(
     snapshot: bool,
 ) -> None:
-    """And none that was complete before."""
+    """Evidence that was complete before is not voided."""
     with started(Door(duration_s=2.0, angle_rad=1.0, snapshot=snapshot), GIVEN_NEAR) as (manager, clock):
         manager.declare("open")
         clock.sleep(1)
@@ -132,7 +132,7 @@ def test_a_precondition_that_flips_and_returns_between_ticks_voids_evidence_whos
         assert manager.get("open").known
 
 
-def test_the_record_tells_which_condition_voided_evidence() -> None:
+def test_the_event_log_contains_the_condition_that_voided_evidence() -> None:
     with started(Door(duration_s=2.0, snapshot=False), GIVEN_NEAR) as (manager, clock):
         manager.declare("open")
         clock.sleep(1)
@@ -143,8 +143,8 @@ def test_the_record_tells_which_condition_voided_evidence() -> None:
     assert voided.details == {"index": 0, "condition": "near"}
 
 
-def test_evidence_that_takes_part_of_a_job_is_open_until_the_job_says_so() -> None:
-    """The camera is aimed for half a second, exposed for as long, its image processed for one more."""
+def test_evidence_that_takes_part_of_a_job_is_open_until_the_job_reports_it() -> None:
+    """The camera is aimed for 0.5 s and exposed for 0.5 s; its image is processed for 1 s."""
 
     def exposes(job: Job) -> object:
         job.sleep(0.5)
@@ -169,8 +169,8 @@ def exposes_late(job: Job) -> object:
     return {"angle": 1.0, "markers": 4}
 
 
-def test_what_a_job_will_tell_of_its_evidence_is_not_known_before_it_tells() -> None:
-    """In simulated time its function has run already; in real time nobody could know, so it is open from the start."""
+def test_the_evidence_of_a_job_is_not_known_before_the_job_reports_it() -> None:
+    """In simulated time the function has run already; in real time its report is still unknown, so evidence is open."""
     with started(Door(instead=exposes_late), GIVEN_NEAR) as (manager, clock):
         manager.declare("open")
         clock.sleep(0.25)
@@ -205,7 +205,7 @@ def test_evidence_still_to_come_is_not_judged_by_a_validity_that_may_be_renewed(
 
 @pytest.mark.parametrize(("aim_s", "counts"), [(0.1, True), (0.4, False)])
 def test_evidence_is_void_when_it_turns_out_later_that_a_precondition_had_failed(aim_s: float, counts: bool) -> None:
-    """That it was no longer near at 1.0 is known at 1.8; the picture was taken at 0.9 or at 1.2 and is read at 2.5."""
+    """The loss of `near` at 1.0 s is known at 1.8 s; a picture of 0.9 s or 1.2 s gives a result at 2.5 s."""
 
     def measures(job: Job) -> object:
         job.evidence(job.now_s(), job.now_s())
@@ -240,7 +240,7 @@ def test_a_condition_refines_the_result() -> None:
     assert (reading.reason, reading.detail) == (Reason.REJECTED, "not markers >= 3")
 
 
-def test_a_node_says_why_it_fails() -> None:
+def test_a_node_shows_why_it_fails() -> None:
     with started(Door(distance_m=9.0)) as (manager, clock):
         manager.declare("open")
         precondition = manager._forest.observers["door_lid"].tree.children[1]
@@ -254,7 +254,7 @@ def test_a_node_says_why_it_fails() -> None:
         assert (precondition.status, precondition.feedback_message) == (Status.FAILURE, "unknown")
 
 
-def test_joined_trees_look_each_at_its_own_pace() -> None:
+def test_joined_trees_look_with_their_own_periods() -> None:
     world = World({"left": takes(0.2, {"seen": True}), "right": takes(3.0, {"seen": False})})
     left, right = seen("left", "a"), seen("right", "b")
     model = forest(
@@ -285,7 +285,7 @@ def test_one_failing_look_of_joined_trees_leaves_the_other_alone() -> None:
         assert manager.get("b").value is False
 
 
-def test_joined_trees_judge_each_evidence_by_its_own_interval() -> None:
+def test_joined_trees_judge_evidence_by_its_own_interval() -> None:
     """The left evidence is complete when the precondition fails, the right is not."""
     world = World({"left": takes(2.0, {"seen": True}, snapshot=True), "right": takes(2.0, {"seen": True})})
     model = forest(

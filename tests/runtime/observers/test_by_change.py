@@ -1,4 +1,4 @@
-"""Ticked by change, the forest gives what the paper's gives: every tree, at every instant at which anything happens."""
+"""Ticking by change gives the same as ticking every tree at every instant with an event, as in the paper."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from codra_dsl.runtime import SimClock
-from codra_dsl.runtime.context import components as machinery_module
+from codra_dsl.runtime.context import components as components_module
 from codra_dsl.runtime.observers.forest import Forest
 from codra_dsl.runtime.observers.observer import Observer
 from tests.campaigns.crowd.situation import OBSERVED, SENSORS, Perception, situation
@@ -17,16 +17,16 @@ from tests.runtime.forests import Manager, World, started
 
 STEPS = 30
 PERIOD_S = 0.013
-"""How often all trees are ticked though nothing happens: the paper's one second, for periods a tenth as long."""
+"""The period of ticking all trees without an event: a tenth of the paper's one second, for periods a tenth as long."""
 
 
 class EveryTree(Forest):
-    """The forest of P1: whatever happens, every tree that runs is ticked, until none brings anything new."""
+    """The forest of P1: after any event, every running tree is ticked until none has an effect."""
 
-    def changed(self, variable: str, is_renewed: bool) -> None:  # noqa: ARG002 - a change is a change
+    def changed(self, variable: str, is_renewed: bool) -> None:  # noqa: ARG002 - any change ticks all
         self.tick_all()
 
-    def touch(self, observer: Observer) -> None:  # noqa: ARG002 - whoever it is about
+    def touch(self, observer: Observer) -> None:  # noqa: ARG002 - any observer ticks all
         self.tick_all()
 
     def tick_all(self) -> None:
@@ -34,8 +34,8 @@ class EveryTree(Forest):
             super().touch(observer)
 
 
-class Counted:
-    """Makes a forest, and counts its ticks."""
+class CountingForest:
+    """Creates a forest, and counts its ticks."""
 
     def __init__(self, kind: type[Forest]) -> None:
         self.kind = kind
@@ -53,14 +53,14 @@ class Counted:
         return made
 
 
-def story(seed: int, forest: Counted, monkeypatch: pytest.MonkeyPatch) -> dict[str, list[object]]:
-    """What is read of each variable, and what each observer and algorithm does, in order.
+def story(seed: int, forest: CountingForest, monkeypatch: pytest.MonkeyPatch) -> dict[str, list[object]]:
+    """Return the readings of each variable, and the events of each observer and algorithm, in order.
 
-    Instants are taken to the nanosecond, as they are summed up in more or fewer steps.
+    Instants are rounded to the nanosecond, because they are summed up in more or fewer steps.
     """
     model, clock, chance = situation(seed), SimClock(), random.Random(seed)
     with monkeypatch.context() as patch:
-        patch.setattr(machinery_module, "Forest", forest)
+        patch.setattr(components_module, "Forest", forest)
         if forest.kind is EveryTree:
             patch.setattr(Observer, "_is_unsettled", lambda _: True)
         world = World(Perception(hang=lambda _: None).finds(model))
@@ -70,10 +70,10 @@ def story(seed: int, forest: Counted, monkeypatch: pytest.MonkeyPatch) -> dict[s
             for _ in range(STEPS):
                 do_something(manager, chance)
                 clock.sleep(chance.choice([0.0, chance.uniform(0.0, 0.1), 0.3]))
-    told: dict[str, list[object]] = {}
+    events: dict[str, list[object]] = {}
     for event in manager.record:
-        told.setdefault(f"{event.kind} {event.name}", []).append(_rounded(json.loads(event.as_json())))
-    return told
+        events.setdefault(f"{event.kind} {event.name}", []).append(_rounded(json.loads(event.as_json())))
+    return events
 
 
 def _rounded(value: Any) -> Any:
@@ -91,19 +91,19 @@ def tick_often(manager: Manager, clock: SimClock) -> None:
 
 
 def do_something(manager: Manager, chance: random.Random) -> None:
-    what, name = chance.random(), f"v{chance.randrange(OBSERVED)}"
+    choice, name = chance.random(), f"v{chance.randrange(OBSERVED)}"
     evidence_s = manager._clock.now_s() - chance.choice([0.0, 0.0, chance.uniform(0.0, 0.2)])
-    if what < 0.3:
+    if choice < 0.3:
         manager.declare(name, chance.choice([None, None, True, False]))
-    elif what < 0.4:
+    elif choice < 0.4:
         for declared in sorted(manager.declared())[: chance.randint(1, 4)]:
             manager.withdraw(declared)
-    elif what < 0.6:
+    elif choice < 0.6:
         manager.set(chance.choice(["near", "lit"]), chance.random() < 0.7, evidence_s=evidence_s)
-    elif what < 0.8:
+    elif choice < 0.8:
         sensor = f"s{chance.randrange(SENSORS)}"
         manager.agent("device").set(sensor, chance.random() < 0.8, evidence_s=evidence_s)
-    elif what < 0.9:
+    elif choice < 0.9:
         manager.expect(f"k{chance.randrange(8)}")
     else:
         with manager.skill(f"k{chance.randrange(8)}") as skill, skill.acting():
@@ -111,24 +111,24 @@ def do_something(manager: Manager, chance: random.Random) -> None:
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_the_forest_ticked_by_change_does_and_reads_what_every_tree_ticked_at_every_instant_does(
+def test_ticking_by_change_gives_the_same_events_and_readings_as_ticking_every_tree(
     seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    by_change, every_tree = (Counted(forest) for forest in (Forest, EveryTree))
+    by_change, every_tree = (CountingForest(forest) for forest in (Forest, EveryTree))
 
     assert story(seed, by_change, monkeypatch) == story(seed, every_tree, monkeypatch)
     assert 5 * by_change.ticks < every_tree.ticks
 
 
-class Overlooks(Forest):
-    """The planted bug: newer evidence for the same value wakes nobody, not even who asks for its age."""
+class OverlooksRenewals(Forest):
+    """A deliberate bug: newer evidence for the same value ticks no reader, not even a reader of its age."""
 
     def changed(self, variable: str, is_renewed: bool) -> None:
         if not is_renewed:
             super().changed(variable, is_renewed)
 
 
-def test_a_change_that_is_overlooked_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    found = [story(4, Counted(forest), monkeypatch) for forest in (Overlooks, EveryTree)]
+def test_an_overlooked_change_is_detected(monkeypatch: pytest.MonkeyPatch) -> None:
+    stories = [story(4, CountingForest(forest), monkeypatch) for forest in (OverlooksRenewals, EveryTree)]
 
-    assert found[0] != found[1]
+    assert stories[0] != stories[1]

@@ -1,4 +1,4 @@
-"""`refresh: on_event`: when such a variable is looked at, and when it is left in peace."""
+"""`refresh: on_event`: when the algorithms of such a variable run, and when they do not."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def a_model(**settings: object) -> ContextModel:
     )
 
 
-def test_it_is_looked_at_until_it_is_known_and_then_left_in_peace() -> None:
+def test_it_is_observed_until_it_is_known_and_then_no_more() -> None:
     clock, world = SimClock(), World({"look": {}})
     with started(a_model(), world, clock) as manager:
         manager.set("near", True)
@@ -39,7 +39,7 @@ def test_it_is_looked_at_until_it_is_known_and_then_left_in_peace() -> None:
     assert world.asked_s("look") == [0.0, 2.0, 4.0, 6.0]
 
 
-def test_it_is_looked_at_again_once_it_is_unknown() -> None:
+def test_it_is_observed_again_once_it_is_unknown() -> None:
     clock, world = SimClock(), World({"look": SEEN})
     with started(a_model(valid_for_s=10.0), world, clock) as manager:
         manager.set("near", True)
@@ -48,7 +48,7 @@ def test_it_is_looked_at_again_once_it_is_unknown() -> None:
     assert world.asked_s("look") == [0.0, 10.0, 20.0]
 
 
-def test_it_is_looked_at_again_once_it_was_forgotten() -> None:
+def test_it_is_observed_again_once_it_was_forgotten() -> None:
     clock, world = SimClock(), World({"look": SEEN})
     with started(a_model(when_unobservable="forget"), world, clock) as manager:
         manager.set("near", True)
@@ -63,7 +63,7 @@ def test_it_is_looked_at_again_once_it_was_forgotten() -> None:
     assert world.asked_s("look") == [0.0, 10.0]
 
 
-def test_while_a_skill_monitors_it_it_is_looked_at_periodically() -> None:
+def test_while_a_skill_monitors_it_it_is_observed_periodically() -> None:
     clock, world = SimClock(), World({"look": SEEN})
     with started(a_model(), world, clock) as manager:
         manager.set("near", True)
@@ -75,7 +75,7 @@ def test_while_a_skill_monitors_it_it_is_looked_at_periodically() -> None:
     assert world.asked_s("look") == [0.0, 5.0, 7.0, 9.0]
 
 
-def test_evidence_that_began_before_the_end_of_acting_asks_for_another_look_though_it_tells_the_same() -> None:
+def test_evidence_from_before_the_end_of_acting_causes_another_look_even_for_the_same_value() -> None:
     clock, world = SimClock(), World({"look": takes(1.0, SEEN)})
     with started(a_model(), world, clock) as manager:
         manager.set("near", True)
@@ -89,7 +89,7 @@ def test_evidence_that_began_before_the_end_of_acting_asks_for_another_look_thou
     assert world.asked_s("look") == [0.0, 4.5, 5.5]
 
 
-def test_after_any_acting_it_is_looked_at_once() -> None:
+def test_after_any_acting_it_is_observed_once() -> None:
     clock, world = SimClock(), World({"look": SEEN})
     with started(a_model(), world, clock) as manager:
         manager.set("near", True)
@@ -102,7 +102,7 @@ def test_after_any_acting_it_is_looked_at_once() -> None:
     assert world.asked_s("look") == [0.0, 10.0]
 
 
-def test_what_a_skill_changes_is_left_in_peace_while_it_acts_and_looked_at_at_once_afterwards() -> None:
+def test_a_variable_that_a_skill_changes_is_observed_only_after_acting() -> None:
     clock, world = SimClock(), World({"look": SEEN})
     with started(a_model(), world, clock) as manager:
         manager.set("near", True)
@@ -118,7 +118,7 @@ def test_what_a_skill_changes_is_left_in_peace_while_it_acts_and_looked_at_at_on
     assert world.asked_s("look") == [0.0, 6.5]
 
 
-def test_what_a_skill_both_changes_and_monitors_is_looked_at_while_it_acts() -> None:
+def test_a_variable_that_a_skill_changes_and_monitors_is_observed_while_it_acts() -> None:
     clock, world = SimClock(), World({"look": SEEN})
     with started(a_model(), world, clock) as manager:
         manager.set("near", True)
@@ -142,7 +142,7 @@ def test_a_look_that_began_before_acting_ended_does_not_count_as_the_one_after_i
     assert world.asked_s("look") == [0.0, 4.0, 6.0, 7.0]
 
 
-def test_a_look_after_acting_that_is_rejected_is_taken_again() -> None:
+def test_a_rejected_look_after_acting_is_repeated() -> None:
     clock, world = SimClock(), World({"look": SEEN})
     with started(a_model(), world, clock) as manager:
         manager.set("near", True)
@@ -157,7 +157,7 @@ def test_a_look_after_acting_that_is_rejected_is_taken_again() -> None:
     assert world.asked_s("look") == [0.0, 6.0, 8.0, 10.0]
 
 
-def test_an_observer_that_starts_anew_does_not_look_at_what_is_known() -> None:
+def test_an_observer_that_starts_again_does_not_observe_a_known_variable() -> None:
     clock, world = SimClock(), World({"look": SEEN})
     with started(a_model(), world, clock) as manager:
         manager.set("near", True)
@@ -169,7 +169,7 @@ def test_an_observer_that_starts_anew_does_not_look_at_what_is_known() -> None:
     assert world.asked_s("look") == [0.0]
 
 
-def test_an_algorithm_looks_periodically_for_the_sake_of_its_other_variables() -> None:
+def test_an_algorithm_looks_periodically_for_its_periodic_variables() -> None:
     clock, world = SimClock(), World({"look": SEEN})
     model = forest([variable("a", refresh="on_event"), variable("b")], observer("o", seen("look", "a", "b")))
     with started(model, world, clock) as manager:
@@ -188,11 +188,11 @@ def test_an_alternative_looks_on_events_as_well() -> None:
     assert (world.asked_s("eye"), world.asked_s("ear")) == ([0.0], [0.0])
 
 
-# What other observers need
+# Preconditions of other observers
 
 
 def a_chain(*, b_valid_for_s: float = 3.0) -> ContextModel:
-    """`a` is observed where `b` holds, which is seen for 3 s and forgotten where `near` does not hold."""
+    """Return a model: `a` needs `b`; `b` is valid for 3 s, and forgotten while `near` does not hold."""
     variables = [
         given("near"),
         variable("b", refresh="on_event", valid_for_s=b_valid_for_s, when_unobservable="forget"),
@@ -203,7 +203,7 @@ def a_chain(*, b_valid_for_s: float = 3.0) -> ContextModel:
     return forest(variables, observer("ob", look_b, period_s=1.0), observer("oa", look_a, period_s=2.0), skills=SKILLS)
 
 
-def test_a_precondition_is_looked_at_only_when_an_observer_that_needs_it_is_due() -> None:
+def test_a_precondition_is_observed_only_when_an_observer_that_needs_it_is_due() -> None:
     clock, world = SimClock(), World({"look_a": SEEN, "look_b": SEEN})
     with started(a_chain(), world, clock) as manager:
         manager.set("near", True)
@@ -218,7 +218,7 @@ def test_a_precondition_is_looked_at_only_when_an_observer_that_needs_it_is_due(
     assert world.asked_s("look_a") == [0.0, 20.5]
 
 
-def test_a_precondition_that_does_not_hold_is_looked_at_again_once_it_has_gone_stale() -> None:
+def test_a_precondition_that_does_not_hold_is_observed_again_once_it_is_stale() -> None:
     clock, world = SimClock(), World({"look_a": SEEN, "look_b": {"seen": False}})
     with started(a_chain(), world, clock) as manager:
         manager.set("near", True)
@@ -231,7 +231,7 @@ def test_a_precondition_that_does_not_hold_is_looked_at_again_once_it_has_gone_s
     assert world.asked_s("look_a") == [9.0]
 
 
-def test_a_precondition_that_somebody_declares_is_looked_at_for_its_own_sake() -> None:
+def test_a_declared_precondition_is_observed_for_itself() -> None:
     clock, world = SimClock(), World({"look_a": SEEN, "look_b": SEEN})
     with started(a_chain(), world, clock) as manager:
         manager.set("near", True)
@@ -242,7 +242,7 @@ def test_a_precondition_that_somebody_declares_is_looked_at_for_its_own_sake() -
     assert world.asked_s("look_b") == [0.0, 4.0, 7.0]
 
 
-def test_an_observer_waits_for_its_pause_before_it_asks_for_its_precondition_again() -> None:
+def test_an_observer_waits_for_its_pause_before_it_needs_its_precondition_again() -> None:
     clock, world = SimClock(), World({"look_a": {}, "look_b": SEEN})
     with started(a_chain(b_valid_for_s=1.5), world, clock) as manager:
         manager.set("near", True)
@@ -252,7 +252,7 @@ def test_an_observer_waits_for_its_pause_before_it_asks_for_its_precondition_aga
     assert world.asked_s("look_b") == [0.0, 2.0, 4.0]
 
 
-def test_observers_that_need_each_other_and_that_nobody_asks_for_stay_at_rest() -> None:
+def test_observers_that_need_only_each_other_do_not_look() -> None:
     clock, world = SimClock(), World({"look_a": SEEN, "look_b": SEEN, "look_c": SEEN})
     needing = [variable(name, refresh="on_event", valid_for_s=2.0) for name in "ab"]
     circle = [
@@ -280,24 +280,24 @@ def test_observers_that_need_each_other_and_that_nobody_asks_for_stay_at_rest() 
     st.sampled_from([0.0, 0.4, 3.0]),
     st.sampled_from(["keep", "forget"]),
 )
-def test_whatever_has_happened_it_is_seen_after_the_last_acting_and_then_left_in_peace(
+def test_after_any_steps_it_is_observed_after_the_last_acting_and_then_no_more(
     steps: list[tuple[str, float]], takes_s: float, when_unobservable: str
 ) -> None:
     clock, world, acted_s = SimClock(), World({"look": takes(takes_s, SEEN)}), 0.0
     with started(a_model(when_unobservable=when_unobservable), world, clock) as manager:
-        for what, pause_s in steps:
-            if what in ("near", "far"):
-                manager.set("near", what == "near")
-            elif what == "declare":
+        for step, pause_s in steps:
+            if step in ("near", "far"):
+                manager.set("near", step == "near")
+            elif step == "declare":
                 manager.declare("a")
-            elif what == "withdraw":
+            elif step == "withdraw":
                 manager.withdraw("a")
-            elif what == "set" and "a" in manager.declared():
+            elif step == "set" and "a" in manager.declared():
                 manager.set("a", False)
-            elif what in ("blind", "see"):
-                world.finds["look"] = takes(takes_s, SEEN if what == "see" else {})
-            elif what in ("push", "watch", "speak"):
-                with manager.skill(what) as skill, skill.acting():
+            elif step in ("blind", "see"):
+                world.finds["look"] = takes(takes_s, SEEN if step == "see" else {})
+            elif step in ("push", "watch", "speak"):
+                with manager.skill(step) as skill, skill.acting():
                     clock.sleep(pause_s)
                 acted_s = clock.now_s()
             clock.sleep(pause_s)

@@ -44,18 +44,18 @@ YES, NO = {"seen": True}, {"seen": False}
 
 
 def ticks(manager: ContextManager[str, str], name: str) -> list[float]:
-    """The instants at which an observer is ticked from now on: its control flag is asked first, at each tick."""
-    told: list[float] = []
-    each = manager._forest.observers[name]
-    flag = each.tree.children[0]
+    """Return a list that collects the ticks of an observer from now on, by the calls of its control flag."""
+    tick_times_s: list[float] = []
+    ticked = manager._forest.observers[name]
+    flag = ticked.tree.children[0]
     update = flag.update
 
     def counted() -> Status:
-        told.append(each.now_s)
+        tick_times_s.append(ticked.now_s)
         return update()
 
     flag.update = counted  # type: ignore[method-assign]
-    return told
+    return tick_times_s
 
 
 # Ticking by change
@@ -68,7 +68,7 @@ def test_a_tree_is_ticked_when_something_changed_and_not_otherwise() -> None:
     )
     clock = SimClock()
     with started(model, World({"eye": takes(2.0, YES)}), clock) as manager:
-        told = ticks(manager, "o")
+        tick_times_s = ticks(manager, "o")
         manager.set("near", False)
         manager.declare("a")
         clock.sleep(5)
@@ -76,11 +76,11 @@ def test_a_tree_is_ticked_when_something_changed_and_not_otherwise() -> None:
         clock.sleep(1)
         manager.set("other", True)
         clock.sleep(19)
-    assert sorted(set(told)) == [0.0, 5.0, 7.0, 15.0, 17.0, 25.0]
+    assert sorted(set(tick_times_s)) == [0.0, 5.0, 7.0, 15.0, 17.0, 25.0]
 
 
-def test_what_is_written_in_a_round_is_seen_in_the_next_at_the_same_instant() -> None:
-    """Four observers in a row, each in need of the one before, and perception that takes no time."""
+def test_a_value_written_in_a_round_is_visible_in_the_next_round_at_the_same_instant() -> None:
+    """Four observers form a chain in which each needs the one before, and perception takes no time."""
     names = ["a", "b", "c", "d"]
     looks = [
         seen(f"see_{name}", name, when=[value(need)] if need else [])
@@ -96,7 +96,7 @@ def test_what_is_written_in_a_round_is_seen_in_the_next_at_the_same_instant() ->
 
 @pytest.mark.parametrize("period_s", [0.0, 1.0])
 def test_feedback_through_perception_that_takes_no_time_lets_time_pass(period_s: float) -> None:
-    """`a` is looked at while `b` is not true, and `b` while `a` is true: they never come to rest."""
+    """`a` is observed while `b` is not true, and `b` while `a` is true: they never settle."""
     model = forest(
         [variable("a", when_unobservable="forget"), variable("b", when_unobservable="forget")],
         observer("o", seen("see_a", "a", when=[~known("b") | ~value("b")]), period_s=period_s),
@@ -135,7 +135,7 @@ def by_hand(*nodes: Callable[[Observer], Behaviour]) -> Callable[[Observer], Beh
 
 
 def test_rounds_at_one_instant_are_bounded() -> None:
-    """A tree that reads what it writes and never comes to rest has to wait, and the others go on."""
+    """A tree that reads the variable that it writes and never settles has to wait; the others go on."""
     restless = ObserverModel(name="restless", identifies=("a",), build=by_hand(Flip))
     model = forest([variable("a"), variable("b")], restless, observer("calm", seen("ear", "b")))
     clock = SimClock()
@@ -149,15 +149,15 @@ def test_rounds_at_one_instant_are_bounded() -> None:
 
 
 def asleep(manager: ContextManager[str, str]) -> list[str]:
-    """The observers that could look, or will be able to, and that nothing will wake."""
-    found = []
+    """Return the observers that can look now or later, and that no timer will tick."""
+    names = []
     for name in sorted(manager.running()):
-        each, timer = manager._forest.observers[name], manager._forest._timers.get(name)
-        next_s = each.next_tick_s()
-        overdue = [branch for branch in each.branches if each.next_in_turn(branch) is branch]
+        running, timer = manager._forest.observers[name], manager._forest._timers.get(name)
+        next_s = running.next_tick_s()
+        overdue = [branch for branch in running.branches if running.next_in_turn(branch) is branch]
         if overdue or (next_s is not None and (timer is None or timer.instant_s > next_s)):
-            found.append(name)
-    return found
+            names.append(name)
+    return names
 
 
 @settings(max_examples=25)
@@ -165,15 +165,15 @@ def asleep(manager: ContextManager[str, str]) -> list[str]:
 def test_no_observer_that_could_look_falls_asleep(seed: int) -> None:
     chance, clock = random.Random(seed), SimClock()
     model = random_forest(seed)
-    world = World({f"look_{each.name[2:]}": chancy for each in model.observers})
+    world = World({f"look_{observer_.name[2:]}": chancy for observer_ in model.observers})
     with started(model, world, clock, seed) as manager:
         for _ in range(40):
             name = f"v{chance.randrange(60)}"
-            what = chance.choice(["declare", "declare", "withdraw", "teach"])
-            if what == "withdraw":
+            action = chance.choice(["declare", "declare", "withdraw", "teach"])
+            if action == "withdraw":
                 manager.withdraw(name)
             else:
-                manager.declare(name, value=chance.random() < 0.8 if what == "teach" else None)
+                manager.declare(name, value=chance.random() < 0.8 if action == "teach" else None)
             clock.sleep(chance.uniform(0.0, 2.0))
             assert asleep(manager) == []
     assert len(world.calls) > 40
@@ -196,7 +196,7 @@ class Breaks(Behaviour):
         return Status.SUCCESS
 
 
-def test_a_tree_that_raises_rests_and_the_others_go_on() -> None:
+def test_a_tree_that_raises_is_stopped_and_the_others_go_on() -> None:
     broken = ObserverModel(name="broken", identifies=("a",), build=by_hand(Flip, Breaks))
     model = forest([variable("a"), variable("b")], broken, observer("sound", seen("ear", "b")))
     clock = SimClock()
@@ -209,7 +209,7 @@ def test_a_tree_that_raises_rests_and_the_others_go_on() -> None:
         assert (reading.reason, reading.detail) == (Reason.FAILED, "KeyError: 'broken'")
         assert manager.get("b").age_s(clock.now_s()) == 0
         assert events(manager, Kind.OBSERVER, "broken") == ["started", "failed"]
-        assert manager.obstacle("a") == "broken broke and rests: withdraw a and declare it again"
+        assert manager.obstacle("a") == "broken failed and is stopped: withdraw a and declare it again"
         assert "missing: withdraw a and declare it again: broken failed and is stopped" in str(manager.why("a"))
         manager.withdraw("a")
         manager.declare("a")
@@ -241,12 +241,12 @@ def test_a_broken_tree_gives_its_slot_back() -> None:
         assert manager.get("b").value is True
 
 
-# The same seed, the same record
+# The same seed, the same event log
 
 
 def lively(*more: ObserverModel) -> ContextModel:
-    """A chain, a shared slot, feedback, alternatives, forgetting, validity, spread and failures."""
-    added = [name for each in more for name in each.identifies]
+    """Return a model with a chain, a shared slot, feedback, alternatives, forgetting, validity, spread and failures."""
+    added = [name for extra in more for name in extra.identifies]
     return forest(
         [
             given("near"),
@@ -272,7 +272,7 @@ def chancy(job: Any) -> object:
 
 
 def story(model: ContextModel, seed: int) -> EventLog:
-    """One run of a main execution that makes up its mind by chance."""
+    """Return the event log of a main execution that decides randomly."""
     clock, chance = SimClock(), random.Random(seed)
     world = World(dict.fromkeys(("see_a", "see_b", "feel_b", "see_c", "see_d"), chancy))
     with started(model, world, clock, seed) as manager:
@@ -301,7 +301,7 @@ OUTCOMES = {
 }
 
 
-def test_the_same_seed_gives_the_same_record() -> None:
+def test_the_same_seed_gives_the_same_event_log() -> None:
     first, again, other = (story(lively(), seed).text() for seed in (5, 5, 6))
     assert first == again
     assert first != other
@@ -309,15 +309,15 @@ def test_the_same_seed_gives_the_same_record() -> None:
 
 
 @pytest.mark.parametrize("need", ["near", "b"])
-def test_an_observer_that_is_added_changes_nothing_for_the_others(need: str) -> None:
-    """Its name sorts before all others, it reads what they read, and it shares no slot."""
+def test_an_added_observer_does_not_affect_the_others(need: str) -> None:
+    """Its name sorts before all others, it reads the variables that they read, and it shares no slot."""
     added = observer("a_first", seen("see_d", "d", when=[value(need)]))
     without, with_it = (list(story(lively(*more), 5)) for more in ((), (added,)))
     assert [event for event in with_it if event.name not in ("a_first", "see_d", "d")] == without
     assert len(with_it) > len(without) + 50
 
 
-def test_the_record_of_one_process_is_that_of_another() -> None:
+def test_the_event_logs_of_two_processes_are_the_same() -> None:
     code = "from tests.runtime.observers.test_forest import lively, story; print(story(lively(), 5).text(), end='')"
     root = Path(__file__).parents[3]
     for hash_seed, zone in [("1", "UTC"), ("77", "Asia/Tokyo")]:

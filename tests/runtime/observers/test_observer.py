@@ -1,4 +1,4 @@
-"""What a look means for its variables: kept, forgotten, rejected, failed; and how alternatives take turns."""
+"""The effect of a look on its variables: kept, forgotten, rejected, failed; and the order of alternatives."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def raises(_: object) -> object:
 
 
 def one_look(unobservable: str = "keep", **settings: Any) -> ContextModel:
-    """Variable `a`, seen by `eye` while `near`."""
+    """Return a model of variable `a`, observed by `eye` while `near`."""
     a = variable("a", when_unobservable=unobservable)
     return forest([given("near"), a], observer("o", seen("eye", "a", when=[value("near")], **settings)))
 
@@ -66,9 +66,9 @@ def test_when_a_precondition_fails_keep_leaves_the_value_and_forget_does_not(uno
 
 @pytest.mark.parametrize(("unobservable", "is_known"), [("keep", True), ("forget", False)])
 def test_when_a_result_is_rejected_keep_leaves_the_value_and_forget_does_not(unobservable: str, is_known: bool) -> None:
-    found = [YES, {"seen": None}]
+    results = [YES, {"seen": None}]
     clock = SimClock()
-    world = World({"eye": takes(0.2, lambda: found.pop(0) if len(found) > 1 else found[0])})
+    world = World({"eye": takes(0.2, lambda: results.pop(0) if len(results) > 1 else results[0])})
     with started(one_look(unobservable), world, clock) as manager:
         manager.set("near", True)
         manager.declare("a")
@@ -79,7 +79,7 @@ def test_when_a_result_is_rejected_keep_leaves_the_value_and_forget_does_not(uno
         assert (reading.reason, reading.evidence_s) == (Reason.REJECTED, 1.2)
 
 
-def test_what_is_out_of_sight_is_forgotten_at_once_though_a_job_still_works_on_older_evidence() -> None:
+def test_an_unobservable_variable_is_forgotten_at_once_while_a_job_still_processes_older_evidence() -> None:
     clock = SimClock()
     world = World({"eye": takes(2.0, YES, snapshot=True)})
     with started(one_look("forget"), world, clock) as manager:
@@ -96,7 +96,7 @@ def test_what_is_out_of_sight_is_forgotten_at_once_though_a_job_still_works_on_o
     assert stamps == [(0.0, True), (2.0, True), (3.0, False)]
 
 
-def test_evidence_that_arrives_when_sight_is_lost_is_kept_by_keep_and_told_in_the_history_by_forget() -> None:
+def test_evidence_that_arrives_after_the_precondition_failed_is_present_with_keep_and_history_with_forget() -> None:
     for unobservable, is_known in [("keep", True), ("forget", False)]:
         clock = SimClock()
         world = World({"eye": takes(2.0, YES, snapshot=True)})
@@ -110,7 +110,7 @@ def test_evidence_that_arrives_when_sight_is_lost_is_kept_by_keep_and_told_in_th
             assert manager.history("a")[0].value is True
 
 
-def test_sight_that_is_lost_for_a_moment_between_ticks_is_lost() -> None:
+def test_a_precondition_that_fails_for_a_moment_between_ticks_counts_as_failed() -> None:
     clock = SimClock()
     with started(one_look("forget"), World({"eye": takes(0.2, YES)}), clock) as manager:
         manager.set("near", True)
@@ -124,8 +124,8 @@ def test_sight_that_is_lost_for_a_moment_between_ticks_is_lost() -> None:
         assert manager.get("a").known
 
 
-def test_what_the_main_execution_wrote_while_nobody_could_see_is_not_taken_from_it() -> None:
-    """It looked with its own means; only sight that was there and is lost forgets it."""
+def test_a_value_that_the_main_execution_wrote_while_unobservable_is_not_forgotten() -> None:
+    """The value is forgotten only once the precondition has held and then fails."""
     clock = SimClock()
     with started(one_look("forget"), World({"eye": takes(9.0, YES)}), clock) as manager:
         manager.set("near", False)
@@ -141,8 +141,8 @@ def test_what_the_main_execution_wrote_while_nobody_could_see_is_not_taken_from_
         assert manager.get("a").reason is Reason.FORGOTTEN
 
 
-def test_a_precondition_of_which_it_becomes_known_later_that_it_had_failed_takes_what_it_carried() -> None:
-    """`near` is measured late: that it failed at 2.0 is known at 2.8, when `a` has been seen at 2.5."""
+def test_a_failure_of_a_precondition_that_is_known_only_later_removes_the_value() -> None:
+    """`near` is measured late: its failure at 2.0 s is known at 2.8 s, after `a` was observed at 2.5 s."""
     world = World({"eye": YES, "base": takes(0.8, lambda: NO if len(world.asked_s("base")) == 3 else YES)})
     base = Look(algorithm("base"), {"near": value("seen")})
 
@@ -184,7 +184,7 @@ def test_when_an_observer_stops_forget_is_withdrawn_and_keep_stays_and_ages(unob
 # Rejected, failed
 
 
-def test_a_result_that_does_not_tell_a_variable_rejects_that_variable_alone() -> None:
+def test_a_result_without_a_value_for_a_variable_rejects_only_that_variable() -> None:
     eye = Look(
         algorithm("eye", {"angle": real(optional=True), "latched": boolean()}),
         {"open": value("angle") > 0.6, "locked": value("latched")},
@@ -209,7 +209,7 @@ def test_a_value_outside_the_range_of_its_variable_is_failed() -> None:
     assert (reading.reason, reading.detail) == (Reason.FAILED, "4.0 lies outside [0, 3]")
 
 
-def test_a_failure_makes_unknown_what_its_algorithm_wrote_last() -> None:
+def test_a_failure_makes_the_last_value_of_its_algorithm_unknown() -> None:
     clock = SimClock()
     world = World({"eye": takes(0.5, YES)})
     with started(one_look(), world, clock) as manager:
@@ -223,7 +223,7 @@ def test_a_failure_makes_unknown_what_its_algorithm_wrote_last() -> None:
     assert (reading.reason, reading.detail, reading.source) == (Reason.FAILED, "ValueError: no picture", "eye")
 
 
-def test_a_failure_leaves_what_another_wrote() -> None:
+def test_a_failure_leaves_the_value_of_another_writer() -> None:
     clock = SimClock()
     world = World({"eye": takes(0.5, YES)})
     with started(one_look(), world, clock) as manager:
@@ -237,7 +237,7 @@ def test_a_failure_leaves_what_another_wrote() -> None:
     assert (reading.value, reading.source) == (False, "main_execution")
 
 
-def test_a_look_that_only_ever_fails_says_so_instead_of_never_observed() -> None:
+def test_a_look_that_always_fails_gives_failed_instead_of_never_observed() -> None:
     clock = SimClock()
     with started(one_look(), World({"eye": raises}), clock) as manager:
         manager.set("near", True)
@@ -279,7 +279,7 @@ def test_alternatives_switch_with_the_situation() -> None:
     assert looked == [by_camera, by_sonar, by_camera, by_camera, unseen]
 
 
-def test_alternatives_switch_in_the_midst_of_a_job_both_ways() -> None:
+def test_alternatives_switch_during_a_job_in_both_directions() -> None:
     camera, sonar = seen("camera", "a", when=[value("bright")]), seen("sonar", "a", when=[~value("bright")])
     world = World({"camera": takes(2.0, YES), "sonar": takes(2.0, NO)})
     clock = SimClock()
@@ -295,7 +295,7 @@ def test_alternatives_switch_in_the_midst_of_a_job_both_ways() -> None:
     assert events(manager, Kind.JOB, "sonar") == ["started", "cancelled"]
 
 
-def test_the_better_rank_alone_looks_while_it_delivers() -> None:
+def test_only_the_better_rank_looks_while_it_delivers() -> None:
     world = World({"camera": takes(0.1, YES), "sonar": takes(0.1, NO)})
     clock = SimClock()
     with started(alternatives(seen("camera", "a"), seen("sonar", "a")), world, clock) as manager:
@@ -309,14 +309,14 @@ def rejected(_: object) -> object:
 
 
 @pytest.mark.parametrize(
-    "unhelpful",
+    "failing",
     [raises, rejected, takes(2.0, {"seen": None}), takes(9.0, YES)],
     ids=["raises", "rejected", "rejected late", "timed out"],
 )
 @pytest.mark.parametrize("accepts", [[], [known("seen")]], ids=["plain", "refined"])
-def test_an_alternative_has_its_turn_when_the_better_one_brings_nothing(unhelpful: object, accepts: list[Any]) -> None:
-    """And the better one keeps its own, however long it takes."""
-    world = World({"camera": unhelpful, "sonar": takes(0.3, NO)})
+def test_an_alternative_looks_when_the_better_one_does_not_deliver(failing: object, accepts: list[Any]) -> None:
+    """The better one keeps looking too, even if it takes long."""
+    world = World({"camera": failing, "sonar": takes(0.3, NO)})
     clock = SimClock()
     with started(alternatives(seen("camera", "a", accept=accepts), seen("sonar", "a")), world, clock) as manager:
         manager.declare("a")
@@ -326,7 +326,7 @@ def test_an_alternative_has_its_turn_when_the_better_one_brings_nothing(unhelpfu
     assert len(world.asked_s("camera")) >= 3
 
 
-def test_the_alternative_rests_again_once_the_better_one_delivers() -> None:
+def test_the_alternative_stops_looking_once_the_better_one_delivers() -> None:
     world = World({"camera": raises, "sonar": takes(0.3, NO)})
     clock = SimClock()
     with started(alternatives(seen("camera", "a"), seen("sonar", "a")), world, clock) as manager:
@@ -341,7 +341,7 @@ def test_the_alternative_rests_again_once_the_better_one_delivers() -> None:
 
 
 @pytest.mark.parametrize("unobservable", ["keep", "forget"])
-def test_a_failure_takes_nothing_away_while_an_alternative_delivers(unobservable: str) -> None:
+def test_a_failure_removes_no_value_while_an_alternative_delivers(unobservable: str) -> None:
     world = World({"camera": takes(0.3, YES), "sonar": takes(0.3, NO)})
     clock = SimClock()
     model = alternatives(seen("camera", "a"), seen("sonar", "a"), unobservable=unobservable)
@@ -354,7 +354,7 @@ def test_a_failure_takes_nothing_away_while_an_alternative_delivers(unobservable
         assert manager.get("a").source == "sonar"
 
 
-def test_when_no_alternative_delivers_the_failure_takes_what_its_algorithm_wrote() -> None:
+def test_when_no_alternative_delivers_the_failure_removes_the_value_of_its_algorithm() -> None:
     world = World({"camera": takes(0.3, YES), "sonar": rejected})
     clock = SimClock()
     with started(alternatives(seen("camera", "a"), seen("sonar", "a")), world, clock) as manager:
@@ -366,8 +366,8 @@ def test_when_no_alternative_delivers_the_failure_takes_what_its_algorithm_wrote
     assert (reading.reason, reading.source) == (Reason.FAILED, "camera")
 
 
-def test_a_variable_that_the_better_one_does_not_tell_is_left_to_the_other() -> None:
-    """The camera tells `a` alone, the lever switch `b` alone: both stay fresh."""
+def test_a_variable_without_a_value_from_the_better_one_is_left_to_the_other() -> None:
+    """The camera returns only `a`, the lever switch only `b`: both stay fresh."""
     both = Look(algorithm("camera"), {"a": value("seen"), "b": value("absent")})
     both = Look(algorithm("camera", {"seen": boolean(), "absent": boolean(optional=True)}), both.identifies)
     world = World({"camera": takes(1.5, YES), "switch": takes(0.2, NO)})
@@ -397,7 +397,7 @@ def test_two_alternatives_for_different_variables_do_not_starve_each_other() -> 
     assert {name for name, at_s in world.calls if at_s > 14} == {"camera"}
 
 
-def test_an_alternative_at_work_is_not_cut_off_by_the_better_one() -> None:
+def test_a_running_alternative_is_not_interrupted_by_the_better_one() -> None:
     camera = seen("camera", "a", when=[value("bright")])
     world = World({"camera": takes(0.1, YES), "sonar": takes(4.0, NO)})
     clock = SimClock()
@@ -411,10 +411,10 @@ def test_an_alternative_at_work_is_not_cut_off_by_the_better_one() -> None:
     assert events(manager, Kind.JOB, "sonar") == ["started", "returned"]
 
 
-# When it looks
+# Times of looks
 
 
-def test_an_observer_that_starts_anew_looks_at_once_but_not_before_its_least_interval() -> None:
+def test_an_observer_that_starts_again_looks_at_once_but_not_before_its_least_interval() -> None:
     for interval_s, expected in [(0.0, [0.0, 0.5]), (0.8, [0.0, 0.8])]:
         world = World({"eye": YES})
         clock = SimClock()
@@ -428,7 +428,7 @@ def test_an_observer_that_starts_anew_looks_at_once_but_not_before_its_least_int
         assert world.asked_s("eye") == expected
 
 
-def test_the_least_interval_counts_from_start_to_start_though_jobs_wait_for_a_slot() -> None:
+def test_the_least_interval_is_from_start_to_start_although_jobs_wait_for_a_slot() -> None:
     world = World({"eye": takes(0.1, YES), "slow": takes(4.0, YES)})
     quick, slow = seen("eye", "a", slots=("one",), min_interval_s=3.0), seen("slow", "b", slots=("one",))
     model = forest(
@@ -446,7 +446,7 @@ def test_the_least_interval_counts_from_start_to_start_though_jobs_wait_for_a_sl
 
 
 def test_a_condition_with_an_age_looks_again_when_it_flips() -> None:
-    """Feedback that does not wait: `not known(a) or age(a) > 10 s`."""
+    """The condition `not known(a) or age(a) > 10 s` depends on the observer's own variable."""
     eye = seen("eye", "a", when=[~known("a") | (age("a") > 10.0)])
     world = World({"eye": takes(0.5, YES, snapshot=True)})
     clock = SimClock()
@@ -456,7 +456,7 @@ def test_a_condition_with_an_age_looks_again_when_it_flips() -> None:
     assert world.asked_s("eye") == pytest.approx([0, 10, 20, 30], abs=1e-4)
 
 
-def test_what_an_algorithm_is_given_must_be_known_and_is_what_it_is_at_its_start() -> None:
+def test_the_given_variables_of_an_algorithm_must_be_known_and_have_their_values_at_its_start() -> None:
     eye = seen("eye", "a", given=("near",), slots=("one",))
     model = forest([given("near"), variable("a")], observer("o", eye), slots={"one": 1})
     world = World({"eye": takes(0.5, YES)})

@@ -1,4 +1,4 @@
-"""Validity, invalidation and the order of evidence, as readers of the context manager see them."""
+"""Validity, invalidation and the order of evidence, as visible to readers of the context manager."""
 
 from __future__ import annotations
 
@@ -40,15 +40,15 @@ def test_newer_evidence_moves_the_end_of_validity() -> None:
         assert events(manager, Kind.VARIABLE) == ["identified"] * 5 + ["unknown"]
 
 
-def test_the_end_of_validity_is_told_at_its_instant_though_newer_evidence_came_only_once() -> None:
+def test_the_end_of_validity_is_recorded_at_its_instant_after_one_renewal() -> None:
     clock = SimClock()
     with started(forest([given("x", valid_for_s=2.0)]), World(), clock) as manager:
         manager.set("x", True)
         clock.sleep(1.5)
         manager.set("x", True)
         clock.sleep(10)
-        told = [(event.instant_s, event.what) for event in manager.record.of(Kind.VARIABLE)]
-    assert told == [(0.0, "identified"), (1.5, "identified"), (3.5, "unknown")]
+        changes = [(event.instant_s, event.what) for event in manager.record.of(Kind.VARIABLE)]
+    assert changes == [(0.0, "identified"), (1.5, "identified"), (3.5, "unknown")]
 
 
 def test_validity_counts_from_the_evidence_not_from_its_arrival() -> None:
@@ -63,7 +63,7 @@ def test_validity_counts_from_the_evidence_not_from_its_arrival() -> None:
         assert manager.get("x").reason is Reason.STALE
 
 
-def test_what_arrives_when_its_validity_is_over_is_never_known() -> None:
+def test_a_value_that_arrives_after_its_validity_is_never_known() -> None:
     model = forest([variable("x", valid_for_s=1.0)], observer("o", seen("eye", "x")))
     clock = SimClock()
     with started(model, World({"eye": takes(2.0, YES, snapshot=True)}), clock) as manager:
@@ -99,7 +99,7 @@ def test_an_observer_that_waits_for_a_value_to_become_stale_looks_at_that_instan
         assert world.asked_s("eye") == [0, 4.25, 8.5]
 
 
-def test_the_history_drops_the_oldest_and_never_stops_growing_newer() -> None:
+def test_the_history_drops_the_oldest_readings_and_keeps_the_newest() -> None:
     clock = SimClock()
     with started(forest([given("x", history=3)]), World(), clock) as manager:
         for step in range(1000):
@@ -110,8 +110,8 @@ def test_the_history_drops_the_oldest_and_never_stops_growing_newer() -> None:
     assert history[-1].evidence_s == pytest.approx(99.9)
 
 
-def test_evidence_is_judged_though_its_precondition_is_written_hundreds_of_times_meanwhile() -> None:
-    """A localisation that reports at 100 Hz, and a history of 100 values: one second."""
+def test_evidence_is_judged_although_its_precondition_is_written_hundreds_of_times_meanwhile() -> None:
+    """A localisation reports at 100 Hz, and a history of 100 values covers only one second."""
     model = forest([given("near"), variable("x")], observer("o", seen("eye", "x", when=[value("near")])))
     clock = SimClock()
     with started(model, World({"eye": takes(4.0, YES)}), clock) as manager:
@@ -132,7 +132,7 @@ def test_an_invalidation_names_the_skill() -> None:
     assert [(reading.reason, reading.detail) for reading in readings] == [(Reason.INVALIDATED, "turn")] * 2
 
 
-def test_what_is_found_out_of_the_time_before_a_value_went_stale_is_told_to_who_reads_it() -> None:
+def test_a_reading_from_before_a_value_went_stale_is_reported_to_readers() -> None:
     clock = SimClock()
     look = seen("look", "a", timeout_s=5.0)
     watch = seen("watch", "c", when=[known("a") | known("b")])
@@ -151,6 +151,6 @@ def test_what_is_found_out_of_the_time_before_a_value_went_stale_is_told_to_who_
         manager.set("b", value=True)
         clock.sleep(2.0)
         assert (manager.get("a").reason, manager.get("c").value) == (Reason.STALE, True)
-        clock.sleep(2.0)  # now the look of the second 2 has timed out: from there on nobody knew
+        clock.sleep(2.0)  # now the look that began at 2 s has timed out: from then on the value was unknown
         assert (manager.get("a").reason, manager.get("c").reason) == (Reason.TIMED_OUT, Reason.FORGOTTEN)
         assert manager.get("c").evidence_s == 2.0

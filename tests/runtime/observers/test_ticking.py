@@ -1,4 +1,4 @@
-"""A tree is ticked as py_trees does it: the same calls in the same order, and the same state afterwards."""
+"""A tree is ticked as by py_trees: the same calls in the same order, and the same state afterwards."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from py_trees.composites import Composite, Selector, Sequence
 from codra_dsl.runtime.observers.ticking import leaf_stop, leaf_tick, tick
 
 Shape = tuple[str, list["Shape"]] | list[Status]
-"""A composite with its children, or what a leaf says, tick after tick."""
+"""A composite with its children, or the statuses that a leaf returns, tick by tick."""
 
 STATUSES = st.sampled_from((Status.SUCCESS, Status.RUNNING, Status.FAILURE))
 LEAVES: st.SearchStrategy[Shape] = st.lists(STATUSES, min_size=1, max_size=4)
@@ -25,55 +25,55 @@ SHAPES: st.SearchStrategy[Shape] = st.recursive(
 
 
 class Leaf(Behaviour):
-    """Says one thing after the other, and writes down what is asked of it."""
+    """Returns one status after the other, and records the calls of its methods."""
 
     tick, stop = leaf_tick, leaf_stop
 
-    def __init__(self, name: str, says: list[Status], asked: list[str]) -> None:
+    def __init__(self, name: str, statuses: list[Status], calls: list[str]) -> None:
         super().__init__(name)
-        self._says = says
-        self._asked = asked
+        self._statuses = statuses
+        self._calls = calls
         self._updates = 0
 
     def initialise(self) -> None:
-        """Write it down."""
-        self._asked.append(f"{self.name} begins")
+        """Record the call."""
+        self._calls.append(f"{self.name} begins")
 
     def update(self) -> Status:
-        """Write it down, and say what comes next."""
-        self._asked.append(f"{self.name} at work")
+        """Record the call, and return the next status."""
+        self._calls.append(f"{self.name} at work")
         self._updates += 1
-        return self._says[self._updates % len(self._says)]
+        return self._statuses[self._updates % len(self._statuses)]
 
     def terminate(self, new_status: Status) -> None:
-        """Write it down."""
-        self._asked.append(f"{self.name} ends {self.status} with {new_status}")
+        """Record the call."""
+        self._calls.append(f"{self.name} ends {self.status} with {new_status}")
 
 
-def built(shape: Shape, name: str, asked: list[str]) -> Behaviour:
+def built(shape: Shape, name: str, calls: list[str]) -> Behaviour:
     if isinstance(shape, list):
-        return Leaf(name, shape, asked)
+        return Leaf(name, shape, calls)
     kind, shapes = shape
-    children = [built(each, f"{name}.{index}", asked) for index, each in enumerate(shapes)]
+    children = [built(child, f"{name}.{index}", calls) for index, child in enumerate(shapes)]
     if kind == "selector":
         return Selector(name, memory=False, children=children)
     return Sequence(name, memory=kind == "remembering", children=children)
 
 
 def state(tree: Behaviour) -> list[tuple[str, Status, str | None]]:
-    """Return the status of each node, and of a composite the child that it is at."""
-    found = []
+    """Return the status of each node and, for a composite, its current child."""
+    states = []
     for node in tree.iterate():
         current = node.current_child if isinstance(node, Composite) else None
-        found.append((node.name, node.status, None if current is None else current.name))
-    return found
+        states.append((node.name, node.status, None if current is None else current.name))
+    return states
 
 
 @given(SHAPES, st.lists(st.sampled_from(("tick", "interrupt")), min_size=1, max_size=8))
-def test_a_tick_asks_the_same_of_the_same_nodes_as_py_trees(shape: Shape, steps: list[str]) -> None:
-    asked: list[str] = []
-    asked_by_py_trees: list[str] = []
-    ours, theirs = built(shape, "root", asked), built(shape, "root", asked_by_py_trees)
+def test_a_tick_calls_the_same_methods_of_the_same_nodes_as_py_trees(shape: Shape, steps: list[str]) -> None:
+    calls: list[str] = []
+    calls_by_py_trees: list[str] = []
+    ours, theirs = built(shape, "root", calls), built(shape, "root", calls_by_py_trees)
 
     for step in steps:
         if step == "tick":
@@ -82,5 +82,5 @@ def test_a_tick_asks_the_same_of_the_same_nodes_as_py_trees(shape: Shape, steps:
         else:
             ours.stop(Status.INVALID)
             theirs.stop(Status.INVALID)
-        assert asked == asked_by_py_trees
+        assert calls == calls_by_py_trees
         assert state(ours) == state(theirs)

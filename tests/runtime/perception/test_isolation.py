@@ -196,10 +196,10 @@ BAD: dict[str, tuple[Reason, str]] = {
     "raises": (Reason.FAILED, "ValueError: no picture"),
     "dies": (Reason.FAILED, "its process ended with exit code 3"),
     "crashes": (Reason.FAILED, "its process was ended by SIGSEGV"),
-    "returns_100_mb": (Reason.FAILED, "returned 'seen': a bytes is no bool"),
+    "returns_100_mb": (Reason.FAILED, "returned 'seen': a bytes is not of type bool"),
     "returns_a_long_text": (
         Reason.FAILED,
-        "returned 'text': a text of 100000000 characters is too long: 10000 are enough for a decision",
+        "returned 'text': a text of 100000000 characters is too long: the limit is 10000",
     ),
     "returns_much": (
         Reason.FAILED,

@@ -47,13 +47,13 @@ REFUSED: dict[str, object] = {
     "returned a bytes, not a mapping": b"x" * 10**8,
     "returned no 'markers'": {},
     "returned no 'markers' ": {"markers": None},
-    "returned 'markers': 3.0 is no int": {"markers": 3.0},
+    "returned 'markers': 3.0 is not of type int": {"markers": 3.0},
     "returned 'markers': 13 lies outside [0, 12]": {"markers": 13},
     "returned 'markers': a number of 64 bits is too large": {"markers": 2**63},
-    "returned 'angle': 'wide' is no float": {"markers": 3, "angle": "wide"},
-    "returned 'angle': a ndarray is no float": {"markers": 3, "angle": np.zeros((3, 3))},
-    "returned 'angle': a Mute is no float": {"markers": 3, "angle": Mute()},
-    "returned 'text': a text of 100000000 characters is too long: 10000 are enough for a decision": {
+    "returned 'angle': 'wide' is not of type float": {"markers": 3, "angle": "wide"},
+    "returned 'angle': a ndarray is not of type float": {"markers": 3, "angle": np.zeros((3, 3))},
+    "returned 'angle': a Mute is not of type float": {"markers": 3, "angle": Mute()},
+    "returned 'text': a text of 100000000 characters is too long: the limit is 10000": {
         "markers": 3,
         "text": "x" * 10**8,
     },

@@ -1,4 +1,4 @@
-"""Who gets the slots of shared resources, and when."""
+"""The order in which slots of shared resources are granted."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from tests.runtime.forests import Manager, World, forest, observer, seen, starte
 
 
 class Desk:
-    """Slots and who was granted some, in order."""
+    """Slots, and the names of the requests that were granted, in order."""
 
     def __init__(self, counts: Mapping[str, int | None]) -> None:
         self.clock = SimClock()
@@ -28,108 +28,108 @@ class Desk:
         self.granted: list[str] = []
         self.tickets: dict[str, Ticket] = {}
 
-    def ask(self, who: str, *slots: str, priority: float = 0.0, urgency: int = 0, lasts_s: float = 0.0) -> None:
-        self.tickets[who] = self.slots.request(
-            slots, lambda: (priority, urgency), lambda: self.granted.append(who), lasts_s
+    def request(self, name: str, *slots: str, priority: float = 0.0, urgency: int = 0, lasts_s: float = 0.0) -> None:
+        self.tickets[name] = self.slots.request(
+            slots, lambda: (priority, urgency), lambda: self.granted.append(name), lasts_s
         )
 
-    def give_back(self, *names: str) -> list[str]:
+    def release(self, *names: str) -> list[str]:
         for name in names:
             self.slots.release(self.tickets[name])
         self.clock.sleep(0)
         return self.granted
 
 
-def test_priority_goes_first_then_who_has_waited_longest_and_the_main_execution_before_all() -> None:
+def test_slots_are_granted_to_the_main_execution_then_by_priority_then_by_waiting_time() -> None:
     desk = Desk({"eye": 1})
-    desk.ask("holder", "eye")
+    desk.request("holder", "eye")
     desk.clock.sleep(0)
-    for who, priority in [("a", 0.0), ("b", 5.0), ("c", 0.0), ("d", 5.0), ("main", MAIN_EXECUTION)]:
-        desk.ask(who, "eye", priority=priority)
-    for who in ("holder", "main", "b", "d", "a", "c"):
-        assert desk.give_back()[-1] == who
-        desk.give_back(who)
+    for name, priority in [("a", 0.0), ("b", 5.0), ("c", 0.0), ("d", 5.0), ("main", MAIN_EXECUTION)]:
+        desk.request(name, "eye", priority=priority)
+    for name in ("holder", "main", "b", "d", "a", "c"):
+        assert desk.release()[-1] == name
+        desk.release(name)
 
 
-def test_requests_of_one_instant_are_weighed_together() -> None:
+def test_requests_at_the_same_instant_are_compared_with_each_other() -> None:
     desk = Desk({"eye": 1})
-    desk.ask("early", "eye", priority=1)
-    desk.ask("urgent", "eye", priority=2)
-    assert desk.give_back() == ["urgent"]
+    desk.request("early", "eye", priority=1)
+    desk.request("urgent", "eye", priority=2)
+    assert desk.release() == ["urgent"]
 
 
 def test_several_slots_are_granted_together_or_not_at_all() -> None:
-    """So two that need the same two never wait for each other."""
+    """So two requests for the same two slots never wait for each other."""
     desk = Desk({"eye": 1, "arm": 1})
-    desk.ask("a", "eye", "arm")
-    desk.ask("b", "arm", "eye")
-    assert desk.give_back() == ["a"]
-    assert desk.give_back("a") == ["a", "b"]
+    desk.request("a", "eye", "arm")
+    desk.request("b", "arm", "eye")
+    assert desk.release() == ["a"]
+    assert desk.release("a") == ["a", "b"]
 
 
-def test_who_waits_for_two_is_not_passed_for_ever_by_those_who_need_one() -> None:
+def test_a_request_for_two_slots_is_not_passed_forever_by_requests_for_one() -> None:
     desk = Desk({"eye": 1, "arm": 1})
-    desk.ask("e0", "eye")
-    desk.ask("a0", "arm")
+    desk.request("e0", "eye")
+    desk.request("a0", "arm")
     desk.clock.sleep(0)
-    desk.ask("both", "eye", "arm")
-    desk.ask("e1", "eye")
-    desk.ask("a1", "arm")
-    assert desk.give_back("e0") == ["e0", "a0"]
-    assert desk.give_back("a0") == ["e0", "a0", "both"]
-    assert desk.give_back("both") == ["e0", "a0", "both", "e1", "a1"]
+    desk.request("both", "eye", "arm")
+    desk.request("e1", "eye")
+    desk.request("a1", "arm")
+    assert desk.release("e0") == ["e0", "a0"]
+    assert desk.release("a0") == ["e0", "a0", "both"]
+    assert desk.release("both") == ["e0", "a0", "both", "e1", "a1"]
 
 
-def test_who_needs_something_else_is_not_held_up() -> None:
+def test_a_request_for_other_slots_is_not_delayed() -> None:
     desk = Desk({"eye": 1, "arm": 1, "free": None})
-    desk.ask("holder", "eye")
+    desk.request("holder", "eye")
     desk.clock.sleep(0)
-    desk.ask("waits", "eye", priority=9)
-    for who in ("x", "y"):
-        desk.ask(who, "free")
-    desk.ask("arm", "arm")
-    assert desk.give_back() == ["holder", "x", "y", "arm"]
+    desk.request("waits", "eye", priority=9)
+    for name in ("x", "y"):
+        desk.request(name, "free")
+    desk.request("arm", "arm")
+    assert desk.release() == ["holder", "x", "y", "arm"]
 
 
-def test_a_resource_can_have_several_slots_and_one_job_needs_one_of_them() -> None:
+def test_a_job_uses_one_of_several_slots_of_a_resource() -> None:
     desk = Desk({"eye": 2})
-    for who in "abc":
-        desk.ask(who, "eye", "eye")
-    assert desk.give_back() == ["a", "b"]
-    assert desk.give_back("a", "a") == ["a", "b", "c"]
+    for name in "abc":
+        desk.request(name, "eye", "eye")
+    assert desk.release() == ["a", "b"]
+    assert desk.release("a", "a") == ["a", "b", "c"]
 
 
-def test_who_leaves_the_queue_is_not_granted() -> None:
+def test_a_request_that_left_the_queue_is_not_granted() -> None:
     desk = Desk({"eye": 1})
-    desk.ask("a", "eye")
+    desk.request("a", "eye")
     desk.clock.sleep(0)
-    desk.ask("b", "eye")
-    desk.ask("c", "eye")
-    assert desk.give_back("b", "a") == ["a", "c"]
+    desk.request("b", "eye")
+    desk.request("c", "eye")
+    assert desk.release("b", "a") == ["a", "c"]
 
 
 @given(st.lists(st.tuples(st.sampled_from(["eye", "arm", "both"]), st.integers(0, 3), st.booleans()), max_size=40))
 def test_slots_never_run_out_or_multiply(requests: list[tuple[str, int, bool]]) -> None:
     desk = Desk({"eye": 1, "arm": 2})
-    for number, (what, priority, gives_back) in enumerate(requests):
-        desk.ask(str(number), *(["eye", "arm"] if what == "both" else [what]), priority=priority)
-        if gives_back and desk.give_back():
-            desk.give_back(desk.granted[number % len(desk.granted)])
+    for number, (what, priority, releases) in enumerate(requests):
+        desk.request(str(number), *(["eye", "arm"] if what == "both" else [what]), priority=priority)
+        if releases and desk.release():
+            desk.release(desk.granted[number % len(desk.granted)])
         free = desk.slots.resources
         assert 0 <= free["eye"] <= 1
         assert 0 <= free["arm"] <= 2
-    desk.give_back(*desk.tickets)
+    desk.release(*desk.tickets)
     assert desk.slots.resources == {"eye": 1, "arm": 2}
 
 
-def test_a_job_needs_slots_of_a_resource_that_there_is() -> None:
+def test_a_slot_of_an_undeclared_resource_is_an_error() -> None:
     model = forest([variable("a")], observer("o", seen("eye", "a", slots=("visoin",))), slots={"vision": 1})
     with pytest.raises(CallError, match=r"perception 'eye' needs a slot of 'visoin', which is not a resource"):
         started(model, World()).__enter__()
 
 
 @pytest.mark.parametrize("how", ["returns", "raises", "times out", "is cancelled", "is voided", "is closed"])
-def test_the_slot_of_a_job_is_free_again_however_the_job_ends(how: str) -> None:
+def test_the_slot_is_released_whenever_a_job_ends(how: str) -> None:
     def raises(_: object) -> object:
         raise ValueError
 
@@ -158,7 +158,7 @@ def test_the_slot_of_a_job_is_free_again_however_the_job_ends(how: str) -> None:
 # The main execution
 
 
-def test_a_thread_that_has_a_slot_goes_on_with_it() -> None:
+def test_a_thread_can_request_a_slot_that_it_already_holds() -> None:
     with started(forest([], slots={"eye": 1, "arm": 1}), World()) as manager:
         with manager.slot("eye"), manager.slot("eye"), manager.slot("eye", "eye"):
             assert manager._parts.slots.resources["eye"] == 0
@@ -168,7 +168,7 @@ def test_a_thread_that_has_a_slot_goes_on_with_it() -> None:
         assert manager._parts.slots.resources == {"world": math.inf, "eye": 1, "arm": 1}
 
 
-def test_slots_that_are_taken_one_by_one_are_refused_with_the_way_to_take_them_together() -> None:
+def test_taking_slots_one_by_one_is_refused_and_the_message_shows_how_to_take_them_together() -> None:
     with (
         started(forest([], slots={"eye": 1, "arm": 1}), World()) as manager,
         manager.slot("eye"),
@@ -182,48 +182,48 @@ def test_slots_that_are_taken_one_by_one_are_refused_with_the_way_to_take_them_t
 # Urgency and age
 
 
-def test_among_equal_priorities_the_more_urgent_goes_first() -> None:
+def test_the_more_urgent_request_goes_first_among_equal_priorities() -> None:
     desk = Desk({"eye": 1})
-    desk.ask("holder", "eye")
+    desk.request("holder", "eye")
     desk.clock.sleep(0)
-    for who, priority, urgency in [("a", 0.0, 0), ("b", 0.0, 2), ("c", 1.0, 0), ("d", 0.0, 2)]:
-        desk.ask(who, "eye", priority=priority, urgency=urgency)
-    for who in ("holder", "c", "b", "d"):
-        desk.give_back(who)
+    for name, priority, urgency in [("a", 0.0, 0), ("b", 0.0, 2), ("c", 1.0, 0), ("d", 0.0, 2)]:
+        desk.request(name, "eye", priority=priority, urgency=urgency)
+    for name in ("holder", "c", "b", "d"):
+        desk.release(name)
     assert desk.granted == ["holder", "c", "b", "d", "a"]
 
 
-def test_priority_counts_until_the_oldest_could_wait_too_long() -> None:
-    """Two algorithms, the longest timeout is 3 s: nobody waits longer than 6 s, so 3 s are left for those who pass."""
+def test_priority_decides_until_the_oldest_request_could_wait_too_long() -> None:
+    """With two algorithms and a longest timeout of 3 s, no request waits for more than 6 s; others may pass for 3 s."""
     desk = Desk({"eye": 1})
     desk.slots.expect(("eye",), 3.0)
     desk.slots.expect(("eye",), 2.0)
-    desk.ask("low", "eye", priority=-1, lasts_s=2.0)
-    desk.ask("high 0", "eye", priority=9, lasts_s=3.0)
+    desk.request("low", "eye", priority=-1, lasts_s=2.0)
+    desk.request("high 0", "eye", priority=9, lasts_s=3.0)
     for number in range(6):
         desk.clock.sleep(1.0)
-        desk.ask(f"high {number + 1}", "eye", priority=9, lasts_s=3.0)
-        desk.give_back(desk.granted[-1])
+        desk.request(f"high {number + 1}", "eye", priority=9, lasts_s=3.0)
+        desk.release(desk.granted[-1])
     assert desk.granted == ["high 0", "high 1", "high 2", "high 3", "low", "high 4", "high 5"]
 
 
-def test_nobody_grows_older_while_the_main_execution_has_the_slot() -> None:
+def test_requests_do_not_age_while_the_main_execution_holds_the_slot() -> None:
     desk = Desk({"eye": 1})
     for _ in range(2):
         desk.slots.expect(("eye",), 3.0)
-    desk.ask("main", "eye", priority=MAIN_EXECUTION)
+    desk.request("main", "eye", priority=MAIN_EXECUTION)
     desk.clock.sleep(0)
-    desk.ask("low", "eye", priority=-1, lasts_s=3.0)
+    desk.request("low", "eye", priority=-1, lasts_s=3.0)
     desk.clock.sleep(100.0)
-    desk.ask("high", "eye", priority=9, lasts_s=3.0)
-    assert desk.give_back("main")[-1] == "high"
+    desk.request("high", "eye", priority=9, lasts_s=3.0)
+    assert desk.release("main")[-1] == "high"
 
 
 NEEDS = ("waited for", "under way", "expected", "declared")
 
 
 def need(manager: Manager, variable: str, how: str, expected: list[str]) -> None:
-    """Let the main execution need a variable, the sooner the earlier `how` stands in `NEEDS`."""
+    """Let the main execution need a variable; the earlier `how` is in `NEEDS`, the sooner it needs the variable."""
     if how == "under way":
         manager.commands.begin(f"use_{variable}")
     elif how == "expected":
@@ -237,8 +237,8 @@ def need(manager: Manager, variable: str, how: str, expected: list[str]) -> None
 
 @pytest.mark.parametrize("how_b", NEEDS)
 @pytest.mark.parametrize("how_a", NEEDS)
-def test_what_is_needed_sooner_is_looked_at_first_and_so_is_what_that_needs(how_a: str, how_b: str) -> None:
-    """`b` needs `c`, whose observer competes with that of `a`, which has asked for the slot before."""
+def test_variables_that_are_needed_sooner_and_their_preconditions_are_observed_first(how_a: str, how_b: str) -> None:
+    """`b` needs `c`; the observer of `c` competes with the observer of `a`, which requested the slot earlier."""
     once: dict[str, Any] = {"slots": ("one",), "min_interval_s": 99.0}
     model = forest(
         [variable(name) for name in "abcd"],
@@ -278,11 +278,11 @@ LOADS = st.lists(
 
 @dataclass(frozen=True)
 class Competition:
-    """What came of observers that compete with the main execution for one slot.
+    """The results of observers that compete with the main execution for one slot.
 
     Attributes:
-        waits_s: for each observer, of the slot time that the main execution left free, how long each job waited.
-        bound_s: observers times the longest timeout.
+        waits_s: for each observer, how long each job waited; only the time that the main execution left free counts.
+        bound_s: the number of observers times the longest timeout.
     """
 
     spent: Mapping[str, Cost]
@@ -294,7 +294,7 @@ class Competition:
 def compete(
     loads: Sequence[tuple[int, float, float, float]], looks: Sequence[tuple[float, float]], for_s: float
 ) -> Competition:
-    """Let observers compete; the main execution pauses and looks, pauses and looks."""
+    """Let observers compete while the main execution alternately pauses and looks."""
     names = [f"v{number}" for number in range(len(loads))]
     model = forest(
         [variable(name) for name in names],
@@ -307,16 +307,16 @@ def compete(
         slots={"one": 1},
     )
     finds = {f"see_{name}": takes(load[2], {"seen": True}) for name, load in zip(names, loads, strict=True)}
-    clock, free, asked = SimClock(), FreeTime(), {}
+    clock, free, asked_s = SimClock(), FreeTime(), {}
     waits_s: dict[str, list[float]] = {name: [] for name in names}
     with started(model, World(finds), clock) as manager:
         request = manager._parts.slots.request
 
-        def noted(slots: Any, precedence: Any, grant: Callable[[], None], lasts_s: float = 0.0) -> Ticket:
-            asked_s = free.at(clock.now_s())
-            return request(slots, precedence, lambda: (asked.update({clock.now_s(): asked_s}), grant())[1], lasts_s)
+        def record_request(slots: Any, precedence: Any, grant: Callable[[], None], lasts_s: float = 0.0) -> Ticket:
+            free_s = free.at(clock.now_s())
+            return request(slots, precedence, lambda: (asked_s.update({clock.now_s(): free_s}), grant())[1], lasts_s)
 
-        manager._parts.slots.request = noted  # type: ignore[method-assign]
+        manager._parts.slots.request = record_request  # type: ignore[method-assign]
         for name in names:
             manager.declare(name)
         while clock.now_s() < for_s:
@@ -329,13 +329,13 @@ def compete(
         spent, events = manager.spent(), manager.record.of(Kind.JOB)
     for event in events:
         if event.what == "started":
-            waits_s[event.name.removeprefix("see_")].append(free.at(event.instant_s) - asked[event.instant_s])
+            waits_s[event.name.removeprefix("see_")].append(free.at(event.instant_s) - asked_s[event.instant_s])
     bound_s = len(loads) * max(timeout_s for *_, timeout_s in loads)
     return Competition(spent, waits_s, free.taken_s, bound_s)
 
 
 class FreeTime:
-    """The time that the main execution leaves free, by a clock of its own."""
+    """A clock of the time that the main execution leaves free."""
 
     def __init__(self) -> None:
         self.taken_s = 0.0
@@ -361,27 +361,27 @@ class FreeTime:
 def test_no_job_waits_longer_than_observers_times_the_longest_timeout(
     loads: list[tuple[int, float, float, float]], looks: list[tuple[float, float]]
 ) -> None:
-    """Of the slot time that the main execution leaves free, whatever the priorities."""
+    """Only the slot time that the main execution leaves free counts; the bound holds for all priorities."""
     looks = [(pause_s + 0.1, look_s) for pause_s, look_s in looks]
     outcome = compete(loads, looks, for_s=120.0)
     for waits_s in outcome.waits_s.values():
         assert all(wait_s <= outcome.bound_s + 1e-6 for wait_s in waits_s)
 
 
-def test_for_an_hour_six_observers_and_the_main_execution_share_a_slot_and_nobody_starves() -> None:
-    """The observers of the first priority alone would fill what the main execution leaves free of the slot."""
+def test_no_observer_starves_when_six_share_a_slot_with_the_main_execution_for_an_hour() -> None:
+    """The two observers of the highest priority could use all the slot time that the main execution leaves free."""
     loads = [(9, 0.1, 0.8, 2.0), (9, 0.1, 1.5, 2.0), (5, 0.5, 1.0, 2.0), (5, 2.0, 0.3, 2.0), (0, 1.0, 0.5, 2.0)]
-    loads.append((0, 1.0, 9.0, 2.0))  # which times out each time
+    loads.append((0, 1.0, 9.0, 2.0))  # every job times out
     outcome = compete(loads, [(4.0, 2.0)], for_s=3600.0)
 
-    slot_s = sum(each.slot_s for each in outcome.spent.values())
+    slot_s = sum(cost.slot_s for cost in outcome.spent.values())
     assert 3590.0 <= slot_s + outcome.main_s <= 3610.0, "the slot is never idle"
     assert outcome.main_s == 1070.0
     for name, waits_s in outcome.waits_s.items():
         assert max(waits_s) <= outcome.bound_s, name
         assert outcome.spent[name].jobs >= 3600 / (2 * outcome.bound_s), name
-    waits_s = [sum(each) / len(each) for each in outcome.waits_s.values()]
-    assert max(waits_s[:2]) < min(waits_s[2:]) / 3
+    means_s = [sum(waits) / len(waits) for waits in outcome.waits_s.values()]
+    assert max(means_s[:2]) < min(means_s[2:]) / 3
     assert outcome.spent["v1"].slot_s > 2 * outcome.spent["v5"].slot_s, "though its jobs are shorter"
     assert outcome.spent["v5"].failed >= outcome.spent["v5"].jobs - 1
     assert outcome.spent["v0"].accepted >= outcome.spent["v0"].jobs - 1

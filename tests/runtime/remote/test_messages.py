@@ -244,9 +244,13 @@ WRONG: dict[str, tuple[dict[str, object], str, str]] = {
     "not declared": (
         {"ask": "set", "variable": "open", "value": True},
         "not_declared",
-        "'open' is for observer to write: the main execution may only while it has declared it",
+        "'open' is for observer to write: the main execution may write it only while it is declared",
     ),
-    "no such type": ({"ask": "declare", "variable": "near", "value": "yes"}, "not_of_type", "'yes' is no bool"),
+    "no such type": (
+        {"ask": "declare", "variable": "near", "value": "yes"},
+        "not_of_type",
+        "'yes' is not of type bool",
+    ),
     "the future": (
         {"ask": "set", "variable": "localized", "value": True, "evidence_s": 5.0},
         "not_allowed",

@@ -105,9 +105,9 @@ def test_errors_are_those_of_the_context_manager(server: Server) -> None:
     with RemoteContext(server.address) as remote:
         with pytest.raises(UnknownNameError, match="did you mean 'open'"):
             remote.get("oben")
-        with pytest.raises(NotDeclaredError, match="while it has declared it"):
+        with pytest.raises(NotDeclaredError, match="while it is declared"):
             remote.set("open", value=True)
-        with pytest.raises(NotOfTypeError, match="'ajar' is no bool"):
+        with pytest.raises(NotOfTypeError, match="'ajar' is not of type bool"):
             remote.declare("open", "ajar")
         with pytest.raises(MessageError, match="`value` of `set` is a text"):
             remote.set("near", None)

@@ -1,4 +1,4 @@
-"""One variable's present and past: newest evidence wins, validity ends exactly, the history is a ring."""
+"""The present reading and the history of a variable: the newest evidence wins, the history is bounded."""
 
 from __future__ import annotations
 
@@ -37,11 +37,11 @@ def test_older_evidence_goes_into_the_history_only() -> None:
     assert cell.write(reading(2.0, True))
     assert not cell.write(reading(1.0, False))
     assert cell.reading.content is True
-    assert [each.content for each in cell.history()] == [False, True]
+    assert [entry.content for entry in cell.history()] == [False, True]
     assert cell.at(1.5).content is False
 
 
-def test_of_two_readings_of_one_instant_the_later_written_stands() -> None:
+def test_of_two_readings_of_one_instant_the_later_written_counts() -> None:
     cell = Cell("x", 100)
     cell.write(reading(2.0, True))
     assert cell.write(reading(2.0, False))
@@ -70,47 +70,47 @@ def test_evidence_that_is_newer_than_a_stale_value_replaces_it() -> None:
 @given(st.lists(st.integers(0, 400), max_size=300), st.integers(0, 150))
 def test_the_history_is_a_ring_that_drops_the_oldest_evidence(stamps: list[int], history: int) -> None:
     cell = filled(*stamps, history=history)
-    assert [each.evidence_s for each in cell.history()] == sorted(stamps)[max(0, len(stamps) - history) :]
+    assert [entry.evidence_s for entry in cell.history()] == sorted(stamps)[max(0, len(stamps) - history) :]
     assert cell.reading.evidence_s == max(stamps, default=-math.inf)
 
 
-def test_a_history_that_a_spec_wants_short_still_tells_enough_to_judge_evidence_by() -> None:
+def test_a_short_history_is_still_long_enough_to_judge_evidence() -> None:
     cell = filled(*range(200), history=1)
     assert len(cell.history()) == 1
-    assert cell.told_from_s == 200 - FEWEST_KEPT
+    assert cell.complete_from_s == 200 - FEWEST_KEPT
     assert cell.at(150.5).evidence_s == 150
 
 
-def test_what_a_history_no_longer_tells_it_does_not_make_up() -> None:
+def test_an_instant_before_the_start_of_the_history_is_unknown() -> None:
     cell = filled(*range(200))
-    assert cell.told_from_s == 100
+    assert cell.complete_from_s == 100
     assert cell.at(50).reason is Reason.NEVER_OBSERVED
-    assert filled(*range(100)).told_from_s == -math.inf
+    assert filled(*range(100)).complete_from_s == -math.inf
 
 
-def test_a_pin_keeps_what_was_so_at_its_instant_and_since() -> None:
+def test_a_pin_keeps_the_reading_at_its_instant_and_all_later_ones() -> None:
     cell = filled(*range(100))
     cell.pin(95.5)
     for stamp in range(100, 1000):
         cell.write(reading(stamp))
-    assert cell.told_from_s == 95
+    assert cell.complete_from_s == 95
     assert len(cell.between(95.5, 2000)) == 904
     assert len(cell.history()) == 100
     cell.unpin(95.5)
     cell.write(reading(1000))
-    assert cell.told_from_s == 901
+    assert cell.complete_from_s == 901
 
 
-def test_a_pin_does_not_fill_the_memory() -> None:
+def test_a_pin_keeps_a_bounded_number_of_readings() -> None:
     cell = filled(0)
     cell.pin(0.5)
     for stamp in range(1, MOST_PINNED + 500):
         cell.write(reading(stamp))
     assert len(cell.between(-1, math.inf)) == MOST_PINNED + 100
-    assert cell.told_from_s > 0.5
+    assert cell.complete_from_s > 0.5
 
 
-def test_an_unknown_reading_has_no_value_and_no_truth() -> None:
+def test_an_unknown_reading_has_no_value_and_no_truth_value() -> None:
     unknown: Reading[bool] = Reading(name="lid_open", reason=Reason.INVALIDATED, detail="open_lid")
     with pytest.raises(UnknownValueError, match=r"lid_open is unknown \(invalidated: open_lid\)"):
         _ = unknown.value

@@ -101,8 +101,8 @@ def test_a_condition_is_lost_when_it_first_fails() -> None:
     assert first_loss(A, history, 1, 2) is None
 
 
-def test_a_history_that_is_too_short_to_tell_counts_as_a_break() -> None:
-    """The safe side; while evidence is being taken, histories keep what is needed."""
+def test_a_history_that_does_not_reach_back_counts_as_a_break() -> None:
+    """This is the safe side: while evidence is being taken, histories keep the readings that are needed."""
     flooded = cells(a=[(stamp / 100, True) for stamp in range(300)])
     assert held(A, flooded, 2.0, 2.99)
     assert not held(A, flooded, 1.9, 2.99)
@@ -120,10 +120,10 @@ CONDITIONS = [A & ~B, A | B, known("a") & (~known("b") | B), (age("a") < 2.0) | 
     st.tuples(st.integers(0, 12), st.integers(0, 6)),
     st.sampled_from([1.0, 2.5, math.inf]),
 )
-def test_it_held_exactly_if_it_holds_wherever_one_looks(
+def test_a_condition_held_exactly_if_it_holds_at_every_sampled_instant(
     a: History, b: History, term: Term, interval_s: tuple[int, int], valid_for_s: float
 ) -> None:
-    """One reading an instant; looked at in steps of a thirty-second of a second."""
+    """There is one reading per instant; the samples are 1/32 s apart."""
     start_s, length_s = interval_s
     made = cells(valid_for_s, a=list(dict(a).items()), b=list(dict(b).items()))
     grid = [start_s + step / 32 for step in range(length_s * 32 + 1)]
@@ -139,15 +139,15 @@ def own(evidence_s: float) -> Reading[Value]:
     return Reading(name="x", content=True, evidence_s=evidence_s, source="eye")
 
 
-def test_a_watch_finds_a_loss_between_two_looks() -> None:
+def test_a_watch_finds_a_loss_between_two_checks() -> None:
     watch, history = watched(A, [(0, True), (2, False), (2.5, True)])
     assert watch.loss_s(history, own(1), is_own=True, now_s=1.5) is None
     assert watch.loss_s(history, own(1), is_own=True, now_s=3) == 2
     assert watch.loss_s(history, own(2.7), is_own=True, now_s=4) is None
 
 
-def test_a_watch_over_a_history_that_no_longer_reaches_back_trusts_what_it_saw() -> None:
-    """A value may be old although its precondition is renewed a hundred times a second."""
+def test_a_watch_over_a_history_that_no_longer_reaches_back_relies_on_its_last_check() -> None:
+    """A value may be old although its precondition gets new evidence a hundred times a second."""
     watch, history = watched(A, [(0, True)])
     for second in range(1, 60):
         for part in range(100):
@@ -157,7 +157,7 @@ def test_a_watch_over_a_history_that_no_longer_reaches_back_trusts_what_it_saw()
     assert watch.loss_s(history, own(0.5), is_own=True, now_s=60.0) == 60.0
 
 
-def test_a_watch_over_what_another_wrote_waits_until_sight_was_there() -> None:
+def test_a_watch_over_a_value_of_another_writer_waits_until_the_condition_has_held() -> None:
     watch, history = watched(A, [(0, False)])
     reading: Reading[Value] = Reading(name="x", content=True, evidence_s=1.0, source="main_execution")
     assert watch.loss_s(history, reading, is_own=False, now_s=2) is None

@@ -1,4 +1,4 @@
-"""Values that do not flutter: what lies between enter and leave, and what results must confirm."""
+"""Values without flicker: results between enter and leave, and values that several results must confirm."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ GAP = {"gap": real(optional=True)}
 BAND = between(value("gap") > 6.0, value("gap") < 4.0)
 
 
-def gaps(*found: float | None) -> Any:
-    """Finds one gap after the other, then the last for ever."""
-    left = list(found)
+def gaps(*results: float | None) -> Any:
+    """Return an algorithm that returns these gaps one by one, and then always the last one."""
+    left = list(results)
     return lambda _: {"gap": left.pop(0) if len(left) > 1 else left[0]}
 
 
@@ -31,13 +31,13 @@ def a_model(term: Term, *, when: Sequence[Term] = (), **settings: Any) -> Any:
     return forest([given("near"), variable("open", **settings)], observer("o", look), skills=skills)
 
 
-def seen_each_second(model: Any, *found: float | None) -> list[bool | Reason | None]:
-    """What the variable is after each look."""
+def states_after_looks(model: Any, *results: float | None) -> list[bool | Reason | None]:
+    """Return the value of the variable after each look, or the reason why it is unknown; one look a second."""
     clock = SimClock()
-    with started(model, World({"look": gaps(*found)}), clock) as manager:
+    with started(model, World({"look": gaps(*results)}), clock) as manager:
         manager.declare("open")
         states: list[bool | Reason | None] = []
-        for _ in found:
+        for _ in results:
             clock.sleep(0.5)
             reading = manager.get("open")
             states.append(reading.value if reading.known else reading.reason)
@@ -49,11 +49,11 @@ def seen_each_second(model: Any, *found: float | None) -> list[bool | Reason | N
 
 
 def test_between_enter_and_leave_it_is_as_before() -> None:
-    assert seen_each_second(a_model(BAND), 7, 5, 3, 5, 4, 6, 6.1) == [True, True, False, False, False, False, True]
+    assert states_after_looks(a_model(BAND), 7, 5, 3, 5, 4, 6, 6.1) == [True, True, False, False, False, False, True]
 
 
 def test_between_enter_and_leave_it_is_unknown_before_any_value() -> None:
-    assert seen_each_second(a_model(BAND), 5, 5, 3, 5) == [Reason.REJECTED, Reason.REJECTED, False, False]
+    assert states_after_looks(a_model(BAND), 5, 5, 3, 5) == [Reason.REJECTED, Reason.REJECTED, False, False]
 
 
 def test_a_look_between_enter_and_leave_is_evidence_for_the_value_before() -> None:
@@ -64,13 +64,13 @@ def test_a_look_between_enter_and_leave_is_evidence_for_the_value_before() -> No
         assert (manager.get("open").value, manager.get("open").evidence_s) == (True, 20.0)
 
 
-def test_what_went_stale_is_no_value_before() -> None:
-    states = seen_each_second(a_model(BAND, valid_for_s=1.7), 7, None, None, 5, 3)
+def test_a_stale_value_does_not_count_as_the_value_before() -> None:
+    states = states_after_looks(a_model(BAND, valid_for_s=1.7), 7, None, None, 5, 3)
     assert states == [True, True, Reason.REJECTED, Reason.REJECTED, False]
 
 
-def test_a_result_that_does_not_tell_is_not_between() -> None:
-    assert seen_each_second(a_model(BAND, when_unobservable="forget"), 7, 5, None, 5) == [
+def test_a_result_without_the_value_is_not_between() -> None:
+    assert states_after_looks(a_model(BAND, when_unobservable="forget"), 7, 5, None, 5) == [
         True,
         True,
         Reason.REJECTED,
@@ -78,7 +78,7 @@ def test_a_result_that_does_not_tell_is_not_between() -> None:
     ]
 
 
-def test_what_a_skill_changes_has_no_value_before() -> None:
+def test_a_variable_that_a_skill_changed_has_no_value_before() -> None:
     clock = SimClock()
     with started(a_model(BAND), World({"look": gaps(7, 7, 5)}), clock) as manager:
         manager.declare("open")
@@ -95,7 +95,7 @@ def test_what_a_skill_changes_has_no_value_before() -> None:
 # Confirmation
 
 
-def test_one_result_of_two_needed_is_unconfirmed_with_what_is_lacking() -> None:
+def test_one_result_of_two_needed_is_unconfirmed_with_the_count() -> None:
     clock = SimClock()
     with started(a_model(confirmed(value("gap") > 6.0, 2, 3)), World({"look": gaps(7)}), clock) as manager:
         manager.declare("open")
@@ -107,43 +107,45 @@ def test_one_result_of_two_needed_is_unconfirmed_with_what_is_lacking() -> None:
         )
         clock.sleep(1.0)
         assert manager.get("open").value is True
-        told = [event for event in manager.record.of(Kind.JOB) if event.what == "rejected"]
-    assert [(event.details["reason"], event.details["variables"]) for event in told] == [(Reason.UNCONFIRMED, ["open"])]
+        rejections = [event for event in manager.record.of(Kind.JOB) if event.what == "rejected"]
+    assert [(event.details["reason"], event.details["variables"]) for event in rejections] == [
+        (Reason.UNCONFIRMED, ["open"])
+    ]
 
 
-def test_a_value_needs_so_many_of_the_last_results() -> None:
+def test_a_value_needs_the_stated_number_of_the_last_results() -> None:
     model = a_model(confirmed(value("gap") > 6.0, 2, 3))
     unconfirmed = Reason.UNCONFIRMED
-    assert seen_each_second(model, 7, 3, 7, 3, 3, 7, 7) == [unconfirmed, unconfirmed, True, False, False, False, True]
+    assert states_after_looks(model, 7, 3, 7, 3, 3, 7, 7) == [unconfirmed, unconfirmed, True, False, False, False, True]
 
 
 def test_a_kept_value_stays_until_the_contrary_is_confirmed() -> None:
     model = a_model(confirmed(value("gap") > 6.0, 3, 3))
-    assert seen_each_second(model, 7, 7, 7, 3, 3, 7, 3, 3, 3)[2:] == [True] * 6 + [False]
+    assert states_after_looks(model, 7, 7, 7, 3, 3, 7, 3, 3, 3)[2:] == [True] * 6 + [False]
 
 
 def test_a_value_that_is_forgotten_stays_while_the_last_results_confirm_it() -> None:
     model = a_model(confirmed(value("gap") > 6.0, 2, 3), when_unobservable="forget")
-    assert seen_each_second(model, 7, 7, 3, 7, 7)[1:] == [True, True, True, True]
+    assert states_after_looks(model, 7, 7, 3, 7, 7)[1:] == [True, True, True, True]
 
 
-def test_a_value_that_is_forgotten_is_unconfirmed_once_too_few_results_say_so() -> None:
+def test_a_value_that_is_forgotten_is_unconfirmed_once_too_few_results_agree() -> None:
     model = a_model(confirmed(value("gap") > 6.0, 3, 3), when_unobservable="forget")
-    assert seen_each_second(model, 7, 7, 7, 3, 7)[2:] == [True, Reason.UNCONFIRMED, Reason.UNCONFIRMED]
+    assert states_after_looks(model, 7, 7, 7, 3, 7)[2:] == [True, Reason.UNCONFIRMED, Reason.UNCONFIRMED]
 
 
 def test_a_kept_value_that_is_not_confirmed_again_goes_stale_and_is_then_unconfirmed() -> None:
     model = a_model(confirmed(value("gap") > 6.0, 2, 2), valid_for_s=2.2)
-    states = seen_each_second(model, 7, 7, 3, 7, 3, 7)
+    states = states_after_looks(model, 7, 7, 3, 7, 3, 7)
     assert states == [Reason.UNCONFIRMED, True, True, Reason.STALE, Reason.UNCONFIRMED, Reason.UNCONFIRMED]
 
 
-def test_results_that_are_rejected_count_for_nothing() -> None:
+def test_rejected_results_do_not_count() -> None:
     model = a_model(confirmed(value("gap") > 6.0, 2, 2))
-    assert seen_each_second(model, 7, None, 7)[-1] is True
+    assert states_after_looks(model, 7, None, 7)[-1] is True
 
 
-def test_evidence_from_before_an_action_confirms_nothing() -> None:
+def test_evidence_from_before_an_action_does_not_confirm() -> None:
     clock = SimClock()
     model = a_model(confirmed(value("gap") > 6.0, 2, 3))
     with started(model, World({"look": gaps(7)}), clock) as manager:
@@ -156,7 +158,7 @@ def test_evidence_from_before_an_action_confirms_nothing() -> None:
             assert (manager.get("open").value, manager.get("open").start_s) == (True, 3.0)
 
 
-def test_what_is_confirmed_rests_on_evidence_from_the_first_look_that_it_needs() -> None:
+def test_the_evidence_of_a_confirmed_value_starts_with_the_first_look_that_it_needs() -> None:
     clock = SimClock()
     model = a_model(confirmed(value("gap") > 6.0, 2, 3))
     with started(model, World({"look": takes(0.2, {"gap": 7.0})}), clock) as manager:
@@ -165,7 +167,7 @@ def test_what_is_confirmed_rests_on_evidence_from_the_first_look_that_it_needs()
         assert (clock.now_s(), manager.get("open").start_s, manager.get("open").evidence_s) == (2.2, 1.0, 2.2)
 
 
-def test_what_was_seen_before_the_observer_stopped_confirms_nothing() -> None:
+def test_results_from_before_the_observer_stopped_do_not_confirm() -> None:
     clock = SimClock()
     model = a_model(confirmed(value("gap") > 6.0, 2, 3))
     with started(model, World({"look": gaps(7)}), clock) as manager:
@@ -191,30 +193,28 @@ def out_of_sight_for_a_while(**settings: Any) -> Reading[Any]:
         return manager.get("open")
 
 
-def test_what_was_seen_before_it_was_out_of_sight_confirms_only_what_is_kept() -> None:
+def test_results_from_before_an_unobservable_period_confirm_only_a_kept_value() -> None:
     assert out_of_sight_for_a_while(when_unobservable="keep").known
     assert out_of_sight_for_a_while(when_unobservable="forget").reason is Reason.UNCONFIRMED
 
 
-def test_what_is_older_than_valid_for_confirms_nothing() -> None:
+def test_results_older_than_valid_for_do_not_confirm() -> None:
     assert out_of_sight_for_a_while(valid_for_s=5.0).reason is Reason.UNCONFIRMED
     assert out_of_sight_for_a_while(valid_for_s=7.0).known
 
 
 @hypothesis_given(st.lists(st.booleans(), min_size=1, max_size=12), st.integers(1, 4), st.integers(0, 3))
-def test_whatever_is_seen_a_value_is_known_only_if_enough_of_the_last_results_say_it(
-    found: list[bool], needed: int, more: int
-) -> None:
+def test_a_value_is_known_only_if_enough_of_the_last_results_agree(results: list[bool], needed: int, more: int) -> None:
     among = needed + more
     model = a_model(confirmed(value("gap") > 6.0, needed, among), when_unobservable="forget")
-    states = seen_each_second(model, *(7.0 if each else 3.0 for each in found))
+    states = states_after_looks(model, *(7.0 if result else 3.0 for result in results))
     for number, state in enumerate(states):
-        last = Counter(found[max(0, number + 1 - among) : number + 1])
+        last = Counter(results[max(0, number + 1 - among) : number + 1])
         if isinstance(state, bool):
             assert last[state] >= needed
         else:
             assert state is Reason.UNCONFIRMED
-            assert last[found[number]] < needed
+            assert last[results[number]] < needed
 
 
 def test_the_reason_of_an_unconfirmed_variable_is_explained() -> None:

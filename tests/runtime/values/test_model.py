@@ -1,4 +1,4 @@
-"""What a value of each type is, and what it is not."""
+"""Values that each type accepts, and values that it refuses."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from codra_dsl.runtime.values.model import (
+    MAX_INTEGER,
     MAX_TEXT,
-    MAX_WHOLE,
     NotOfTypeError,
     ValueType,
     boolean,
@@ -68,34 +68,34 @@ class Hostile:
 
 
 REFUSED = {
-    "1 is no bool": (boolean(), 1),
-    "'yes' is no bool": (boolean(), "yes"),
-    "None is no bool": (boolean(), None),
-    "a Hostile is no bool": (boolean(), Hostile()),
-    "True is no int": (integer(), True),
-    "1.0 is no int": (integer(), 1.0),
-    f"'{'x' * 60}...' is no int": (integer(), "x" * 1000),
+    "1 is not of type bool": (boolean(), 1),
+    "'yes' is not of type bool": (boolean(), "yes"),
+    "None is not of type bool": (boolean(), None),
+    "a Hostile is not of type bool": (boolean(), Hostile()),
+    "True is not of type int": (integer(), True),
+    "1.0 is not of type int": (integer(), 1.0),
+    f"'{'x' * 60}...' is not of type int": (integer(), "x" * 1000),
     "a number of 16610 bits is too large": (integer(), 10**5000),
-    "a number of 64 bits is too large": (integer(), MAX_WHOLE + 1),
+    "a number of 64 bits is too large": (integer(), MAX_INTEGER + 1),
     "a number of 1329 bits is too large": (real(), 10**400),
-    "True is no float": (real(), True),
-    "'1' is no float": (real(), "1"),
-    "a complex is no float": (real(), 1j),
-    "a list is no float": (real(), [1.0]),
-    "a ndarray is no float": (real(), np.zeros(3)),
+    "True is not of type float": (real(), True),
+    "'1' is not of type float": (real(), "1"),
+    "a complex is not of type float": (real(), 1j),
+    "a list is not of type float": (real(), [1.0]),
+    "a ndarray is not of type float": (real(), np.zeros(3)),
     "1.5 lies outside [0, 1]": (real(0, 1), 1.5),
     "-0.5 lies outside [0, inf]": (real(low=0), -0.5),
     "13 lies outside [0, 12]": (integer(0, 12), 13),
-    "a bytes is no str": (text(), b"x" * 10**8),
-    "a text of 10001 characters is too long: 10000 are enough for a decision": (text(), "x" * (MAX_TEXT + 1)),
-    "a text with half a character (a lone surrogate) is no str that can be written down": (text(), "\ud800"),
-    "'ajar' is none of open, shut": (member("open", "shut"), "ajar"),
-    "1 is no enum": (member("open", "shut"), 1),
+    "a bytes is not of type str": (text(), b"x" * 10**8),
+    "a text of 10001 characters is too long: the limit is 10000": (text(), "x" * (MAX_TEXT + 1)),
+    "a text with half a character (a lone surrogate) cannot be written to a file": (text(), "\ud800"),
+    "'ajar' is not one of open, shut": (member("open", "shut"), "ajar"),
+    "1 is not of type enum": (member("open", "shut"), 1),
 }
 
 
 @pytest.mark.parametrize("message", REFUSED)
-def test_what_is_no_value_of_a_type_is_told_in_short(message: str) -> None:
+def test_a_value_of_another_type_is_refused_with_a_short_message(message: str) -> None:
     expected, given = REFUSED[message]
     with pytest.raises(NotOfTypeError) as raised:
         expected.convert(given)

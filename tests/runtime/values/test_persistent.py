@@ -1,4 +1,4 @@
-"""Mappings of which each change makes another: whatever is written later, and by whom, each stays as it was."""
+"""Persistent mappings: a version stays as it was, independent of later changes and of the thread that makes them."""
 
 from __future__ import annotations
 
@@ -17,18 +17,22 @@ def entries(mapping: PersistentMap[int, int]) -> dict[int, int]:
 
 
 @given(st.lists(st.tuples(st.integers(0, 10**6), CHANGES), max_size=60), st.integers(0, 10**6))
-def test_every_version_stays_as_it_was_whichever_of_them_is_changed(
+def test_every_version_stays_as_it_was_when_any_of_them_is_changed(
     changes: list[tuple[int, dict[int, int | None]]], asked: int
 ) -> None:
     versions: list[tuple[PersistentMap[int, int], dict[int, int]]] = [(PersistentMap(), {})]
     for chosen, change in changes:
-        before, told = versions[-1 if chosen % 3 else chosen % len(versions)]
-        after = {key: value for key, value in {**told, **change}.items() if value is not None}
+        before, expected = versions[-1 if chosen % 3 else chosen % len(versions)]
+        after = {key: value for key, value in {**expected, **change}.items() if value is not None}
         versions.append((before.with_changes(change), after))
     first = asked % len(versions)
-    for mapping, told in versions[first:] + versions[:first]:
-        assert {key: mapping.get(key) for key in range(13) if key in mapping} == told
-        assert (len(mapping), entries(mapping), sorted(mapping.values())) == (len(told), told, sorted(told.values()))
+    for mapping, expected in versions[first:] + versions[:first]:
+        assert {key: mapping.get(key) for key in range(13) if key in mapping} == expected
+        assert (len(mapping), entries(mapping), sorted(mapping.values())) == (
+            len(expected),
+            expected,
+            sorted(expected.values()),
+        )
 
 
 @given(st.integers(1, 3000), st.data())
@@ -37,12 +41,12 @@ def test_an_old_version_is_read_after_thousands_of_changes(count: int, data: st.
     for number in range(1, count + 1):
         versions.append(versions[-1].with_entry(number % 7, number))
     at = data.draw(st.integers(0, count))
-    told = {number % 7: number for number in range(1, at + 1)}
-    assert [versions[at].get(key) for key in range(7)] == [told.get(key) for key in range(7)]
-    assert entries(versions[at]) == told
+    expected = {number % 7: number for number in range(1, at + 1)}
+    assert [versions[at].get(key) for key in range(7)] == [expected.get(key) for key in range(7)]
+    assert entries(versions[at]) == expected
 
 
-def test_a_key_that_is_not_there_cannot_be_taken_away() -> None:
+def test_removing_a_missing_key_returns_the_same_mapping() -> None:
     mapping = PersistentMap[str, int]().with_entry("a", 1)
     assert mapping.without("b") is mapping
     assert "a" not in mapping.without("a")
@@ -50,7 +54,7 @@ def test_a_key_that_is_not_there_cannot_be_taken_away() -> None:
 
 
 class Key:
-    """A key that lets another thread have its turn whenever a dictionary asks for its hash."""
+    """A key that lets another thread run when a dictionary computes its hash."""
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -67,7 +71,7 @@ class Key:
         return isinstance(other, Key) and self.name == other.name
 
 
-def test_whoever_reads_a_mapping_while_it_is_changed_finds_it_as_it_was() -> None:
+def test_a_reader_of_a_mapping_during_its_change_gets_the_old_entries() -> None:
     keys = [Key(name) for name in "abc"]
     before = PersistentMap[Key, int]().with_changes({Key(name): 1 for name in "abc"})
     seen: list[list[int | None]] = []
@@ -75,11 +79,11 @@ def test_whoever_reads_a_mapping_while_it_is_changed_finds_it_as_it_was() -> Non
         key.turn = lambda: seen.append([before.get(Key(name)) for name in "abc"])
     after = before.with_changes(dict.fromkeys(keys, 2))
     assert len(seen) > len(keys)
-    assert all(found == [1, 1, 1] for found in seen)
+    assert all(values == [1, 1, 1] for values in seen)
     assert [after.get(Key(name)) for name in "abc"] == [2, 2, 2]
 
 
-def test_what_is_changed_while_somebody_reads_it_is_found_as_it_was() -> None:
+def test_a_mapping_that_is_changed_during_a_read_returns_its_old_values() -> None:
     held = PersistentMap[Key, int]().with_entry(Key("a"), 1)
     newest = [held]
     asked = Key("a")

@@ -1,4 +1,4 @@
-"""Random stories of variables that are steady, looked at on events and changed by skills: what never may happen."""
+"""Random stories of variables with hysteresis, confirmation, looks on events and skills: invariants of every story."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import pytest
 
 from codra_dsl.logic import Term, age, known, value
 from codra_dsl.runtime import ContextManager, ContextModel, Journal, SimClock
-from codra_dsl.runtime.context import components as machinery_module
+from codra_dsl.runtime.context import components as components_module
 from codra_dsl.runtime.observers.observer import Observer, ObserverModel
 from codra_dsl.runtime.replay import replay
 from codra_dsl.runtime.values.hysteresis import between, confirmed
@@ -22,7 +22,7 @@ from tests.runtime.journal.journals import read
 from tests.runtime.observers.test_by_change import EveryTree, _rounded, tick_often
 
 NAMES = [f"v{number}" for number in range(8)]
-FINDS = {"gap": real(optional=True)}
+RESULT_TYPES = {"gap": real(optional=True)}
 STEPS = 60
 
 
@@ -59,18 +59,20 @@ def _skill(name: str, chance: random.Random) -> SkillModel:
 def _observers(chance: random.Random) -> Iterator[ObserverModel]:
     for name in NAMES:
         needed = chance.sample(["near", *(other for other in NAMES if other != name)], chance.choice([0, 1, 1]))
-        ways = [f"look_{name}", f"feel_{name}"][: chance.choice([1, 1, 2])]
-        looks = [_look(way, name, needed, chance) for way in ways]
+        algorithms = [f"look_{name}", f"feel_{name}"][: chance.choice([1, 1, 2])]
+        looks = [_look(algorithm_name, name, needed, chance) for algorithm_name in algorithms]
         yield observer(f"o_{name}", *looks, period_s=chance.uniform(0.02, 0.2))
 
 
-def _look(way: str, name: str, needed: list[str], chance: random.Random) -> Look:
+def _look(algorithm_name: str, name: str, needed: list[str], chance: random.Random) -> Look:
     high, low = value("gap") > 0.6, value("gap") < 0.4
     plain, band = value("gap") > 0.5, between(high, low)
     term = chance.choice([plain, band, confirmed(plain, 2, 3), confirmed(band, 2, 3)])
     when = [_condition(need, chance) for need in needed]
     slots = chance.choice([(), ("eye",)])
-    return Look(algorithm(way, FINDS, timeout_s=0.1, slots=slots), {name: term}, when, [value("gap") < 0.95])
+    return Look(
+        algorithm(algorithm_name, RESULT_TYPES, timeout_s=0.1, slots=slots), {name: term}, when, [value("gap") < 0.95]
+    )
 
 
 def _condition(need: str, chance: random.Random) -> Term:
@@ -87,10 +89,12 @@ def finds(job: Any) -> object:
     return {"gap": job.random.choice([None, *(job.random.random() for _ in range(9))])}
 
 
-def told(seed: int, record: Journal | None = None, *, is_often_ticked: bool = False) -> list[str]:
-    """Return the record of a story, in which nothing happens that never may."""
+def events_of_story(seed: int, record: Journal | None = None, *, is_often_ticked: bool = False) -> list[str]:
+    """Return the events of a story, after checking the invariants at every step."""
     clock, chance = SimClock(), random.Random(seed)
-    world = World(dict.fromkeys((f"{way}_{name}" for way in ("look", "feel") for name in NAMES), finds))
+    world = World(
+        dict.fromkeys((f"{algorithm_name}_{name}" for algorithm_name in ("look", "feel") for name in NAMES), finds)
+    )
     resources = {"world": world}
     with ContextManager[str, str](
         situation(seed), clock=clock, resources=resources, seed=seed, record=record
@@ -105,16 +109,16 @@ def told(seed: int, record: Journal | None = None, *, is_often_ticked: bool = Fa
 
 
 def do_something(manager: Manager, clock: SimClock, chance: random.Random) -> None:
-    what, name = chance.random(), chance.choice(NAMES)
-    if what < 0.3:
+    choice, name = chance.random(), chance.choice(NAMES)
+    if choice < 0.3:
         manager.declare(name)
-    elif what < 0.35:
+    elif choice < 0.35:
         manager.withdraw(name)
-    elif what < 0.55:
+    elif choice < 0.55:
         manager.set("near", chance.random() < 0.7, evidence_s=clock.now_s() - chance.choice([0.0, 0.05]))
-    elif what < 0.65:
+    elif choice < 0.65:
         manager.decide(name, lambda: clock.sleep(0.1) or chance.choice([True, False, None]), wait_up_to_s=0.1)
-    elif what < 0.7:
+    elif choice < 0.7:
         manager.expect(f"k{chance.randrange(4)}")
     else:
         with manager.skill(f"k{chance.randrange(4)}") as skill:
@@ -130,30 +134,32 @@ def check(manager: Manager, clock: SimClock) -> None:
         assert reading.known == (reading.content is not None) == (reading.reason is None)
         if reading.known:
             assert cell.invalidated_s <= reading.start_s <= reading.evidence_s <= clock.now_s() < reading.expires_s
-        evidence_s = [each.evidence_s for each in manager.history(name)]
+        evidence_s = [entry.evidence_s for entry in manager.history(name)]
         assert evidence_s == sorted(evidence_s)
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_what_is_known_is_valid_and_from_after_the_last_change_and_the_run_replays(seed: int, tmp_path: Path) -> None:
+def test_known_values_are_valid_and_newer_than_the_last_change_and_the_run_replays(seed: int, tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
-    events = told(seed, Journal(path))
-    assert told(seed) == events
+    events = events_of_story(seed, Journal(path))
+    assert events_of_story(seed) == events
     head, kept = read(path)
     assert replay(head, kept, situation(seed), ContextManager[str, str], None).difference is None
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_ticked_by_change_it_is_the_same_as_ticked_at_every_instant(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    by_change = by_subject(told(seed))
-    monkeypatch.setattr(machinery_module, "Forest", EveryTree)
+def test_ticking_by_change_gives_the_same_as_ticking_at_every_instant(
+    seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    by_change = by_subject(events_of_story(seed))
+    monkeypatch.setattr(components_module, "Forest", EveryTree)
     monkeypatch.setattr(Observer, "_is_unsettled", lambda _: True)
 
-    assert by_change == by_subject(told(seed, is_often_ticked=True))
+    assert by_change == by_subject(events_of_story(seed, is_often_ticked=True))
 
 
 def by_subject(events: list[str]) -> dict[str, list[object]]:
-    """Return what each variable, observer and algorithm does, in order."""
+    """Return the events of each variable, observer and algorithm, in order."""
     subjects: dict[str, list[object]] = {}
     for event in map(json.loads, events):
         subjects.setdefault(f"{event['kind']} {event['name']}", []).append(_rounded(event))

@@ -176,7 +176,7 @@ def test_a_skill_that_changes_a_variable_is_named() -> None:
 @pytest.mark.parametrize(
     ("find", "story"),
     [
-        ({"seen": None}, "rejected at 0 s: the result does not tell (eye)"),
+        ({"seen": None}, "rejected at 0 s: the result has no value for it (eye)"),
         (lambda _: 1 // 0, "failed at 0 s: ZeroDivisionError: integer division or modulo by zero (eye)"),
         (takes(60.0, YES), "timed_out at 0.5 s: no result within 0.5 s (eye)"),
     ],

@@ -1,4 +1,4 @@
-"""Findings as the worst of specs could make them: their texts try to be markup, commands, or no text at all."""
+"""Findings with hostile texts, which contain markup, commands, or invalid characters."""
 
 from __future__ import annotations
 
@@ -73,11 +73,11 @@ hostile_findings = st.lists(
 
 
 def findings_about(spec: Path, root: Path) -> tuple[Diagnostic, ...]:
-    """Return what load and check find about a spec."""
-    loaded, found = load_spec(spec, root)
-    return in_file_order(found + (check(loaded)[1] if loaded is not None else ()))
+    """Return the findings of load and check about a spec."""
+    loaded, load_findings = load_spec(spec, root)
+    return in_file_order(load_findings + (check(loaded)[1] if loaded is not None else ()))
 
 
 def findings_of(case: Path) -> tuple[Diagnostic, ...]:
-    """Return what load and check find about one of the invalid cases."""
+    """Return the findings of load and check about one of the invalid cases."""
     return findings_about(case / "spec.yaml", case) if case.is_dir() else findings_about(case, case.parent)

@@ -1,4 +1,4 @@
-"""What the runner of GitHub Actions takes from a log: commands, in the present form and in the older one."""
+"""The commands that the runner of GitHub Actions reads from a log, in the present form and in the older one."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ UNESCAPED = {"%0D": "\r", "%0A": "\n", "%3A": ":", "%2C": ",", "%25": "%"}
 
 @dataclass(frozen=True)
 class Command:
-    """What the runner takes from a line of the log."""
+    """A command in a line of the log."""
 
     name: str
     properties: Mapping[str, str]
@@ -24,7 +24,7 @@ def unescaped(text: str) -> str:
 
 
 def command_of(line: str) -> Command | None:
-    """Return what the runner takes a line for: `::name key=value,key=value::message` at its beginning."""
+    """Return the command in a line: `::name key=value,key=value::message` at its beginning."""
     line = line.lstrip()
     if not line.startswith("::") or "::" not in line[2:]:
         return None

@@ -1,4 +1,4 @@
-"""Pages about findings: each code has one, its bad spec has that finding and no other, and its good spec has none."""
+"""Pages about findings: each code has one, its bad spec has only that finding, and its good spec has none."""
 
 from __future__ import annotations
 
@@ -45,33 +45,33 @@ skills:
 """
 FILES = {"yaml": "spec.yaml", "toml": "pyproject.toml"}
 FIXES = {
-    "safe": ["which `codra lint --fix` can mend", "which `codra lint --fix` can mend in some cases"],
+    "safe": ["which `codra lint --fix` can correct", "which `codra lint --fix` can correct in some cases"],
     "suggested": ["with a fix that a person decides about"],
-    None: ["without an automatic fix", "which `codra lint --fix` can mend in some cases"],
+    None: ["without an automatic fix", "which `codra lint --fix` can correct in some cases"],
 }
-"""What a page may say about fixes, by the fix that its own example has."""
+"""The sentences about fixes that a page may have, by the fix in its own example."""
 LONGEST_SUMMARY = 120
 CODE = r"CDR\d{4}"
 PLACEHOLDER = "CDR0000"
-"""What the settings measure codes by; nothing has it."""
+"""Codes for which the settings have no unit."""
 
 
 @dataclass(frozen=True)
-class Found:
-    """A finding as tools get it."""
+class ReportedFinding:
+    """A finding as tools read it."""
 
     code: str
     fix: str | None
 
 
 def part(code: str, title: str) -> str:
-    """Return what stands below a heading of a page."""
+    """Return the text below a heading of a page."""
     text = (FOLDER / f"{code}.md").read_text("utf-8")
     return text.partition(f"\n## {title}\n")[2].partition("\n## ")[0]
 
 
-def told_of_fixes(code: str) -> str:
-    """Return what a page says about fixes."""
+def sentence_on_fixes(code: str) -> str:
+    """Return the sentence about fixes on a page."""
     return (FOLDER / f"{code}.md").read_text("utf-8").splitlines()[2].partition(", ")[2].removesuffix(".")
 
 
@@ -82,8 +82,8 @@ def codra(*arguments: str) -> str:
     return done.stdout
 
 
-def follow(text: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> list[Found]:
-    """Do what a part of a page says, in an empty folder, and return what its last command finds."""
+def follow(text: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> list[ReportedFinding]:
+    """Follow a part of a page in an empty folder, and return the findings of its last command."""
     folder.mkdir()
     monkeypatch.chdir(folder)
     monkeypatch.delenv("GITHUB_ACTIONS", raising=False)
@@ -102,10 +102,10 @@ def follow(text: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> list[Fou
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(block["body"], "utf-8")
     for engine in folder.glob("*.fll"):
-        return [Found(each.code, None) for each in read_fll(engine.read_bytes(), engine.name).findings]
-    found = codra(*(commands[-1] if commands else ("lint", "spec.yaml")), "--format", "json")
-    objects = [json.loads(line) for line in found.splitlines()]
-    return [Found(each["code"], each["fix"] and each["fix"]["applicability"]) for each in objects]
+        return [ReportedFinding(finding.code, None) for finding in read_fll(engine.read_bytes(), engine.name).findings]
+    output = codra(*(commands[-1] if commands else ("lint", "spec.yaml")), "--format", "json")
+    objects = [json.loads(line) for line in output.splitlines()]
+    return [ReportedFinding(finding["code"], finding["fix"] and finding["fix"]["applicability"]) for finding in objects]
 
 
 # Rules and pages
@@ -123,20 +123,20 @@ def declared_rules() -> Iterator[tuple[str, str]]:
 
 
 def codes_in_the_source() -> Iterator[str]:
-    """Yield each text of the package that is a code, whatever it is there for."""
+    """Yield each text of the package that is a code, for any purpose."""
     for path in sorted((ROOT / "codra_dsl").rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text("utf-8"))):
             if isinstance(node, ast.Constant) and isinstance(node.value, str) and re.fullmatch(CODE, node.value):
                 yield node.value
 
 
-def test_every_code_that_any_module_can_give_is_known_and_has_a_page() -> None:
+def test_every_code_of_the_package_is_known_and_has_a_page() -> None:
     written = set(codes_in_the_source()) - {PLACEHOLDER}
 
     assert written == set(all_rules()) == set(CODES)
 
 
-def test_all_rules_of_all_rooms_are_known() -> None:
+def test_all_declared_rules_are_known() -> None:
     declared = list(declared_rules())
 
     assert [(code, rule.name) for code, rule in all_rules().items()] == sorted(declared)
@@ -153,7 +153,9 @@ def test_a_page_has_its_shape(page: Page) -> None:
     headings = re.findall(r"^## (.*)$", page.markdown, re.MULTILINE)
 
     assert title == f"# {page.code} {page.name}"
-    assert severity in {f"{page.severity.value.capitalize()}, {each}." for told in FIXES.values() for each in told}
+    assert severity in {
+        f"{page.severity.value.capitalize()}, {allowed}." for sentences in FIXES.values() for allowed in sentences
+    }
     assert headings in (["Bad", "Good"], ["Bad", "Good", "How to decide"])
     assert 1 <= len(body.splitlines()) <= 4
     assert len(part(page.code, "How to decide").strip().splitlines()) <= 4
@@ -182,21 +184,21 @@ def test_there_is_no_page_about_an_unknown_code() -> None:
 
 @pytest.mark.parametrize("code", CODES)
 def test_the_bad_spec_has_this_finding_and_no_other(code: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    found = follow(part(code, "Bad"), tmp_path / "bad", monkeypatch)
-    (only,) = found
+    findings = follow(part(code, "Bad"), tmp_path / "bad", monkeypatch)
+    (only,) = findings
 
     assert only.code == code
-    assert told_of_fixes(code) in FIXES[only.fix]
+    assert sentence_on_fixes(code) in FIXES[only.fix]
 
 
 @pytest.mark.parametrize("code", CODES)
 def test_the_good_spec_has_no_finding(code: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    found = follow(part(code, "Good"), tmp_path / "good", monkeypatch)
+    findings = follow(part(code, "Good"), tmp_path / "good", monkeypatch)
 
-    assert found == []
+    assert findings == []
 
 
-@pytest.mark.parametrize("code", [code for code in CODES if told_of_fixes(code) == FIXES["safe"][0]])
+@pytest.mark.parametrize("code", [code for code in CODES if sentence_on_fixes(code) == FIXES["safe"][0]])
 def test_the_fix_makes_the_good_spec_of_the_bad_one(code: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     follow(part(code, "Bad"), tmp_path / "bad", monkeypatch)
     codra("lint", "spec.yaml", "--fix")
@@ -208,11 +210,11 @@ def test_the_fix_makes_the_good_spec_of_the_bad_one(code: str, tmp_path: Path, m
 
 def test_no_page_denies_a_safe_fix_that_a_case_has(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(ROOT / "tests/cases/invalid")
-    found = codra("lint", *sorted(path.name for path in Path().glob("*.yaml")), "--format", "json")
-    fixed = {each["code"] for each in map(json.loads, found.splitlines()) if each["fix"]}
+    output = codra("lint", *sorted(path.name for path in Path().glob("*.yaml")), "--format", "json")
+    fixed = {finding["code"] for finding in map(json.loads, output.splitlines()) if finding["fix"]}
 
     assert "CDR2003" in fixed
-    assert [code for code in sorted(fixed) if told_of_fixes(code) not in FIXES["safe"] + FIXES["suggested"]] == []
+    assert [code for code in sorted(fixed) if sentence_on_fixes(code) not in FIXES["safe"] + FIXES["suggested"]] == []
 
 
 # Lists
@@ -237,7 +239,7 @@ def test_every_family_of_codes_has_a_member() -> None:
 # The command
 
 
-def test_explain_takes_codes_and_names_in_any_letters_and_shows_each_page_once() -> None:
+def test_explain_takes_codes_and_names_in_any_letters_and_shows_no_page_twice() -> None:
     first, second = (page for page in PAGES if page.code in ("CDR2003", "CDR5101"))
 
     assert codra("explain", "cdr2003", "Cycle", "unknown-key") == f"{as_text(first)}\n{as_text(second)}"
@@ -252,19 +254,19 @@ def test_a_page_as_text_has_no_marks_of_markdown() -> None:
     assert not re.search(r"^#|`", text, re.MULTILINE)
 
 
-def test_explain_lists_all_when_nothing_is_asked_for() -> None:
+def test_explain_without_a_code_lists_all() -> None:
     text, table = codra("explain"), codra("explain", "--format", "markdown")
     objects = [json.loads(line) for line in codra("explain", "--format", "json").splitlines()]
 
     assert all(f"  {page.code}  {page.name}: " in text for page in PAGES)
     assert table == list_as_markdown(PAGES)
-    assert [(each["code"], each["severity"], each["markdown"]) for each in objects] == [
+    assert [(entry["code"], entry["severity"], entry["markdown"]) for entry in objects] == [
         (page.code, page.severity.value, page.markdown) for page in PAGES
     ]
 
 
 @pytest.mark.parametrize(
-    ("asked", "told"),
+    ("asked", "message"),
     [
         ("unknwon-key", "there is no finding 'unknwon-key': did you mean CDR2003 (unknown-key)?"),
         ("CDR203", "there is no finding 'CDR203': did you mean CDR2003 (unknown-key)?"),
@@ -272,12 +274,12 @@ def test_explain_lists_all_when_nothing_is_asked_for() -> None:
         ("\x1b[31m", "there is no finding '\N{REPLACEMENT CHARACTER}[31m': 'codra explain' lists all"),
     ],
 )
-def test_what_is_unknown_is_a_mistake_of_usage_with_a_suggestion(asked: str, told: str) -> None:
+def test_an_unknown_code_is_a_usage_error_with_a_suggestion(asked: str, message: str) -> None:
     done = CliRunner().invoke(app, ["explain", "CDR2003", asked])
 
     assert done.exit_code == 2
     assert done.stdout == ""
-    assert told in done.stderr
+    assert message in done.stderr
 
 
 def test_findings_on_a_terminal_end_with_a_pointer_to_a_page_and_nowhere_else(tmp_path: Path) -> None:
@@ -291,7 +293,7 @@ def test_findings_on_a_terminal_end_with_a_pointer_to_a_page_and_nowhere_else(tm
 
 
 def seen_on_a_terminal(command: list[str], folder: Path) -> str:
-    """Run a command whose standard error is a terminal and return what it shows there."""
+    """Run a command whose standard error is a terminal and return the text that it shows there."""
     ours, theirs = pty.openpty()
     subprocess.run(command, cwd=folder, env=environment(), stdout=subprocess.DEVNULL, stderr=theirs, check=False)
     os.close(theirs)
@@ -301,6 +303,6 @@ def seen_on_a_terminal(command: list[str], folder: Path) -> str:
 
 
 def environment() -> dict[str, str]:
-    """Return the environment without what changes how findings are shown."""
+    """Return the environment without variables that change how findings are shown."""
     kept = {name: value for name, value in os.environ.items() if name != "GITHUB_ACTIONS"}
     return {**kept, "PYTHONPATH": str(ROOT)}

@@ -1,4 +1,4 @@
-"""Findings as people, editors and tools read them."""
+"""Findings in the forms for people, editors and tools."""
 
 from __future__ import annotations
 
@@ -39,11 +39,11 @@ MONITER = Diagnostic(
 )
 
 
-def full(found: Diagnostic, text: str) -> list[str]:
-    return render_full([found], lambda _: text).splitlines()
+def full(finding: Diagnostic, text: str) -> list[str]:
+    return render_full([finding], lambda _: text).splitlines()
 
 
-def test_a_finding_shows_its_line_with_a_caret_and_the_way_out() -> None:
+def test_a_finding_shows_its_line_with_a_caret_and_the_help() -> None:
     assert render_full([MONITER], lambda _: DOOR) == (
         "specs/door.yaml:5:5: error[CDR2003]: unknown key 'moniter' in skill 'open_door'\n"
         "  |\n"
@@ -52,46 +52,46 @@ def test_a_finding_shows_its_line_with_a_caret_and_the_way_out() -> None:
     )
 
 
-def test_findings_are_apart_by_an_empty_line() -> None:
+def test_findings_are_separated_by_an_empty_line() -> None:
     text = render_full([MONITER, MONITER], lambda _: DOOR)
 
     assert text == "\n".join([render_full([MONITER], lambda _: DOOR)] * 2)
 
 
 def test_the_margin_grows_with_the_line_number() -> None:
-    found = replace(MONITER, place=Place(span(12, 1, 4)))
+    finding = replace(MONITER, place=Place(span(12, 1, 4)))
 
-    assert full(found, "\n" * 11 + "key: x")[1:] == ["   |", "12 | key: x", "   | ^^^ help: did you mean 'monitor'?"]
+    assert full(finding, "\n" * 11 + "key: x")[1:] == ["   |", "12 | key: x", "   | ^^^ help: did you mean 'monitor'?"]
 
 
-def test_a_caret_stands_below_what_follows_a_tab() -> None:
-    found = replace(MONITER, place=Place(span(1, 5, 7)), help="")
+def test_a_caret_is_below_the_text_after_a_tab() -> None:
+    finding = replace(MONITER, place=Place(span(1, 5, 7)), help="")
 
-    assert full(found, "a:\t\tbc")[2:] == ["1 | a:        bc", "  |           ^^"]
+    assert full(finding, "a:\t\tbc")[2:] == ["1 | a:        bc", "  |           ^^"]
 
 
 def test_a_caret_counts_wide_letters_twice_and_combining_ones_not_at_all() -> None:
-    found = replace(MONITER, place=Place(span(1, 5, 7)), help="")
+    finding = replace(MONITER, place=Place(span(1, 5, 7)), help="")
 
-    assert full(found, "戸e\u0301 開く")[2:] == ["1 | 戸e\u0301 開く", "  |     ^^^^"]
+    assert full(finding, "戸e\u0301 開く")[2:] == ["1 | 戸e\u0301 開く", "  |     ^^^^"]
 
 
 def test_a_finding_of_several_lines_is_marked_to_the_end_of_the_first() -> None:
-    found = replace(MONITER, place=Place(span(1, 4, 3, end_line=2)), help="")
+    finding = replace(MONITER, place=Place(span(1, 4, 3, end_line=2)), help="")
 
-    assert full(found, "a: [b,\n  c]")[2:] == ["1 | a: [b,", "  |    ^^^"]
+    assert full(finding, "a: [b,\n  c]")[2:] == ["1 | a: [b,", "  |    ^^^"]
 
 
 def test_a_place_after_the_last_letter_still_has_a_caret() -> None:
-    found = replace(MONITER, place=Place(span(1, 3, 3)), help="")
+    finding = replace(MONITER, place=Place(span(1, 3, 3)), help="")
 
-    assert full(found, "a:")[2:] == ["1 | a:", "  |   ^"]
+    assert full(finding, "a:")[2:] == ["1 | a:", "  |   ^"]
 
 
-def test_a_long_line_is_cut_around_what_is_wrong_with_it() -> None:
-    found = replace(MONITER, place=Place(span(1, 501, 504)), help="")
+def test_a_long_line_is_cut_around_the_error() -> None:
+    finding = replace(MONITER, place=Place(span(1, 501, 504)), help="")
 
-    _, _, line, caret = full(found, "x" * 500 + "bad" + "y" * 500)
+    _, _, line, caret = full(finding, "x" * 500 + "bad" + "y" * 500)
 
     assert len(line) < 220
     assert line[caret.index("^") : caret.rindex("^") + 1] == "bad"
@@ -101,16 +101,16 @@ def test_a_long_line_is_cut_around_what_is_wrong_with_it() -> None:
 @given(st.text(), st.text(min_size=1), st.text())
 def test_the_caret_covers_exactly_the_marked_letters(before: str, marked: str, after: str) -> None:
     line = f"{before}{marked}{after}".replace("\n", " ").replace("\r", " ")
-    found = replace(MONITER, place=Place(span(1, len(before) + 1, len(before) + len(marked) + 1)), help="")
+    finding = replace(MONITER, place=Place(span(1, len(before) + 1, len(before) + len(marked) + 1)), help="")
 
-    shown = render_full([found], lambda _: line).split("\n")
+    shown = render_full([finding], lambda _: line).split("\n")
 
     assert shown[2].startswith("1 |")
     assert set(shown[3]) <= set("| ^")
     assert shown[3].count("^") >= 1
 
 
-def test_without_its_source_a_finding_still_says_the_way_out() -> None:
+def test_without_its_source_a_finding_still_shows_the_help() -> None:
     assert render_full([MONITER], lambda _: None) == (
         "specs/door.yaml:5:5: error[CDR2003]: unknown key 'moniter' in skill 'open_door'\n"
         "  help: did you mean 'monitor'?\n"
@@ -120,9 +120,9 @@ def test_without_its_source_a_finding_still_says_the_way_out() -> None:
 def test_other_places_and_the_uses_of_templates_are_named() -> None:
     use = span(27, 3, 13, file="specs/lab.yaml")
     declared = Related("first declared here", Place(span(3, 1, 7)))
-    found = replace(MONITER, place=Place(span(5, 5, 12), use=use), related=(declared,))
+    finding = replace(MONITER, place=Place(span(5, 5, 12), use=use), related=(declared,))
 
-    assert full(found, DOOR)[4:] == [
+    assert full(finding, DOOR)[4:] == [
         "  = specs/lab.yaml:27:3: used here",
         "  = specs/door.yaml:3:1: first declared here",
     ]
@@ -137,10 +137,10 @@ def test_a_finding_in_one_line() -> None:
     )
 
 
-def test_a_finding_as_json_has_all_that_tools_need() -> None:
-    found = replace(MONITER, related=(Related("first declared here", Place(span(3, 1, 7))),))
+def test_a_finding_as_json_has_all_keys() -> None:
+    finding = replace(MONITER, related=(Related("first declared here", Place(span(3, 1, 7))),))
 
-    (line,) = render_json([found]).splitlines()
+    (line,) = render_json([finding]).splitlines()
 
     assert json.loads(line) == {
         "code": "CDR2003",
@@ -165,7 +165,7 @@ def test_a_finding_as_json_has_all_that_tools_need() -> None:
             }
         ],
         "fix": None,
-        "fingerprint": found.fingerprint,
+        "fingerprint": finding.fingerprint,
     }
 
 
@@ -184,14 +184,14 @@ def test_a_fix_as_json_has_its_edits_with_their_ranges() -> None:
 
 
 @given(hostile_findings)
-def test_each_finding_is_one_line_of_json_that_every_reader_takes(found: list[Diagnostic]) -> None:
-    lines = render_json(found).split("\n")[:-1]
+def test_every_finding_is_one_line_of_json_that_every_parser_accepts(findings: list[Diagnostic]) -> None:
+    lines = render_json(findings).split("\n")[:-1]
 
-    assert len(lines) == len(found)
-    for line, each in zip(lines, found, strict=True):
+    assert len(lines) == len(findings)
+    for line, finding in zip(lines, findings, strict=True):
         assert line.isascii()
         message = json.loads(line)["message"]
-        assert message == each.message.encode("utf-16", "surrogatepass").decode("utf-16", "replace")
+        assert message == finding.message.encode("utf-16", "surrogatepass").decode("utf-16", "replace")
 
 
 def test_a_line_names_the_use_that_gives_a_finding_in_a_templates_text() -> None:
@@ -205,23 +205,23 @@ def test_a_line_names_the_use_that_gives_a_finding_in_a_templates_text() -> None
 
 
 def test_no_two_findings_have_the_same_fingerprint() -> None:
-    """As two mentions of one unknown name do, and one use of a shared template in each of two specs."""
+    """Two mentions of one unknown name must differ, and one use of a shared template in each of two specs."""
     again = replace(MONITER, place=Place(Span("specs/door.yaml", 9, 5, 9, 12)))
     in_template = [replace(MONITER, place=Place(MONITER.place.span, Span(f, 3, 3, 3, 6))) for f in ("a.yaml", "b.yaml")]
 
-    found = [json.loads(line) for line in render_json([MONITER, again, *in_template]).splitlines()]
+    objects = [json.loads(line) for line in render_json([MONITER, again, *in_template]).splitlines()]
 
-    assert len({each["fingerprint"] for each in found}) == 4
-    assert found[1]["fingerprint"] == f"{MONITER.fingerprint}:2"
+    assert len({finding["fingerprint"] for finding in objects}) == 4
+    assert objects[1]["fingerprint"] == f"{MONITER.fingerprint}:2"
 
 
-def test_a_fingerprint_stays_when_lines_move() -> None:
+def test_a_fingerprint_is_the_same_when_lines_move() -> None:
     moved = replace(MONITER, place=Place(span(105, 5, 12)))
 
     assert json.loads(render_json([moved]))["fingerprint"] == json.loads(render_json([MONITER]))["fingerprint"]
 
 
-def test_colours_mark_severity_and_take_no_letters_away() -> None:
+def test_colours_mark_severity_and_keep_all_characters() -> None:
     coloured = render_full([MONITER], lambda _: DOOR, COLOURED)
 
     assert "\x1b[1;31merror[CDR2003]\x1b[0m" in coloured
@@ -232,9 +232,9 @@ def test_colours_mark_severity_and_take_no_letters_away() -> None:
 
 
 @given(st.text())
-def test_what_a_spec_says_cannot_command_a_terminal(text: str) -> None:
-    found = replace(MONITER, message=text, help=text, place=Place(span(1, 1, 2, file=text)))
+def test_text_of_a_spec_cannot_control_a_terminal(text: str) -> None:
+    finding = replace(MONITER, message=text, help=text, place=Place(span(1, 1, 2, file=text)))
 
-    for shown in (render_full([found], lambda _: text.replace("\n", " ")), render_concise([found])):
+    for shown in (render_full([finding], lambda _: text.replace("\n", " ")), render_concise([finding])):
         assert all(letter.isprintable() for letter in shown.replace("\n", ""))
     assert all(letter.isprintable() for letter in visible(text))

@@ -1,4 +1,4 @@
-"""Findings in GitHub Actions, read back as its runner reads a log: commands first, everything else is text."""
+"""Findings in GitHub Actions, read back as its runner reads a log: commands first, everything else as text."""
 
 from __future__ import annotations
 
@@ -35,33 +35,33 @@ def test_a_finding_is_an_annotation_and_a_line_of_the_log() -> None:
     )
 
 
-def test_without_findings_there_is_nothing_to_say() -> None:
+def test_without_findings_the_output_is_empty() -> None:
     assert (render_github([]), render_summary([], "codra lint")) == ("", "")
 
 
-def test_percent_signs_colons_and_commas_are_escaped_where_they_would_mean_something() -> None:
-    found = replace(MONITER, message="50% :: a, b", help="", place=Place(Span("a:b,c%0A.yaml", 1, 1, 1, 2)))
+def test_percent_signs_colons_and_commas_are_escaped_where_they_have_a_meaning() -> None:
+    finding = replace(MONITER, message="50% :: a, b", help="", place=Place(Span("a:b,c%0A.yaml", 1, 1, 1, 2)))
 
-    annotation, _, _ = render_github([found]).partition("\n")
+    annotation, _, _ = render_github([finding]).partition("\n")
 
     assert annotation == (
         "::error file=a%3Ab%2Cc%250A.yaml,line=1,endLine=1,col=1,endColumn=2,title=CDR2003 unknown-key::50%25 :: a, b"
     )
 
 
-def test_other_places_are_told_in_the_annotation() -> None:
-    found = replace(MONITER, related=(Related("first declared here", Place(Span("specs/part.yaml", 3, 1, 3, 7))),))
+def test_other_places_are_in_the_annotation() -> None:
+    finding = replace(MONITER, related=(Related("first declared here", Place(Span("specs/part.yaml", 3, 1, 3, 7))),))
 
-    (command,), _ = read(render_github([found]))
+    (command,), _ = read(render_github([finding]))
 
     assert command.message.split("\n")[2:] == ["specs/part.yaml:3:1: first declared here"]
 
 
 def test_a_finding_of_several_lines_has_no_columns() -> None:
-    """GitHub refuses them: columns are of one line."""
-    found = replace(MONITER, place=Place(Span("specs/door.yaml", 5, 5, 7, 2)))
+    """GitHub rejects them: columns refer to a single line."""
+    finding = replace(MONITER, place=Place(Span("specs/door.yaml", 5, 5, 7, 2)))
 
-    (command,), _ = read(render_github([found]))
+    (command,), _ = read(render_github([finding]))
 
     assert command.properties == {
         "file": "specs/door.yaml",
@@ -71,20 +71,20 @@ def test_a_finding_of_several_lines_has_no_columns() -> None:
     }
 
 
-def test_what_came_by_standard_input_stands_in_no_file() -> None:
+def test_findings_about_standard_input_have_no_file() -> None:
     (command,), _ = read(render_github([replace(MONITER, place=Place(Span("-", 5, 5, 5, 12)))]))
 
     assert command.properties == {"title": "CDR2003 unknown-key"}
 
 
-def test_files_of_a_project_within_a_repository_are_annotated_where_the_repository_has_them() -> None:
+def test_files_of_a_project_within_a_repository_are_annotated_with_their_paths_in_the_repository() -> None:
     (command,), lines = read(render_github([MONITER], "robots/lab"))
 
     assert command.properties["file"] == "robots/lab/specs/door.yaml"
     assert lines[0].startswith("specs/door.yaml:5:5:")
 
 
-def test_errors_come_first_and_one_annotation_says_how_many_are_not_shown() -> None:
+def test_errors_come_first_and_one_annotation_has_the_number_of_the_rest() -> None:
     warnings = [replace(MONITER, rule=UNREACHED, place=Place(Span("a.yaml", line, 1, line, 2))) for line in range(11)]
     errors = [replace(MONITER, place=Place(Span("b.yaml", line, 1, line, 2))) for line in range(13)]
 
@@ -96,45 +96,46 @@ def test_errors_come_first_and_one_annotation_says_how_many_are_not_shown() -> N
 
 
 def test_a_file_whose_name_is_a_command_is_shown_as_a_file() -> None:
-    found = replace(MONITER, place=Place(Span("::set-env name=x::y.yaml", 1, 1, 1, 2)))
+    finding = replace(MONITER, place=Place(Span("::set-env name=x::y.yaml", 1, 1, 1, 2)))
 
-    _, lines = read(render_github([found]))
+    _, lines = read(render_github([finding]))
 
     assert lines[0].startswith("./::set-env name=x::y.yaml:1:1: error[CDR2003]")
 
 
 @given(hostile_findings)
-def test_no_text_of_a_spec_is_a_command(found: list[Diagnostic]) -> None:
-    commands, lines = read(render_github(found))
+def test_no_text_of_a_spec_is_a_command(findings: list[Diagnostic]) -> None:
+    commands, lines = read(render_github(findings))
 
-    assert [command.name for command in commands] == sorted(each.severity.value for each in found)
-    assert len(lines) == len(found) + 1
+    assert [command.name for command in commands] == sorted(finding.severity.value for finding in findings)
+    assert len(lines) == len(findings) + 1
     assert all(line.isprintable() for line in lines)
 
 
 @given(hostile_findings)
-def test_no_other_form_holds_a_command_should_it_go_to_the_log(found: list[Diagnostic]) -> None:
+def test_no_other_format_has_a_command_in_the_log(findings: list[Diagnostic]) -> None:
     forms = [
-        without_commands(render_full(found, lambda _: "::error::x ##[error]x")),
-        without_commands(render_concise(found)),
-        render_json(found),
-        render_sarif(found),
-        render_junit(found, [], lambda _: "##[error]x", is_failure=lambda _: True, suite="codra.lint"),
+        without_commands(render_full(findings, lambda _: "::error::x ##[error]x")),
+        without_commands(render_concise(findings)),
+        render_json(findings),
+        render_sarif(findings),
+        render_junit(findings, [], lambda _: "##[error]x", is_failure=lambda _: True, suite="codra.lint"),
     ]
 
     assert [read(text)[0] for text in forms] == [[]] * len(forms)
 
 
 @given(hostile_findings)
-def test_an_annotation_says_what_the_finding_says(found: list[Diagnostic]) -> None:
-    commands, _ = read(render_github(found))
+def test_an_annotation_has_the_message_of_the_finding(findings: list[Diagnostic]) -> None:
+    commands, _ = read(render_github(findings))
 
-    for command, each in zip(commands, sorted(found, key=lambda each: each.severity.value), strict=True):
-        assert command.message.split("\n")[0] == visible(each.message)
+    by_severity = sorted(findings, key=lambda finding: finding.severity.value)
+    for command, finding in zip(commands, by_severity, strict=True):
+        assert command.message.split("\n")[0] == visible(finding.message)
         assert command.properties.keys() <= {"file", "line", "endLine", "col", "endColumn", "title"}
-        assert command.properties["title"] == f"{each.code} {each.rule.name}"
-        if each.place.span.file != "-":
-            assert command.properties["file"].strip() == visible(each.place.span.file).strip().lstrip("=")
+        assert command.properties["title"] == f"{finding.code} {finding.rule.name}"
+        if finding.place.span.file != "-":
+            assert command.properties["file"].strip() == visible(finding.place.span.file).strip().lstrip("=")
 
 
 # The summary of the step
@@ -155,20 +156,20 @@ def test_the_summary_is_a_table_of_all_findings() -> None:
 
 
 @given(hostile_findings.filter(bool))
-def test_no_text_of_a_spec_is_markup_in_the_summary(found: list[Diagnostic]) -> None:
-    found = list(in_file_order(found))
+def test_no_text_of_a_spec_is_markup_in_the_summary(findings: list[Diagnostic]) -> None:
+    findings = list(in_file_order(findings))
 
-    rows = render_summary(found, "codra lint").split("\n")[5:-1]
+    rows = render_summary(findings, "codra lint").split("\n")[5:-1]
 
-    assert len(rows) == len(found)
-    for row, each in zip(rows, found, strict=True):
-        plain = row.replace("\\\\", "")  # a backslash that is shown
+    assert len(rows) == len(findings)
+    for row, finding in zip(rows, findings, strict=True):
+        plain = row.replace("\\\\", "")  # a visible backslash
         assert len(cells(plain)) == 5
         assert re.findall(r"(?<!\\)[`<>\[\]#!~&$@]", plain) == []
-        assert len(re.findall(r"(?<!\\)\*", plain)) == (2 if each.help or each.place.use else 0)
+        assert len(re.findall(r"(?<!\\)\*", plain)) == (2 if finding.help or finding.place.use else 0)
 
 
-def test_a_summary_stays_below_what_github_takes(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_summary_is_below_the_limit_of_github(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(github, "MAX_SUMMARY_BYTES", 300)
 
     text = render_summary([MONITER] * 9, "codra lint")

@@ -25,7 +25,7 @@ def test_formats_are_in_alphabetical_order() -> None:
     assert DEFAULT.name == "dot"
 
 
-def test_each_ending_chooses_one_format() -> None:
+def test_every_ending_chooses_one_format() -> None:
     endings = [ending for graph_format in FORMATS.values() for ending in graph_format.endings]
 
     assert len(endings) == len(set(endings)) == len(formats_by_ending())
@@ -33,7 +33,7 @@ def test_each_ending_chooses_one_format() -> None:
 
 
 @pytest.mark.parametrize("name", FORMATS)
-def test_the_page_documents_each_format_and_its_endings(name: str) -> None:
+def test_the_page_documents_every_format_and_its_endings(name: str) -> None:
     page = PAGE.read_text("utf-8")
 
     assert f"| `{name}` |" in page

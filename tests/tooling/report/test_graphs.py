@@ -55,7 +55,7 @@ def sentences(graph: Graph) -> set[tuple[str, str, str]]:
     return {(edge["source"], edge["kind"], edge["target"]) for edge in json.loads(render_json(graph))["edges"]}
 
 
-def test_json_reads_as_sentences_and_says_where_each_node_stands(lab: Graph) -> None:
+def test_json_reads_as_sentences_and_has_the_place_of_every_node(lab: Graph) -> None:
     graph = json.loads(render_json(lab))
 
     nodes = {node["id"]: node for node in graph["nodes"]}
@@ -96,19 +96,19 @@ def test_the_lab_has_the_seven_observers_and_fourteen_variables_of_table_1(lab: 
 
 @pytest.mark.parametrize("both", [False, True])
 def test_graphviz_reads_the_same_nodes_and_edges(lab_plan: BuildPlan, both: bool) -> None:
-    whole = graph_of([lab_plan, feedback()] if both else [lab_plan])
+    both_graphs = graph_of([lab_plan, feedback()] if both else [lab_plan])
 
-    read = pygraphviz.AGraph(string=render_dot(whole))
+    read = pygraphviz.AGraph(string=render_dot(both_graphs))
 
-    graph = json.loads(render_json(whole))
+    graph = json.loads(render_json(both_graphs))
     assert {(node, node.attr["kind"], node.attr["label"]) for node in read.nodes()} == {
         (node["id"], node["kind"], node["label"]) for node in graph["nodes"]
     }
-    assert {(edge[0], edge.attr["kind"], edge[1]) for edge in read.edges()} == sentences(whole)
+    assert {(edge[0], edge.attr["kind"], edge[1]) for edge in read.edges()} == sentences(both_graphs)
     assert len(read.edges()) == len(graph["edges"])
 
 
-def test_feedback_is_drawn_apart_from_what_is_required() -> None:
+def test_feedback_is_drawn_differently_from_requirements() -> None:
     read = pygraphviz.AGraph(string=render_dot(graph_of([feedback()])))
 
     drawn = {edge.attr["kind"]: (edge.attr["color"], edge.attr["style"]) for edge in read.edges()}
@@ -142,16 +142,16 @@ def test_a_part_has_the_chosen_nodes_and_all_edges_between_them(lab: Graph) -> N
     }
 
 
-def test_what_is_needed_leads_from_the_main_execution_to_the_skills(lab: Graph) -> None:
+def test_needs_lead_from_the_main_execution_to_the_skills(lab: Graph) -> None:
     before = select(lab.choices(), ["+pcr_cycler_open"])
     after = select(lab.choices(), ["pcr_cycler_lid_in_FOV+"])
 
     assert {"lab/context/robot_is_localized", "lab/observer/pcr_cycler_lid"} < before
     assert "lab/skill/lock_pcr_cycler" in after
-    assert not any("centrifuge" in each for each in before | after)
+    assert not any("centrifuge" in name for name in before | after)
 
 
-def test_elements_are_chosen_by_the_use_and_the_file_that_declare_them(lab: Graph) -> None:
+def test_elements_are_selected_by_the_use_and_the_file_that_declare_them(lab: Graph) -> None:
     use = select(lab.choices(), ["use:pcr_cycler"])
     file = select(lab.choices(), ["file:specs/lab.yaml,kind:context"])
 
@@ -159,7 +159,7 @@ def test_elements_are_chosen_by_the_use_and_the_file_that_declare_them(lab: Grap
     assert file == {f"lab/context/{name}" for name in ("robot_is_localized", *ROTOR)}
 
 
-def test_a_part_is_drawn_like_the_whole(lab: Graph) -> None:
+def test_a_part_is_drawn_like_the_complete_graph(lab: Graph) -> None:
     part = lab.part(select(lab.choices(), ["kind:skill"]))
 
     words = "".join(ElementTree.fromstring(render_svg(part)).itertext())
@@ -189,7 +189,7 @@ def test_the_picture_has_every_node_by_its_label_and_every_edge(lab: Graph) -> N
     assert len(list(groups(svg, "edge"))) == len(graph["edges"])
 
 
-def test_the_picture_points_from_what_must_be_known_to_what_it_is_for(lab: Graph) -> None:
+def test_the_arrows_of_the_picture_follow_the_flow_of_knowledge(lab: Graph) -> None:
     titles = {group.findtext(f"{SVG}title") for group in groups(render_svg(lab), "edge")}
 
     assert "lab/context/robot_is_localized->lab/perception/measure_centrifuge_distance" in titles
@@ -201,27 +201,27 @@ def test_the_picture_explains_its_shapes_arrows_and_frames_in_sentences(lab: Gra
 
     for meaning in (
         "context-variable that an observer identifies",
-        "context-variable that others tell",
+        "context-variable from another source",
         "perception algorithm",
         "skill of the main execution",
-        "an observer with what it runs and identifies",
+        "an observer with its algorithms and variables",
         "A must be known before B looks",
         "A identifies B",
         "A runs B",
-        "A is what B decides on",
-        "known at the latest so long after it is declared",
+        "B decides on A",
+        "the longest time from declared to known",
     ):
         assert meaning in words
 
 
-@pytest.mark.parametrize(("has_feedback", "told"), [(True, True), (False, False)])
-def test_the_legend_tells_only_what_the_picture_has(lab: Graph, has_feedback: bool, told: bool) -> None:
+@pytest.mark.parametrize(("has_feedback", "explained"), [(True, True), (False, False)])
+def test_the_legend_has_only_what_the_picture_has(lab: Graph, has_feedback: bool, explained: bool) -> None:
     svg = render_svg(graph_of([feedback()]) if has_feedback else lab)
 
-    assert ("which does not wait for it" in svg) == told
+    assert ("does not wait for it" in svg) == explained
 
 
-def test_the_legend_stands_below_the_picture_and_inside_its_frame(lab: Graph) -> None:
+def test_the_legend_is_below_the_picture_and_inside_its_frame(lab: Graph) -> None:
     root = ElementTree.fromstring(render_svg(lab))
     _, _, width_pt, height_pt = map(float, root.get("viewBox", "").split())
     (legend,) = groups(render_svg(lab), "legend")
@@ -236,23 +236,23 @@ def test_the_legend_stands_below_the_picture_and_inside_its_frame(lab: Graph) ->
 
 
 def width(shape: ElementTree.Element) -> float:
-    """The width of a polygon, path or ellipse as Graphviz draws it."""
+    """Return the width of a polygon, path or ellipse that Graphviz drew."""
     numbers = (shape.get("points") or shape.get("d") or "").replace("M", " ").replace("C", " ").split()
     columns = [float(pair.split(",")[0]) for pair in numbers]
     return max(columns) - min(columns)
 
 
-def test_labels_have_room_even_in_a_wide_font(lab: Graph) -> None:
-    """DejaVu Sans is the widest of the fonts that the picture names; matplotlib brings it along and can measure it."""
+def test_labels_fit_even_in_a_wide_font(lab: Graph) -> None:
+    """DejaVu Sans is the widest of the fonts that the picture names; matplotlib contains it and can measure it."""
     for group in groups(render_svg(lab), "node"):
         text = next(group.iter(f"{SVG}text"))
-        shape = next(each for each in group if each.tag in (f"{SVG}polygon", f"{SVG}path"))
+        shape = next(element for element in group if element.tag in (f"{SVG}polygon", f"{SVG}path"))
         label = TextPath((0, 0), text.text or "", size=float(text.get("font-size", "0")))
 
         assert label.get_extents().width + 8 < width(shape), text.text
 
 
-def test_several_specs_stand_in_a_frame_each(lab_plan: BuildPlan) -> None:
+def test_every_one_of_several_specs_has_a_frame(lab_plan: BuildPlan) -> None:
     both = graph_of([lab_plan, feedback()])
     svg = render_svg(both)
 
@@ -270,7 +270,7 @@ def test_the_picture_shrinks_with_its_window_but_stays_readable(lab: Graph) -> N
     assert "max-width" in svg
 
 
-def test_a_drawing_for_a_page_names_each_node_and_edge_by_its_number(lab: Graph) -> None:
+def test_a_drawing_for_a_page_names_nodes_and_edges_by_number(lab: Graph) -> None:
     root = ElementTree.fromstring(drawing(lab))
 
     names = [group.get("id", "") for group in root.iter(f"{SVG}g")]
@@ -282,7 +282,7 @@ def test_a_drawing_for_a_page_names_each_node_and_edge_by_its_number(lab: Graph)
     assert root.find(f".//{SVG}title") is None
 
 
-def test_a_large_graph_is_drawn_without_noise(capfd: pytest.CaptureFixture[str]) -> None:
+def test_a_large_graph_is_drawn_without_warnings(capfd: pytest.CaptureFixture[str]) -> None:
     many = [Pi(name=f"p{number}", identifies=[f"v{number}"]) for number in range(350)]
 
     svg = render_svg(graph_of([plan(checked_spec(many))]))

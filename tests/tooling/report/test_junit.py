@@ -1,4 +1,4 @@
-"""Findings as a report of tests: by the rules of the common schema, and as `colcon test-result` counts it."""
+"""Findings as a test report: by the rules of the common schema, and as `colcon test-result` counts it."""
 
 from __future__ import annotations
 
@@ -24,7 +24,8 @@ MONITER = Diagnostic(
 )
 UNUSED = replace(MONITER, rule=UNREACHED, message="nothing needs 'door_locked'")
 
-# The schema of the Apache Ant tasks by Windy Road: what an element must and may have, and its children in order.
+# The schema of the Apache Ant tasks by Windy Road: the attributes of an element that are required and optional, and
+# its children in order.
 REQUIRED = {
     "testsuite": {"name", "timestamp", "hostname", "tests", "failures", "errors", "time"},
     "testcase": {"name", "classname", "time"},
@@ -54,7 +55,11 @@ def suite(
 ) -> ElementTree.Element:
     taken = tuple(failing)
     text = render_junit(
-        diagnostics, files, lambda _: None, is_failure=lambda found: found.severity in taken, suite="codra.lint"
+        diagnostics,
+        files,
+        lambda _: None,
+        is_failure=lambda diagnostic: diagnostic.severity in taken,
+        suite="codra.lint",
     )
     assert text.isascii()
     root = ElementTree.fromstring(text)
@@ -70,7 +75,7 @@ def test_a_clean_file_is_a_test_that_passes() -> None:
     assert verdicts(suite([], [DOOR])) == [(DOOR, True)]
 
 
-def test_a_file_with_errors_is_one_test_that_fails_and_says_all_of_them() -> None:
+def test_a_file_with_errors_is_one_failing_test_with_all_of_them() -> None:
     second = replace(MONITER, message="unknown key 'contxt'", place=Place(Span(DOOR, 9, 1, 9, 7)))
 
     root = suite([MONITER, second], [DOOR, "specs/lab.yaml"])
@@ -83,13 +88,13 @@ def test_a_file_with_errors_is_one_test_that_fails_and_says_all_of_them() -> Non
     assert failure.text == "\n" + render_full([MONITER, second], lambda _: None)
 
 
-def test_a_file_that_was_not_asked_for_has_a_test_when_something_is_found_in_it() -> None:
+def test_an_included_file_has_a_test_if_it_has_findings() -> None:
     part = replace(MONITER, place=Place(Span("specs/parts/machine.yaml", 5, 5, 5, 12)))
 
     assert verdicts(suite([part], [])) == [("specs/parts/machine.yaml", False)]
 
 
-def test_warnings_fail_no_test_and_are_told_in_the_output_of_the_suite() -> None:
+def test_warnings_fail_no_test_and_are_in_the_output_of_the_suite() -> None:
     root = suite([UNUSED], [DOOR])
 
     assert verdicts(root) == [(DOOR, True)]
@@ -110,10 +115,10 @@ def test_the_suite_and_the_class_of_its_tests_have_the_name_of_the_command() -> 
 
 
 @given(hostile_findings)
-def test_no_text_of_a_spec_makes_invalid_xml(found: list[Diagnostic]) -> None:
-    root = suite(found, [DOOR], failing=Severity)
+def test_no_text_of_a_spec_makes_invalid_xml(findings: list[Diagnostic]) -> None:
+    root = suite(findings, [DOOR], failing=Severity)
 
     texts = "".join(root.itertext()) + "".join(value for element in root.iter() for value in element.attrib.values())
     assert texts.replace("\n", "").isprintable()
     assert len(root.findall("testcase/failure")) == len({name for name, passes in verdicts(root) if not passes})
-    assert "".join(root.itertext()).count("[CDR") >= len(found)
+    assert "".join(root.itertext()).count("[CDR") >= len(findings)

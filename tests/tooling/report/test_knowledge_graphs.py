@@ -1,4 +1,4 @@
-"""Graphs of specs with knowledge: agents, what they own and read, types, edges and tasks, in every form."""
+"""Graphs of specs with knowledge: agents, their elements, types, edges and tasks, in every format."""
 
 from __future__ import annotations
 
@@ -38,20 +38,20 @@ def shop() -> Graph:
 
 
 def chosen(of: Graph, *selectors: str) -> list[str]:
-    return sorted(each.split("/", 1)[1] for each in select(of.choices(), selectors))
+    return sorted(node_id.split("/", 1)[1] for node_id in select(of.choices(), selectors))
 
 
-def test_the_json_has_each_element_with_its_place(shop: Graph) -> None:
-    told = json.loads(render_json(shop))
+def test_the_json_has_every_element_with_its_place(shop: Graph) -> None:
+    graph_json = json.loads(render_json(shop))
 
-    assert Counter(each["kind"] for each in told["nodes"]) == {
+    assert Counter(node["kind"] for node in graph_json["nodes"]) == {
         "context": 3,
         "agent": 6,
         "type": 7,
         "edge": 9,
         "task": 3,
     }
-    (fork,) = [each for each in told["nodes"] if each["id"] == "picking_up/agent/fork"]
+    (fork,) = [node for node in graph_json["nodes"] if node["id"] == "picking_up/agent/fork"]
     assert fork == {
         "id": "picking_up/agent/fork",
         "kind": "agent",
@@ -60,11 +60,11 @@ def test_the_json_has_each_element_with_its_place(shop: Graph) -> None:
         "file": "knowledge.yaml",
         "line": 43,
     }
-    ids = {each["id"] for each in told["nodes"]}
-    assert {each[end] for each in told["edges"] for end in ("source", "target")} <= ids
+    ids = {node["id"] for node in graph_json["nodes"]}
+    assert {edge[end] for edge in graph_json["edges"] for end in ("source", "target")} <= ids
 
 
-def test_every_text_form_has_every_element_and_link(shop: Graph) -> None:
+def test_every_text_format_has_every_element_and_link(shop: Graph) -> None:
     dot, chart = render_dot(shop), flowchart(shop).text
 
     for element in shop.elements:
@@ -75,7 +75,7 @@ def test_every_text_form_has_every_element_and_link(shop: Graph) -> None:
         assert f'kind="{kind}"' in dot
 
 
-def test_the_picture_draws_all_of_it_and_its_legend_says_what_it_is(shop: Graph) -> None:
+def test_the_picture_draws_all_elements_and_its_legend_explains_them(shop: Graph) -> None:
     text = render_svg(shop)
     ET.fromstring(text)
 
@@ -87,14 +87,14 @@ def test_the_picture_draws_all_of_it_and_its_legend_says_what_it_is(shop: Graph)
         assert EDGES[kind].sentence in text
 
 
-def test_the_page_says_what_wakes_an_agent_and_what_a_task_ends_with(shop: Graph) -> None:
+def test_the_page_shows_the_wakes_of_an_agent_and_the_results_of_a_task(shop: Graph) -> None:
     page = render_html(shop)
 
     assert '"Wakes":"robot -wants-\\u003e navigating, battery_level \\u003c 10 percent"' in page
     assert '"Results":"there, blocked"' in page
 
 
-def test_kinds_and_steps_select_agents_and_what_they_touch(shop: Graph) -> None:
+def test_kinds_and_steps_select_agents_and_their_elements(shop: Graph) -> None:
     assert chosen(shop, "kind:task") == ["task/detecting", "task/navigating", "task/picking_up"]
     assert chosen(shop, "1+detecting+1") == ["agent/container_detection", "agent/picking", "task/detecting"]
     assert chosen(shop, "fork+1") == ["agent/fork", "edge/container_pose", "type/roll_container"]
@@ -109,7 +109,7 @@ def test_uses_of_templates_hold_their_agents() -> None:
     assert "subgraph use_two_forks_front" in flowchart(forks).text
 
 
-def test_perception_and_knowledge_stand_in_one_picture() -> None:
+def test_perception_and_knowledge_are_in_one_picture() -> None:
     night = graph("knowledge-everything.yaml")
     sentences = {(link.source.split("/", 1)[1], link.kind.value, link.target.split("/", 1)[1]) for link in night.links}
 
@@ -118,7 +118,7 @@ def test_perception_and_knowledge_stand_in_one_picture() -> None:
     assert ("agent/wall_switch", "owns", "context/lit") in sentences
 
 
-def test_a_spec_without_knowledge_shows_none_of_it() -> None:
+def test_a_spec_without_knowledge_has_no_nodes_of_knowledge() -> None:
     lamp = graph("trees.yaml")
 
     assert not {element.kind.value for element in lamp.elements} & {"agent", "type", "edge", "task"}

@@ -49,7 +49,7 @@ RESERVED = {"end", "graph", "flowchart", "subgraph", "style", "class", "click", 
 
 @dataclass
 class Chart:
-    """What Mermaid would read."""
+    """A flowchart as Mermaid would read it."""
 
     nodes: dict[str, str] = field(default_factory=dict)
     inside: dict[str, str] = field(default_factory=dict)
@@ -59,16 +59,16 @@ class Chart:
 
 
 def read(text: str) -> Chart:
-    """Read a flowchart, strictly: every line is of a known form, every name is declared once and before its use."""
+    """Read a flowchart strictly: every line has a known form, and every name is declared once, before its use."""
     first, *lines = text.removesuffix("\n").split("\n")
     assert first == "flowchart LR"
     chart, frames, used = Chart(), [], set()
     for line in map(str.strip, lines):
-        ((form, found),) = [(form, match) for form, each in LINES.items() if (match := each.fullmatch(line))] or [
-            ("?", line)
-        ]
-        assert not isinstance(found, str), line
-        parts = {key: value for key, value in found.groupdict().items() if value is not None}
+        ((form, matched),) = [
+            (form, match) for form, line_form in LINES.items() if (match := line_form.fullmatch(line))
+        ] or [("?", line)]
+        assert not isinstance(matched, str), line
+        parts = {key: value for key, value in matched.groupdict().items() if value is not None}
         label = next((shown(value) for key, value in parts.items() if key.startswith("label")), "")
         if form == "subgraph":
             frames.append(label)
@@ -112,13 +112,13 @@ def test_the_flowchart_has_every_node_and_every_edge_of_the_graph(lab: Graph) ->
     labels = {name: label.split("\n")[0] for name, label in chart.nodes.items()}
     edges = {(labels[source], labels[target]) for source, _, target in chart.edges if target}
     label_by_id = {element.id: label_of(element) for element in lab.elements}
-    assert flowchart(lab).is_whole
+    assert flowchart(lab).is_complete
     assert {label_of(element) for element in lab.elements} <= set(labels.values())
     assert edges == {tuple(label_by_id[end] for end in link.flow) for link in lab.links}
     assert sum(bool(target) for _, _, target in chart.edges) == len(lab.links)
 
 
-def test_a_use_of_a_template_is_a_frame_around_what_it_makes(lab: Graph) -> None:
+def test_a_use_of_a_template_is_a_frame_around_its_elements(lab: Graph) -> None:
     chart = read(flowchart(lab).text)
     frame_of = {label.split("\n")[0]: chart.inside[name] for name, label in chart.nodes.items()}
 
@@ -128,19 +128,19 @@ def test_a_use_of_a_template_is_a_frame_around_what_it_makes(lab: Graph) -> None
     assert "PCR-cycler_open\n\u2264 12 s" in chart.nodes.values()
 
 
-def test_each_kind_of_edge_has_a_colour_and_a_sentence(lab: Graph) -> None:
+def test_every_kind_of_edge_has_a_colour_and_a_sentence(lab: Graph) -> None:
     chart = read(flowchart(lab).text)
 
     assert chart.colours.keys() == set(range(len(chart.edges)))
     for number, link in enumerate(lab.links):
         assert chart.colours[number] == EDGES[link.kind].colour
-    told = [sentence for sentence, _, target in chart.edges if not target]
+    legend = [sentence for sentence, _, target in chart.edges if not target]
     used = {link.kind for link in lab.links}
     assert EdgeKind.FEEDBACK not in used
-    assert told == [EDGES[kind].sentence for kind in EDGES if kind in used]
+    assert legend == [EDGES[kind].sentence for kind in EDGES if kind in used]
 
 
-def test_several_specs_have_a_frame_each(lab: Graph) -> None:
+def test_every_one_of_several_specs_has_a_frame(lab: Graph) -> None:
     both = graph_of([*plan_paths([ROOT / "specs"], ROOT).plans])
     chart = read(flowchart(both).text)
 
@@ -162,7 +162,7 @@ def test_no_label_can_break_out_of_its_quotes(label: str) -> None:
 @pytest.mark.parametrize(
     "label", ["end", "1. one", "- dash", "`code`", "**bold**", "a@b", "-->", "A#quot;B", "%% no", "x & y"]
 )
-def test_what_mermaid_would_read_as_its_own_stands_as_a_code(label: str) -> None:
+def test_syntax_of_mermaid_in_labels_becomes_codes(label: str) -> None:
     graph = graph_of([plan(checked_spec([Pi(name="p", identifies=["a"])], variables=[variable("a", label=label)]))])
 
     line = next(line for line in flowchart(graph).text.splitlines() if line.strip().startswith("n0"))
@@ -171,7 +171,7 @@ def test_what_mermaid_would_read_as_its_own_stands_as_a_code(label: str) -> None
 
 
 def halls(count: int) -> Graph:
-    """Many independent chains, as many uses of a template would make them."""
+    """Return many independent chains, as many uses of a template would give them."""
     looks = [
         Pi(name=f"see_{n}_{step}", identifies=[f"v_{n}_{step}"], needs=[f"v_{n}_{step - 1}"] if step else ["start"])
         for n in range(count)
@@ -184,14 +184,14 @@ def halls(count: int) -> Graph:
     )
 
 
-def test_a_graph_beyond_mermaids_limits_is_drawn_together() -> None:
+def test_a_graph_beyond_mermaids_limits_is_condensed() -> None:
     graph = halls(60)
 
     chart = flowchart(graph)
     boxes = read(chart.text)
 
     assert len(graph.links) > MAX_EDGES
-    assert not chart.is_whole
+    assert not chart.is_complete
     assert chart.fits
     assert sorted(boxes.nodes.values()) == sorted(
         ["lab\n2 nodes", *(f"room_{number}\n9 nodes" for number in range(60))]
@@ -206,11 +206,11 @@ def test_a_part_of_it_is_drawn_in_full() -> None:
 
     chart = flowchart(graph.part(select(graph.choices(), ["+v_7_2"])))
 
-    assert chart.is_whole
+    assert chart.is_complete
     assert "v_7_1" in chart.text
 
 
-def test_one_file_is_drawn_together_by_observers() -> None:
+def test_one_file_is_condensed_by_observers() -> None:
     looks = [Pi(name=f"see_{number}", identifies=[f"v{number}"], needs=["start"]) for number in range(400)]
     graph = graph_of([plan(checked_spec(looks))])
 
@@ -221,9 +221,9 @@ def test_one_file_is_drawn_together_by_observers() -> None:
     assert len(chart.text) < MAX_LETTERS
 
 
-def test_what_is_too_large_even_so_says_so() -> None:
+def test_a_condensed_graph_that_is_still_too_large_is_reported() -> None:
     looks = [Pi(name=f"see_{number}", identifies=[f"v{number}"], needs=["one", "two"]) for number in range(300)]
 
     chart = flowchart(graph_of([plan(checked_spec(looks))]))
 
-    assert (chart.is_whole, chart.fits, chart.edges) == (False, False, 600)
+    assert (chart.is_complete, chart.fits, chart.edges) == (False, False, 600)

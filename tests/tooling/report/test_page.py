@@ -1,4 +1,4 @@
-"""The graph as a page: one file, nothing fetched, nothing of a spec run."""
+"""The graph as a page: one file that fetches nothing and runs no text of a spec."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ FETCHING = {"src", "href", "xlink:href", "action", "srcset", "poster", "data", "
 
 @dataclass
 class Page(HTMLParser):
-    """What a browser makes of a page: its elements, and the text within scripts and styles."""
+    """A page as a browser parses it: its elements, and the text within scripts and styles."""
 
     elements: list[tuple[str, dict[str, str | None]]] = field(default_factory=list)
     raw: list[tuple[str, dict[str, str | None], str]] = field(default_factory=list)
@@ -59,8 +59,8 @@ class Page(HTMLParser):
     @property
     def data(self) -> dict[str, Any]:
         (text,) = (text for _, attributes, text in self.raw if attributes.get("id") == "data")
-        found: dict[str, Any] = json.loads(text)
-        return found
+        parsed: dict[str, Any] = json.loads(text)
+        return parsed
 
     @property
     def script(self) -> str:
@@ -119,7 +119,7 @@ def test_the_page_has_a_drawing_of_every_node_and_edge(lab: Graph) -> None:
     assert {f"e{number}" for number in range(len(lab.links))} <= names
 
 
-def test_a_graph_that_takes_graphviz_long_is_laid_out_by_the_page_itself() -> None:
+def test_a_graph_that_is_slow_to_draw_is_laid_out_by_the_page() -> None:
     many = [Pi(name=f"p{number}", identifies=[f"v{number}"]) for number in range(MAX_QUICK // 3 + 1)]
 
     page = read(render_html(graph_of([plan(checked_spec(many))])))
@@ -128,12 +128,12 @@ def test_a_graph_that_takes_graphviz_long_is_laid_out_by_the_page_itself() -> No
     assert list(page.all("g")) == []
 
 
-def test_nothing_is_fetched(lab: Graph) -> None:
+def test_the_page_fetches_no_resource(lab: Graph) -> None:
     text = render_html(lab)
     page = read(text)
 
     named = [(tag, key, value) for tag, attributes in page.elements for key, value in attributes.items()]
-    assert [each for each in named if each[1] in FETCHING] == []
+    assert [attribute for attribute in named if attribute[1] in FETCHING] == []
     assert {tag for tag, _ in page.elements} & {"link", "iframe", "object", "embed", "img", "base", "form"} <= {"form"}
     assert not re.search(r"url\s*\(|@import", text)
     assert not re.search(r"\b(fetch|XMLHttpRequest|WebSocket|EventSource|import|sendBeacon)\s*\(", page.script)
@@ -143,10 +143,10 @@ def test_nothing_is_fetched(lab: Graph) -> None:
     }
 
 
-def test_the_policy_lets_the_pages_own_script_run_and_no_other(lab: Graph) -> None:
+def test_the_policy_allows_only_the_pages_own_script(lab: Graph) -> None:
     page = read(render_html(lab))
 
-    (policy,) = (each["content"] for each in page.all("meta") if each.get("http-equiv") == "Content-Security-Policy")
+    (policy,) = (meta["content"] for meta in page.all("meta") if meta.get("http-equiv") == "Content-Security-Policy")
     digest = base64.b64encode(hashlib.sha256(page.script.encode()).digest()).decode()
     assert policy is not None
     assert "default-src 'none'" in policy
@@ -171,7 +171,7 @@ HOSTILE = [
 
 
 @pytest.mark.parametrize("text", HOSTILE)
-def test_what_a_spec_says_stays_data(text: str) -> None:
+def test_text_of_a_spec_stays_data(text: str) -> None:
     plain, hostile = read(render_html(small())), read(render_html(small(label=text, description=text)))
 
     tags = [tag for tag, _ in hostile.elements if tag not in ("text", "polygon", "path")]
@@ -189,13 +189,13 @@ def test_what_a_spec_says_stays_data(text: str) -> None:
 
 @settings(max_examples=40)
 @given(st.text())
-def test_any_description_comes_back_as_it_can_be_shown(text: str) -> None:
+def test_any_description_is_stored_in_its_visible_form(text: str) -> None:
     node = read(render_html(small(description=text))).data["nodes"][0]
 
     assert [letter for letter in node["description"] if letter != "\ufffd"] == [
         letter
-        for each in text
-        for letter in ("    " if each == "\t" else each)
+        for character in text
+        for letter in ("    " if character == "\t" else character)
         if letter.isprintable() and letter != "\ufffd"
     ]
 
@@ -211,7 +211,7 @@ def test_every_kind_that_the_page_shows_has_a_style() -> None:
         assert f"svg .{kind} " in style
 
 
-def test_everything_that_the_script_looks_for_is_in_the_page() -> None:
+def test_every_element_that_the_script_uses_is_in_the_page() -> None:
     page = read(render_html(small()))
 
     wanted = set(re.findall(r'find\("([a-z-]+)"\)', page.script))

@@ -1,4 +1,4 @@
-"""Findings as SARIF: valid against the standard's schema, within GitHub's limits, and told apart as lines move."""
+"""Findings as SARIF: valid against the standard's schema, within GitHub's limits, and identified as lines move."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def finding(rule: Rule = UNKNOWN_KEY, line: int = 5, **values: Any) -> Diagnosti
 def schema() -> Draft4Validator:
     path = Path(__file__).parents[2] / "data" / "sarif-2.1.0.json"
     standard = json.loads(path.read_text("utf-8"))
-    for element in ("run", "toolComponent"):  # a bracket too much, which most dialects refuse
+    for element in ("run", "toolComponent"):  # one bracket too many, which most dialects reject
         del standard["definitions"][element]["properties"]["language"]["pattern"]
     return Draft4Validator(standard)
 
@@ -55,14 +55,14 @@ def fingerprints(diagnostics: Iterable[Diagnostic]) -> list[str]:
     return [result["partialFingerprints"]["codraFinding/v1"] for result in valid_run(diagnostics)["results"]]
 
 
-def test_the_schema_refuses_what_is_no_sarif() -> None:
+def test_the_schema_refuses_documents_that_are_not_sarif() -> None:
     log = json.loads(render_sarif([finding()]))
     log["runs"][0]["results"][0]["locations"][0]["physicalLocation"]["region"]["startColumn"] = 0
 
     assert not schema().is_valid(log)
 
 
-def test_a_run_without_findings_says_that_it_succeeded() -> None:
+def test_a_run_without_findings_is_successful() -> None:
     run = valid_run([])
 
     assert run["results"] == []
@@ -70,7 +70,7 @@ def test_a_run_without_findings_says_that_it_succeeded() -> None:
     assert run["tool"]["driver"] == {"name": "codra", "version": __version__, "rules": []}
 
 
-def test_a_result_has_place_element_level_and_the_way_out() -> None:
+def test_a_result_has_place_element_level_and_help() -> None:
     run = valid_run([finding(path="skills.open_door.moniter", help="did you mean 'monitor'?")])
 
     (result,) = run["results"]
@@ -95,7 +95,7 @@ def test_a_warning_is_a_warning() -> None:
     assert run["tool"]["driver"]["rules"][0]["defaultConfiguration"] == {"level": "warning"}
 
 
-def test_only_rules_that_were_broken_are_described_each_once() -> None:
+def test_only_broken_rules_are_described_without_duplicates() -> None:
     run = valid_run([finding(UNREACHED), finding(UNKNOWN_KEY), finding(UNREACHED, line=9)])
 
     rules = run["tool"]["driver"]["rules"]
@@ -129,9 +129,9 @@ def test_other_places_are_linked_from_the_message() -> None:
     (result,) = valid_run([finding(related=related)])["results"]
 
     assert result["message"]["text"].endswith("See: [first declared here](1).")
-    assert [(each["id"], each["physicalLocation"]["region"]["startLine"]) for each in result["relatedLocations"]] == [
-        (1, 3)
-    ]
+    assert [
+        (place["id"], place["physicalLocation"]["region"]["startLine"]) for place in result["relatedLocations"]
+    ] == [(1, 3)]
 
 
 def test_the_use_of_a_template_is_a_related_place() -> None:
@@ -147,7 +147,7 @@ def test_the_use_of_a_template_is_a_related_place() -> None:
 def test_a_cycle_is_a_code_flow_edge_by_edge() -> None:
     (case,) = (case for case in CASES if case.stem == "cycle-of-two")
 
-    (result,) = (each for each in valid_run(findings_of(case))["results"] if each["ruleId"] == "CDR5101")
+    (result,) = (result for result in valid_run(findings_of(case))["results"] if result["ruleId"] == "CDR5101")
 
     ((flow,),) = (flow["threadFlows"] for flow in result["codeFlows"])
     steps = [step["location"] for step in flow["locations"]]
@@ -155,7 +155,7 @@ def test_a_cycle_is_a_code_flow_edge_by_edge() -> None:
     assert [step["physicalLocation"]["region"]["startLine"] for step in steps] == [10, 15]
 
 
-def test_what_a_template_gives_in_another_use_is_no_edge_of_a_cycle() -> None:
+def test_a_finding_in_another_use_of_a_template_is_no_edge_of_a_cycle() -> None:
     span, uses = Span("machine.yaml", 5, 5, 5, 12), [Span("lab.yaml", line, 3, line, 9) for line in (27, 28)]
     edge = Related("'a' needs 'a'", Place(span, uses[0]))
     other = Related("in another use: it waits for itself", Place(span, uses[1]))
@@ -166,7 +166,7 @@ def test_what_a_template_gives_in_another_use_is_no_edge_of_a_cycle() -> None:
     assert step["location"]["message"]["text"] == "'a' needs 'a'."
 
 
-def test_a_fix_is_what_is_deleted_and_what_is_inserted_file_by_file() -> None:
+def test_a_fix_has_deletions_and_insertions_file_by_file() -> None:
     edits = (
         Edit(Span(DOOR, 5, 5, 5, 12), "monitor"),
         Edit(Span("specs/part.yaml", 2, 1, 2, 1), "codra: 1\n"),
@@ -179,7 +179,10 @@ def test_a_fix_is_what_is_deleted_and_what_is_inserted_file_by_file() -> None:
     (described,) = result["fixes"]
     assert described["description"] == {"text": "Replace 'moniter' by 'monitor'."}
     changes = [
-        (change["artifactLocation"]["uri"], [each["insertedContent"]["text"] for each in change["replacements"]])
+        (
+            change["artifactLocation"]["uri"],
+            [replacement["insertedContent"]["text"] for replacement in change["replacements"]],
+        )
         for change in described["artifactChanges"]
     ]
     assert changes == [(DOOR, ["monitor", ""]), ("specs/part.yaml", ["codra: 1\n"])]
@@ -200,7 +203,7 @@ def test_a_fix_is_what_is_deleted_and_what_is_inserted_file_by_file() -> None:
         ("not-utf8-\udcff.yaml", "not-utf8-%FF.yaml"),
     ],
 )
-def test_files_are_relative_references_with_all_else_escaped(file: str, uri: str) -> None:
+def test_files_are_relative_references_with_escaped_characters(file: str, uri: str) -> None:
     (result,) = valid_run([finding(place=Place(Span(file, 1, 1, 1, 2)))])["results"]
 
     assert result["locations"][0]["physicalLocation"]["artifactLocation"]["uri"] == uri
@@ -215,7 +218,7 @@ def test_files_of_a_project_within_a_repository_are_relative_to_the_repository()
 # Fingerprints
 
 
-def test_equal_findings_in_one_file_are_told_apart_and_their_number_moves_with_them() -> None:
+def test_equal_findings_in_one_file_are_numbered_and_keep_their_numbers() -> None:
     first, second = (finding(line=line) for line in (5, 9))
     moved = [finding(line=line) for line in (55, 59)]
 
@@ -231,7 +234,7 @@ def with_lines_above(text: bytes) -> bytes:
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.stem)
-def test_fingerprints_stay_when_50_lines_are_inserted_above(case: Path, tmp_path: Path) -> None:
+def test_fingerprints_are_the_same_when_50_lines_are_inserted_above(case: Path, tmp_path: Path) -> None:
     before = fingerprints(findings_of(case))
     copy = tmp_path / case.name
     if case.is_dir():
@@ -250,17 +253,17 @@ def test_fingerprints_stay_when_50_lines_are_inserted_above(case: Path, tmp_path
 # Limits
 
 
-def test_more_findings_than_github_takes_lose_warnings_first(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_beyond_the_limit_of_github_warnings_are_dropped_first(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sarif, "MAX_RESULTS", 2)
 
     run = valid_run([finding(UNREACHED), finding(line=6), finding(UNREACHED, line=7), finding(line=8)])
 
     assert [result["ruleId"] for result in run["results"]] == ["CDR2003", "CDR2003"]
-    (told,) = run["invocations"][0]["toolExecutionNotifications"]
-    assert told["message"]["text"].startswith("2 findings more than")
+    (notification,) = run["invocations"][0]["toolExecutionNotifications"]
+    assert notification["message"]["text"].startswith("2 findings are left out")
 
 
-def test_no_result_has_more_places_than_github_takes() -> None:
+def test_no_result_has_more_places_than_github_accepts() -> None:
     related = tuple(Related("here", Place(Span(DOOR, line, 1, line, 2))) for line in range(1, 12_000))
 
     (result,) = valid_run([finding(CYCLE, related=related)])["results"]
@@ -270,25 +273,25 @@ def test_no_result_has_more_places_than_github_takes() -> None:
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.stem)
-def test_what_is_found_about_an_invalid_spec_is_valid_sarif(case: Path) -> None:
-    found = findings_of(case)
+def test_the_findings_about_an_invalid_spec_are_valid_sarif(case: Path) -> None:
+    findings = findings_of(case)
 
-    run = valid_run(found)
+    run = valid_run(findings)
 
-    assert len(run["results"]) == len(found)
+    assert len(run["results"]) == len(findings)
 
 
 @given(hostile_findings)
-def test_no_text_of_a_spec_makes_invalid_sarif(found: list[Diagnostic]) -> None:
-    run = valid_run(found)
+def test_no_text_of_a_spec_makes_invalid_sarif(findings: list[Diagnostic]) -> None:
+    run = valid_run(findings)
 
-    assert len(run["results"]) == len(found)
-    for each, result in zip(found, run["results"], strict=True):
+    assert len(run["results"]) == len(findings)
+    for finding, result in zip(findings, run["results"], strict=True):
         message = result["message"]["text"]
         links = re.findall(r"(?<!\\)(?:\\\\)*\]\(([^)]*)\)", message)
         assert links == [str(number) for number in range(1, len(links) + 1)]
         assert message.isprintable()
         uri = result["locations"][0]["physicalLocation"]["artifactLocation"]["uri"]
         assert re.fullmatch(r"[A-Za-z0-9_.~/%-]+", uri)
-        if each.place.span.file.isprintable():
-            assert unquote(uri) == each.place.span.file
+        if finding.place.span.file.isprintable():
+            assert unquote(uri) == finding.place.span.file

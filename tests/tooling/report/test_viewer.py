@@ -1,4 +1,4 @@
-"""What the page of a graph works out by itself, run by an engine for JavaScript that has no document."""
+"""The functions of a graph's page, run by a JavaScript engine without a document."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Viewer:
         self._engine.evaljs(SCRIPT.read_text("utf-8") + "\n0")
 
     def value(self, expression: str, **names: object) -> Any:
-        """Return the value of an expression in which names stand for values."""
+        """Return the value of an expression in which names refer to values."""
         bound = "".join(f"const {name} = dukpy['{name}'];" for name in names)
         return self._engine.evaljs(f"(() => {{ {bound} return {expression}; }})()", **names)
 
@@ -45,11 +45,11 @@ def edges_of(count: int, *, acyclic: bool = False) -> st.SearchStrategy[list[Edg
 SIZES = st.lists(st.tuples(st.integers(40, 200), st.integers(27, 42)), min_size=2, max_size=24)
 
 
-# What a node needs and who needs it
+# The needs and dependents of a node
 
 
 @given(edges=edges_of(12), start=st.integers(0, 11), steps=st.sampled_from([0, 1, 2, 3, ENDLESS]))
-def test_what_a_node_needs_is_what_so_many_edges_lead_to(
+def test_the_needs_of_a_node_are_those_within_a_number_of_edges(
     viewer: Viewer, edges: list[Edge], start: int, steps: int
 ) -> None:
     expected, edge = {start}, {start}
@@ -66,12 +66,12 @@ def test_what_a_node_needs_is_what_so_many_edges_lead_to(
 
 
 @given(edges=edges_of(12))
-def test_who_needs_a_node_is_the_other_end_of_what_it_needs(viewer: Viewer, edges: list[Edge]) -> None:
+def test_dependents_are_the_inverse_of_needs(viewer: Viewer, edges: list[Edge]) -> None:
     both = viewer.value("neighboursOf(12, edges)", edges=edges)
 
     assert sorted(
-        (need, user, number) for user, each in enumerate(both["needs"]) for need, _, number in each
-    ) == sorted((need, user, number) for need, each in enumerate(both["neededBy"]) for user, _, number in each)
+        (need, user, number) for user, links in enumerate(both["needs"]) for need, _, number in links
+    ) == sorted((need, user, number) for need, links in enumerate(both["neededBy"]) for user, _, number in links)
 
 
 # Layout
@@ -92,14 +92,14 @@ def overlapping(sizes: list[tuple[int, int]], at: list[dict[str, float]]) -> lis
 
 
 @given(sizes=SIZES, data=st.data())
-def test_no_node_stands_on_another_one(viewer: Viewer, sizes: list[tuple[int, int]], data: st.DataObject) -> None:
+def test_nodes_do_not_overlap(viewer: Viewer, sizes: list[tuple[int, int]], data: st.DataObject) -> None:
     edges = data.draw(edges_of(len(sizes)))
 
     assert overlapping(sizes, laid_out(viewer, sizes, edges)["at"]) == []
 
 
 @given(sizes=SIZES, data=st.data())
-def test_what_is_needed_stands_left_of_who_needs_it(
+def test_a_needed_node_is_left_of_those_that_need_it(
     viewer: Viewer, sizes: list[tuple[int, int]], data: st.DataObject
 ) -> None:
     edges = data.draw(edges_of(len(sizes), acyclic=True))
@@ -113,16 +113,16 @@ def test_what_is_needed_stands_left_of_who_needs_it(
 
 
 @pytest.mark.parametrize("count", [1, 20, 21, 300])
-def test_a_long_column_stands_in_several_that_do_not_overlap(viewer: Viewer, count: int) -> None:
+def test_a_long_column_is_split_into_several_that_do_not_overlap(viewer: Viewer, count: int) -> None:
     sizes = [(100, 42 if number % 2 else 27) for number in range(count + 1)]
 
     at = laid_out(viewer, sizes, [(number, count, "requires") for number in range(count)])["at"]
 
     assert overlapping(sizes, at) == []
-    assert max(each["y"] for each in at) - min(each["y"] for each in at) <= 20 * (42 + 14)
+    assert max(place["y"] for place in at) - min(place["y"] for place in at) <= 20 * (42 + 14)
 
 
-def test_a_graph_of_nothing_has_a_layout(viewer: Viewer) -> None:
+def test_an_empty_graph_has_a_layout(viewer: Viewer) -> None:
     assert laid_out(viewer, [], []) == {"at": [], "ways": []}
 
 
@@ -130,7 +130,7 @@ def test_a_graph_of_nothing_has_a_layout(viewer: Viewer) -> None:
 
 
 @given(edges=edges_of(12), groups=st.lists(st.sampled_from("abc"), min_size=12, max_size=12))
-def test_two_boxes_have_one_link_with_two_heads_where_edges_lead_both_ways(
+def test_two_boxes_with_edges_in_both_directions_have_one_link_with_two_heads(
     viewer: Viewer, edges: list[Edge], groups: list[str]
 ) -> None:
     nodes = [{"spec": "lab", "group": group} for group in groups]
@@ -160,8 +160,8 @@ def test_boxes_of_several_specs_are_named_with_their_spec(viewer: Viewer) -> Non
 
 
 def node(label: str, **more: object) -> dict[str, object]:
-    told: dict[str, object] = {"name": label, "id": f"lab/context/{label}", "place": "specs/lab.yaml:4"}
-    return {"label": label, "description": "", "facts": {}, **told, **more}
+    defaults: dict[str, object] = {"name": label, "id": f"lab/context/{label}", "place": "specs/lab.yaml:4"}
+    return {"label": label, "description": "", "facts": {}, **defaults, **more}
 
 
 NODES = [
@@ -185,7 +185,7 @@ NODES = [
         ("  ", []),
     ],
 )
-def test_a_search_finds_what_has_all_words_and_first_what_is_called_so(
+def test_a_search_finds_nodes_with_all_words_and_lists_labels_first(
     viewer: Viewer, asked: str, expected: list[int]
 ) -> None:
     assert viewer.value("found(nodes, asked)", nodes=NODES, asked=asked) == expected

@@ -26,7 +26,7 @@ COMMIT = "0123456789abcdef0123456789abcdef01234567"
 
 
 @given(st.text(max_size=110))
-def test_a_folder_gives_a_proper_name_or_a_way_out(folder: str) -> None:
+def test_a_folder_gives_a_valid_name_or_a_help(folder: str) -> None:
     try:
         name = name_from_folder(folder)
     except ImproperNameError as error:
@@ -36,7 +36,7 @@ def test_a_folder_gives_a_proper_name_or_a_way_out(folder: str) -> None:
 
 
 @given(st.text(max_size=110) | st.sampled_from(["if", "true", "min", "x" * 101]))
-def test_a_name_is_taken_as_it_is_or_refused_with_a_way_out(name: str) -> None:
+def test_a_name_is_used_unchanged_or_refused_with_help(name: str) -> None:
     try:
         taken = require_name(name)
     except ImproperNameError as error:
@@ -53,10 +53,10 @@ def test_the_name_of_a_folder_becomes_one_of_a_spec(folder: str, name: str) -> N
     assert name_from_folder(folder) == name
 
 
-# Where codra comes from
+# The origin of codra
 
 
-def noted(**origin: object) -> str:
+def recorded(**origin: object) -> str:
     return json.dumps(origin)
 
 
@@ -64,36 +64,34 @@ def noted(**origin: object) -> str:
     ("origin", "requirement"),
     [
         (None, f"codra-dsl=={__version__}"),
-        (noted(url="file:///home/me/codra", dir_info={"editable": True}), f"codra-dsl=={__version__}"),
-        (noted(url="file:///tmp/codra.whl", archive_info={}), f"codra-dsl=={__version__}"),
+        (recorded(url="file:///home/me/codra", dir_info={"editable": True}), f"codra-dsl=={__version__}"),
+        (recorded(url="file:///tmp/codra.whl", archive_info={}), f"codra-dsl=={__version__}"),
         (
-            noted(url="https://example.org/codra.git", vcs_info={"vcs": "git", "commit_id": COMMIT}),
+            recorded(url="https://example.org/codra.git", vcs_info={"vcs": "git", "commit_id": COMMIT}),
             f"codra-dsl @ git+https://example.org/codra.git@{COMMIT}",
         ),
         (
-            noted(url="https://example.org/all", subdirectory="dsl", vcs_info={"vcs": "git", "commit_id": COMMIT}),
+            recorded(url="https://example.org/all", subdirectory="dsl", vcs_info={"vcs": "git", "commit_id": COMMIT}),
             f"codra-dsl @ git+https://example.org/all@{COMMIT}#subdirectory=dsl",
         ),
-        (noted(url="https://example.org/codra.whl", archive_info={}), "codra-dsl @ https://example.org/codra.whl"),
+        (recorded(url="https://example.org/codra.whl", archive_info={}), "codra-dsl @ https://example.org/codra.whl"),
     ],
 )
-def test_a_project_asks_for_codra_as_it_was_installed_but_names_no_path_of_a_machine(
-    origin: str | None, requirement: str
-) -> None:
+def test_a_project_requires_codra_as_installed_but_names_no_local_path(origin: str | None, requirement: str) -> None:
     assert requirement_from(origin) == requirement
 
 
-def test_the_hooks_ask_for_the_same_codra_as_the_requirements() -> None:
+def test_the_hooks_require_the_same_codra_as_the_requirements() -> None:
     texts = starter_texts("arm", "codra-dsl @ git+https://example.org/codra.git@1")
 
     assert "\ncodra-dsl @ git+https://example.org/codra.git@1\n" in texts["requirements.txt"]
     assert texts[".pre-commit-config.yaml"].count('["codra-dsl @ git+https://example.org/codra.git@1"]') == 2
 
 
-# What is written
+# Written files
 
 
-def test_no_mark_of_a_template_is_left() -> None:
+def test_no_placeholder_of_a_template_is_left() -> None:
     texts = starter_texts("arm", "codra-dsl")
 
     assert [path for path, text in texts.items() if "@NAME@" in path + text or "@CODRA@" in text] == []
@@ -104,7 +102,7 @@ def test_the_readme_of_a_project_has_at_most_ten_lines() -> None:
     assert starter_texts("arm", "codra-dsl")["README.md"].count("\n") <= 10
 
 
-def test_when_one_file_cannot_be_written_none_is_left(tmp_path: Path) -> None:
+def test_if_one_file_cannot_be_written_none_is_left(tmp_path: Path) -> None:
     (tmp_path / "kept").mkdir()
     texts = {"a": "", "kept/b": "", "new/deep/c": "", f"new/{'x' * 300}": ""}
 
@@ -114,7 +112,7 @@ def test_when_one_file_cannot_be_written_none_is_left(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.rglob("*")] == ["kept"]
 
 
-def test_a_file_that_appears_meanwhile_is_not_overwritten(tmp_path: Path) -> None:
+def test_a_file_that_appears_in_the_meantime_is_not_overwritten(tmp_path: Path) -> None:
     texts = {"a": "ours", "b": "ours"}
     assert conflicts(texts, tmp_path) == ()
     (tmp_path / "b").write_text("mine")

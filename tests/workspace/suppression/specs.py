@@ -1,4 +1,4 @@
-"""Specs with findings that may be silenced, for tests of this room."""
+"""Specs with findings that may be silenced, for the tests of this folder."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def lint(text: str, root: Path, settings: str = "") -> tuple[Diagnostic, ...]:
 
 
 def lint_files(root: Path, *paths: str, **files: str) -> Planned:
-    """Write files, a `__` in a name for a `/`, and return what is found in some paths."""
+    """Write files, a `__` in a name for a `/`, and return the findings about some paths."""
     for name, text in files.items():
         path = root / f"{name.replace('__', '/')}.yaml"
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -55,5 +55,5 @@ def lint_files(root: Path, *paths: str, **files: str) -> Planned:
     return plan_paths([root / path for path in paths], root)
 
 
-def codes(found: tuple[Diagnostic, ...]) -> list[str]:
-    return [each.code for each in found]
+def codes(findings: tuple[Diagnostic, ...]) -> list[str]:
+    return [finding.code for finding in findings]

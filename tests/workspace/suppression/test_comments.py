@@ -1,4 +1,4 @@
-"""Comments, as PyYAML's own scanner skips them."""
+"""Comments, compared with those that PyYAML's own scanner skips."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ COMMENT = re.compile(r"#[^\r\n]*")
 
 
 class WatchedLoader(Reader, Scanner, Parser, Composer, SafeConstructor, Resolver):
-    """PyYAML in Python, with the comments that its scanner goes past."""
+    """PyYAML in Python; it records the comments that its scanner skips."""
 
     def __init__(self, text: str) -> None:
         Reader.__init__(self, text)
@@ -52,7 +52,7 @@ def expected(text: str) -> list[str]:
     return [text[start:end] for start, end in sorted(loader.seen)]
 
 
-def found(text: str) -> list[str]:
+def comment_texts(text: str) -> list[str]:
     return [text[start:end] for start, end in comments(text)]
 
 
@@ -75,8 +75,8 @@ def found(text: str) -> list[str]:
         ("# c", ["# c"]),
     ],
 )
-def test_a_comment_stands_outside_of_scalars(text: str, wanted: list[str]) -> None:
-    assert found(text) == wanted
+def test_comments_are_outside_of_scalars(text: str, wanted: list[str]) -> None:
+    assert comment_texts(text) == wanted
     assert expected(text) == wanted
 
 
@@ -91,20 +91,20 @@ PIECES = st.sampled_from(
 
 @settings(max_examples=1500)
 @given(st.lists(PIECES, max_size=14).map("".join))
-def test_comments_are_what_the_scanner_of_pyyaml_goes_past(text: str) -> None:
+def test_comments_are_those_that_the_scanner_of_pyyaml_skips(text: str) -> None:
     try:
         wanted = expected(text)
         list(yaml.parse(text, Loader=yaml.CSafeLoader))
     except yaml.YAMLError:
         assume(False)
 
-    assert found(text) == wanted
+    assert comment_texts(text) == wanted
 
 
 @settings(max_examples=300)
 @given(st.lists(PIECES, max_size=14).map("".join), st.lists(PIECES, max_size=8).map("".join))
-def test_where_a_text_is_no_yaml_the_comments_before_are_still_known(before: str, after: str) -> None:
+def test_comments_before_an_error_in_yaml_are_still_recognised(before: str, after: str) -> None:
     text = f"a: 1 # first\n{before}\n\x7f{after}"
 
-    assert found(text)[:1] == ["# first"]
-    assert all(part.startswith("#") for part in found(text))
+    assert comment_texts(text)[:1] == ["# first"]
+    assert all(part.startswith("#") for part in comment_texts(text))

@@ -1,4 +1,4 @@
-"""Edits on bytes: what no edit covers stays as it is."""
+"""Edits on bytes: bytes that no edit covers stay the same."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ TEXTS = st.lists(LETTERS, max_size=20).map("".join)
 
 
 def position(text: str, offset: int) -> tuple[int, int]:
-    """Return line and column of an offset, by counting: a line ends with LF, CR or CR LF."""
+    """Return line and column of an offset, by counting; a line ends with LF, CR or CR LF."""
     line, column = 1, 1
     for index, letter in enumerate(text[:offset]):
         ends = letter == "\n" or (letter == "\r" and text[index + 1 : index + 2] != "\n")
@@ -26,11 +26,11 @@ def edit(text: str, start: int, end: int, new: str) -> Edit:
 
 
 @given(TEXTS, st.data(), st.booleans())
-def test_only_what_is_edited_changes(text: str, data: st.DataObject, has_mark: bool) -> None:
+def test_only_edited_ranges_change(text: str, data: st.DataObject, has_mark: bool) -> None:
     cuts = sorted(
         data.draw(
             st.lists(st.integers(0, len(text)), min_size=2, max_size=6, unique=True).filter(
-                lambda found: len(found) % 2 == 0
+                lambda offsets: len(offsets) % 2 == 0
             )
         )
         if len(text) > 1
@@ -61,7 +61,7 @@ def test_added_lines_end_as_the_first_line_does() -> None:
     assert text.after(splices or ()) == b"codra: 1\r\na\r\nb\n"
 
 
-def test_edits_that_meet_are_refused() -> None:
+def test_overlapping_edits_are_refused() -> None:
     text = editable(b"abcdef\n")
     assert text is not None
 
@@ -84,5 +84,5 @@ def test_edits_beyond_the_text_are_refused() -> None:
     assert splices_of([Edit(Span("f", 2, 3, 2, 3), "")], text) is not None
 
 
-def test_what_is_no_utf_8_cannot_be_edited() -> None:
+def test_bytes_that_are_not_utf_8_cannot_be_edited() -> None:
     assert editable(b"\xff\xfe") is None

@@ -1,4 +1,4 @@
-"""Safe fixes: what they do, that they end, leave all else as it is, and never bring an error."""
+"""Safe fixes: their effects, that they terminate, change only what they fix, and never cause an error."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ MARK = b"\xef\xbb\xbf"
 
 @lru_cache(maxsize=16)
 def linted(data: bytes, root: Path, file: str) -> Sequence[Diagnostic]:
-    """What is found in a text: fixes of it, and what is asserted of them, ask for it several times."""
+    """Return the findings about a text; cached, because fixes and assertions need them several times."""
     return plan_text(data, file, root).diagnostics
 
 
@@ -42,8 +42,8 @@ def after(data: str | bytes, root: Path = CASES / "invalid", file: str = "-") ->
 
 
 def errors(data: bytes, root: Path, file: str = "-") -> Counter[tuple[str, str]]:
-    found = linted(data, root, file)
-    return Counter((each.code, each.message) for each in found if each.severity is Severity.ERROR)
+    findings = linted(data, root, file)
+    return Counter((finding.code, finding.message) for finding in findings if finding.severity is Severity.ERROR)
 
 
 def spec(context: str = "", skills: str = "", perception: str = "") -> str:
@@ -85,7 +85,7 @@ LISTED = spec().replace(
 @pytest.mark.parametrize(
     ("wrong", "right"),
     [
-        # Keys and words of closed sets
+        # Keys and values with a fixed set of choices
         (spec().replace("preview", "perview"), spec()),
         (spec().replace("context:", '"contxt":'), spec()),
         (spec().replace("type: bool", "type: boolean"), spec()),
@@ -109,7 +109,7 @@ LISTED = spec().replace(
             algorithm("[lid]", ", x: {type: bool, optional: NO}"),
             algorithm("[lid]", ", x: {type: bool, optional: false}"),
         ),
-        # Conditions that YAML tears apart or rereads
+        # Conditions that YAML splits or reinterprets
         (algorithm('[state in ("hot", "cold")]'), algorithm('[\'state in ("hot", "cold")\']')),
         (algorithm("[min(level, 1 m) > 0 m]"), algorithm("['min(level, 1 m) > 0 m']")),
         (algorithm("[!lid]"), algorithm("[not lid]")),
@@ -120,10 +120,10 @@ LISTED = spec().replace(
         (LISTED.replace("      - stove\n", "      - stove\n      - pot_full  \n"), LISTED),
         # The version
         (spec().replace("codra: 1\n", ""), spec()),
-        ("# of the house\n" + spec().replace("codra: 1\n", ""), "# of the house\n" + spec()),
+        ("# of the kitchen\n" + spec().replace("codra: 1\n", ""), "# of the kitchen\n" + spec()),
         (spec().replace("codra: 1\nname: kitchen\n", "name: kitchen\ncodra: 1\n"), spec()),
         (spec().replace("codra: 1\n", "") + "codra: 1", spec()),
-        # One fix after the other
+        # A fix after another
         (spec().replace("preview: [pot_full", "perview: [pot_ful"), spec()),
         (
             KITCHEN.replace(UNUSED, "").replace("pot_full]", "pot_full]  # codra: ignore[CDR7102, CDR7103] x"),
@@ -131,7 +131,7 @@ LISTED = spec().replace(
         ),
     ],
 )
-def test_what_is_plainly_meant_is_written(wrong: str, right: str) -> None:
+def test_an_unambiguous_error_is_corrected(wrong: str, right: str) -> None:
     assert after(wrong).decode() == right
 
 
@@ -140,24 +140,24 @@ def test_what_is_plainly_meant_is_written(wrong: str, right: str) -> None:
     [
         spec().replace("pot_full", "pot_full_1", 1),  # another number
         spec("  pot_fall: {type: bool, source: main_execution}\n").replace("[pot_full", "[pot_fill"),  # two candidates
-        spec(skills="  boil: {preview: [pot_ful]}\n").replace("[pot_full", "[pot_ful"),  # twice: a name of its own?
+        spec(skills="  boil: {preview: [pot_ful]}\n").replace("[pot_full", "[pot_ful"),  # twice: a separate name?
         spec().replace("type: bool", "type: number"),  # int or float
         spec()
         .replace("clean: {changes: [pot_full]}", "clean: {changes: []}")
-        .replace("[pot_full", "[pot_ful"),  # which?
+        .replace("[pot_full", "[pot_ful"),  # ambiguous
         algorithm('[state == "warm"]'),
-        algorithm("[hot == state]"),  # YAML would take the quotes of "hot" for its own
-        algorithm("[state in (hot, cold)]"),  # quotes alone would bring unknown names
-        spec().replace("stove]", "stove,  # first\n    pot_full]"),  # a comment would go
+        algorithm("[hot == state]"),  # YAML would interpret the quotes of "hot" as its own
+        algorithm("[state in (hot, cold)]"),  # quotes alone would give unknown names
+        spec().replace("stove]", "stove,  # first\n    pot_full]"),  # a comment would be lost
         "{codra: 1, name: kitchen}",
         "{name: kitchen, context: {a: {type: bool, source: main_execution}}}",
     ],
 )
-def test_what_is_not_certain_is_left_to_people(text: str) -> None:
+def test_an_ambiguous_error_is_not_fixed(text: str) -> None:
     assert after(text) == text.encode()
 
 
-def test_a_list_of_parameters_is_left_alone_though_two_of_them_are_the_same() -> None:
+def test_a_list_of_parameters_with_duplicates_is_left_alone() -> None:
     text = """\
 codra: 1
 name: jars
@@ -201,15 +201,15 @@ skills:
     ("right", "wrong"),
     [("glass_jar, title: su", "glas_jar, title: su"), ("title: sugar", "titel: sugar"), ("of $(title)", "of $(tilte)")],
 )
-def test_templates_arguments_and_parameters_are_put_right(right: str, wrong: str) -> None:
+def test_templates_arguments_and_parameters_are_fixed(right: str, wrong: str) -> None:
     assert after(JARS.replace(right, wrong, 1)).decode() == JARS
 
 
-# For every file: it ends, it leaves the rest, it brings no error
+# For every file: fixing terminates, leaves the rest, and causes no error
 
 
 @pytest.mark.parametrize("path", [*INVALID, *VALID], ids=lambda path: f"{path.parent.name}-{path.stem}")
-def test_fixing_again_changes_nothing_and_no_error_is_new(path: Path) -> None:
+def test_fixing_again_changes_no_byte_and_causes_no_error(path: Path) -> None:
     data = path.read_bytes()
 
     first = after(data, path.parent)
@@ -221,7 +221,7 @@ def test_fixing_again_changes_nothing_and_no_error_is_new(path: Path) -> None:
 @pytest.mark.parametrize(
     "path", [path for path in INVALID if b"\r" not in path.read_bytes()], ids=lambda path: path.stem
 )
-def test_line_ends_and_a_byte_order_mark_stay_as_they_are(path: Path) -> None:
+def test_line_ends_and_a_byte_order_mark_are_preserved(path: Path) -> None:
     data = path.read_bytes().removeprefix(MARK)
     plain = after(data, path.parent)
 
@@ -251,7 +251,7 @@ def valid(path: Path) -> tuple[str, list[tuple[int, int]]]:
 
 @settings(max_examples=150)
 @given(st.sampled_from(VALID), st.integers(0, 10**9), st.integers(1, 3))
-def test_of_specs_with_misspelt_words_none_gets_worse_and_only_what_is_fixed_changes(
+def test_specs_with_misspelt_words_get_no_new_error_and_change_only_where_fixed(
     path: Path, seed: int, number: int
 ) -> None:
     chance = random.Random(seed)
@@ -266,7 +266,7 @@ def test_of_specs_with_misspelt_words_none_gets_worse_and_only_what_is_fixed_cha
 
     assert after(right, root, file) == right
     assert errors(right, root, file) <= errors(wrong.encode(), root, file)
-    touched = {edit.span.line for found in done.applied for edit in (found.fix.edits if found.fix else ())}
+    touched = {edit.span.line for applied in done.applied for edit in (applied.fix.edits if applied.fix else ())}
     lines = zip(wrong.split("\n"), right.decode().split("\n"), strict=True)
     assert {number for number, (old, new) in enumerate(lines, start=1) if old != new} <= touched
     assert done.diagnostics == plan_text(right, file, root).diagnostics
@@ -275,7 +275,7 @@ def test_of_specs_with_misspelt_words_none_gets_worse_and_only_what_is_fixed_cha
 @pytest.mark.parametrize(
     "key", ["preview", "context", "identifies", "returns", "observable_when", "when_unobservable", "source"]
 )
-def test_a_misspelt_key_is_put_right_byte_for_byte(key: str) -> None:
+def test_a_misspelt_key_is_corrected_byte_for_byte(key: str) -> None:
     path = ROOT / "specs" / "kitchen.yaml"
     text, _ = valid(path)
     chance = random.Random(key)
@@ -285,7 +285,7 @@ def test_a_misspelt_key_is_put_right_byte_for_byte(key: str) -> None:
         assert after(wrong, ROOT, "specs/kitchen.yaml").decode() == text
 
 
-# How fixes are put together
+# Combinations of fixes
 
 
 RULE = Rule(code="CDR3999", name="example", severity=Severity.ERROR)
@@ -293,12 +293,12 @@ RULE = Rule(code="CDR3999", name="example", severity=Severity.ERROR)
 
 def finding(message: str, *edits: tuple[int, int, str]) -> Diagnostic:
     spans = [(Span("f", 1, start, 1, end), text) for start, end, text in edits]
-    made = Fix(message="fix", edits=tuple(Edit(*each) for each in spans), applicability=Applicability.SAFE)
+    made = Fix(message="fix", edits=tuple(Edit(*span) for span in spans), applicability=Applicability.SAFE)
     return Diagnostic(rule=RULE, message=message, place=Place(spans[0][0]), fix=made)
 
 
 class Words:
-    """A language of words in which small letters are wrong, and so is a large X."""
+    """A language of words in which lower-case letters are errors, and so is a capital X."""
 
     def __init__(self, text: bytes) -> None:
         self.text = text
@@ -306,23 +306,26 @@ class Words:
     def lint(self, texts: Mapping[str, bytes]) -> Sequence[Diagnostic]:
         text = texts.get("f", self.text).decode()
         small = [(match.start() + 1, match[0]) for match in re.finditer("[a-z]", text)]
-        found = [finding(f"small {letter}", (column, column + 1, letter.upper())) for column, letter in small]
-        return [*found, *[Diagnostic(rule=RULE, message="an X", place=Place(Span("f", 1, 1, 1, 1)))] * text.count("X")]
+        lower_case = [finding(f"small {letter}", (column, column + 1, letter.upper())) for column, letter in small]
+        return [
+            *lower_case,
+            *[Diagnostic(rule=RULE, message="an X", place=Place(Span("f", 1, 1, 1, 1)))] * text.count("X"),
+        ]
 
     def fixed(self) -> Fixed:
         return fix_all(self.lint, {"f": self.text})
 
 
 @given(st.lists(st.sampled_from("abx "), max_size=12).map("".join))
-def test_a_fix_that_brings_an_error_is_taken_back_and_the_others_stay(text: str) -> None:
+def test_a_fix_that_causes_an_error_is_undone_and_the_others_stay(text: str) -> None:
     done = Words(text.encode()).fixed()
 
     expected = text.replace("a", "A").replace("b", "B")
     assert done.texts.get("f", text.encode()).decode() == expected
-    assert all(is_safe(found) for found in done.applied)
+    assert all(is_safe(applied) for applied in done.applied)
 
 
-def test_of_two_fixes_that_meet_the_first_is_applied_and_the_other_finds_its_text_changed() -> None:
+def test_of_two_overlapping_fixes_the_first_is_applied_and_the_other_one_is_not() -> None:
     def lint(texts: Mapping[str, bytes]) -> Sequence[Diagnostic]:
         text = texts.get("f", b"abcd")
         if text == b"abcd":
@@ -332,7 +335,7 @@ def test_of_two_fixes_that_meet_the_first_is_applied_and_the_other_finds_its_tex
     assert fix_all(lint, {"f": b"abcd"}).texts == {"f": b"XZd"}
 
 
-def test_fixes_that_turn_in_a_circle_come_to_an_end() -> None:
+def test_cyclic_fixes_terminate() -> None:
     def lint(texts: Mapping[str, bytes]) -> Sequence[Diagnostic]:
         text = texts.get("f", b"a")
         return [finding("turn", (1, 2, "b" if text == b"a" else "a"))]
@@ -342,6 +345,6 @@ def test_fixes_that_turn_in_a_circle_come_to_an_end() -> None:
     assert bool(done.texts) == bool(done.applied)
 
 
-def test_a_file_that_must_not_be_changed_is_left_alone() -> None:
+def test_a_file_that_may_not_be_changed_is_left_alone() -> None:
     assert Words(b"ab").fixed().texts == {"f": b"AB"}
     assert fix_all(Words(b"ab").lint, {}).texts == {}

@@ -1,4 +1,4 @@
-"""`[tool.codra.lint]`: what it means, and where it is wrong."""
+"""`[tool.codra.lint]`: the meaning of settings, and errors in them."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ def lint(text: str) -> str:
     return f"[tool.codra.lint]\n{text}\n"
 
 
-def told(found: Diagnostic) -> tuple[str, int, int, int]:
-    span = found.place.span
-    return found.code, span.line, span.column, span.end_column
+def place_of(finding: Diagnostic) -> tuple[str, int, int, int]:
+    span = finding.place.span
+    return finding.code, span.line, span.column, span.end_column
 
 
 def test_without_settings_everything_is_reported_at_the_rule_s_level(tmp_path: Path) -> None:
-    settings, found = settings_of(tmp_path)
+    settings, findings = settings_of(tmp_path)
 
-    assert found == ()
+    assert findings == ()
     assert all(settings.wants(rule) for rule in RULES.values())
     assert all(settings.level(rule) is rule.severity for rule in RULES.values())
     assert settings.fail_on is Severity.ERROR
@@ -45,9 +45,9 @@ def test_without_settings_everything_is_reported_at_the_rule_s_level(tmp_path: P
 def test_settings_are_read(tmp_path: Path) -> None:
     text = lint('select = ["CDR7"]\nignore = ["CDR7102"]\nfail-on = "warning"\nseverity = {CDR7101 = "warning"}')
 
-    settings, found = read(tmp_path, text)
+    settings, findings = read(tmp_path, text)
 
-    assert found == ()
+    assert findings == ()
     assert settings == Settings(
         select=("CDR7",), ignore=("CDR7102",), severity={"CDR7101": Severity.WARNING}, fail_on=Severity.WARNING
     )
@@ -69,23 +69,23 @@ def test_settings_are_read(tmp_path: Path) -> None:
 def test_the_longest_code_decides_and_errors_that_prevent_compiling_are_always_reported(
     tmp_path: Path, text: str, code: str, wanted: bool
 ) -> None:
-    settings, found = read(tmp_path, lint(text))
+    settings, findings = read(tmp_path, lint(text))
 
-    assert found == ()
+    assert findings == ()
     assert settings.wants(RULES[code]) is wanted
 
 
 def test_severities_go_by_the_longest_code(tmp_path: Path) -> None:
-    settings, found = read(tmp_path, lint('[tool.codra.lint.severity]\nCDR71 = "error"\nCDR7102 = "warning"'))
+    settings, findings = read(tmp_path, lint('[tool.codra.lint.severity]\nCDR71 = "error"\nCDR7102 = "warning"'))
 
-    assert found == ()
+    assert findings == ()
     assert settings.level(RULES["CDR7101"]) is Severity.ERROR
     assert settings.level(RULES["CDR7102"]) is Severity.WARNING
     assert settings.level(RULES["CDR3101"]) is Severity.ERROR
 
 
 @pytest.mark.parametrize(
-    ("text", "place", "way_out"),
+    ("text", "place", "help"),
     [
         ('ignroe = ["CDR7102"]', ("CDR0021", 2, 1, 7), "did you mean 'ignore'?"),
         ('fail_on = "warning"', ("CDR0021", 2, 1, 8), "did you mean 'fail-on'?"),
@@ -100,7 +100,7 @@ def test_severities_go_by_the_longest_code(tmp_path: Path) -> None:
         ('fail-on = "warnin"', ("CDR0023", 2, 11, 19), "did you mean 'warning'?"),
         ("severity = 3", ("CDR0023", 2, 12, 13), 'write severity = {CDR7102 = "error"}'),
         ('severity = {CDR7102 = "info"}', ("CDR0023", 2, 23, 29), 'write "error" or "warning"'),
-        ('severity = {CDR7102 = "off"}', ("CDR0023", 2, 23, 28), "what is not wanted goes to 'ignore'"),
+        ('severity = {CDR7102 = "off"}', ("CDR0023", 2, 23, 28), "to hide findings, use 'ignore'"),
         ('severity = {CDR7199 = "error"}', ("CDR0022", 2, 13, 20), "did you mean 'CDR7109'?"),
         ("ignore = [\"CDR7102\", 'CDR7102']", ("CDR0024", 2, 22, 31), "remove one of them"),
         ('select = ["CDR71"]\nignore = ["CDR71"]', ("CDR0024", 3, 11, 18), "remove one of them"),
@@ -109,36 +109,36 @@ def test_severities_go_by_the_longest_code(tmp_path: Path) -> None:
         ('severity = {CDR2003 = "warning"}', ("CDR0025", 2, 13, 20), "correct the spec"),
     ],
 )
-def test_what_is_wrong_is_told_with_its_place_and_a_way_out(
+def test_an_error_is_reported_with_its_place_and_help(
     tmp_path: Path, text: str, place: tuple[str, int, int, int], help: str
 ) -> None:
-    _, (found,) = read(tmp_path, lint(text))
+    _, (finding,) = read(tmp_path, lint(text))
 
-    assert told(found) == place
-    assert help in found.help
+    assert place_of(finding) == place
+    assert help in finding.help
 
 
-def test_a_misspelt_table_is_told(tmp_path: Path) -> None:
-    _, (found,) = read(tmp_path, "[tool.codra]\n[tool.codra.lnit]\nignore = []\n")
+def test_a_misspelt_table_is_reported(tmp_path: Path) -> None:
+    _, (finding,) = read(tmp_path, "[tool.codra]\n[tool.codra.lnit]\nignore = []\n")
 
-    assert told(found)[:2] == ("CDR0021", 2)
-    assert found.help == "did you mean 'lint'?"
+    assert place_of(finding)[:2] == ("CDR0021", 2)
+    assert finding.help == "did you mean 'lint'?"
 
 
 @pytest.mark.parametrize("text", ["[tool]\ncodra = 3\n", "[[tool.codra]]\nlint = {}\n", "[tool.codra]\nlint = 1\n"])
-def test_a_table_that_is_none_is_told_and_the_project_is_one_all_the_same(tmp_path: Path, text: str) -> None:
-    settings, (found,) = read(tmp_path, text)
+def test_a_value_instead_of_a_table_is_reported_and_the_folder_is_still_a_project(tmp_path: Path, text: str) -> None:
+    settings, (finding,) = read(tmp_path, text)
 
     assert settings == Settings()
-    assert found.message.endswith("must be a table")
+    assert finding.message.endswith("must be a table")
     assert project_of(tmp_path / "specs") == tmp_path
 
 
-def test_what_is_right_counts_though_something_else_is_wrong(tmp_path: Path) -> None:
-    settings, found = read(tmp_path, lint('ignore = ["CDR7102", "CDR7", 3]\nselct = 1'))
+def test_valid_settings_count_beside_wrong_ones(tmp_path: Path) -> None:
+    settings, findings = read(tmp_path, lint('ignore = ["CDR7102", "CDR7", 3]\nselct = 1'))
 
     assert settings.ignore == ("CDR7102", "CDR7")
-    assert len(found) == 2
+    assert len(findings) == 2
 
 
 @pytest.mark.parametrize(
@@ -151,13 +151,13 @@ def test_what_is_right_counts_though_something_else_is_wrong(tmp_path: Path) -> 
         (b"\xef\xbb\xbf[tool.codra]\n", 1, 1),
     ],
 )
-def test_a_file_that_is_no_toml_is_told_where_it_stops_being_that(
+def test_a_file_that_is_not_toml_is_reported_at_the_error(
     tmp_path: Path, text: str | bytes, line: int, column: int
 ) -> None:
-    """A key that stands twice makes it no TOML, too."""
-    _, (found,) = read(tmp_path, text)
+    """A duplicate key makes the file invalid, too."""
+    _, (finding,) = read(tmp_path, text)
 
-    assert told(found)[:3] == ("CDR0020", line, column)
+    assert place_of(finding)[:3] == ("CDR0020", line, column)
     assert project_of(tmp_path / "specs") == tmp_path
 
 
@@ -183,7 +183,7 @@ HEADERS = st.lists(
 
 
 @given(ENTRIES, HEADERS, ENTRIES)
-def test_every_key_of_a_toml_file_is_found_where_it_is_written_and_so_are_plain_values(
+def test_the_places_of_keys_and_plain_values_of_a_toml_file_are_exact(
     first: dict[str, str], headers: list[str], second: dict[str, str]
 ) -> None:
     tables = ["", *headers]
@@ -211,7 +211,7 @@ def test_every_key_of_a_toml_file_is_found_where_it_is_written_and_so_are_plain_
 
 
 @given(st.dictionaries(st.text("[]{}=,.\"'#ab1", max_size=4), st.integers(), max_size=3))
-def test_what_stands_nowhere_is_at_the_beginning(entries: dict[str, int]) -> None:
+def test_an_unknown_place_is_the_beginning_of_the_file(entries: dict[str, int]) -> None:
     text = "".join(f"{json.dumps(key)} = {value}\n" for key, value in entries.items())
 
     assert TomlPlaces("pyproject.toml", text).key("no", "such").span.line == 1

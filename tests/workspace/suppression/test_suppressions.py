@@ -1,4 +1,4 @@
-"""`# codra: ignore[CODE] reason`: what it silences, and what is said about it."""
+"""`# codra: ignore[CODE] reason`: the findings that it silences, and the findings about it."""
 
 from __future__ import annotations
 
@@ -51,14 +51,14 @@ def test_a_comment_with_a_reason_silences_the_finding_of_its_line_or_the_next(tm
         KITCHEN.replace("pour:\n", f"pour: {COMMENT}\n"),
     ],
 )
-def test_a_comment_elsewhere_silences_nothing_there_and_is_unused(tmp_path: Path, text: str) -> None:
-    found = codes(lint(text, tmp_path))
+def test_a_comment_elsewhere_is_unused(tmp_path: Path, text: str) -> None:
+    reported = codes(lint(text, tmp_path))
 
-    assert "CDR7102" in found
-    assert ("CDR7901" in found) == ("window" not in text)
+    assert "CDR7102" in reported
+    assert ("CDR7901" in reported) == ("window" not in text)
 
 
-def test_what_looks_like_a_comment_in_a_text_is_none(tmp_path: Path) -> None:
+def test_text_that_looks_like_a_comment_is_not_a_comment(tmp_path: Path) -> None:
     quoted = UNUSED.replace("}", f", label: '{COMMENT}'}}")
     block = f"  unused:\n    type: bool\n    source: main_execution\n    description: |\n      {COMMENT}\n"
 
@@ -66,49 +66,49 @@ def test_what_looks_like_a_comment_in_a_text_is_none(tmp_path: Path) -> None:
     assert codes(lint(KITCHEN.replace(UNUSED, block), tmp_path)) == ["CDR7102"]
 
 
-def test_a_comment_without_a_reason_is_an_error_in_place_of_what_it_silences(tmp_path: Path) -> None:
-    (found,) = lint(with_comment("# codra: ignore[CDR7102]"), tmp_path)
+def test_a_comment_without_a_reason_is_an_error_in_place_of_the_silenced_finding(tmp_path: Path) -> None:
+    (finding,) = lint(with_comment("# codra: ignore[CDR7102]"), tmp_path)
 
-    assert (found.code, found.severity) == ("CDR7902", Severity.ERROR)
-    assert found.place.span.line == 5
+    assert (finding.code, finding.severity) == ("CDR7902", Severity.ERROR)
+    assert finding.place.span.line == 5
 
 
-def test_a_comment_that_silences_nothing_is_told_and_can_be_removed(tmp_path: Path) -> None:
+def test_an_unused_comment_is_reported_and_can_be_removed(tmp_path: Path) -> None:
     text = with_comment().replace("preview: [pot_full]", "preview: [pot_full, unused]")
 
-    (found,) = lint(text, tmp_path)
+    (finding,) = lint(text, tmp_path)
 
-    assert found.code == "CDR7901"
-    assert found.fix is not None
-    assert found.fix.applicability is Applicability.SAFE
+    assert finding.code == "CDR7901"
+    assert finding.fix is not None
+    assert finding.fix.applicability is Applicability.SAFE
 
 
-def test_a_comment_beside_the_finding_that_it_is_meant_for_is_not_taken_away(tmp_path: Path) -> None:
+def test_a_misplaced_comment_is_not_removed(tmp_path: Path) -> None:
     text = KITCHEN.replace("preview: [pot_full]", "preview: [pot_full]  " + COMMENT)
 
-    _, found = lint(text, tmp_path)
+    _, finding = lint(text, tmp_path)
 
-    assert (found.code, found.fix) == ("CDR7901", None)
-    assert found.help == "move it to line 5, where there is one, or remove it"
+    assert (finding.code, finding.fix) == ("CDR7901", None)
+    assert finding.help == "move it to line 5, which has such a finding, or remove it"
 
 
-def test_of_several_codes_each_is_told_that_silences_nothing(tmp_path: Path) -> None:
-    (found,) = lint(with_comment("# codra: ignore[CDR7102, CDR7103] two"), tmp_path)
+def test_of_several_codes_the_unused_ones_are_reported(tmp_path: Path) -> None:
+    (finding,) = lint(with_comment("# codra: ignore[CDR7102, CDR7103] two"), tmp_path)
 
-    span = found.place.span
-    assert (found.code, "CDR7103" in found.message) == ("CDR7901", True)
+    span = finding.place.span
+    assert (finding.code, "CDR7103" in finding.message) == ("CDR7901", True)
     assert with_comment("# codra: ignore[CDR7102, CDR7103] two").splitlines()[4][span.column - 1 :][:7] == "CDR7103"
 
 
 def test_while_there_is_an_error_no_comment_is_called_unused(tmp_path: Path) -> None:
-    """What it silences may be hidden behind the error."""
+    """The finding that it silences may be hidden behind the error."""
     text = KITCHEN.replace("preview: [pot_full]", "preview: [pot_fully]  " + COMMENT)
 
     assert codes(lint(text, tmp_path)) == ["CDR7102", "CDR3101"]
 
 
 @pytest.mark.parametrize(
-    ("comment", "code", "way_out"),
+    ("comment", "code", "help"),
     [
         ("# codra: ignore[CDR7192] typo", "CDR7903", "did you mean 'CDR7102'?"),
         ("# codra: ignore[cdr7102] small letters", "CDR7903", "did you mean 'CDR7102'?"),
@@ -121,19 +121,19 @@ def test_while_there_is_an_error_no_comment_is_called_unused(tmp_path: Path) -> 
         ("# codra: noqa CDR7102", "CDR7905", "write '# codra: ignore[CDR7102] reason'"),
     ],
 )
-def test_a_comment_that_cannot_silence_is_told_beside_the_finding(
+def test_a_comment_that_cannot_silence_is_reported_with_the_finding(
     tmp_path: Path, comment: str, code: str, help: str
 ) -> None:
     text = with_comment(comment)
 
-    found = lint(text, tmp_path)
+    findings = lint(text, tmp_path)
 
-    assert sorted(codes(found)) == ["CDR7102", code]
-    assert next(each.help for each in found if each.code == code) == help
+    assert sorted(codes(findings)) == ["CDR7102", code]
+    assert next(finding.help for finding in findings if finding.code == code) == help
 
 
 @pytest.mark.parametrize("comment", ["# codra: 1 is the version", "# codra lint finds nothing", "# see codra: ignore"])
-def test_other_comments_about_codra_mean_nothing(tmp_path: Path, comment: str) -> None:
+def test_other_comments_about_codra_are_ignored(tmp_path: Path, comment: str) -> None:
     assert codes(lint(with_comment(comment), tmp_path)) == ["CDR7102"]
 
 
@@ -168,14 +168,14 @@ def test_at_the_template_s_line_a_comment_silences_every_use(tmp_path: Path) -> 
 
 
 def test_at_a_use_s_line_a_comment_silences_that_use(tmp_path: Path) -> None:
-    (found,) = lint(JARS.replace("  sugar: {template: jar}", f"  sugar: {{template: jar}}  {COMMENT}"), tmp_path)
+    (finding,) = lint(JARS.replace("  sugar: {template: jar}", f"  sugar: {{template: jar}}  {COMMENT}"), tmp_path)
 
-    assert found.place.use is not None
-    assert found.place.use.line == 9
-    assert [each.place.use.line for each in found.related if each.place.use] == [10]
+    assert finding.place.use is not None
+    assert finding.place.use.line == 9
+    assert [related.place.use.line for related in finding.related if related.place.use] == [10]
 
 
-def test_when_every_use_is_silenced_nothing_is_left(tmp_path: Path) -> None:
+def test_when_every_use_is_silenced_no_finding_is_left(tmp_path: Path) -> None:
     assert lint(JARS.replace("{template: jar}\n", f"{{template: jar}}  {COMMENT}\n"), tmp_path) == ()
 
 
@@ -189,21 +189,21 @@ WHOLE = KITCHEN.replace("name: kitchen\n", "name: kitchen\ninclude: [parts/more.
 def test_comments_work_in_parts(tmp_path: Path) -> None:
     silenced = PART.replace(UNUSED, f"{UNUSED[:-1]}  {COMMENT}\n")
 
-    found = lint_files(tmp_path, "kitchen.yaml", kitchen=WHOLE, parts__more=silenced)
+    planned = lint_files(tmp_path, "kitchen.yaml", kitchen=WHOLE, parts__more=silenced)
 
-    assert found.diagnostics == ()
+    assert planned.diagnostics == ()
 
 
-def test_a_comment_in_a_part_is_called_unused_only_where_the_part_s_folder_was_asked_for(tmp_path: Path) -> None:
+def test_a_comment_in_a_part_is_called_unused_only_if_the_part_s_folder_was_linted(tmp_path: Path) -> None:
     """Another spec may include it."""
     idle = PART.replace(UNUSED, f"  pot_hot: {{type: bool, source: main_execution}}  {COMMENT}\n")
-    whole = WHOLE.replace("[pot_full]", "[pot_full, pot_hot]")
+    both = WHOLE.replace("[pot_full]", "[pot_full, pot_hot]")
 
-    assert codes(lint_files(tmp_path, "kitchen.yaml", kitchen=whole, parts__more=idle).diagnostics) == []
-    assert codes(lint_files(tmp_path, ".", kitchen=whole, parts__more=idle).diagnostics) == ["CDR7901"]
+    assert codes(lint_files(tmp_path, "kitchen.yaml", kitchen=both, parts__more=idle).diagnostics) == []
+    assert codes(lint_files(tmp_path, ".", kitchen=both, parts__more=idle).diagnostics) == ["CDR7901"]
 
 
-def test_a_comment_that_silences_in_one_of_two_specs_is_of_use(tmp_path: Path) -> None:
+def test_a_comment_that_silences_in_one_of_two_specs_is_used(tmp_path: Path) -> None:
     part = PART.replace(UNUSED, f"{UNUSED[:-1]}  {COMMENT}\n")
     other = WHOLE.replace("name: kitchen", "name: other").replace("[pot_full]", "[pot_full, unused]")
 
@@ -213,11 +213,11 @@ def test_a_comment_that_silences_in_one_of_two_specs_is_of_use(tmp_path: Path) -
 # Together with settings
 
 
-def test_a_code_that_is_not_reported_still_makes_its_comment_one_of_use(tmp_path: Path) -> None:
+def test_a_comment_for_an_ignored_code_is_still_used(tmp_path: Path) -> None:
     assert lint(with_comment(), tmp_path, 'ignore = ["CDR7102"]') == ()
 
 
-def test_settings_raise_and_leave_out(tmp_path: Path) -> None:
+def test_settings_raise_severities_and_ignore_codes(tmp_path: Path) -> None:
     (raised,) = lint(KITCHEN, tmp_path, 'severity = {CDR7102 = "error"}')
 
     assert raised.severity is Severity.ERROR
@@ -225,5 +225,5 @@ def test_settings_raise_and_leave_out(tmp_path: Path) -> None:
     assert lint(KITCHEN, tmp_path, 'ignore = ["CDR71"]') == ()
 
 
-def test_what_is_wrong_with_settings_stands_among_the_findings(tmp_path: Path) -> None:
+def test_errors_in_settings_are_among_the_findings(tmp_path: Path) -> None:
     assert codes(lint(KITCHEN, tmp_path, "selct = []")) == ["CDR7102", "CDR0021"]

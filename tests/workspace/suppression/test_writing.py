@@ -1,4 +1,4 @@
-"""Fixed texts reach their files whole or not at all."""
+"""Fixed texts are written to their files completely or not at all."""
 
 from __future__ import annotations
 
@@ -14,28 +14,28 @@ from codra_dsl.workspace.suppression import rewritable, rewrite, unified
 def test_a_file_that_has_changed_since_it_was_read_is_left_alone(tmp_path: Path) -> None:
     (tmp_path / "a.yaml").write_bytes(b"newer")
 
-    found = rewrite("a.yaml", tmp_path, b"old", b"fixed")
+    finding = rewrite("a.yaml", tmp_path, b"old", b"fixed")
 
-    assert found is not None
-    assert found.message == "cannot write 'a.yaml': it has changed in the meantime"
+    assert finding is not None
+    assert finding.message == "cannot write 'a.yaml': it has changed in the meantime"
     assert (tmp_path / "a.yaml").read_bytes() == b"newer"
 
 
 def test_a_write_protected_file_is_left_alone_or_keeps_its_mode(tmp_path: Path) -> None:
-    """For the superuser nothing is write-protected."""
+    """For the superuser no file is write-protected."""
     path = tmp_path / "a.yaml"
     path.write_bytes(b"old")
     path.chmod(0o444)
 
-    found = rewrite("a.yaml", tmp_path, b"old", b"fixed")
+    finding = rewrite("a.yaml", tmp_path, b"old", b"fixed")
 
-    assert path.read_bytes() == (b"fixed" if found is None else b"old")
+    assert path.read_bytes() == (b"fixed" if finding is None else b"old")
     assert path.stat().st_mode & 0o777 == 0o444
     assert [entry.name for entry in tmp_path.iterdir()] == ["a.yaml"]
 
 
-def test_who_fixes_a_file_does_not_become_its_owner(tmp_path: Path) -> None:
-    """As a container does that runs as the superuser on somebody's files; others can give none away."""
+def test_fixing_a_file_does_not_change_its_owner(tmp_path: Path) -> None:
+    """This concerns a container that runs as the superuser on a user's files; other users cannot give files away."""
     path = tmp_path / "a.yaml"
     path.write_bytes(b"old")
     owner = 65534 if os.geteuid() == 0 else os.geteuid()
@@ -46,7 +46,7 @@ def test_who_fixes_a_file_does_not_become_its_owner(tmp_path: Path) -> None:
     assert (path.read_bytes(), path.stat().st_uid) == (b"fixed", owner)
 
 
-def test_what_stands_outside_of_the_project_is_neither_read_nor_written(tmp_path: Path) -> None:
+def test_files_outside_of_the_project_are_neither_read_nor_written(tmp_path: Path) -> None:
     (tmp_path / "project").mkdir()
     (tmp_path / "outside.yaml").write_bytes(b"old")
     (tmp_path / "project/link.yaml").symlink_to("../outside.yaml")
@@ -57,7 +57,7 @@ def test_what_stands_outside_of_the_project_is_neither_read_nor_written(tmp_path
     assert (tmp_path / "outside.yaml").read_bytes() == b"old"
 
 
-def test_what_is_not_there_is_told(tmp_path: Path) -> None:
+def test_a_missing_file_is_reported(tmp_path: Path) -> None:
     assert rewritable(["a.yaml"], tmp_path) == {}
     assert rewrite("a.yaml", tmp_path, b"", b"fixed") is not None
     assert list(tmp_path.iterdir()) == []
@@ -67,7 +67,7 @@ LINES = st.lists(st.sampled_from(["a\n", "b\r\n", "c\rd\n", "\n", "e"]), max_siz
 
 
 @given(LINES, LINES)
-def test_a_difference_holds_every_line_of_both_texts_as_it_is(before: str, after: str) -> None:
+def test_a_difference_has_every_line_of_both_texts_unchanged(before: str, after: str) -> None:
     diff = unified(before.encode(), after.encode(), "f")
 
     body = diff.split("\n", 2)[-1]

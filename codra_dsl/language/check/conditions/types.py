@@ -355,7 +355,11 @@ class _Inference:
         return Typed(node, BOOL, tuple(operands))
 
     def _side(self, node: Node) -> Typed:
-        """Return one side of a comparison: the only place where an age is allowed."""
+        """Return one side of a comparison: the only place where an age is allowed.
+
+        An age is one complete side of an ordering comparison, so that the runtime can compute the instant at which the
+        comparison changes its result.
+        """
         return self._age(node) if is_age(node) and isinstance(node, Call) else self.infer(node)
 
     def _check_link(self, operator: Comparison, left: Typed, right: Typed) -> None:

@@ -1,4 +1,8 @@
-"""The parsed fuzzy rules of a spec, and the terms that they can use."""
+"""The parsed fuzzy rules of a spec, and the terms that they can use.
+
+Fuzzy rules are parsed in `check`, where their variables and terms are known, by the parser of FLL. Characters of a rule
+keep their places in the spec, so that findings of the parser point into it.
+"""
 
 from __future__ import annotations
 

@@ -442,9 +442,8 @@ class SpecIndex:
         return frozenset(near for (_, kind), near in self._near.items() if near is not None and kind == "context")
 
     def _group(self, names: Iterable[str]) -> Group:
-        ranked = tuple(
-            sorted((self.algorithms[name] for name in names), key=lambda algorithm: (algorithm.rank, algorithm.name))
-        )
+        algorithms = (self.algorithms[name] for name in names)
+        ranked = tuple(sorted(algorithms, key=lambda algorithm: (algorithm.rank, algorithm.name)))
         entries = (entry for algorithm in ranked for entry in algorithm.identifies)
         return Group(ranked, tuple(dict.fromkeys(entry.variable.name for entry in entries)))
 
@@ -456,9 +455,8 @@ class SpecIndex:
         if site.role is Role.OBSERVABLE_WHEN or site.role in OF_LOOPS:
             seen = self.context_types
         elif site.role in OVER_KNOWLEDGE:
-            seen = {
-                name.name: self.context_types.get(name.name, self.world.read_type(name.name)) for name in site.names
-            }
+            context_types, read_type = self.context_types, self.world.read_type
+            seen = {name.name: context_types.get(name.name, read_type(name.name)) for name in site.names}
         elif site.role is Role.MONITOR and site.variable is not None:
             seen = {site.variable: wanted}
         else:

@@ -1,4 +1,8 @@
-"""Phases 4 and 5 for loops: adaptations that depend on values that they set or choose themselves."""
+"""Phases 4 and 5 for loops: adaptations that depend on values that they set or choose themselves.
+
+Such feedback is allowed, so that a value can keep itself (hysteresis). It is an error only if no value would be stable,
+or if no value would ever be known.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Phase 5 for fuzzy rules: where rules fire. Every term holds on intervals, so a few cells cover all cases."""
+"""Phase 5 for fuzzy rules: where rules fire. Every term holds on intervals, so a few cells cover all cases.
+
+The checks use these intervals instead of degrees. They therefore need nothing of the runtime, and name exactly the case
+in which no rule acts.
+"""
 
 from __future__ import annotations
 

@@ -78,6 +78,7 @@ def _read_unit(reader: Reader, entry: tuple[ScalarNode, YamlNode], *steps: str) 
 def _read_range(
     reader: Reader, entry: tuple[ScalarNode, YamlNode], unit: tuple[str, Unit | None] | None, *steps: str
 ) -> tuple[float, float] | None:
+    """Return a range in the unit of the value; only literals, such as those under `with`, are converted to SI units."""
     if not isinstance(entry[1], SequenceNode) or entry[1].reported:
         return None
     if any(item.reported for item in entry[1].items):

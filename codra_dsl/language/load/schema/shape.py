@@ -138,7 +138,7 @@ class _Explanation:
             node.reported = True
 
     def _is_new(self, path: tuple[str | int, ...]) -> bool:
-        """Return whether there is no finding yet about a value or its containers."""
+        """Return whether a value and its containers have no finding yet."""
         nodes = list(self._along(path))
         known = any(node.reported for node in nodes) or any(
             path[:length] in self._done for length in range(len(path) + 1)

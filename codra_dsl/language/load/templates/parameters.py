@@ -78,7 +78,7 @@ def repair_parameter(text: str, names: Collection[str]) -> RepairedParameter | N
 
 
 def _begun(word: str, names: Iterable[str]) -> str:
-    """Return the longest of some names that a word equals or begins with; an empty text if there is none."""
+    """Return the longest of some names that a word equals or begins with; an empty text if no name matches."""
     beginnings = (name for name in names if word.startswith(name) and word[len(name) : len(name) + 1] in ("", "_"))
     return max(beginnings, key=len, default="")
 

@@ -427,7 +427,7 @@ class _Survey:
         return not text.startswith("(") or position not in (Position.CONDITION, Position.TEXT)
 
     def _is_right(self, node: ScalarNode, pattern: Pattern, index: int) -> bool:
-        """Report mistakes in one piece of a scalar; return whether there are none."""
+        """Report mistakes in one piece of a scalar; return whether it is valid."""
         piece = pattern.pieces[index]
         if not piece.parameter:
             if "$(" in piece.text:

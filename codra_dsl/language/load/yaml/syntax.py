@@ -121,7 +121,7 @@ def _quoted_beginning(complaint: ParserError) -> Problem | None:
 
 
 def _torn_before(complaint: ParserError, start: int) -> int | None:
-    """Return the beginning of the condition that a comma before `start` splits; None if there is none."""
+    """Return the beginning of the condition that a comma before `start` splits, or None."""
     text = complaint.text
     pieces = _PIECE_BEGINS.finditer(text, max(complaint.begun, start - LOOK_AROUND), start)
     begins = [piece.end() for piece in pieces][-_MAX_PIECES:-1]

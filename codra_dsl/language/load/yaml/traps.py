@@ -77,10 +77,8 @@ def read_as_quoted(first: str, rest: str, complete: str) -> Trap:
     message = f"YAML reads {shown(first)} as the complete value and cannot read {shown(rest)} after it"
     inner = complete[1:-1]
     if complete[:1] == complete[-1:] and not is_condition(complete):
-        replacement = quoted(inner)
-        return Trap(
-            "read-as-quoted", message, f"use other quotes around it: {replacement}", replacement, _on_one_line(inner)
-        )
+        requoted = quoted(inner)
+        return Trap("read-as-quoted", message, f"use other quotes around it: {requoted}", requoted, _on_one_line(inner))
     return _quoting("read-as-quoted", message, complete, "all of it")
 
 

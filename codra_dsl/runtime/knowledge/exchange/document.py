@@ -281,4 +281,4 @@ def _shown(given: object) -> str:
 
 
 def _no_node(name: str) -> DsrNode:
-    raise KeyError(f"there is no node {name!r}")
+    raise KeyError(f"the node {name!r} does not exist")

@@ -100,14 +100,14 @@ class _Export:
     def _node(self, node: Node, before: DsrNode | None) -> DsrNode:
         kept = {} if before is None else self._kept(before.attributes, (node.name,))
         readings = _known(node.attributes, self._seen)
-        attributes = {**kept, **self._derived(node.name), **_coded(readings, before)}
+        attributes = {**kept, **self._derived(node.name), **_encoded(readings, before)}
         if before is not None:
             return replace(before, type=str(node.type), attributes=attributes)
         return DsrNode(number=self._numbers[node.name], name=str(node.name), type=str(node.type), attributes=attributes)
 
     def _edge(self, edge: Edge, before: DsrEdge | None) -> DsrEdge:
         kept = {} if before is None else self._kept(before.attributes, edge.key)
-        attributes = {**kept, **self._choice(edge), **_coded(_known(edge.attributes, self._seen), before)}
+        attributes = {**kept, **self._choice(edge), **_encoded(_known(edge.attributes, self._seen), before)}
         if edge.label == RT:
             attributes = self._posed(edge, attributes)
         if before is not None:
@@ -152,13 +152,13 @@ def _known(readings: Mapping[str, Reading[Any]], seen: Snapshot) -> dict[str, ob
     return {name: reading.value for name, reading in present.items() if reading.known}
 
 
-def _coded(values: Mapping[str, object], before: DsrNode | DsrEdge | None) -> dict[str, DsrValue]:
+def _encoded(values: Mapping[str, object], before: DsrNode | DsrEdge | None) -> dict[str, DsrValue]:
     """Return values with the codes of the import, or with codes for their types."""
     was = {} if before is None else before.attributes
-    return dict(_coded_items(values.items(), was))
+    return dict(_encoded_items(values.items(), was))
 
 
-def _coded_items(values: Iterable[tuple[str, object]], was: Mapping[str, DsrValue]) -> Iterator[tuple[str, DsrValue]]:
+def _encoded_items(values: Iterable[tuple[str, object]], was: Mapping[str, DsrValue]) -> Iterator[tuple[str, DsrValue]]:
     for name, value in values:
         known = was.get(name)
         if known is None:

@@ -48,8 +48,8 @@ class DsrImport:
     Attributes:
         model: the declarations, with all imported nodes, edges and values; `Knowledge` begins with it.
         document: the DSR graph.
-        foreign: the parts that the knowledge graph does not hold. `dsr_of` writes them again while their node or edge
-            exists.
+        foreign: the parts that the knowledge graph does not hold. `export_dsr` writes them again while their node or
+            edge exists.
         taken: the imported parts.
         unit_m: the unit of translations, in metres.
     """
@@ -183,7 +183,7 @@ class _Import:
             yield name, content
 
     def _type_of(self, edge: DsrEdge, origin: Node, target: Node) -> EdgeType | str:
-        """Return the type of an edge by its label and its ends, or the reason why there is none."""
+        """Return the type of an edge by its label and its ends, or the reason why it has no type."""
         labelled = self._schema.labelled(edge.label)
         fitting = [kind for kind in labelled if kind.fits(origin, target)]
         chosen = edge.attributes.get(EDGE_TYPE)

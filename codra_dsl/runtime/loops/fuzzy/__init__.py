@@ -1,7 +1,9 @@
-"""The arithmetic of fuzzy inference: what the compiled modules of engines import.
+"""The arithmetic of fuzzy inference, which the compiled modules of engines import.
 
 Values equal those of the FuzzyLite libraries (J. Rada-Vilela, fuzzylite.com), which P2 uses for its two stages of
-inference (section 5.2): for missing inputs (NaN), infinities and degenerate parameters too.
+inference (section 5.2). This includes missing inputs (NaN), infinities and degenerate parameters.
+
+Rules are plain Python and fuzzy sets are rows of numpy: scalar calls are fast for a few numbers, rows for a hundred.
 """
 
 from __future__ import annotations

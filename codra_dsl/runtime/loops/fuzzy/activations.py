@@ -1,7 +1,8 @@
-"""Which rules of a block act, and how strongly: gates decide rule by rule, the others about all rules at once.
+"""Activation methods: which rules of a block act, and how strongly.
 
-None is a rule that does not act. That differs from one that acts with degree 0: only the latter counts in Tsukamoto's
-method, whose inverses can be infinite at 0.
+A gate decides rule by rule; the other methods decide about all rules at once. None means that a rule does not act.
+This differs from acting with degree 0: only a rule that acts counts in Tsukamoto's method, whose inverses can be
+infinite at 0. FuzzyLite makes the same distinction.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ COMPARATORS: Mapping[str, Callable[[float, float], bool]] = MappingProxyType(
 
 
 class Gate:
-    """The first rules that are asked about, as many as there may be, and strong enough: FuzzyLite's First and Last."""
+    """Admits the first rules that are strong enough, up to a limit: FuzzyLite's First and Last."""
 
     __slots__ = ("_left", "_threshold")
 
@@ -35,7 +36,7 @@ class Gate:
         self._threshold = threshold
 
     def admit(self, degree: float) -> float | None:
-        """Return the degree with which the next rule acts."""
+        """Return the degree with which the next rule acts; None if it does not act."""
         if self._left > 0 and degree > 0.0 and degree >= self._threshold:
             self._left -= 1
             return degree
@@ -43,17 +44,17 @@ class Gate:
 
 
 def threshold(degree: float, comparator: str, limit: float) -> float | None:
-    """Return the degree if it compares as stated."""
+    """Return the degree if the comparison holds."""
     return degree if COMPARATORS[comparator](degree, limit) else None
 
 
 def highest(degrees: tuple[float, ...], rules: int) -> tuple[float | None, ...]:
-    """Return the degrees of the strongest rules, of equal ones the first."""
+    """Return the degrees of the strongest rules; among equal ones the first."""
     return _foremost(degrees, rules, [-degree for degree in degrees])
 
 
 def lowest(degrees: tuple[float, ...], rules: int) -> tuple[float | None, ...]:
-    """Return the degrees of the weakest rules above 0, of equal ones the first."""
+    """Return the degrees of the weakest rules above 0; among equal ones the first."""
     return _foremost(degrees, rules, list(degrees))
 
 

@@ -1,6 +1,7 @@
-"""Which rules of a block act when degrees are intervals: surely, perhaps, or not at all (None).
+"""Activation methods for intervals of degrees: a rule acts certainly, possibly, or not at all (None).
 
-Whether a rule acts with degree 0 or not at all makes no difference to an interval, so what perhaps acts reaches to 0.
+For an interval it makes no difference whether a rule acts with degree 0 or not at all, so the interval of a rule that
+possibly acts includes 0.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from collections.abc import Callable, Sequence
 from codra_dsl.runtime.loops.fuzzy.bounds import Bounds, hedge, is_finite
 
 _ROUNDING = 1e-12
-"""By how much a share is widened."""
+"""The margin that is added to the bounds of a share."""
 
 
 def _perhaps(degree: Bounds) -> Bounds:
@@ -18,7 +19,7 @@ def _perhaps(degree: Bounds) -> Bounds:
 
 
 class Gate:
-    """The first rules that are asked about, as many as there may be, and strong enough."""
+    """Admits the first rules that are strong enough, up to a limit."""
 
     __slots__ = ("_perhaps_before", "_rules", "_surely_before", "_threshold")
 
@@ -29,7 +30,7 @@ class Gate:
         self._perhaps_before = 0
 
     def admit(self, degree: Bounds) -> Bounds | None:
-        """Return the degree with which the next rule acts."""
+        """Return the degree with which the next rule acts; None if it cannot act."""
         surely = degree.low > 0.0 and degree.low >= self._threshold and not degree.may_be_unknown
         perhaps = degree.high > 0.0 and degree.high >= self._threshold
         can = perhaps and self._surely_before < self._rules
@@ -42,7 +43,7 @@ class Gate:
 
 
 def threshold(degree: Bounds, comparator: str, limit: float) -> Bounds | None:
-    """Return the degree if it compares as stated."""
+    """Return the degree if the comparison can hold."""
     can, must = _compares(degree, comparator, limit)
     if not can:
         return None
@@ -50,7 +51,7 @@ def threshold(degree: Bounds, comparator: str, limit: float) -> Bounds | None:
 
 
 def _compares(degree: Bounds, comparator: str, limit: float) -> tuple[bool, bool]:
-    """Return whether a degree can compare as stated, and whether it must."""
+    """Return whether a comparison can hold, and whether it certainly holds."""
     low, high = degree.low, degree.high
     if comparator == "==":
         return low <= limit <= high, low == limit == high
@@ -64,12 +65,12 @@ def _compares(degree: Bounds, comparator: str, limit: float) -> tuple[bool, bool
 
 
 def highest(degrees: Sequence[Bounds], rules: int) -> tuple[Bounds | None, ...]:
-    """Return the degrees of the strongest rules, of equal ones the first."""
-    return _foremost(degrees, rules, [Bounds(-each.high, -each.low) for each in degrees])
+    """Return the degrees of the strongest rules; among equal ones the first."""
+    return _foremost(degrees, rules, [Bounds(-degree.high, -degree.low) for degree in degrees])
 
 
 def lowest(degrees: Sequence[Bounds], rules: int) -> tuple[Bounds | None, ...]:
-    """Return the degrees of the weakest rules above 0, of equal ones the first."""
+    """Return the degrees of the weakest rules above 0; among equal ones the first."""
     return _foremost(degrees, rules, degrees)
 
 
@@ -95,7 +96,7 @@ def proportional(degrees: Sequence[Bounds]) -> tuple[Bounds | None, ...]:
     """Return each degree above 0 as its share of their sum."""
     if not all(map(is_finite, degrees)):
         return tuple(Bounds(0.0, 1.0) for _ in degrees)
-    lows, highs = ([max(0.0, each[end]) for each in degrees] for end in (0, 1))
+    lows, highs = ([max(0.0, degree[end]) for degree in degrees] for end in (0, 1))
     acting: list[Bounds | None] = []
     for at, (low, high) in enumerate(zip(lows, highs, strict=True)):
         if high == 0.0:
@@ -108,8 +109,11 @@ def proportional(degrees: Sequence[Bounds]) -> tuple[Bounds | None, ...]:
 
 
 def hedged(degree: Bounds | None, of: Callable[[float], float]) -> Bounds | None:
-    """Return the degree of a conclusion with a hedge: what perhaps does not act counts as 0, not as the hedge of 0."""
+    """Return the degree of a conclusion with a hedge.
+
+    A rule that possibly does not act counts as 0, not as the hedge of 0.
+    """
     if degree is None:
         return None
-    found = hedge(of, degree)
-    return found if degree.low > 0.0 else _perhaps(found)
+    bounds = hedge(of, degree)
+    return bounds if degree.low > 0.0 else _perhaps(bounds)

@@ -1,4 +1,4 @@
-"""Formulas when their operands are intervals."""
+"""Formulas with intervals as operands."""
 
 from __future__ import annotations
 
@@ -15,14 +15,17 @@ _ROUNDING = 1e-12
 
 
 def calculate(name: str, *operands: Bounds) -> Bounds:
-    """Return what an operator or function can make of its operands; anything, where that is not told easily."""
+    """Return the bounds of an operator or function.
+
+    The result is all numbers if the bounds cannot be determined easily; it is never a guess.
+    """
     if name in _LOGICAL:
         return Bounds(0.0, 1.0)
-    if all(each.low == each.high and not each.may_be_unknown for each in operands):
-        return point(of_numbers(name, *(each.low for each in operands)))
+    if all(operand.low == operand.high and not operand.may_be_unknown for operand in operands):
+        return point(of_numbers(name, *(operand.low for operand in operands)))
     if not all(map(is_finite, operands)):
         return ANYTHING
-    lows, highs = [each.low for each in operands], [each.high for each in operands]
+    lows, highs = [operand.low for operand in operands], [operand.high for operand in operands]
     if name in _RISING:
         return _finite([of_numbers(name, *lows), of_numbers(name, *highs)])
     if name in _FALLING:
@@ -45,8 +48,8 @@ def _of_two(name: str, a: Bounds, b: Bounds = ANYTHING) -> Bounds:
 
 
 def _finite(values: list[float]) -> Bounds:
-    found = hull(values)
-    if not is_finite(found):
+    bounds = hull(values)
+    if not is_finite(bounds):
         return ANYTHING
-    slack = _ROUNDING * max(abs(found.low), abs(found.high), math.ulp(0.0))
-    return Bounds(found.low - slack, found.high + slack)
+    slack = _ROUNDING * max(abs(bounds.low), abs(bounds.high), math.ulp(0.0))
+    return Bounds(bounds.low - slack, bounds.high + slack)

@@ -1,4 +1,4 @@
-"""Output variables when degrees are intervals.
+"""Output variables for intervals of degrees.
 
 An integral is bounded by the envelope of its fuzzy set: the least and the greatest degree at each point. The extreme
 centroids within an envelope take the greatest degrees on one side of a cut and the least on the other (Karnik and
@@ -22,11 +22,11 @@ Degrees = Sequence[Bounds | None]
 Value = Bounds | Callable[[Bounds], Bounds]
 
 _ROUNDING = 1e-9
-"""By what share of the largest number in a sum its result is widened."""
+"""The result of a sum is widened by this share of its largest number."""
 
 
 def settled(degree: Bounds) -> Bounds:
-    """Return the degrees with which a conclusion counts: 0 for NaN, and infinite ones as their nearest end."""
+    """Return the degrees with which a conclusion counts: 0 for NaN, and the nearest of 0 and 1 for infinite ones."""
     low, high = degree.low, degree.high
     if degree.may_be_unknown:
         low, high = min(low, 0.0), max(high, 0.0)
@@ -40,12 +40,12 @@ def _widened(low: float, high: float, scale: float, *, may_be_unknown: bool) -> 
 
 
 def degree_so_far(aggregation: Norm, degrees: Degrees) -> Bounds:
-    """Return how far an output can be a term by the conclusions before this rule."""
+    """Return the possible degrees of a term by the conclusions before this rule."""
     return grouped(aggregation, (0,) * len(degrees), degrees).get(0, Bounds(0.0, 0.0))
 
 
 def grouped(aggregation: Norm, conclusions: Sequence[int], degrees: Degrees) -> dict[int, Bounds]:
-    """Return the degree that each term can have, aggregated."""
+    """Return the possible aggregated degrees of each term."""
     groups: dict[int, Bounds] = {}
     for term, degree in zip(conclusions, degrees, strict=True):
         if degree is not None:
@@ -57,7 +57,7 @@ def grouped(aggregation: Norm, conclusions: Sequence[int], degrees: Degrees) -> 
 def integral(
     output: Integral, degrees: Degrees, memberships: Sequence[Callable[[Bounds], Bounds]] | None = None
 ) -> Bounds:
-    """Return what an integral can come to; memberships are given where they depend on inputs."""
+    """Return the bounds of an integral; give the memberships if they depend on inputs."""
     envelope = _envelope(output, degrees, _samples(output, memberships))
     if envelope is None:
         return ANYTHING
@@ -76,15 +76,15 @@ def _samples(
         return [(samples, samples) for samples in output.terms] if output.is_plain else None
     points = output.points.tolist()
     rows = [[membership(Bounds(x, x)) for x in points] for membership in memberships]
-    if not all(is_degree(each) for row in rows for each in row):
+    if not all(is_degree(degree) for row in rows for degree in row):
         return None
-    return [(np.array([each.low for each in row]), np.array([each.high for each in row])) for row in rows]
+    return [(np.array([degree.low for degree in row]), np.array([degree.high for degree in row])) for row in rows]
 
 
 def _envelope(
     output: Integral, degrees: Degrees, terms: list[tuple[Samples, Samples]] | None
 ) -> tuple[Samples, Samples] | None:
-    """Return the least and greatest degrees at each point, or None where they cannot be told."""
+    """Return the least and greatest degrees at each point, or None if they cannot be computed."""
     if terms is None:
         return None
     lows, highs = np.zeros(output.resolution), np.zeros(output.resolution)
@@ -107,7 +107,7 @@ def _centroid(xs: Samples, lows: Samples, highs: Samples) -> tuple[float, float]
 
 
 def _extreme_means(x_lows: Samples, x_highs: Samples, lows: Samples, highs: Samples) -> tuple[float, float]:
-    """Return the least and the greatest mean of values with such weights; some weight can be above 0."""
+    """Return the least and the greatest weighted mean of values; at least one weight can be above 0."""
     first, last = np.argsort(x_lows, kind="stable"), np.argsort(x_highs, kind="stable")
     least = _means_by_cut(x_lows[first], highs[first], lows[first])
     greatest = _means_by_cut(x_highs[last], lows[last], highs[last])
@@ -115,7 +115,7 @@ def _extreme_means(x_lows: Samples, x_highs: Samples, lows: Samples, highs: Samp
 
 
 def _means_by_cut(xs: Samples, before: Samples, after: Samples) -> Samples:
-    """Return the means with the one weights before a cut and the other ones after it, for each cut."""
+    """Return for each cut the mean with one set of weights before the cut and the other set after it."""
     weights = _sums_by_cut(before, after)
     with np.errstate(all="ignore"):
         return np.where(weights > 0.0, _sums_by_cut(xs * before, xs * after) / weights, math.nan)
@@ -158,7 +158,7 @@ _DEFUZZIFIERS: Mapping[Defuzzify, Callable[[Samples, Samples, Samples], tuple[fl
 
 
 def average(output: Weighted, degrees: Degrees, values: Sequence[Value]) -> Bounds:
-    """Return what the weighted mean of an output's values can be."""
+    """Return the bounds of the weighted mean of an output's values."""
     parts = _weighted(output, degrees, values)
     if parts is None:
         return ANYTHING
@@ -166,15 +166,15 @@ def average(output: Weighted, degrees: Degrees, values: Sequence[Value]) -> Boun
     numbers = [value for weight, value in parts if weight.high > 0.0]
     if not weights:
         return UNKNOWN
-    lows, highs = np.array([each.low for each in weights]), np.array([each.high for each in weights])
-    least, greatest = np.array([each.low for each in numbers]), np.array([each.high for each in numbers])
+    lows, highs = np.array([weight.low for weight in weights]), np.array([weight.high for weight in weights])
+    least, greatest = np.array([number.low for number in numbers]), np.array([number.high for number in numbers])
     low, high = _extreme_means(least, greatest, lows, highs)
     scale = float(max(np.abs(least).max(), np.abs(greatest).max()))
     return _widened(low, high, scale, may_be_unknown=not lows.any())
 
 
 def total(output: Weighted, degrees: Degrees, values: Sequence[Value]) -> Bounds:
-    """Return what the sum of an output's values times their degrees can be."""
+    """Return the bounds of the sum of an output's values times their degrees."""
     parts = _weighted(output, degrees, values)
     if parts is None:
         return ANYTHING
@@ -187,7 +187,7 @@ def total(output: Weighted, degrees: Degrees, values: Sequence[Value]) -> Bounds
 
 
 def _weighted(output: Weighted, degrees: Degrees, values: Sequence[Value]) -> list[tuple[Bounds, Bounds]] | None:
-    """Return the weights and values of the terms that count, or None where they cannot be told."""
+    """Return the weights and values of the terms that count, or None if they have no finite bounds."""
     parts = []
     for term, weight in grouped(output.aggregation, output.conclusions, degrees).items():
         value = values[term]

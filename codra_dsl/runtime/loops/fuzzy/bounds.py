@@ -1,10 +1,13 @@
-"""Inference with unknown inputs: every value is an interval that holds all that it can be.
+"""Inference with unknown inputs: every value is an interval that contains all possible values.
 
-A compiled engine has two functions of one form: `infer` with numbers, and `infer_bounds`, which calls what is here with
-the same functions of `terms`, `norms` and `hedges`. Norms and hedges are monotone on degrees, so their ends suffice;
-terms are monotone between their knees, so ends and knees do. Where that does not hold, all numbers are the answer.
-Two mentions of one input count as if they were two inputs: the interval may be too wide, never too narrow; `refined`
-narrows it.
+A compiled engine has two functions of the same form: `infer` with numbers, and `infer_bounds`, which calls this module
+with the same functions of `terms`, `norms` and `hedges`. One code generator writes both, so properties that are proven
+for one also hold for the other.
+
+Norms and hedges are monotone on degrees, so the ends of their arguments suffice. Terms are monotone between their
+breakpoints, so the ends and the breakpoints suffice. If a function is not known to be monotone, the result is all
+numbers, not a guess. Two mentions of one input count as two inputs, so an interval can be too wide, but never too
+narrow; `refined` narrows it.
 """
 
 from __future__ import annotations
@@ -16,23 +19,23 @@ from enum import Enum
 from typing import NamedTuple, Protocol
 
 from codra_dsl.runtime.loops.fuzzy import hedges, norms
-from codra_dsl.runtime.loops.fuzzy.breakpoints import COMPOSITES, KNEES
+from codra_dsl.runtime.loops.fuzzy.breakpoints import BREAKPOINTS, COMPOSITES
 
 MOST_BOXES = 4096
-"""How many boxes `refined` cuts the inputs into at most."""
+"""The largest number of boxes into which `refined` cuts the inputs."""
 
 
 class End(Enum):
-    """Which end of an interval counts."""
+    """The end of an interval that counts."""
 
     LOW = "low"
     HIGH = "high"
 
 
 class Bounds(NamedTuple):
-    """All that a value can be: from low to high, both included, and perhaps unknown (NaN).
+    """The possible values: from low to high, both included, and possibly unknown (NaN).
 
-    What is surely unknown has NaN for both ends.
+    Both ends are NaN if the value is certainly unknown.
     """
 
     low: float
@@ -46,16 +49,16 @@ class Bounds(NamedTuple):
         return self.low if end is End.LOW else self.high
 
     def holds(self, value: float) -> bool:
-        """Return whether a value is among them."""
+        """Return whether a value is possible."""
         return self.may_be_unknown if value != value else self.low <= value <= self.high
 
 
 class BoundedInference(NamedTuple):
-    """What one call of an engine can come to.
+    """The possible results of one call of an engine.
 
     Attributes:
-        values: of the outputs, in the engine's order.
-        strengths: of the rules, weighted.
+        values: the values of the outputs, in the engine's order.
+        strengths: the weighted strengths of the rules.
     """
 
     values: tuple[Bounds, ...]
@@ -66,19 +69,19 @@ ANYTHING = Bounds(-math.inf, math.inf, may_be_unknown=True)
 UNKNOWN = Bounds(math.nan, math.nan, may_be_unknown=True)
 
 _EXACT = frozenset({norms.minimum, norms.maximum, norms.bounded_sum, norms.unbounded_sum, norms.bounded_difference})
-"""The norms that grow with either side everywhere, after rounding too."""
+"""The norms that are monotone in both operands everywhere, also after rounding."""
 
 _ROUNDING = 1e-15
-"""By how much other norms are widened: one that jumps must see what rounding may have moved."""
+"""The margin for other norms: after a jump, rounding may have moved a value across it."""
 
 
 def point(value: float) -> Bounds:
-    """Return the interval of one value; anything, if it is no number."""
+    """Return the interval of one value; all numbers if it is not finite."""
     return Bounds(value, value) if value - value == 0.0 else ANYTHING
 
 
 def is_degree(bounds: Bounds) -> bool:
-    """Return whether all values are degrees: from 0 to 1, none unknown."""
+    """Return whether all values are degrees: from 0 to 1, and known."""
     return bounds.low >= 0.0 and bounds.high <= 1.0 and not bounds.may_be_unknown
 
 
@@ -88,15 +91,15 @@ def is_finite(bounds: Bounds) -> bool:
 
 
 def hull(values: Iterable[float]) -> Bounds:
-    """Return the interval from the least to the greatest value; anything, if one is NaN."""
-    found = list(values)
-    if any(value != value for value in found):
+    """Return the interval from the least to the greatest value; all numbers if one is NaN."""
+    numbers = list(values)
+    if any(value != value for value in numbers):
         return ANYTHING
-    return Bounds(min(found), max(found))
+    return Bounds(min(numbers), max(numbers))
 
 
 def joined(one: Bounds, other: Bounds) -> Bounds:
-    """Return what holds the values of both."""
+    """Return bounds that contain the values of both."""
     may_be_unknown = one.may_be_unknown or other.may_be_unknown
     if one.low != one.low:
         return Bounds(other.low, other.high, may_be_unknown)
@@ -106,7 +109,7 @@ def joined(one: Bounds, other: Bounds) -> Bounds:
 
 
 def image(term: Callable[..., float], x: Bounds, *parameters: object) -> Bounds:
-    """Return the degrees that a term can have."""
+    """Return the possible degrees of a term."""
     if x.may_be_unknown:
         return ANYTHING
     if x.low == x.high:
@@ -115,8 +118,8 @@ def image(term: Callable[..., float], x: Bounds, *parameters: object) -> Bounds:
         return _composite(term, x, *parameters)
     beside = (
         place
-        for knee in KNEES[term](*parameters)
-        for place in (math.nextafter(knee, -math.inf), knee, math.nextafter(knee, math.inf))
+        for breakpoint_ in BREAKPOINTS[term](*parameters)
+        for place in (math.nextafter(breakpoint_, -math.inf), breakpoint_, math.nextafter(breakpoint_, math.inf))
     )
     places = [x.low, x.high, *(place for place in beside if x.low < place < x.high)]
     return hull(term(place, *parameters) for place in places)
@@ -134,14 +137,14 @@ def _composite(term: Callable[..., float], x: Bounds, *parameters: object) -> Bo
 
 
 def inverse(term: Callable[..., float], y: Bounds, *parameters: float) -> Bounds:
-    """Return where a monotone term can have these degrees."""
+    """Return the places at which a monotone term can have these degrees."""
     if not is_degree(y):
         return ANYTHING
     return hull([term(y.low, *parameters), term(y.high, *parameters)])
 
 
 def linear(inputs: Sequence[Bounds], coefficients: Sequence[float]) -> Bounds:
-    """Return the sum of inputs times their coefficients, and the constant that is left over, if any."""
+    """Return the sum of inputs times their coefficients, plus the last coefficient if it has no input."""
     total = point(coefficients[-1] if len(coefficients) > len(inputs) else 0.0)
     for coefficient, value in zip(coefficients, inputs, strict=False):
         part = times(coefficient, value)
@@ -163,7 +166,7 @@ def absolute(bounds: Bounds) -> Bounds:
 
 
 def norm(of: Callable[[float, float], float], a: Bounds, b: Bounds) -> Bounds:
-    """Return what a norm can make of two degrees."""
+    """Return the bounds of a norm of two degrees."""
     if a.low == a.high and b.low == b.high:
         return point(of(a.low, b.low))
     if of in _EXACT and is_finite(a) and is_finite(b):
@@ -174,7 +177,7 @@ def norm(of: Callable[[float, float], float], a: Bounds, b: Bounds) -> Bounds:
 
 
 def hedge(of: Callable[[float], float], x: Bounds) -> Bounds:
-    """Return what a hedge can make of a degree."""
+    """Return the bounds of a hedge of a degree."""
     if of is hedges.any_:
         return point(1.0)
     if of is hedges.not_ and is_finite(x):
@@ -183,7 +186,7 @@ def hedge(of: Callable[[float], float], x: Bounds) -> Bounds:
 
 
 def clipped(bounds: Bounds, minimum: float, maximum: float) -> Bounds:
-    """Return the nearest values in a range; unknown stays unknown."""
+    """Return the nearest values in a range; an unknown value stays unknown."""
     if bounds.low != bounds.low:
         return bounds
     low, high = (min(max(end, minimum), maximum) for end in bounds[:2])
@@ -191,7 +194,7 @@ def clipped(bounds: Bounds, minimum: float, maximum: float) -> Bounds:
 
 
 def known(bounds: Bounds, *substitutes: Bounds) -> Bounds:
-    """Return the values with those of the substitutes that stand where it is unknown: the previous one, the default."""
+    """Return the bounds with substitutes in place of an unknown value: the previous value, then the default."""
     for substitute in substitutes:
         if not bounds.may_be_unknown:
             break
@@ -204,24 +207,24 @@ class InferBounds(Protocol):
     """The second function of a compiled engine."""
 
     def __call__(self, *inputs: Bounds) -> BoundedInference:
-        """Return what the engine can come to."""
+        """Return the possible results of the engine."""
         ...
 
 
 def refined(infer: InferBounds, inputs: Sequence[Bounds], *, pieces: int) -> BoundedInference:
-    """Return narrower bounds: the union of those of each box, when every unknown input is cut in so many pieces.
+    """Return narrower bounds: every unknown input is cut into pieces, and the bounds of all boxes are joined.
 
-    The union holds all that the inputs allow, as one call does. Inputs that are infinite are not cut, and there are at
-    most MOST_BOXES boxes: then pieces are fewer.
+    The union contains everything that the inputs allow, as the result of one call does. Infinite inputs are not cut.
+    There are at most MOST_BOXES boxes; the number of pieces is reduced if necessary.
     """
-    open_ones = sum(1 for each in inputs if each.low < each.high and is_finite(each))
+    open_ones = sum(1 for bounds in inputs if bounds.low < bounds.high and is_finite(bounds))
     while pieces > 1 and pieces**open_ones > MOST_BOXES:
         pieces -= 1
-    found: BoundedInference | None = None
-    for box in itertools.product(*(_cut(each, pieces) for each in inputs)):
-        each = infer(*box)
-        found = each if found is None else _both(found, each)
-    return infer(*inputs) if found is None else found
+    union: BoundedInference | None = None
+    for box in itertools.product(*(_cut(bounds, pieces) for bounds in inputs)):
+        part = infer(*box)
+        union = part if union is None else _both(union, part)
+    return infer(*inputs) if union is None else union
 
 
 def _cut(bounds: Bounds, pieces: int) -> list[Bounds]:

@@ -1,4 +1,4 @@
-"""Between which places membership functions rise or fall only: what their bounds are worked out from."""
+"""The breakpoints of membership functions, between which they are monotone: bounds are computed from these."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ def _sigmoids(left: float, rising: float, falling: float, right: float, *_: floa
 
 
 def _gaussian_product(mean_a: float, deviation_a: float, mean_b: float, deviation_b: float, *_: float) -> list[float]:
-    """The means and, where the halves overlap, the top of their product."""
+    """Return the means and, if the halves overlap, the top of their product."""
     first, second = deviation_a * deviation_a, deviation_b * deviation_b
     top = [(mean_a * second + mean_b * first) / (first + second)] if first + second > 0.0 else []
     return [mean_a, mean_b, *top]
 
 
-KNEES: Mapping[Callable[..., float], Callable[..., Iterable[float]]] = MappingProxyType(
+BREAKPOINTS: Mapping[Callable[..., float], Callable[..., Iterable[float]]] = MappingProxyType(
     {
         terms.arc: lambda start, end, *_: (start, end),
         terms.bell: lambda center, *_: (center,),
@@ -51,7 +51,7 @@ KNEES: Mapping[Callable[..., float], Callable[..., Iterable[float]]] = MappingPr
         terms.z_shape: lambda start, end, *_: (start, 0.5 * (start + end), end),
     }
 )
-"""The places of a term, from its parameters."""
+"""The breakpoints of a term, from its parameters."""
 
 COMPOSITES: Mapping[Callable[..., float], tuple[Callable[..., Parts], Callable[..., float]]] = MappingProxyType(
     {
@@ -60,4 +60,4 @@ COMPOSITES: Mapping[Callable[..., float], tuple[Callable[..., Parts], Callable[.
         terms.sigmoid_product: (_sigmoids, _height),
     }
 )
-"""Terms that are made of two others, with their parameters and the height of the whole."""
+"""Terms that are composed of two others: the parts with their parameters, and the height of the composite."""

@@ -1,4 +1,4 @@
-"""One number of samples of a fuzzy set: `xs` are the points and `ys` the degrees there."""
+"""Defuzzifiers: one number from the samples of a fuzzy set; `xs` are the points and `ys` their degrees."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def centroid(xs: Samples, ys: Samples) -> float:
 
 
 def bisector(xs: Samples, ys: Samples) -> float:
-    """Return where the area is halved; the mean of all points that are equally near to that."""
+    """Return the point that halves the area; the mean of all points that are equally near to it."""
     area = np.nancumsum(ys)
     if area[-1] == 0.0:
         return math.nan
@@ -26,19 +26,19 @@ def bisector(xs: Samples, ys: Samples) -> float:
 
 
 def smallest_of_maximum(xs: Samples, ys: Samples) -> float:
-    """Return the first point of the greatest degree."""
+    """Return the first point with the greatest degree."""
     greatest = _at_maximum(xs, ys)
     return float(greatest.min()) if len(greatest) else math.nan
 
 
 def mean_of_maximum(xs: Samples, ys: Samples) -> float:
-    """Return the mean of the points of the greatest degree."""
+    """Return the mean of the points with the greatest degree."""
     greatest = _at_maximum(xs, ys)
     return float(greatest.mean()) if len(greatest) else math.nan
 
 
 def largest_of_maximum(xs: Samples, ys: Samples) -> float:
-    """Return the last point of the greatest degree."""
+    """Return the last point with the greatest degree."""
     greatest = _at_maximum(xs, ys)
     return float(greatest.max()) if len(greatest) else math.nan
 
@@ -49,5 +49,5 @@ def _at_maximum(xs: Samples, ys: Samples) -> Samples:
 
 
 def midpoints(minimum: float, maximum: float, resolution: int) -> Samples:
-    """Return the points at which FuzzyLite samples a range: the middle of each of so many equal pieces."""
+    """Return the points at which FuzzyLite samples a range: the middles of equal pieces, as many as the resolution."""
     return minimum + (np.arange(resolution, dtype=np.float64) + 0.5) * ((maximum - minimum) / resolution)

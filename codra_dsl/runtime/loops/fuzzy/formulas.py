@@ -1,6 +1,6 @@
-"""The operators and functions that a formula of a `Function` term may use, of plain numbers.
+"""The operators and functions of formulas of `Function` terms, for plain numbers.
 
-They are numpy's, so that every result outside their domain is what FuzzyLite has: NaN or infinite, never an exception.
+They come from numpy, so that results outside their domain equal those of FuzzyLite: NaN or infinite, without exception.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ UFUNCS: Mapping[str, np.ufunc] = MappingProxyType(
         "fmod": np.fmod,
     }
 )
-"""What numpy computes."""
+"""The functions that numpy computes."""
 
 
 def _same(a: float, b: float) -> bool:
@@ -75,11 +75,11 @@ PLAIN: Mapping[str, Callable[..., float]] = MappingProxyType(
         "pi": lambda: math.pi,
     }
 )
-"""What needs no numpy."""
+"""The functions that need no numpy."""
 
 
 def calculate(name: str, *operands: float) -> float:
-    """Return what an operator or function makes of its operands."""
+    """Return the result of an operator or function for its operands."""
     plain = PLAIN.get(name)
     if plain is not None:
         return plain(*operands)

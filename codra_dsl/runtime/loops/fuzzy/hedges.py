@@ -1,12 +1,12 @@
-"""Hedges: what a word before a term makes of its degree. Their names end in an underscore where Python has the word."""
+"""Hedges: words before a term that change its degree. Names end in an underscore if the word is reserved in Python."""
 
 from __future__ import annotations
 
 from codra_dsl.runtime.loops.fuzzy.terms import root
 
 
-def any_(x: float) -> float:  # noqa: ARG001 - hedges have one form
-    """Return 1, whatever the degree is."""
+def any_(x: float) -> float:  # noqa: ARG001 - all hedges have the same signature
+    """Return 1 for every degree."""
     return 1.0
 
 
@@ -26,10 +26,10 @@ def seldom(x: float) -> float:
 
 
 def somewhat(x: float) -> float:
-    """Return the square root, which is more."""
+    """Return the square root, which raises the degree."""
     return root(x)
 
 
 def very(x: float) -> float:
-    """Return the square, which is less."""
+    """Return the square, which lowers the degree."""
     return x * x

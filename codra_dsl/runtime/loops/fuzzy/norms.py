@@ -1,4 +1,4 @@
-"""T-norms (and) and S-norms (or) of two degrees, one function a norm. NaN counts as in FuzzyLite."""
+"""T-norms (and) and S-norms (or) of two degrees, one function per norm. NaN is handled as in FuzzyLite."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def einstein_product(a: float, b: float) -> float:
 
 
 def hamacher_product(a: float, b: float) -> float:
-    """Return a b / (a + b - a b), and 0 of two zeros."""
+    """Return a b / (a + b - a b), and 0 for two zeros."""
     return divided(a * b, a + b - a * b) if a + b != 0.0 else 0.0
 
 
@@ -65,7 +65,7 @@ def einstein_sum(a: float, b: float) -> float:
 def hamacher_sum(a: float, b: float) -> float:
     """Return (a + b - 2 a b) / (1 - a b), and 1 where a b is 1.
 
-    Near 1 it is computed by what is missing to 1: as it stands both differences are nothing but rounding there.
+    Near 1 it is computed from the differences to 1, because the formula above would return only rounding errors there.
     """
     if (a > 0.5 or b > 0.5) and a * b != 1.0:
         missing_a, missing_b = 1.0 - a, 1.0 - b
@@ -91,5 +91,5 @@ def normalized_sum(a: float, b: float) -> float:
 
 
 def unbounded_sum(a: float, b: float) -> float:
-    """Return a + b, which can be more than 1."""
+    """Return a + b, which can exceed 1."""
     return a + b

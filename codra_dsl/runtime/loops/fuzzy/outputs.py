@@ -1,7 +1,7 @@
-"""Output variables: what the conclusions of rules, taken together, come to as one number.
+"""Output variables: one number from the conclusions of all rules.
 
-An output knows its conclusions, one for each time that a rule names it, in the order in which rules act; it is asked
-with the degree of each. `None` is the degree of a conclusion whose rule does not act.
+An output knows its conclusions, one for each time that a rule names it, in the order in which rules act. Its value is
+computed from their degrees. The degree of a conclusion is `None` if its rule does not act.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ Defuzzify = Callable[[Samples, Samples], float]
 
 
 class Inference(NamedTuple):
-    """What one call of an engine comes to.
+    """The result of one call of an engine.
 
     Attributes:
-        values: of the outputs, in the engine's order; NaN is unknown.
-        strengths: of the rules, weighted, as they were before their block's activation chose among them.
+        values: the values of the outputs, in the engine's order; NaN is unknown.
+        strengths: the weighted strengths of the rules, before the activation of their block selects among them.
     """
 
     values: tuple[float, ...]
@@ -36,7 +36,7 @@ class Inference(NamedTuple):
 
 
 def settled(degree: float) -> float:
-    """Return the degree with which a conclusion counts: 0 if it is NaN, and infinite ones as their nearest end."""
+    """Return the degree with which a conclusion counts: 0 for NaN, and the nearest of 0 and 1 for an infinite one."""
     if degree - degree == 0.0:
         return degree
     return 1.0 if degree > 0.0 else 0.0
@@ -44,7 +44,7 @@ def settled(degree: float) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class Conclusion:
-    """That a rule says an output is a term: the term's index, and what implies it."""
+    """A conclusion of a rule that an output is a term: the index of the term, and the implication."""
 
     term: int
     implication: Norm
@@ -56,7 +56,7 @@ class Integral:
 
     Attributes:
         minimum: with `maximum` the range that is sampled, in the unit of the output.
-        memberships: of its terms.
+        memberships: the membership functions of its terms.
     """
 
     minimum: float
@@ -69,7 +69,7 @@ class Integral:
 
     @cached_property
     def points(self) -> Samples:
-        """Where it is sampled."""
+        """The points at which it is sampled."""
         return midpoints(self.minimum, self.maximum, self.resolution)
 
     @cached_property
@@ -80,17 +80,20 @@ class Integral:
 
     @cached_property
     def is_plain(self) -> bool:
-        """Whether all samples are degrees from 0 to 1, so that what acts with degree 0 changes nothing."""
+        """Whether all samples are degrees from 0 to 1.
+
+        Only then a conclusion with degree 0 changes nothing, and can be left out.
+        """
         return all(bool(np.all((samples >= 0.0) & (samples <= 1.0))) for samples in self.terms)
 
     @cached_property
     def is_clipped(self) -> bool:
-        """Whether the strongest conclusion of a term is all that counts of it."""
-        plain_norms = all(each.implication is norms.minimum for each in self.conclusions)
+        """Whether only the strongest conclusion of each term counts."""
+        plain_norms = all(conclusion.implication is norms.minimum for conclusion in self.conclusions)
         return self.is_plain and self.aggregation is norms.maximum and plain_norms
 
     def value(self, degrees: Degrees) -> float:
-        """Return the output, NaN where no conclusion holds at any point."""
+        """Return the output; NaN if no conclusion holds at any point."""
         if self.is_clipped:
             samples = self._clipped(degrees)
         else:
@@ -105,12 +108,12 @@ class Integral:
                 strongest[conclusion.term] = settled(degree)
         samples = None
         for term, degree in strongest.items():
-            each = np.minimum(self.terms[term], degree)
-            samples = each if samples is None else np.maximum(samples, each, out=each)
+            clipped_samples = np.minimum(self.terms[term], degree)
+            samples = clipped_samples if samples is None else np.maximum(samples, clipped_samples, out=clipped_samples)
         return samples
 
     def aggregated(self, degrees: Degrees) -> Samples | None:
-        """Return the samples of all conclusions together; None where none acts."""
+        """Return the aggregated samples of all conclusions; None if no conclusion acts."""
         aggregate, samples = OF_SAMPLES[self.aggregation], None
         for conclusion, degree in zip(self.conclusions, degrees, strict=True):
             if degree is None:
@@ -118,8 +121,8 @@ class Integral:
             counted = settled(degree)
             if counted == 0.0 and self.is_plain:
                 continue
-            each = OF_SAMPLES[conclusion.implication](counted, self.terms[conclusion.term])
-            samples = aggregate(np.zeros(self.resolution) if samples is None else samples, each)
+            implied = OF_SAMPLES[conclusion.implication](counted, self.terms[conclusion.term])
+            samples = aggregate(np.zeros(self.resolution) if samples is None else samples, implied)
         return samples
 
 
@@ -128,20 +131,20 @@ class Weighted:
     """An output whose conclusions are numbers: the methods of Takagi-Sugeno and Tsukamoto.
 
     Attributes:
-        aggregation: of the degrees of one term.
-        conclusions: the index of the term, of each.
+        aggregation: the norm that aggregates the degrees of one term.
+        conclusions: the index of the term of each conclusion.
     """
 
     aggregation: Norm
     conclusions: tuple[int, ...]
 
     def average(self, degrees: Degrees, values: Sequence[float | Membership]) -> float:
-        """Return the mean of the terms' values, weighted by their degrees; NaN where nothing acts."""
+        """Return the mean of the terms' values, weighted by their degrees; NaN if no rule acts."""
         weights, total = self._sums(degrees, values)
         return total / weights if weights != 0.0 else math.nan
 
     def sum(self, degrees: Degrees, values: Sequence[float | Membership]) -> float:
-        """Return the sum of the terms' values times their degrees; NaN where nothing acts."""
+        """Return the sum of the terms' values times their degrees; NaN if no rule acts."""
         weights, total = self._sums(degrees, values)
         return total / weights * weights if weights != 0.0 else math.nan
 
@@ -155,7 +158,7 @@ class Weighted:
 
 
 def grouped(aggregation: Norm, conclusions: Sequence[int], degrees: Degrees) -> dict[int, float]:
-    """Return the degree of each term that some conclusion names, aggregated, in the order of the first ones."""
+    """Return the aggregated degree of each term with a conclusion, in the order of the first conclusions."""
     groups: dict[int, float] = {}
     for term, degree in zip(conclusions, degrees, strict=True):
         if degree is not None:
@@ -165,7 +168,7 @@ def grouped(aggregation: Norm, conclusions: Sequence[int], degrees: Degrees) -> 
 
 
 def degree_so_far(aggregation: Norm, degrees: Degrees) -> float:
-    """Return how far an output is a term by the conclusions before this rule: what a rule about an output asks."""
+    """Return the degree of a term by the conclusions before this rule, for a rule that reads an output."""
     return grouped(aggregation, (0,) * len(degrees), degrees).get(0, 0.0)
 
 
@@ -182,7 +185,7 @@ def clipped(value: float, minimum: float, maximum: float) -> float:
 
 
 def known(value: float, *substitutes: float) -> float:
-    """Return the value, or if it is NaN the first substitute that is none: the previous value, the default."""
+    """Return the value; if it is NaN, the first substitute that is not NaN: the previous value, then the default."""
     if value == value:
         return value
-    return next((each for each in substitutes if each == each), value)
+    return next((substitute for substitute in substitutes if substitute == substitute), value)

@@ -1,4 +1,4 @@
-"""Norms of whole rows of samples: the same as in `norms`, for numpy arrays."""
+"""Norms of rows of samples: the norms of `norms` for numpy arrays."""
 
 from __future__ import annotations
 
@@ -94,4 +94,4 @@ OF_SAMPLES: Mapping[Norm, Callable[..., Samples]] = MappingProxyType(
         norms.unbounded_sum: _unbounded_sum,
     }
 )
-"""The norm of samples that belongs to a norm of two degrees."""
+"""The norm of samples for each norm of two degrees."""

@@ -1,7 +1,7 @@
-"""Membership functions of terms, one function a shape, and the inverses of those that are monotone.
+"""Membership functions of terms, one function per shape, and the inverses of the monotone ones.
 
-`x` is in the unit of its variable; a function returns a degree from 0 to its height, and NaN for NaN. None of them
-raises: where the formula has no value it is NaN, and a division by zero is infinite, as in IEEE 754.
+`x` is in the unit of its variable; a function returns a degree from 0 to its height, and NaN for NaN. The functions
+never raise: they return NaN outside their domain, and a division by zero is infinite, as in IEEE 754.
 """
 
 from __future__ import annotations
@@ -13,24 +13,24 @@ _LARGEST_EXPONENT = 709.0
 
 
 def divided(a: float, b: float) -> float:
-    """Return a / b, infinite or NaN where b is 0."""
+    """Return a / b; infinite or NaN if b is 0."""
     if b != 0.0:
         return a / b
     return math.nan if a == 0.0 or a != a else math.copysign(math.inf, a) * math.copysign(1.0, b)
 
 
 def exponential(x: float) -> float:
-    """Return e to the power of x, infinite where that is too large."""
+    """Return e to the power of x; infinite if the result is too large."""
     return math.inf if x > _LARGEST_EXPONENT else math.exp(x)
 
 
 def root(x: float) -> float:
-    """Return the square root, NaN of a negative number."""
+    """Return the square root; NaN for a negative number."""
     return math.nan if x < 0.0 else math.sqrt(x)
 
 
 def power(base: float, exponent: float) -> float:
-    """Return a power of a number that is not negative, infinite where that is too large."""
+    """Return a power of a non-negative number; infinite if the result is too large."""
     try:
         return math.pow(base, exponent)
     except OverflowError:
@@ -40,14 +40,14 @@ def power(base: float, exponent: float) -> float:
 
 
 def logarithm(x: float) -> float:
-    """Return the natural logarithm: minus infinity of 0, NaN of a negative number."""
+    """Return the natural logarithm: minus infinity for 0, NaN for a negative number."""
     if x > 0.0 or x != x:
         return math.log(x)
     return -math.inf if x == 0.0 else math.nan
 
 
 def arc(x: float, start: float, end: float, height: float = 1.0) -> float:
-    """Return the membership in a quarter of an ellipse that rises from start to end, and stays there."""
+    """Return the membership in a quarter of an ellipse that rises from start to end, and then stays constant."""
     if x != x:
         return math.nan
     radius = end - start
@@ -65,7 +65,7 @@ def bell(x: float, center: float, width: float, slope: float, height: float = 1.
 
 
 def binary(x: float, start: float, direction: float, height: float = 1.0) -> float:
-    """Return the height from start on, towards the side on which direction lies; otherwise 0."""
+    """Return the height from start on, on the side of direction; otherwise 0."""
     if x != x:
         return math.nan
     return height if (direction > start and x >= start) or (direction < start and x <= start) else 0.0
@@ -82,8 +82,8 @@ def concave(x: float, inflection: float, end: float, height: float = 1.0) -> flo
     return height
 
 
-def constant(x: float, value: float) -> float:  # noqa: ARG001 - the membership functions have one form
-    """Return the value, whatever x is."""
+def constant(x: float, value: float) -> float:  # noqa: ARG001 - all membership functions have the same signature
+    """Return the value for every x."""
     return value
 
 
@@ -98,9 +98,9 @@ def cosine(x: float, center: float, width: float, height: float = 1.0) -> float:
 
 
 def discrete(x: float, xs: tuple[float, ...], ys: tuple[float, ...], height: float = 1.0) -> float:
-    """Return the membership between points, linearly interpolated; before the first and after the last as there.
+    """Return the linear interpolation between points; constant before the first and after the last point.
 
-    One point alone has no place to be between: its membership holds for a missing input too, as in FuzzyLite.
+    With only one point there is no interpolation: its membership also holds for a missing input, as in FuzzyLite.
     """
     if len(xs) == 1:
         return height * ys[0]
@@ -116,7 +116,7 @@ def discrete(x: float, xs: tuple[float, ...], ys: tuple[float, ...], height: flo
 
 
 def gaussian(x: float, mean: float, standard_deviation: float, height: float = 1.0) -> float:
-    """Return the membership in a bell of Gauss."""
+    """Return the membership in a Gaussian bell curve."""
     away = x - mean
     return height * exponential(divided(-(away * away), 2.0 * (standard_deviation * standard_deviation)))
 
@@ -129,7 +129,7 @@ def gaussian_product(
     standard_deviation_b: float,
     height: float = 1.0,
 ) -> float:
-    """Return the membership in two halves of bells of Gauss with a plateau between their means."""
+    """Return the membership in two halves of Gaussian bell curves with a plateau between their means."""
     if x != x:
         return math.nan
     left = gaussian(x, mean_a, standard_deviation_a) if x < mean_a else 1.0
@@ -138,9 +138,9 @@ def gaussian_product(
 
 
 def linear(inputs: tuple[float, ...], coefficients: tuple[float, ...]) -> float:
-    """Return the sum of all inputs times their coefficients, plus the coefficient that is left over, if any.
+    """Return the sum of all inputs times their coefficients, plus the last coefficient if it has no input.
 
-    Infinite and missing inputs count even where their coefficient is 0: the sum is NaN then.
+    Infinite and missing inputs count even if their coefficient is 0: the sum is NaN then.
     """
     total = 0.0
     for coefficient, value in zip(coefficients, inputs, strict=False):
@@ -165,7 +165,7 @@ def ramp(x: float, start: float, end: float, height: float = 1.0) -> float:
 
 
 def rectangle(x: float, start: float, end: float, height: float = 1.0) -> float:
-    """Return the height between start and end, both included, in whichever order; otherwise 0."""
+    """Return the height between start and end, both included, in any order; otherwise 0."""
     if x != x:
         return math.nan
     return height if min(start, end) <= x <= max(start, end) else 0.0

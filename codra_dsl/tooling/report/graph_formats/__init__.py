@@ -1,8 +1,8 @@
 """The formats of `codra graph`: each module here declares one as `FORMAT`.
 
-A new module is found without further registration: the choices of `--format`, the endings of `--output` and the error
-messages come from `FORMATS`. Importing a module here must be cheap, because the command line reads the choices at every
-start; a module imports what it draws with inside its `render` function.
+A new module needs no registration: the choices of `--format`, the endings of `--output` and the error messages come
+from `FORMATS`. Importing a module here must be cheap, because the command line reads the choices at every start; a
+module imports its renderer inside its `render` function.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from codra_dsl.tooling.report.graphs import Graph
 
 Say = Callable[[str], None]
-"""Shows one line to the user, beside the result."""
+"""Show one line to the user, beside the result."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,7 +27,7 @@ class GraphFormat:
     Attributes:
         name: the choice of `--format`.
         endings: endings of file names that choose this format, in lower case.
-        render: returns the text of a graph. It may say something about it, and raises
+        render: returns the text of a graph. It may show messages, and raises
             `codra_dsl.tooling.report.dot.DrawingError` if the graph cannot be drawn on this machine.
     """
 
@@ -40,7 +40,7 @@ def _find_formats() -> Mapping[str, GraphFormat]:
     """Return the format of each module of this package by its name, in alphabetical order."""
     modules = [import_module(f"{__name__}.{module.name}") for module in pkgutil.iter_modules(__path__)]
     formats: list[GraphFormat] = [module.FORMAT for module in modules]
-    return {graph_format.name: graph_format for graph_format in sorted(formats, key=lambda one: one.name)}
+    return {graph_format.name: graph_format for graph_format in sorted(formats, key=lambda declared: declared.name)}
 
 
 FORMATS = _find_formats()

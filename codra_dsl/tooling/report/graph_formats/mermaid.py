@@ -11,12 +11,12 @@ if TYPE_CHECKING:
 
 
 def _render(graph: Graph, say: Say) -> str:
-    """Return the flowchart; say so if it does not show every node or has more edges than Mermaid draws by default."""
+    """Return the flowchart, with a message if it omits nodes or has more edges than Mermaid draws by default."""
     from codra_dsl.tooling.report.mermaid import MAX_EDGES, flowchart
 
     chart = flowchart(graph)
-    if not chart.is_whole:
-        say("the graph is too large for Mermaid and was drawn together: --select shows a part in full")
+    if not chart.is_complete:
+        say("the graph is too large for Mermaid and was condensed: --select shows a part in full")
     if not chart.fits:
         say(f"even so it has {chart.edges} edges: Mermaid draws {MAX_EDGES} unless its page sets maxEdges")
     return chart.text

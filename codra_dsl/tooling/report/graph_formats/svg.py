@@ -11,11 +11,11 @@ if TYPE_CHECKING:
 
 
 def _render(graph: Graph, say: Say) -> str:
-    """Return the picture; say so beforehand if drawing it may take minutes."""
+    """Return the picture; if drawing may take minutes, show a message first."""
     from codra_dsl.tooling.report.dot import MAX_QUICK, render_svg
 
     if len(graph.elements) > MAX_QUICK:
-        say(f"to lay out {len(graph.elements)} nodes may take minutes: --select takes a part, --format html is quicker")
+        say(f"laying out {len(graph.elements)} nodes may take minutes: --select takes a part, --format html is quicker")
     return render_svg(graph)
 
 

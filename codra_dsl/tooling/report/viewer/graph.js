@@ -1,8 +1,8 @@
 "use strict";
-// What the page works out about graphs: values in, values out, without a document.
+// Pure functions about graphs, without access to the document.
 
 function neighboursOf(count, edges) {
-  // For each node its neighbours either way, as [node, kind of edge, number of the edge].
+  // The neighbours of each node in both directions, as [node, kind of edge, number of the edge].
   const needs = Array.from({ length: count }, () => []), neededBy = Array.from({ length: count }, () => []);
   edges.forEach(([need, user, kind], number) => {
     needs[user].push([need, kind, number]);
@@ -23,7 +23,7 @@ function reach(start, neighbours, steps) {
 }
 
 function boxesOf(nodes, specs) {
-  // What an overview shows instead of nodes: a box for each module of each spec.
+  // The boxes that an overview shows instead of nodes: one for each module of each spec.
   const boxes = new Map();
   nodes.forEach((node, number) => {
     const key = node.spec + "/" + node.group;
@@ -34,7 +34,7 @@ function boxesOf(nodes, specs) {
 }
 
 function linksBetween(boxes, edges) {
-  // One link for all edges between two boxes; where they lead both ways, it has two heads.
+  // One link for all edges between two boxes; if there are edges in both directions, it has two heads.
   const boxOf = new Map(boxes.flatMap((box, index) => box.members.map((number) => [number, index])));
   const links = new Map();
   for (const [need, user] of edges) {
@@ -48,7 +48,7 @@ function linksBetween(boxes, edges) {
 }
 
 function found(nodes, asked) {
-  // The nodes that have every word that was asked for; first those whose label begins with the first word, or has it.
+  // The nodes that match every word of the query; first those whose label begins with the first word, then those that contain it.
   const fold = (text) => text.toLowerCase();
   const words = fold(asked).split(/\s+/).filter(Boolean);
   const said = (node) => fold([node.label, node.name, node.id, node.place, node.description, ...Object.values(node.facts)].join("\n"));
@@ -57,7 +57,7 @@ function found(nodes, asked) {
   return hits.sort((one, other) => rank(one) - rank(other) || one - other);
 }
 
-// ---- layout in columns: what is needed stands left of who needs it
+// ---- layout in columns: a needed node is left of the nodes that need it
 
 function columnsOf(count, links) {
   const out = Array.from({ length: count }, () => []);
@@ -79,7 +79,7 @@ function columnsOf(count, links) {
   order.reverse();
   const place = new Int32Array(count);
   order.forEach((number, index) => (place[number] = index));
-  const forward = (from, to) => place[from] < place[to]; // the others close a circle
+  const forward = (from, to) => place[from] < place[to]; // the others close a cycle
   const rank = new Int32Array(count);
   for (const from of order) for (const to of out[from]) if (forward(from, to)) rank[to] = Math.max(rank[to], rank[from] + 1);
   for (const number of order) {
@@ -90,7 +90,7 @@ function columnsOf(count, links) {
 }
 
 function isotonic(wanted, sizes, gap) {
-  // Nearest to where each wants to be, in order and without overlap: pool what would collide.
+  // As near as possible to the preferred places, in order and without overlap: nodes that would collide form a group.
   const pools = [];
   let offset = 0;
   const offsets = wanted.map((_, index) => { const at = offset + sizes[index] / 2; offset += sizes[index] + gap; return at; });
@@ -107,12 +107,12 @@ function isotonic(wanted, sizes, gap) {
   return placed;
 }
 
-const TALL = 20; // more in one column stand in several beside each other
+const TALL = 20; // a taller column is split into several
 
 const MAX_BENDS = 4000;
 
 function bent(items, links, rank) {
-  // A link over several columns gets a bend in each, which takes room there, so that it passes between the nodes.
+  // A link over several columns has a bend in each, which takes space there, so that it passes between the nodes.
   const all = [...items], ranks = [...rank], ways = [], parts = [];
   const wide = new Set();
   const heights = new Map();

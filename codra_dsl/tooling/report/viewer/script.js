@@ -1,4 +1,4 @@
-// The graph arrives as data and, where Graphviz was there, as a drawing. Nothing is fetched and nothing is stored.
+// The graph is data in the page and, if Graphviz was available, a drawing. The page fetches and stores nothing.
 
 const data = JSON.parse(document.getElementById("data").textContent);
 const { nodes, edges, kinds, arrows, latency } = data;
@@ -13,7 +13,7 @@ const state = {
   view: nodes.length > LARGE && boxes.size > 1 ? "overview" : "whole",
   node: null, // the chosen node
   box: null, // the chosen box
-  members: null, // what the part view is about, where that is no node
+  members: null, // the subject of the part view, if it is not a node
   hidden: new Set(),
   help: nodes.length > LARGE,
 };
@@ -58,7 +58,7 @@ function outline(kind, width, height) {
 }
 
 function backwards(from, to) {
-  // Whoever needs it stands left of it, or above: a circle. The arrow goes round below both.
+  // The node that needs it is left of it, or above: a cycle. The arrow passes below both.
   const low = Math.max(from.y + from.height / 2, to.y + to.height / 2) + 46, foot = to.y + to.height / 2 + 7;
   const line = `M${from.x},${from.y + from.height / 2}C${from.x},${low} ${to.x},${low} ${to.x},${foot}`;
   return [line, `${to.x - 3.5},${foot} ${to.x},${foot - 7} ${to.x + 3.5},${foot}`];
@@ -105,7 +105,7 @@ const nodeItem = (number) => {
   return { kind, lines, ...sized(lines, kind) };
 };
 
-// A picture knows its shapes by what they stand for.
+// The shapes of a picture, by the nodes and edges that they show.
 
 function picturePart(members) {
   const numbers = [...members].filter((number) => !state.hidden.has(nodes[number].kind)).sort((one, other) => one - other);
@@ -163,7 +163,7 @@ function extent(shapes) {
 }
 
 function fit() {
-  // To what the chosen node touches, else to everything.
+  // To the chosen node and its neighbours, else to everything.
   const touched = state.node === null ? [] : [...picture.nodes.values()].filter((each) => !each.matches(".away, .gone"));
   const frame = stage.getBoundingClientRect(), box = touched.length ? extent(touched) : picture.inner.getBBox();
   if (!box.width || !frame.width) return;
@@ -222,7 +222,7 @@ function show({ refit = true } = {}) {
   prepare();
   mark();
   controls();
-  tell();
+  updatePanel();
   if (refit) fit(); else place();
 }
 
@@ -273,7 +273,7 @@ function choose(number) {
   history.replaceState(null, "", number === null ? "#" : "#" + encodeURIComponent(nodes[number].id));
   if (state.view === "overview" && number !== null) state.view = "part";
   if (state.view === "part") { if (number === null && !state.members) state.view = home(); show(); }
-  else { if (number !== null && !picture.nodes.get(number)?.isConnected) show({ refit: false }); mark(); controls(); tell(); if (fitted) fit(); }
+  else { if (number !== null && !picture.nodes.get(number)?.isConnected) show({ refit: false }); mark(); controls(); updatePanel(); if (fitted) fit(); }
   bringIn(picture.nodes.get(number));
 }
 
@@ -287,12 +287,12 @@ function bringIn(each) {
 }
 
 function reveal(number) {
-  if (nodes.length > LARGE) state.view = "part"; // where it stands in the whole, its neighbours may be far away
+  if (nodes.length > LARGE) state.view = "part"; // in the complete graph its neighbours may be far away
   choose(number);
   picture.nodes.get(number)?.focus({ preventScroll: true });
 }
 
-function chooseBox(key) { state.box = key; state.node = null; mark(); controls(); tell(); }
+function chooseBox(key) { state.box = key; state.node = null; mark(); controls(); updatePanel(); }
 function openBox(key) { state.members = boxes.get(key).members; state.box = key; state.node = null; state.view = "part"; show(); }
 const home = () => (nodes.length > LARGE && boxes.size > 1 ? "overview" : "whole");
 
@@ -327,7 +327,7 @@ function facts(pairs) {
   return element("dl", {}, ...pairs.filter(([, value]) => value !== undefined && value !== null && value !== "").flatMap(([name, value]) => [element("dt", {}, name), element("dd", {}, String(value))]));
 }
 
-function tell() {
+function updatePanel() {
   const panel = find("panel");
   const hidden = state.node === null && state.box === null && !state.help;
   if (panel.hidden !== hidden) {
@@ -343,7 +343,7 @@ function tell() {
 
 function aboutNode(number) {
   const node = nodes[number];
-  const known = node.kind === "given" ? "when somebody who may write it tells it" : node.worst_case_s === null ? "" : `at the latest ${Number(node.worst_case_s.toFixed(3))} s after it is declared`;
+  const known = node.kind === "given" ? "when an agent or the main execution sets it" : node.worst_case_s === null ? "" : `at the latest ${Number(node.worst_case_s.toFixed(3))} s after it is declared`;
   const direct = (list) => [...new Set(list.map(([other]) => other))];
   const before = [...reach([number], needs, Infinity)].length - 1, after = [...reach([number], neededBy, Infinity)].length - 1;
   return [
@@ -351,8 +351,8 @@ function aboutNode(number) {
     element("small", {}, `${kinds[node.kind]}`),
     node.description ? element("p", {}, node.description) : "",
     facts([["Name", node.name], ["Place", node.place], ["Known", known], ...Object.entries(node.facts), ["In all", `needs ${before}, is needed by ${after}`]]),
-    element("button", { type: "button", onclick: () => go(state.view === "part" ? home() : "part") }, state.view === "part" ? "Back" : "Show only what it touches"),
-    " ", element("button", { type: "button", onclick: () => choose(null) }, "Let go"),
+    element("button", { type: "button", onclick: () => go(state.view === "part" ? home() : "part") }, state.view === "part" ? "Back" : "Show only its neighbourhood"),
+    " ", element("button", { type: "button", onclick: () => choose(null) }, "Deselect"),
     ...listed("Needs", direct(needs[number])),
     ...listed("Is needed by", direct(neededBy[number])),
   ];
@@ -362,8 +362,8 @@ function aboutBox(box) {
   const by = (kind) => box.members.filter((number) => nodes[number].kind === kind);
   return [
     element("h2", {}, box.label),
-    element("small", {}, `${counted(box.members)} that one use of a template, or one file, declares`),
-    state.view === "part" ? "" : element("p", {}, element("button", { type: "button", onclick: () => openBox(box.key) }, "Show what is in it")),
+    element("small", {}, `${counted(box.members)} from one use of a template or one file`),
+    state.view === "part" ? "" : element("p", {}, element("button", { type: "button", onclick: () => openBox(box.key) }, "Show its contents")),
     ...Object.keys(kinds).flatMap((kind) => listed(kinds[kind], by(kind))),
   ];
 }
@@ -373,8 +373,8 @@ function help() {
   return [
     element("h2", {}, data.title),
     element("p", {}, Object.keys(kinds).map((kind) => `${by(kind).length} × ${kinds[kind]}`).join(", ") + "."),
-    element("p", {}, "Arrows lead from what is needed to who needs it. Choose a node to see all that it needs and all that needs it."),
-    element("p", {}, element("small", {}, "Drag to move, wheel to zoom. Keys: / search, arrows walk from node to node, Enter chooses, Escape lets go, + − 0 zoom.")),
+    element("p", {}, "Arrows lead from a node to those that need it. Choose a node to see everything that it needs and everything that needs it."),
+    element("p", {}, element("small", {}, "Drag to move, wheel to zoom. Keys: / search, arrows walk from node to node, Enter chooses, Escape deselects, + − 0 zoom.")),
     ...listed("Start from a skill", by("skill")),
   ];
 }
@@ -412,7 +412,7 @@ function drawHits(open) {
   const shown = hits.slice(0, 60).map((number, index) => element("li", { role: "option", id: `hit${index}`, "aria-selected": String(index === picked), onpointerdown: (event) => { event.preventDefault(); take(index); } },
     element("span", { class: `dot ${nodes[number].kind}` }), nodes[number].label, " ", element("small", {}, nodes[number].place)));
   const rest = hits.length > 60 ? [element("li", { "aria-disabled": "true" }, `and ${hits.length - 60} more`)] : [];
-  list.replaceChildren(...shown, ...rest, ...(open && !hits.length ? [element("li", { "aria-disabled": "true" }, "nothing found")] : []));
+  list.replaceChildren(...shown, ...rest, ...(open && !hits.length ? [element("li", { "aria-disabled": "true" }, "no match")] : []));
   if (open && hits.length) find("search").setAttribute("aria-activedescendant", `hit${picked}`); else find("search").removeAttribute("aria-activedescendant");
   list.children[picked]?.scrollIntoView({ block: "nearest" });
 }
@@ -468,7 +468,7 @@ function walk(key) {
 window.addEventListener("keydown", (event) => {
   if (event.ctrlKey || event.metaKey || event.altKey) return;
   const typing = event.target.matches?.("input, select");
-  if (event.key === "Escape") { if (state.node !== null) choose(null); else if (state.view !== home()) go(home()); else { state.box = null; mark(); tell(); } return; }
+  if (event.key === "Escape") { if (state.node !== null) choose(null); else if (state.view !== home()) go(home()); else { state.box = null; mark(); updatePanel(); } return; }
   if (typing) return;
   if (event.key === "/") { event.preventDefault(); find("search").focus(); find("search").select(); }
   else if (event.key === "+" || event.key === "=") zoom(1.25);
@@ -480,7 +480,7 @@ window.addEventListener("keydown", (event) => {
 find("zoom-in").addEventListener("click", () => zoom(1.25));
 find("zoom-out").addEventListener("click", () => zoom(0.8));
 find("fit").addEventListener("click", () => fit());
-find("help").addEventListener("click", () => { state.help = !state.help; tell(); });
+find("help").addEventListener("click", () => { state.help = !state.help; updatePanel(); });
 find("steps").value = nodes.length > LARGE ? "3" : "99999";
 find("steps").addEventListener("change", () => show());
 find("views").addEventListener("submit", (event) => event.preventDefault());

@@ -1,1 +1,1 @@
-"""What the experiments beyond the paper have in common: what the robot does, and how arms are set beside each other."""
+"""Shared parts of the experiments beyond the paper: workloads of the robot, and comparisons of arms."""

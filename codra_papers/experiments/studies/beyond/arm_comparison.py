@@ -1,4 +1,4 @@
-"""How arms stand beside each other over several variables: one line an arm, with paired intervals."""
+"""Comparisons of arms over several variables: one line per arm, with paired intervals."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from codra_papers.experiments.lab.outcomes import Outcome
 from codra_papers.experiments.studies.robustness.findings import Counted, Runs, paper, plain, strict
 
 LIDS_AND_LATCHES = ("centrifuge_open", "centrifuge_locked", "pcr_cycler_open", "pcr_cycler_locked")
-"""What decisions rest on that is seen."""
+"""The visible variables on which decisions are based."""
 
 IN_VIEW = tuple(f"{machine}_{part}_in_FOV" for machine in ("centrifuge", "pcr_cycler") for part in ("base", "lid"))
-"""What says when these can be seen."""
+"""The variables that show when the others are visible."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Standing:
-    """What one arm knew of some variables over runs, and what it cost.
+class ArmComparison:
+    """How much one arm knew of some variables over runs, and at which cost.
 
     Attributes:
-        seconds: in the common windows, over all variables and runs; of variables that it never identified, none.
+        seconds: in the common windows, over all variables and runs; variables that it never identified add none.
         left_out: how many times it never identified a variable in a run.
-        paper_difference: of the ratio, less that of the arm it is compared with; None if it is that arm.
-        strict_difference: likewise of the strict ratio.
-        triggers: jobs of all algorithms that need the vision slot.
-        slot_share: of the runs' time in which its observers held the slot.
+        paper_difference: of the ratio, minus that of the arm it is compared with; None if it is that arm.
+        strict_difference: of the strict ratio, likewise.
+        triggers: the number of jobs of all algorithms that need the vision slot.
+        slot_share: the share of the runs' time in which its observers held the slot.
     """
 
     arm: str
@@ -46,49 +46,51 @@ class Standing:
 
     @property
     def paper_ratio(self) -> float | None:
-        """Return right of held seconds."""
+        """Return right seconds of held seconds."""
         return ratio_of_sums([self.seconds.paper])
 
     @property
     def strict_ratio(self) -> float | None:
-        """Return right of all seconds."""
+        """Return right seconds of all seconds."""
         return ratio_of_sums([self.seconds.strict])
 
 
 def reported_seeds(settings: Settings) -> range:
-    """Return the seeds that a report is made of: one at least."""
+    """Return the seeds of a report: at least one."""
     return range(FIRST_REPORTED_SEED, FIRST_REPORTED_SEED + max(settings.seeds, 1))
 
 
-def standings(
+def arm_comparisons(
     outcomes: Sequence[Outcome], variables: Sequence[str], against: str, vision: Sequence[str]
-) -> Sequence[Standing]:
-    """Return how all arms of some runs stand.
+) -> Sequence[ArmComparison]:
+    """Return the comparisons of all arms of some runs.
 
     Args:
         outcomes: at least one, all with the same arms.
-        variables: over which seconds, changes and decisions are added up.
-        against: the arm that the others are compared with.
+        variables: the variables over which seconds, changes and decisions are added up.
+        against: the arm with which the others are compared.
         vision: the algorithms that need the vision slot.
     """
-    return [standing(outcomes, variables, arm, against, vision) for arm in outcomes[0].arms]
+    return [arm_comparison(outcomes, variables, arm, against, vision) for arm in outcomes[0].arms]
 
 
-def standing(
+def arm_comparison(
     outcomes: Sequence[Outcome], variables: Sequence[str], arm: str, against: str, vision: Sequence[str]
-) -> Standing:
-    """Return how one arm stands."""
+) -> ArmComparison:
+    """Return the comparison of one arm with another."""
     runs = Runs(outcomes)
-    asked = [each for outcome in outcomes for each in outcome.decisions if each.variable in variables]
-    found = [lags(outcome.arms[arm].held[name], outcome.truth[name]) for outcome in outcomes for name in variables]
-    return Standing(
+    decisions = [decision for outcome in outcomes for decision in outcome.decisions if decision.variable in variables]
+    lags_of_variables = [
+        lags(outcome.arms[arm].held[name], outcome.truth[name]) for outcome in outcomes for name in variables
+    ]
+    return ArmComparison(
         arm=arm,
         seconds=total(pooled(outcome, variables, arm) for outcome in outcomes),
         left_out=sum(runs.left_out(name, arm) for name in variables),
         paper_difference=None if arm == against else difference(outcomes, variables, arm, against, paper),
         strict_difference=None if arm == against else difference(outcomes, variables, arm, against, strict),
-        answers=answers(asked, arm),
-        lags=sum(found, Lags()),
+        answers=answers(decisions, arm),
+        lags=sum(lags_of_variables, Lags()),
         triggers=sum(runs.triggers(arm, vision)),
         slot_share=runs.slot_s(arm) / runs.duration_s,
     )
@@ -104,17 +106,18 @@ def difference(
 ) -> Estimate:
     """Return how much better one arm knew some variables than another, with its interval over paired runs.
 
-    A variable that one of the two never identified in a run is left out of that run for both.
+    If one of the two never identified a variable in a run, that variable is left out of that run for both.
     """
     shared = [
-        (each, [name for name in variables if not window(each, name).left_out & {arm, against}]) for each in outcomes
+        (outcome, [name for name in variables if not window(outcome, name).left_out & {arm, against}])
+        for outcome in outcomes
     ]
-    left, right = ([counted(pooled(each, names, one)) for each, names in shared] for one in (arm, against))
+    left, right = ([counted(pooled(outcome, names, side)) for outcome, names in shared] for side in (arm, against))
     return ratio_difference(left, right)
 
 
-def standings_tables(found: Sequence[Standing], caption: str) -> tuple[Table, Table]:
-    """Return what arms knew, and what came of it at decisions and what it cost: one line an arm in each."""
+def arm_comparison_tables(comparisons: Sequence[ArmComparison], caption: str) -> tuple[Table, Table]:
+    """Return two tables with one line per arm: its knowledge, and its decisions and costs."""
     knew = (
         "arm",
         "ratio",
@@ -127,73 +130,77 @@ def standings_tables(found: Sequence[Standing], caption: str) -> tuple[Table, Ta
     )
     used = ("arm", "asked: right", "wrong", "fell back", "lag median s", "never seen", "triggers", "slot share")
     cost = (
-        "Asked: what was held when a decision needed it; marked where it was wrong. Lag: after changes of the truth; "
+        "Asked: the values at decisions; wrong values are marked. Lag: after changes of the truth; "
         "some were never seen before the next. Triggers: all jobs that need the vision slot."
     )
-    wrong = frozenset((row, 2) for row, one in enumerate(found) if one.answers.wrong)
-    told = Table(caption=cost, header=used, rows=[_used(one) for one in found], marked=wrong)
+    wrong = frozenset((row, 2) for row, comparison in enumerate(comparisons) if comparison.answers.wrong)
+    used_table = Table(caption=cost, header=used, rows=[_used(comparison) for comparison in comparisons], marked=wrong)
     caption = (
-        f"{caption} Left out: variables that the arm never identified in a run; they count in none of its numbers, nor "
-        "in differences to it."
+        f"{caption} Left out: variables that the arm never identified in a run; they do not count in its numbers or in "
+        "differences to it."
     )
-    return plain_table(caption, knew, [_knew(one) for one in found]), told
+    return plain_table(caption, knew, [_knew(comparison) for comparison in comparisons]), used_table
 
 
-def ratios(one: Standing) -> Sequence[Cell]:
+def ratios(comparison: ArmComparison) -> Sequence[Cell]:
     """Return an arm, both of its ratios, and their differences, as cells of a table."""
     return (
-        one.arm,
-        ratio(one.seconds.paper),
-        ratio(one.seconds.strict),
-        None if one.paper_difference is None else interval(one.paper_difference),
-        None if one.strict_difference is None else interval(one.strict_difference),
+        comparison.arm,
+        ratio(comparison.seconds.paper),
+        ratio(comparison.seconds.strict),
+        None if comparison.paper_difference is None else interval(comparison.paper_difference),
+        None if comparison.strict_difference is None else interval(comparison.strict_difference),
     )
 
 
-def _knew(one: Standing) -> Sequence[Cell]:
+def _knew(comparison: ArmComparison) -> Sequence[Cell]:
     return (
-        *ratios(one),
-        round(one.seconds.wrong_s, 1),
-        round(one.seconds.unknown_s, 1),
-        one.left_out,
+        *ratios(comparison),
+        round(comparison.seconds.wrong_s, 1),
+        round(comparison.seconds.unknown_s, 1),
+        comparison.left_out,
     )
 
 
-def _used(one: Standing) -> Sequence[Cell]:
+def _used(comparison: ArmComparison) -> Sequence[Cell]:
     return (
-        one.arm,
-        one.answers.right,
-        one.answers.wrong,
-        one.answers.fell_back,
-        rounded(one.lags.quantile_s(0.5), 1),
-        one.lags.unseen,
-        one.triggers,
-        rounded(one.slot_share, 3),
+        comparison.arm,
+        comparison.answers.right,
+        comparison.answers.wrong,
+        comparison.answers.fell_back,
+        rounded(comparison.lags.quantile_s(0.5), 1),
+        comparison.lags.unseen,
+        comparison.triggers,
+        rounded(comparison.slot_share, 3),
     )
 
 
-def standings_as_data(found: Sequence[Standing]) -> Mapping[str, Any]:
-    """Return how arms stand as plain data, by arm."""
+def arm_comparisons_as_data(comparisons: Sequence[ArmComparison]) -> Mapping[str, Any]:
+    """Return comparisons as plain data, by arm."""
     return {
-        one.arm: {
-            "window_s": asdict(one.seconds),
-            "left_out": one.left_out,
-            "paper_ratio": one.paper_ratio,
-            "strict_ratio": one.strict_ratio,
-            "paper_ratio_difference": None if one.paper_difference is None else plain(one.paper_difference),
-            "strict_ratio_difference": None if one.strict_difference is None else plain(one.strict_difference),
-            "asked": asdict(one.answers),
-            "lag_median_s": one.lags.quantile_s(0.5),
-            "changes_never_seen": one.lags.unseen,
-            "vision_triggers": one.triggers,
-            "slot_share": one.slot_share,
+        comparison.arm: {
+            "window_s": asdict(comparison.seconds),
+            "left_out": comparison.left_out,
+            "paper_ratio": comparison.paper_ratio,
+            "strict_ratio": comparison.strict_ratio,
+            "paper_ratio_difference": None
+            if comparison.paper_difference is None
+            else plain(comparison.paper_difference),
+            "strict_ratio_difference": None
+            if comparison.strict_difference is None
+            else plain(comparison.strict_difference),
+            "asked": asdict(comparison.answers),
+            "lag_median_s": comparison.lags.quantile_s(0.5),
+            "changes_never_seen": comparison.lags.unseen,
+            "vision_triggers": comparison.triggers,
+            "slot_share": comparison.slot_share,
         }
-        for one in found
+        for comparison in comparisons
     }
 
 
 def runs_sentence(outcomes: Sequence[Outcome]) -> str:
-    """Return what was run, in a sentence."""
+    """Return a sentence that describes the runs."""
     seeds = sorted({outcome.seed for outcome in outcomes})
     minutes = sum(outcome.duration_s for outcome in outcomes) / 60
     failed = sum(outcome.error is not None for outcome in outcomes)

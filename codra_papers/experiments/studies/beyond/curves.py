@@ -1,4 +1,4 @@
-"""Pictures of how something depends on a number: a line for each arm, with intervals where there are some."""
+"""Line plots over a number: one line for each arm, with intervals if there are any."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _COLOURS = ("#d1352b", "#1f5fa8", "#2e9e5b", "#8a5fb0")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Point:
-    """One place of a curve; nothing is drawn where there is no value."""
+    """A point of a curve; without a value it is not drawn."""
 
     x: float
     y: float | None
@@ -40,8 +40,8 @@ class Panel:
     """Curves with axes of their own.
 
     Attributes:
-        across: what the numbers to the right are.
-        nominal: the number that stands for the laboratory as it is; None if there is none.
+        across: the label of the horizontal axis.
+        nominal: the number of the unchanged laboratory, or None.
     """
 
     title: str
@@ -56,21 +56,21 @@ def _style() -> AbstractContextManager[None]:
     )
 
 
-def curves(told: Sequence[Curve], across: str, up: str, caption: str) -> Drawing:
-    """Draw some curves over the same numbers."""
-    return panels([Panel(title="", across=across, curves=told)], up, caption)
+def curves(plotted: Sequence[Curve], across: str, up: str, caption: str) -> Drawing:
+    """Draw curves over the same numbers."""
+    return panels([Panel(title="", across=across, curves=plotted)], up, caption)
 
 
-def panels(told: Sequence[Panel], up: str, caption: str) -> Drawing:
-    """Draw panels, three in a row, all as high."""
-    columns = min(len(told), 3)
-    rows = -(-len(told) // columns)
+def panels(plotted: Sequence[Panel], up: str, caption: str) -> Drawing:
+    """Draw panels of the same height, three in a row."""
+    columns = min(len(plotted), 3)
+    rows = -(-len(plotted) // columns)
     with _style():
         figure = Figure(figsize=(3.8 * columns + (2.0 if columns == 1 else 0.0), 2.9 * rows), layout="constrained")
         grid = figure.subplots(rows, columns, sharey=True, squeeze=False)
-        for panel, axes in zip(told, grid.flat, strict=False):
+        for panel, axes in zip(plotted, grid.flat, strict=False):
             _draw(panel, axes)
-        for axes in grid.flat[len(told) :]:
+        for axes in grid.flat[len(plotted) :]:
             axes.set_visible(False)
         for line in grid:
             line[0].set_ylabel(up)
@@ -93,24 +93,26 @@ def _draw(panel: Panel, axes: Axes) -> None:
     axes.set_xlabel(panel.across)
 
 
-def at(x: float, found: Estimate | None) -> Point:
-    """Return the point of an estimate."""
-    return Point(x=x, y=None) if found is None else Point(x=x, y=found.value, low=found.low, high=found.high)
+def at(x: float, estimate: Estimate | None) -> Point:
+    """Return the point of an estimate at a number."""
+    return (
+        Point(x=x, y=None) if estimate is None else Point(x=x, y=estimate.value, low=estimate.low, high=estimate.high)
+    )
 
 
-def differences(told: Sequence[tuple[str, Estimate]], across: str, caption: str) -> Drawing:
-    """Draw estimates below each other, with zero as a line."""
+def differences(estimates: Sequence[tuple[str, Estimate]], across: str, caption: str) -> Drawing:
+    """Draw estimates below each other, with a line at zero."""
     with _style():
-        figure = Figure(figsize=(9.0, 1.2 + 0.28 * len(told)), layout="constrained")
+        figure = Figure(figsize=(9.0, 1.2 + 0.28 * len(estimates)), layout="constrained")
         axes = figure.subplots()
         axes.axvline(0.0, color="#444444", linewidth=1.0)
-        for row, (_, found) in enumerate(told):
-            if found.value is not None:
-                axes.plot([found.value], [row], "o", color=_COLOURS[1])
-            if found.low is not None and found.high is not None:
-                axes.plot([found.low, found.high], [row, row], color=_COLOURS[1], linewidth=2.0)
-        axes.set_yticks(range(len(told)), [name for name, _ in told])
-        axes.set_ylim(len(told) - 0.5, -0.5)
+        for row, (_, estimate) in enumerate(estimates):
+            if estimate.value is not None:
+                axes.plot([estimate.value], [row], "o", color=_COLOURS[1])
+            if estimate.low is not None and estimate.high is not None:
+                axes.plot([estimate.low, estimate.high], [row, row], color=_COLOURS[1], linewidth=2.0)
+        axes.set_yticks(range(len(estimates)), [name for name, _ in estimates])
+        axes.set_ylim(len(estimates) - 0.5, -0.5)
         axes.set_xlabel(across)
         text = StringIO()
         figure.savefig(text, format="svg", metadata={"Date": None})

@@ -1,4 +1,8 @@
-"""Laboratories with more machines, and the specs for them: the spec under test and one `use` line for each."""
+"""Laboratories with more machines, and specs for them.
+
+Such a spec is the spec under test with one more `use` line for each machine. It is written into the experiment's folder
+whenever the experiment is run, so it cannot become outdated.
+"""
 
 from __future__ import annotations
 
@@ -23,25 +27,25 @@ FURTHER: tuple[Machine, ...] = (
     _PCR_CYCLER.named("third_cycler", 70).standing(5.8, 3.3, pi),
     shaker(0.7, 1.5, 0.0).named("door_shaker", 80),
 )
-"""Machines that may stand beside the two of the protocol, in free places of its room."""
+"""Machines for free places of the protocol's laboratory, besides its own two."""
 
 
 def use_line(machine: Machine) -> str:
-    """Return the line that makes a spec know a machine."""
+    """Return the line that adds a machine to a spec."""
     return f"{machine.name}: {{template: tended_machine, title: {machine.name}}}"
 
 
 def spec_with(spec: Path, machines: Sequence[Machine], folder: Path) -> Path:
-    """Write a spec that differs by a `use` line a machine, with copies of the parts that it includes.
+    """Write a spec with one more `use` line per machine, and copies of the parts that it includes.
 
     Args:
         spec: the spec under test.
-        machines: to be known besides those that it knows.
-        folder: where it goes, under its own name; is made.
+        machines: to be added.
+        folder: for the new spec, under its own name; it is created.
 
     Raises:
-        SpecError: if the spec has errors, or nothing under `use` that the lines could stand with.
-        OSError: if it cannot be written.
+        SpecError: if the spec has errors, or no block of lines under `use`.
+        OSError: if a file cannot be written.
     """
     home = spec.absolute().parent
     for part in source_files(spec):
@@ -55,8 +59,8 @@ def spec_with(spec: Path, machines: Sequence[Machine], folder: Path) -> Path:
 
 
 def _extended(text: str, machines: Sequence[Machine]) -> str:
-    found = _USE.search(text)
-    if found is None:
+    match = _USE.search(text)
+    if match is None:
         raise SpecError("the spec has no block of lines under 'use' that further machines could be added to")
-    lines = "".join(f"{use_line(machine)}\n{found['indentation']}" for machine in machines)
-    return f"{text[: found.end()]}{lines}{text[found.end() :]}"
+    lines = "".join(f"{use_line(machine)}\n{match['indentation']}" for machine in machines)
+    return f"{text[: match.end()]}{lines}{text[match.end() :]}"

@@ -1,4 +1,7 @@
-"""The numbers of a spec that could have been chosen otherwise, and what makes each of them larger or smaller."""
+"""The numeric parameters of a spec, and spec variants that make each of them larger or smaller.
+
+Parameters are read from the spec and not listed here, so that numbers added to the spec are varied as well.
+"""
 
 from __future__ import annotations
 
@@ -13,16 +16,16 @@ from codra_papers.experiments.lab.spec_variants import SpecVariant
 _MACHINES = ("centrifuge", "pcr_cycler")
 
 _FEW = 20
-"""Whole numbers below this count things."""
+"""Integers below this are counts."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScaledNumber:
-    """Make the numbers of a condition so many times as large, wherever a spec has that condition.
+    """Scale the numbers of a condition, wherever a spec has that condition.
 
     Attributes:
         condition: its text, e.g. `distance < 1.6 m`.
-        variables: the ends of the names of what it identifies; empty for a condition of `accept_when`.
+        variables: the end of the names of the variables that it identifies; empty for a condition of `accept_when`.
     """
 
     condition: str
@@ -30,11 +33,11 @@ class ScaledNumber:
     factor: float
 
     def __str__(self) -> str:
-        """Return it as a report tells it."""
+        """Return its description in a report."""
         return f"'{self.condition}' with {self.factor:g} times its numbers"
 
     def __call__(self, spec: Spec) -> Spec:
-        """Return the spec with other numbers there."""
+        """Return the spec with scaled numbers."""
         return replace(spec, perception=tuple(map(self._scaled, spec.perception)))
 
     def _scaled(self, algorithm: Algorithm) -> Algorithm:
@@ -62,35 +65,39 @@ class ScaledNumber:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScaledValidity:
-    """Let values that do not stand for ever stand so many times as long."""
+    """Scale `valid_for` of all variables that are not valid for ever."""
 
     factor: float
 
     def __str__(self) -> str:
-        """Return it as a report tells it."""
+        """Return its description in a report."""
         return f"{self.factor:g} times each valid_for"
 
     def __call__(self, spec: Spec) -> Spec:
-        """Return the spec with other `valid_for`."""
+        """Return the spec with scaled `valid_for`."""
         return replace(
-            spec, context=tuple(replace(each, valid_for_s=each.valid_for_s * self.factor) for each in spec.context)
+            spec,
+            context=tuple(
+                replace(variable, valid_for_s=variable.valid_for_s * self.factor) for variable in spec.context
+            ),
         )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScaledPeriod:
-    """Let all observers that the spec names look again after so many times as long."""
+    """Scale the periods of all observers that the spec names."""
 
     factor: float
 
     def __str__(self) -> str:
-        """Return it as a report tells it."""
+        """Return its description in a report."""
         return f"{self.factor:g} times each period"
 
     def __call__(self, spec: Spec) -> Spec:
-        """Return the spec with other periods."""
+        """Return the spec with scaled periods."""
         return replace(
-            spec, observers=tuple(replace(each, period_s=each.period_s * self.factor) for each in spec.observers)
+            spec,
+            observers=tuple(replace(observer, period_s=observer.period_s * self.factor) for observer in spec.observers),
         )
 
 
@@ -99,9 +106,9 @@ class Parameter:
     """A number of the spec, or numbers that belong together.
 
     Attributes:
-        name: as people read it.
-        smaller: the edit to half of it; for a whole number, rounded up.
-        larger: the edit to one and a half, likewise.
+        name: as shown in reports.
+        smaller: the edit to half of it; counts are rounded up.
+        larger: the edit to one and a half times of it; counts are rounded up.
     """
 
     name: str
@@ -119,20 +126,22 @@ def parameters(spec: Spec, besides: str) -> Sequence[Parameter]:
         spec: with one or more machines.
         besides: the end of the names of algorithms whose conditions are left out.
     """
-    found: dict[tuple[str, str], None] = {}
-    for algorithm in (each for each in spec.perception if not each.name.endswith(besides)):
-        found |= {(each.text, ""): None for each in algorithm.accept_when if _numbers(each)}
+    conditions: dict[tuple[str, str], None] = {}
+    for algorithm in (algorithm for algorithm in spec.perception if not algorithm.name.endswith(besides)):
+        conditions |= {(condition.text, ""): None for condition in algorithm.accept_when if _numbers(condition)}
         for entry in algorithm.identifies:
-            found |= {(each.text, _end(entry)): None for each in _conditions(entry) if _numbers(each)}
+            conditions |= {
+                (condition.text, _end(entry)): None for condition in _conditions(entry) if _numbers(condition)
+            }
     numbers = [
         Parameter(
             name=f"{text} ({variables.strip('_')})" if variables else text,
             smaller=ScaledNumber(condition=text, variables=variables, factor=HALF),
             larger=ScaledNumber(condition=text, variables=variables, factor=ONE_AND_A_HALF),
         )
-        for text, variables in found
+        for text, variables in conditions
     ]
-    if any(each.valid_for_s < FOREVER_S for each in spec.context):
+    if any(variable.valid_for_s < FOREVER_S for variable in spec.context):
         smaller, larger = (ScaledValidity(factor=factor) for factor in (HALF, ONE_AND_A_HALF))
         numbers.append(Parameter(name="valid_for", smaller=smaller, larger=larger))
     if spec.observers:
@@ -152,18 +161,18 @@ def _conditions(entry: Identification) -> Sequence[Condition]:
 
 
 def _end(entry: Identification) -> str:
-    """Return a variable's name without its machine."""
+    """Return a variable's name without the name of its machine."""
     name = entry.variable.name
     return next((name.removeprefix(machine) for machine in _MACHINES if name.startswith(machine)), name)
 
 
 def _numbers(condition: Condition) -> Sequence[Number]:
     tree = condition.tree
-    return () if tree is None else [each for each in walk(tree) if isinstance(each, Number)]
+    return () if tree is None else [node for node in walk(tree) if isinstance(node, Number)]
 
 
 def _with_numbers(condition: Condition, factor: float) -> Condition:
-    """Return a condition in which each literal is so many times as large."""
+    """Return a condition with all literals scaled."""
     text = condition.text
     for number in reversed(_numbers(condition)):
         written = text[number.start : number.end]
@@ -179,7 +188,7 @@ def _replaced(condition: Condition, text: str, tree: Node) -> Condition:
 
 
 def _scaled(value: float, factor: float) -> str:
-    """Return a literal; one of few whole things stays whole."""
+    """Return a scaled literal; a count stays an integer."""
     if isinstance(value, int) and value < _FEW:
         return str(max(math.ceil(value * factor), 1))
     return f"{value * factor:.6g}"

@@ -1,4 +1,4 @@
-"""What the main execution does where a whole loop would take too long."""
+"""Workloads of the main execution for studies in which a complete loop would take too long."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ class Tending:
     """Drive to machines, one after the other, and open and close each.
 
     Attributes:
-        machines: by name; one may be named again.
+        machines: by name; a machine can be listed several times.
     """
 
     machines: tuple[str, ...]
 
     def __call__(self, mission: Mission) -> None:
-        """Do it."""
+        """Tend the machines."""
         for machine in self.machines:
             mission.open_and_close(machine, times=1)
 
@@ -33,21 +33,21 @@ class Waiting:
     """Open a machine, wait beside it, and close it.
 
     Attributes:
-        until_s: the instant when the robot begins to close it.
+        until_s: when the robot begins to close it.
     """
 
     machine: str
     until_s: float
 
     def __call__(self, mission: Mission) -> None:
-        """Do it."""
+        """Open the machine, wait and close it."""
         mission.wait_beside(self.machine, self.until_s)
 
 
 def both_and_back(settings: Settings, arms: tuple[Arm, ...]) -> Sequence[Trial]:
-    """Return one run a seed, with all arms in it: 35 minutes.
+    """Return one run per seed, with all arms in it: 35 minutes.
 
-    The robot tends the centrifuge, the PCR-cycler, and the centrifuge again, of which it must know what it knew.
+    The robot tends the centrifuge, the PCR-cycler, and the centrifuge again, for which it must use earlier knowledge.
     """
     work = Tending(machines=(CENTRIFUGE, PCR_CYCLER, CENTRIFUGE))
     return [

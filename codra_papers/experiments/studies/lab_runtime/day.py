@@ -1,4 +1,4 @@
-"""A day at the fair (P1, section 4.2): perception tasks replaced in seven hours, and what that saves."""
+"""A day at the fair (P1, section 4.2): perception tasks that context replaced in seven hours, and the saved time."""
 
 from __future__ import annotations
 
@@ -16,67 +16,67 @@ from codra_papers.experiments.studies.lab_runtime.savings import Saving, saving
 from codra_papers.experiments.studies.lab_runtime.sources import answered_share, parts_table, plain, reasons
 
 _PARTS = (
-    "Seconds of perception saved, in parts that add up. What stands here as without observers are as many mean looks of"
-    " the day without them."
+    "Seconds of perception saved, in parts that add up. The values without observers are computed from as many mean"
+    " looks of the day without them."
 )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Day:
-    """What a day came to.
+    """The result of a day.
 
     Attributes:
-        found: the perception time of the checks with observers, against as many mean looks of the day without.
-        answered_s: the mean time of a check that context answered; None if there was none.
+        saving: the perception time of the checks with observers, against as many mean looks of the day without.
+        answered_s: the mean time of a check that context answered; None if it answered no check.
         fell_back: the checks that it did not answer.
     """
 
-    found: Saving
+    saving: Saving
     answered_s: float | None
     fell_back: Sequence[Decision]
 
     @property
     def per_check_s(self) -> float | None:
-        """Return what a check saves that context answers, as P1 counts it."""
-        return None if self.answered_s is None else self.found.look_s - self.answered_s
+        """Return the time that a check saves if context answers it, as P1 counts it."""
+        return None if self.answered_s is None else self.saving.look_s - self.answered_s
 
     @property
     def replaced_s(self) -> float:
-        """Return what all checks save that context answered, as P1 counts it: each by the mean."""
-        return self.found.answered * (self.per_check_s or 0.0)
+        """Return the time saved by all checks that context answered, as P1 counts it: each by the mean."""
+        return self.saving.answered * (self.per_check_s or 0.0)
 
 
 def judge_day(pair: Pair) -> Finding:
-    """Say what a day came to."""
-    told = a_day(pair)
+    """Report the result of a day."""
+    result = a_day(pair)
     return Finding(
         section=Section(
             title="A day of seven hours",
             parts=[
                 Words(
                     text="The robot processes samples for seven hours, once with and once without observers, with the"
-                    f" same seed. After an unrecoverable error someone sets things right in {REPAIR_S:g} s and it"
-                    " begins anew. Work differs: who saves time gets more done. So savings are counted on the"
-                    " perception tasks that came up with observers, each against a mean look without."
+                    f" same seed. After an unrecoverable error someone repairs the situation in {REPAIR_S:g} s and the"
+                    " work starts again. The amount of work differs: a robot that saves time gets more done. So savings"
+                    " are counted on the perception tasks of the day with observers, each against a mean look without."
                 ),
-                _comparison(pair, told),
-                parts_table({"the day with observers": told.found}, _PARTS),
-                _reasons_table(told),
+                _comparison(pair, result),
+                parts_table({"the day with observers": result.saving}, _PARTS),
+                _reasons_table(result),
                 _interruptions_table(pair),
             ],
         ),
-        summary=[_sentence(pair, told)],
-        results={"day": _results(pair, told)},
+        summary=[_sentence(pair, result)],
+        results={"day": _results(pair, result)},
     )
 
 
 def a_day(pair: Pair) -> Day:
-    """Return what a day came to."""
+    """Return the result of a day."""
     without, observed = _checks(pair.without), _checks(pair.observed)
-    found = saving(without, observed)
+    checks_saving = saving(without, observed)
     answered = [decision for decision in observed if not decision.has_looked]
     return Day(
-        found=replace(found, without=found.checks),
+        saving=replace(checks_saving, without=checks_saving.checks),
         answered_s=mean([spent_s([decision]) for decision in answered]),
         fell_back=[decision for decision in observed if decision.has_looked],
     )
@@ -86,24 +86,24 @@ def _checks(outcome: Outcome) -> Sequence[Decision]:
     return [decision for decision in outcome.decisions if needs_the_camera(decision)]
 
 
-def _comparison(pair: Pair, told: Day) -> Table:
-    found, without, observed = told.found, pair.without, pair.observed
+def _comparison(pair: Pair, result: Day) -> Table:
+    parts, without, observed = result.saving, pair.without, pair.observed
     looks = sum(decision.has_looked for decision in _checks(without))
     rows: list[Sequence[Cell]] = [
         ("hours", DAY_S / 3600, _hours(without), _hours(observed)),
         ("loops completed", None, without.loops, observed.loops),
         ("interruptions", None, len(without.interruptions), len(observed.interruptions)),
-        ("perception tasks", None, looks, found.checks),
-        ("answered by context", DAY_CHECKS, 0, found.answered),
-        ("mean seconds of a perception task by looking", None, rounded(found.look_s), _own_look_s(found)),
-        ("mean seconds of one that context answered", None, None, rounded(told.answered_s)),
-        ("saved per answered one in s", DAY_SAVED_PER_CHECK_S, None, rounded(told.per_check_s)),
-        ("saved by those in min, as P1 counts", DAY_SAVED_MIN, None, rounded(told.replaced_s / 60, 1)),
-        ("saved by all in min, waiting in vain included", None, None, rounded(found.saved_s / 60, 1)),
-        (f"the same for P1's {DAY_CHECKS} tasks in min", DAY_SAVED_MIN, None, _for_as_many_as_p1_min(told)),
+        ("perception tasks", None, looks, parts.checks),
+        ("answered by context", DAY_CHECKS, 0, parts.answered),
+        ("mean seconds of a perception task by looking", None, rounded(parts.look_s), _own_look_s(parts)),
+        ("mean seconds of one that context answered", None, None, rounded(result.answered_s)),
+        ("saved per answered one in s", DAY_SAVED_PER_CHECK_S, None, rounded(result.per_check_s)),
+        ("saved by those in min, as P1 counts", DAY_SAVED_MIN, None, rounded(result.replaced_s / 60, 1)),
+        ("saved by all in min, including unsuccessful waiting", None, None, rounded(parts.saved_s / 60, 1)),
+        (f"the same for P1's {DAY_CHECKS} tasks in min", DAY_SAVED_MIN, None, _for_as_many_as_p1_min(result)),
     ]
     return Table(
-        caption="The day beside P1's. This robot does nothing but process samples, so it decides more often than P1's.",
+        caption="The day beside P1's. This robot only processes samples, so it makes more decisions than P1's.",
         header=("", "P1", "without observers", "with observers"),
         rows=rows,
     )
@@ -113,19 +113,19 @@ def _hours(outcome: Outcome) -> float:
     return round(outcome.duration_s / 3600, 2)
 
 
-def _own_look_s(found: Saving) -> float | None:
-    return rounded(found.own_looks_s / found.fell_back) if found.fell_back else None
+def _own_look_s(parts: Saving) -> float | None:
+    return rounded(parts.own_looks_s / parts.fell_back) if parts.fell_back else None
 
 
-def _for_as_many_as_p1_min(told: Day) -> float | None:
-    return None if told.per_check_s is None else rounded(DAY_CHECKS * told.per_check_s / 60, 1)
+def _for_as_many_as_p1_min(result: Day) -> float | None:
+    return None if result.per_check_s is None else rounded(DAY_CHECKS * result.per_check_s / 60, 1)
 
 
-def _reasons_table(told: Day) -> Table:
+def _reasons_table(result: Day) -> Table:
     return Table(
-        caption=f"Why context had no answer, {len(told.fell_back)} times of {told.found.checks}.",
+        caption=f"Why context had no answer, {len(result.fell_back)} times of {result.saving.checks}.",
         header=("variable", "situation", "reason", "times"),
-        rows=[(*reason, count) for reason, count in sorted(reasons(told.fell_back).items())],
+        rows=[(*reason, count) for reason, count in sorted(reasons(result.fell_back).items())],
     )
 
 
@@ -141,28 +141,28 @@ def _interruptions_table(pair: Pair) -> Table:
     )
 
 
-def _sentence(pair: Pair, told: Day) -> str:
-    found = told.found
+def _sentence(pair: Pair, result: Day) -> str:
+    parts = result.saving
     return (
-        f"In {_hours(pair.observed)} h with observers context answered {found.answered} of {found.checks} perception"
-        f" tasks ({percent(answered_share(found))} %; P1: {DAY_CHECKS} replaced), which saved"
-        f" {rounded(told.replaced_s / 60, 1)} min by P1's counting (P1: {DAY_SAVED_MIN:g} min;"
-        f" {_for_as_many_as_p1_min(told)} min for as many tasks as P1's), and {rounded(found.saved_s / 60, 1)} min with"
-        f" all waiting and looking counted. {pair.observed.loops} loops were completed with observers,"
+        f"In {_hours(pair.observed)} h with observers context answered {parts.answered} of {parts.checks} perception"
+        f" tasks ({percent(answered_share(parts))} %; P1: {DAY_CHECKS} replaced), which saved"
+        f" {rounded(result.replaced_s / 60, 1)} min by P1's counting (P1: {DAY_SAVED_MIN:g} min;"
+        f" {_for_as_many_as_p1_min(result)} min for as many tasks as P1's), and {rounded(parts.saved_s / 60, 1)} min"
+        f" with all waiting and looking counted. {pair.observed.loops} loops were completed with observers,"
         f" {pair.without.loops} without."
     )
 
 
-def _results(pair: Pair, told: Day) -> Mapping[str, Any]:
+def _results(pair: Pair, result: Day) -> Mapping[str, Any]:
     return {
         "p1": {"checks": DAY_CHECKS, "saved_min": DAY_SAVED_MIN, "saved_per_check_s": DAY_SAVED_PER_CHECK_S},
         "repair_s": REPAIR_S,
         **{condition: _of(outcome) for condition, outcome in ((WITHOUT, pair.without), (OBSERVED, pair.observed))},
-        "saving": plain(told.found),
-        "answered_check_s": told.answered_s,
-        "saved_per_check_s": told.per_check_s,
-        "saved_as_p1_counts_min": told.replaced_s / 60,
-        "unanswered": {" ".join(reason): count for reason, count in sorted(reasons(told.fell_back).items())},
+        "saving": plain(result.saving),
+        "answered_check_s": result.answered_s,
+        "saved_per_check_s": result.per_check_s,
+        "saved_as_p1_counts_min": result.replaced_s / 60,
+        "unanswered": {" ".join(reason): count for reason, count in sorted(reasons(result.fell_back).items())},
     }
 
 

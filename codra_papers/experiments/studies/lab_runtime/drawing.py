@@ -1,4 +1,4 @@
-"""P1's Figure 8, of our own runs."""
+"""P1's Figure 8 for our own runs."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ _WIDTH = 0.38
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bars:
-    """One task's bars.
+    """The bars of one task.
 
     Attributes:
-        whole_s: durations of each execution, without observers and with them; `perception_s`: of its perception.
-        whole_share: by how much less it is with observers; `perception_share`: perception likewise.
+        task_s: durations of each execution, without observers and with them; `perception_s`: of its perception.
+        task_share: by which share it is shorter with observers; `perception_share`: the same for perception.
     """
 
     task: str
-    whole_s: tuple[Sequence[float], Sequence[float]]
+    task_s: tuple[Sequence[float], Sequence[float]]
     perception_s: tuple[Sequence[float], Sequence[float]]
-    whole_share: float | None
+    task_share: float | None
     perception_share: float | None
 
 
@@ -41,11 +41,11 @@ def figure_8(bars: Sequence[Bars]) -> str:
     """
     figure = Figure(figsize=(9, 4.6), layout="constrained")
     axes = figure.subplots(1, 2, width_ratios=(1, 1))
-    _panel(axes[0], "whole task", [(each.task, each.whole_s, each.whole_share) for each in bars], _WITHOUT, _OBSERVED)
+    _panel(axes[0], "whole task", [(bar.task, bar.task_s, bar.task_share) for bar in bars], _WITHOUT, _OBSERVED)
     _panel(
         axes[1],
         "perception",
-        [(each.task, each.perception_s, each.perception_share) for each in bars],
+        [(bar.task, bar.perception_s, bar.perception_share) for bar in bars],
         _WITHOUT_PERCEPTION,
         _OBSERVED_PERCEPTION,
     )
@@ -60,7 +60,7 @@ _Rows = Sequence[tuple[str, tuple[Sequence[float], Sequence[float]], float | Non
 
 
 def _panel(axes: Axes, title: str, rows: _Rows, without: str, observed: str) -> None:
-    """Draw one pair of bars for each task, and above it by how much the second is less."""
+    """Draw one pair of bars for each task, and above it by how much the second bar is less."""
     tops = [_pair(axes, place, durations_s, (without, observed)) for place, (_, durations_s, _) in enumerate(rows)]
     for place, (top_s, (_, _, share)) in enumerate(zip(tops, rows, strict=True)):
         if share is not None:
@@ -81,10 +81,10 @@ def _panel(axes: Axes, title: str, rows: _Rows, without: str, observed: str) -> 
 def _pair(
     axes: Axes, place: float, durations_s: tuple[Sequence[float], Sequence[float]], colours: tuple[str, str]
 ) -> float:
-    """Draw two bars with whiskers; return where the higher one ends."""
+    """Draw two bars with whiskers; return the end of the higher one."""
     tops = [0.0]
-    for side, found, colour in zip((-0.5, 0.5), durations_s, colours, strict=True):
-        middle_s, around_s = mean(found) or 0.0, deviation(found) or 0.0
+    for side, durations, colour in zip((-0.5, 0.5), durations_s, colours, strict=True):
+        middle_s, around_s = mean(durations) or 0.0, deviation(durations) or 0.0
         where = place + side * (_WIDTH + 0.02)
         axes.bar(where, middle_s, _WIDTH, color=colour, yerr=around_s, capsize=4, ecolor="#333333")
         axes.annotate(

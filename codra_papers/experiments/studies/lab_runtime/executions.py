@@ -1,4 +1,4 @@
-"""What the main execution spent its time on while it opened and closed a machine."""
+"""How the main execution spent its time while it opened and closed a machine."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from codra_papers.lab.mission import PCR_CYCLER
 
 
 class Task(StrEnum):
-    """What P1 measured (section 4.2)."""
+    """The tasks that P1 measured (section 4.2)."""
 
     OPENING = "opening"
     CLOSING = "closing"
@@ -32,8 +32,8 @@ class Execution:
     """One opening or closing.
 
     Attributes:
-        previews: the perception tasks before an action; `monitors`: those after one.
-        others: decisions that need no camera: how far the robot stands from the machine.
+        previews: the perception tasks before an action; `monitors`: those after an action.
+        others: decisions that need no camera: on the robot's distance from the machine.
     """
 
     task: Task
@@ -50,7 +50,7 @@ class Execution:
 
     @property
     def duration_s(self) -> float:
-        """Return how long it took as a whole: perception, other decisions and what is left, which is acting."""
+        """Return the total duration: perception, other decisions and the rest, which is acting."""
         return self.end_s - self.start_s
 
     @property
@@ -70,12 +70,12 @@ def needs_the_camera(decision: Decision) -> bool:
 
 
 def spent_s(decisions: Iterable[Decision]) -> float:
-    """Return the time from asking to having the answer, over all decisions: asking, waiting and looking."""
+    """Return the time from the request to the answer, over all decisions: asking, waiting and looking."""
     return sum(decision.answered_s - decision.instant_s for decision in decisions)
 
 
 def executions(outcome: Outcome) -> Sequence[Execution]:
-    """Return the openings and closings that a run brought to their end, in order of time."""
+    """Return the openings and closings that a run completed, in order of time."""
     skills = outcome.skills if outcome.error is None else outcome.skills[:-1]
     return [
         _execution(task, first, second, outcome.decisions)

@@ -1,4 +1,4 @@
-"""One part of what was found: for the eye, in sentences, and as data."""
+"""One part of the results: as a section, as sentences, and as data."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class Finding:
     """One part of a report.
 
     Attributes:
-        results: by keys that no other part uses, with units in them.
+        results: by keys that are unique in the report, with units in them.
     """
 
     section: Section
@@ -25,7 +25,7 @@ class Finding:
 
 
 def mean(values: Sequence[float]) -> float | None:
-    """Return the mean; None of nothing."""
+    """Return the mean; None without values."""
     return fmean(values) if values else None
 
 
@@ -35,31 +35,31 @@ def deviation(values: Sequence[float]) -> float | None:
 
 
 def rounded(value: float | None, digits: int = 2) -> float | None:
-    """Return a number as it is shown."""
-    return None if value is None else round(value, digits) + 0.0  # no minus before nothing
+    """Return a number rounded for display."""
+    return None if value is None else round(value, digits) + 0.0  # turns -0.0 into 0.0
 
 
 def percent(share: float | None) -> float | None:
-    """Return a share in percent, as it is shown."""
+    """Return a share in percent, rounded for display."""
     return None if share is None else round(100.0 * share, 1)
 
 
 def spread(values: Sequence[float]) -> str:
-    """Return mean and standard deviation as they are shown."""
+    """Return mean and standard deviation as text."""
     middle, around = rounded(mean(values)), rounded(deviation(values))
     return "none" if middle is None else f"{middle}" if around is None else f"{middle} ± {around}"
 
 
 def between(estimate: Estimate, *, scale: float = 1.0, digits: int = 2) -> str:
-    """Return an estimate with its interval as it is shown."""
+    """Return an estimate with its interval as text."""
     if estimate.value is None:
         return "none"
-    told = f"{scale * estimate.value:.{digits}f}"
+    value_text = f"{scale * estimate.value:.{digits}f}"
     if estimate.low is None or estimate.high is None:
-        return told
-    return f"{told} [{scale * estimate.low:.{digits}f}, {scale * estimate.high:.{digits}f}]"
+        return value_text
+    return f"{value_text} [{scale * estimate.low:.{digits}f}, {scale * estimate.high:.{digits}f}]"
 
 
 def plain(estimate: Estimate) -> Mapping[str, float | None]:
-    """Return an estimate as data."""
+    """Return an estimate as plain data."""
     return {**asdict(estimate), "level": LEVEL}

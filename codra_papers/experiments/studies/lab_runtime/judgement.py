@@ -1,4 +1,4 @@
-"""What is made of all runs: a report."""
+"""The report on all runs."""
 
 from __future__ import annotations
 
@@ -36,14 +36,14 @@ def judge(settings: Settings, outcomes: Mapping[str, Outcome]) -> Document:
             "decision_s": DECISION_S,
             "wait_up_to_s": WAIT_S,
             "ended_early": {outcome.name: outcome.error for outcome in runs if outcome.error is not None},
-            **{name: found for finding in findings for name, found in finding.results.items()},
+            **{name: part for finding in findings for name, part in finding.results.items()},
         },
     )
 
 
 def _protocol(settings: Settings) -> Section:
     return Section(
-        title="What was done",
+        title="Runs",
         parts=[
             Words(
                 text=f"The robot drives to the PCR-cycler, unlocks and opens it, and closes and locks it, {EXECUTIONS}"
@@ -53,9 +53,9 @@ def _protocol(settings: Settings) -> Section:
                 " of the robot's actions, in both."
             ),
             Words(
-                text=f"Each question to the observers is charged with {DECISION_S:g} s, more than 99 of 100 took that"
-                " were measured (docs/papers/lab-runtime.md), and"
-                f" after an action the robot waits for them up to {WAIT_S:g} s before it looks; all of that counts as"
+                text=f"Each request to the observers is charged with {DECISION_S:g} s, more than 99 of 100 measured"
+                " requests took (docs/papers/lab-runtime.md), and"
+                f" after an action the robot waits for them up to {WAIT_S:g} s before it looks; all of this counts as"
                 " perception. Jobs of observers take as long as the robot's own processing and share one vision slot"
                 " with it."
             ),
@@ -73,7 +73,7 @@ def _ended_early(outcomes: Sequence[Outcome]) -> Section:
         title="Runs that ended early",
         parts=[
             Table(
-                caption="Unrecoverable errors; executions that they cut off are not counted.",
+                caption="Unrecoverable errors; executions that were cut off by them are not counted.",
                 header=("run", "at s", "error"),
                 rows=rows,
             )

@@ -1,4 +1,4 @@
-"""What P1 reports in section 4.2: Table 3, Figure 8 and the day at the fair."""
+"""The numbers that P1 reports in section 4.2: Table 3, Figure 8 and the day at the fair."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from types import MappingProxyType
 from codra_papers.experiments.studies.lab_runtime.executions import Task
 
 EXECUTIONS = 5
-"""How often each task was executed without observers, and as often with them."""
+"""How often each task was executed without observers, and how often with them."""
 
 CHECKS = 4
 """Perception tasks in each execution: two for situation preview, two for situation monitoring."""
@@ -21,9 +21,9 @@ class PaperTask:
 
     Attributes:
         preview_s: of its two previews, without and with observers (Table 3).
-        monitoring_s: of what is monitored twice, likewise.
-        perception_share: how much less time perception took with observers (Figure 8).
-        task_share: how much less the whole task took (Figure 8).
+        monitoring_s: of its two monitored conditions, without and with observers (Table 3).
+        perception_share: by which share perception was shorter with observers (Figure 8).
+        task_share: by which share the task was shorter (Figure 8).
         saved_per_check_s: on average (section 4.2).
     """
 
@@ -53,12 +53,12 @@ PAPER: Mapping[Task, PaperTask] = MappingProxyType(
     }
 )
 
-CONTEXT_CHECK_S = sum(each.preview_s[1] + each.monitoring_s[1] for each in PAPER.values()) / (2 * CHECKS)
-"""What a perception task took on average with observers (Table 3): 2.26 s."""
+CONTEXT_CHECK_S = sum(task.preview_s[1] + task.monitoring_s[1] for task in PAPER.values()) / (2 * CHECKS)
+"""The mean duration of a perception task with observers (Table 3): 2.26 s."""
 
 DAY_S = 7 * 3600.0
 DAY_CHECKS = 153
-"""Perception tasks that context answered at the fair."""
+"""The number of perception tasks that context answered at the fair."""
 
 DAY_SAVED_MIN = 41.0
 DAY_SAVED_PER_CHECK_S = 16.0

@@ -15,23 +15,23 @@ from codra_papers.experiments.studies.lab_runtime.paper import DAY_S, EXECUTIONS
 from codra_papers.lab.mission import PCR_CYCLER, Mission
 
 DECISION_S = 0.02
-"""How long it takes to ask for a decision: more than the 99th percentile that `benchmarks/deciding.py` measured from
+"""The time that a decision request takes: more than the 99th percentile that `benchmarks/deciding.py` measured from
 another process (docs/papers/lab-runtime.md)."""
 
 REPAIR_S = 120.0
-"""How long someone takes to set things right after an unrecoverable error; P1's day had minor interruptions."""
+"""The time of a repair after an unrecoverable error; P1's day had minor interruptions."""
 
 WITHOUT, OBSERVED = "without-observers", "with-observers"
 
 
 @dataclass(frozen=True, slots=True)
 class OpenAndClose:
-    """Drive to the PCR-cycler, then open and close it so many times."""
+    """Drive to the PCR-cycler, then open and close it several times."""
 
     times: int
 
     def __call__(self, mission: Mission) -> None:
-        """Do it."""
+        """Drive, open and close."""
         mission.open_and_close(PCR_CYCLER, self.times)
 
 
@@ -46,13 +46,14 @@ class Pair:
     def of(self, task: Task) -> tuple[Sequence[Execution], Sequence[Execution]]:
         """Return the executions of a task, without observers and with them."""
         without, observed = (
-            [each for each in executions(outcome) if each.task is task] for outcome in (self.without, self.observed)
+            [execution for execution in executions(outcome) if execution.task is task]
+            for outcome in (self.without, self.observed)
         )
         return without, observed
 
 
 def trials(settings: Settings) -> Sequence[Trial]:
-    """Return all runs: P1's sample, as many further seeds as are asked for, and a day."""
+    """Return all runs: P1's sample, the further seeds of the settings, and a day."""
     return [
         *(trial for seed in _seeds(settings) for trial in tending(settings, seed)),
         *day(settings),
@@ -65,17 +66,17 @@ def tending(settings: Settings, seed: int, times: int = EXECUTIONS) -> Sequence[
 
 
 def day(settings: Settings, duration_s: float = DAY_S) -> Sequence[Trial]:
-    """Return the two runs of a day at the fair: sample after sample, going on after interruptions."""
+    """Return the two runs of a day at the fair: sample after sample, continuing after interruptions."""
     return list(_both(settings, "day", FIRST_REPORTED_SEED, Loops(), duration_s=duration_s, repair_s=REPAIR_S))
 
 
 def tending_pairs(settings: Settings, outcomes: Mapping[str, Outcome]) -> Sequence[Pair]:
-    """Return what came of all runs but those of the day, P1's sample first."""
+    """Return the outcomes of all runs except those of the day, P1's sample first."""
     return [_pair(f"tending-{seed}", outcomes) for seed in _seeds(settings)]
 
 
 def day_pair(outcomes: Mapping[str, Outcome]) -> Pair:
-    """Return what came of the day."""
+    """Return the outcomes of the day."""
     return _pair("day", outcomes)
 
 
@@ -97,7 +98,7 @@ def _both(
     duration_s: float | None = None,
     repair_s: float | None = None,
 ) -> Iterator[Trial]:
-    """Yield a run without observers, which needs no arm, and one with those whose arm answers the decisions."""
+    """Yield a run without observers and without arms, and one with an arm that answers the decisions."""
     for condition, arms, answering in ((WITHOUT, (), None), (OBSERVED, (NEED_ON_EVENT,), NEED_ON_EVENT.name)):
         yield Trial(
             name=f"{name}-{condition}",

@@ -1,4 +1,4 @@
-"""Where the time comes from that observers save: what looking takes, and what they knew in time."""
+"""The sources of the time that observers save: the duration of looks, and the answers that were ready in time."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ from codra_papers.experiments.studies.lab_runtime.paper import CONTEXT_CHECK_S
 from codra_papers.lab.mission import WAIT_S
 
 AT_P1S_CHECK = "each check takes P1's time in place of asking and waiting"
-KNOWING_NOTHING = "observers know nothing"
-"""Two of the scenarios, which the summary names."""
+WITHOUT_KNOWLEDGE = "observers know nothing"
+"""The two scenarios that the summary mentions."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Saving:
-    """The perception time of the same work without observers, less that with them, in parts that add up to it.
+    """The perception time of the same work without observers, minus that with them, in parts that add up to it.
 
     Attributes:
-        without: how many perception tasks there were without observers.
-        answered: how many of those with observers context answered.
-        fell_back: how many it did not, so that the robot looked.
-        monitors: how many of those with observers came after an action.
-        look_s: the mean duration of a perception task without observers: what the world's durations say.
-        own_looks_s: what looking took with observers, in all.
-        waiting_s: what waiting for observers took, in all.
-        asking_s: what asking took, in all.
+        without: the number of perception tasks without observers.
+        answered: the number of perception tasks with observers that context answered.
+        fell_back: the number of those that it did not answer, so that the robot looked.
+        monitors: the number of those after an action.
+        look_s: the mean duration of a perception task without observers, as the world's durations determine it.
+        own_looks_s: the total duration of looks with observers.
+        waiting_s: the total time of waiting for observers.
+        asking_s: the total time of asking.
     """
 
     without: int
@@ -41,7 +41,7 @@ class Saving:
 
     @property
     def checks(self) -> int:
-        """Return how many perception tasks there were with observers."""
+        """Return the number of perception tasks with observers."""
         return self.answered + self.fell_back
 
     @property
@@ -51,36 +51,36 @@ class Saving:
 
     @property
     def spared_s(self) -> float:
-        """Return what the looks would have taken in whose place context answered."""
+        """Return the duration of the looks that answers from context replaced."""
         return self.answered * self.look_s
 
     @property
     def other_looks_s(self) -> float:
-        """Return by how much the looks that were still done took less than as many mean ones without observers."""
+        """Return by how much the remaining looks took less than as many mean ones without observers."""
         return self.fell_back * self.look_s - self.own_looks_s
 
     @property
     def fewer_s(self) -> float:
-        """Return what the perception tasks would have taken that did not come up with observers."""
+        """Return the duration of the perception tasks that did not occur with observers."""
         return (self.without - self.checks) * self.look_s
 
     @property
     def saved_s(self) -> float:
-        """Return what was saved: `spared_s`, less what it cost, and two differences of chance."""
+        """Return the saved time: `spared_s`, minus its costs, and two random differences."""
         return self.spared_s - self.waiting_s - self.asking_s + self.other_looks_s + self.fewer_s
 
     @property
     def share(self) -> float | None:
-        """Return what was saved of the perception time without observers; None if there was none."""
+        """Return the saved share of the perception time without observers; None if that time is 0."""
         return self.saved_s / self.without_s if self.without_s else None
 
 
 def saving(without: Sequence[Decision], observed: Sequence[Decision]) -> Saving:
-    """Return where the saving comes from.
+    """Return a saving in parts.
 
     Args:
         without: the perception tasks of a run without observers.
-        observed: those of the same work with them.
+        observed: those of the same work with observers.
     """
     fell_back = [decision for decision in observed if decision.has_looked]
     looked_s = sum(decision.looked_s for decision in observed)
@@ -99,10 +99,10 @@ def saving(without: Sequence[Decision], observed: Sequence[Decision]) -> Saving:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scenario:
-    """What would have been saved, had one thing been otherwise and all else the same.
+    """The saving under one changed assumption, with everything else the same.
 
     Attributes:
-        perception_s: the perception time that there would have been with observers, of `without_s` without them.
+        perception_s: the assumed perception time with observers, against `without_s` without them.
     """
 
     name: str
@@ -111,30 +111,30 @@ class Scenario:
 
     @property
     def saved_s(self) -> float:
-        """Return what would have been saved."""
+        """Return the time that would have been saved."""
         return self.without_s - self.perception_s
 
     @property
     def share(self) -> float | None:
-        """Return that as a share of the perception time without observers; None if there is none."""
+        """Return this time as a share of the perception time without observers; None if that time is 0."""
         return self.saved_s / self.without_s if self.without_s else None
 
 
-def scenarios(found: Saving) -> Sequence[Scenario]:
-    """Return what was saved as it was measured, and what would have been saved otherwise.
+def scenarios(measured: Saving) -> Sequence[Scenario]:
+    """Return the measured saving, and the savings under other assumptions.
 
-    What observers know in time is taken as it was: that depends on what they see while the robot acts, not on how long
-    its own looks would have taken.
+    The answers that observers have in time are taken as measured: they depend on what observers see while the robot
+    acts, not on the duration of its own looks.
     """
-    cost_s, without_s = found.waiting_s + found.asking_s, found.without_s
-    all_looked_s = found.checks * found.look_s
+    cost_s, without_s = measured.waiting_s + measured.asking_s, measured.without_s
+    all_looked_s = measured.checks * measured.look_s
     cases = {
-        "as measured": (without_s, cost_s + found.own_looks_s),
-        "looks take half as long": (without_s / 2, cost_s + found.own_looks_s / 2),
-        "looks take twice as long": (without_s * 2, cost_s + found.own_looks_s * 2),
-        AT_P1S_CHECK: (without_s, found.checks * CONTEXT_CHECK_S + found.own_looks_s),
-        KNOWING_NOTHING: (without_s, found.asking_s + found.monitors * WAIT_S + all_looked_s),
-        "observers know everything at once": (without_s, found.asking_s),
+        "as measured": (without_s, cost_s + measured.own_looks_s),
+        "looks take half as long": (without_s / 2, cost_s + measured.own_looks_s / 2),
+        "looks take twice as long": (without_s * 2, cost_s + measured.own_looks_s * 2),
+        AT_P1S_CHECK: (without_s, measured.checks * CONTEXT_CHECK_S + measured.own_looks_s),
+        WITHOUT_KNOWLEDGE: (without_s, measured.asking_s + measured.monitors * WAIT_S + all_looked_s),
+        "observers know everything at once": (without_s, measured.asking_s),
     }
     return [
         Scenario(name=name, without_s=before_s, perception_s=after_s) for name, (before_s, after_s) in cases.items()

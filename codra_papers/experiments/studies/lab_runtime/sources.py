@@ -1,4 +1,4 @@
-"""How much of what is saved follows from how long looks take, and how much from what observers knew in time."""
+"""How much of the saving follows from the duration of looks, and how much from answers that were ready in time."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from codra_papers.experiments.studies.lab_runtime.paper import CONTEXT_CHECK_S
 from codra_papers.experiments.studies.lab_runtime.runs import DECISION_S, Pair
 from codra_papers.experiments.studies.lab_runtime.savings import (
     AT_P1S_CHECK,
-    KNOWING_NOTHING,
+    WITHOUT_KNOWLEDGE,
     Saving,
     saving,
     scenarios,
@@ -25,27 +25,28 @@ from codra_papers.lab.mission import WAIT_S
 _Part = Callable[[Execution], Sequence[Decision]]
 
 _TERMS: Mapping[str, Callable[[Saving], float]] = {
-    "perception without observers": lambda found: found.without_s,
-    "+ looks in whose place context answered, each a mean look": lambda found: found.spared_s,
-    "- waiting for observers": lambda found: -found.waiting_s,
-    "- asking": lambda found: -found.asking_s,
-    "+ looks still done, against mean ones": lambda found: found.other_looks_s,
-    "+ perception tasks that did not come up": lambda found: found.fewer_s,
-    "= saved": lambda found: found.saved_s,
+    "perception without observers": lambda parts: parts.without_s,
+    "+ looks in whose place context answered, each a mean look": lambda parts: parts.spared_s,
+    "- waiting for observers": lambda parts: -parts.waiting_s,
+    "- asking": lambda parts: -parts.asking_s,
+    "+ looks still done, against mean ones": lambda parts: parts.other_looks_s,
+    "+ perception tasks that did not come up": lambda parts: parts.fewer_s,
+    "= saved": lambda parts: parts.saved_s,
 }
 
 WHAT_IT_SHOWS = (
-    "How long a look takes stands in the world's durations, which are fitted to P1's Table 3: that context is quicker"
-    " than a look is P1's finding put in, not ours. Whether context has the right answer in time is not put in: it"
-    " comes from frames, perception and the spec. As a share, what is saved is the share of answers in time, which no"
-    " duration of looks enters, less the time spent on asking and waiting as a share of the looks, which they do enter."
+    "The duration of a look is one of the world's durations, which are fitted to P1's Table 3: that context is faster"
+    " than a look is an input from P1 and not our finding. Whether context has the right answer in time is our finding:"
+    " it depends on frames, perception and the spec. The saved share is the share of answers in time, which does not"
+    " depend on the duration of looks, minus the time of asking and waiting as a share of the looks, which depends on"
+    " it."
 )
 
 
 def sources(pairs: Sequence[Pair]) -> Finding:
-    """Take the saving of all openings and closings apart."""
+    """Split the saving of all openings and closings into its parts."""
     columns = _columns(pairs)
-    whole = columns["all"]
+    total = columns["all"]
     return Finding(
         section=Section(
             title="Where the saving comes from",
@@ -58,46 +59,46 @@ def sources(pairs: Sequence[Pair]) -> Finding:
                 _reasons_table(_fell_back(pairs)),
             ],
         ),
-        summary=[_sentence(whole)],
+        summary=[_sentence(total)],
         results={
-            "saving": {name: plain(found) for name, found in columns.items()},
-            "scenarios": {name: _plain_scenarios(found) for name, found in columns.items()},
+            "saving": {name: plain(parts) for name, parts in columns.items()},
+            "scenarios": {name: _plain_scenarios(parts) for name, parts in columns.items()},
             "unanswered": {" ".join(reason): count for reason, count in sorted(reasons(_fell_back(pairs)).items())},
         },
     )
 
 
 def parts_table(columns: Mapping[str, Saving], caption: str) -> Table:
-    """Return savings in parts that add up, each in a column."""
+    """Return a table of savings in parts that add up, with one column for each saving."""
     rows: list[Sequence[Cell]] = [
-        ("perception tasks without observers", *(found.without for found in columns.values())),
-        ("perception tasks with observers", *(found.checks for found in columns.values())),
-        ("of these answered by context", *(found.answered for found in columns.values())),
-        ("answered by context in %", *(percent(answered_share(found)) for found in columns.values())),
-        ("a mean look without observers in s", *(rounded(found.look_s) for found in columns.values())),
+        ("perception tasks without observers", *(parts.without for parts in columns.values())),
+        ("perception tasks with observers", *(parts.checks for parts in columns.values())),
+        ("of these answered by context", *(parts.answered for parts in columns.values())),
+        ("answered by context in %", *(percent(answered_share(parts)) for parts in columns.values())),
+        ("a mean look without observers in s", *(rounded(parts.look_s) for parts in columns.values())),
     ]
-    rows += [(f"{name}, in s", *(rounded(term(found)) for found in columns.values())) for name, term in _TERMS.items()]
-    rows.append(("saved in %", *(percent(found.share) for found in columns.values())))
+    rows += [(f"{name}, in s", *(rounded(term(parts)) for parts in columns.values())) for name, term in _TERMS.items()]
+    rows.append(("saved in %", *(percent(parts.share) for parts in columns.values())))
     return Table(caption=caption, header=("", *columns), rows=rows)
 
 
-def answered_share(found: Saving) -> float | None:
-    """Return the share of the perception tasks with observers that context answered; None if there were none."""
-    return found.answered / found.checks if found.checks else None
+def answered_share(parts: Saving) -> float | None:
+    """Return the share of the perception tasks with observers that context answered; None without perception tasks."""
+    return parts.answered / parts.checks if parts.checks else None
 
 
 def reasons(fell_back: Sequence[Decision]) -> Counter[tuple[str, str, str]]:
-    """Return how often context had no answer: by variable, situation and reason."""
+    """Return how often context had no answer, by variable, situation and reason."""
     return Counter(
         (decision.variable, "preview" if decision.is_preview else "monitoring", decision.unanswered)
         for decision in fell_back
     )
 
 
-def plain(found: Saving) -> Mapping[str, Any]:
-    """Return a saving and its parts as data."""
+def plain(parts: Saving) -> Mapping[str, Any]:
+    """Return a saving and its parts as plain data."""
     terms = ("without_s", "spared_s", "other_looks_s", "fewer_s", "saved_s", "share")
-    return {**asdict(found), **{name: getattr(found, name) for name in terms}}
+    return {**asdict(parts), **{name: getattr(parts, name) for name in terms}}
 
 
 def _columns(pairs: Sequence[Pair]) -> Mapping[str, Saving]:
@@ -111,7 +112,7 @@ def _columns(pairs: Sequence[Pair]) -> Mapping[str, Saving]:
 
 
 def _decisions(pairs: Sequence[Pair], tasks: Sequence[Task], part: _Part) -> tuple[list[Decision], list[Decision]]:
-    """Return perception tasks without observers, and with them."""
+    """Return the perception tasks without observers, and those with observers."""
     made = [pair.of(task) for pair in pairs for task in tasks]
     return (
         [decision for without, _ in made for execution in without for decision in part(execution)],
@@ -128,10 +129,10 @@ def _scenario_table(columns: Mapping[str, Saving]) -> Table:
     shown = {name: scenarios(columns[name]) for name in (*Task, "all")}
     return Table(
         caption=(
-            "What would be saved of perception in %, had one thing been otherwise and all else as it was. What"
-            f" observers know in time is kept. P1's time of a check with observers is {CONTEXT_CHECK_S:.2f} s (its"
-            f" Table 3); ours is {DECISION_S:g} s to ask, and waiting after an action, {WAIT_S:g} s at most. Observers"
-            " that know nothing cost asking and waiting in vain."
+            "The saving of perception in %, if one assumption were different and everything else the same. The answers"
+            f" that observers have in time are kept. P1's time of a check with observers is {CONTEXT_CHECK_S:.2f} s"
+            f" (its Table 3); ours is {DECISION_S:g} s to ask, and at most {WAIT_S:g} s of waiting after an action."
+            " Observers that know nothing cost asking and unsuccessful waiting."
         ),
         header=("", *(f"{name}: saved in %" for name in shown)),
         rows=[(cases[0].name, *(percent(case.share) for case in cases)) for cases in zip(*shown.values(), strict=True)],
@@ -149,22 +150,22 @@ def _reasons_table(fell_back: Sequence[Decision]) -> Table:
     )
 
 
-def _plain_scenarios(found: Saving) -> Sequence[Mapping[str, Any]]:
-    return [{**asdict(case), "saved_s": case.saved_s, "share": case.share} for case in scenarios(found)]
+def _plain_scenarios(measured: Saving) -> Sequence[Mapping[str, Any]]:
+    return [{**asdict(case), "saved_s": case.saved_s, "share": case.share} for case in scenarios(measured)]
 
 
-def _sentence(whole: Saving) -> str:
-    if not whole.without_s or not whole.checks:
-        return "No perception task was brought to its end, so nothing can be said of where a saving comes from."
-    shares = {case.name: percent(case.share) for case in scenarios(whole)}
-    cost = percent((whole.waiting_s + whole.asking_s) / whole.without_s)
+def _sentence(total: Saving) -> str:
+    if not total.without_s or not total.checks:
+        return "No perception task was completed, so the source of a saving is unknown."
+    shares = {case.name: percent(case.share) for case in scenarios(total)}
+    cost = percent((total.waiting_s + total.asking_s) / total.without_s)
     return (
-        f"Over all seeds {percent(whole.share)} % of perception time is saved: context answered"
-        f" {percent(answered_share(whole))} % of {whole.checks} perception tasks in time, which is what the observers"
-        f" knew; asking and waiting cost {cost} %."
-        f" That a look takes {whole.look_s:.1f} s follows from P1: with looks half as long"
+        f"Over all seeds {percent(total.share)} % of perception time is saved: context answered"
+        f" {percent(answered_share(total))} % of {total.checks} perception tasks in time, from the knowledge of the"
+        f" observers; asking and waiting cost {cost} %."
+        f" The mean duration of a look, {total.look_s:.1f} s, follows from P1: with looks half as long"
         f" {shares['looks take half as long']} % would be saved, with looks twice as long"
         f" {shares['looks take twice as long']} %. At P1's {CONTEXT_CHECK_S:.2f} s for each check it would be"
-        f" {shares[AT_P1S_CHECK]} %; observers that know nothing would save {shares[KNOWING_NOTHING]} %: less than"
-        " nothing is time lost."
+        f" {shares[AT_P1S_CHECK]} %; observers that know nothing would save {shares[WITHOUT_KNOWLEDGE]} %: a negative"
+        " share is lost time."
     )

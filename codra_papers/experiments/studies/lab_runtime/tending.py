@@ -17,9 +17,9 @@ from codra_papers.experiments.studies.lab_runtime.runs import OBSERVED, WITHOUT,
 Seconds = Callable[[Execution], float]
 """A duration of an execution."""
 
-WHOLE, PERCEPTION = "whole task", "perception"
+TASK, PERCEPTION = "whole task", "perception"
 LEVELS: Mapping[str, Seconds] = {
-    WHOLE: lambda execution: execution.duration_s,
+    TASK: lambda execution: execution.duration_s,
     PERCEPTION: lambda execution: execution.perception_s,
 }
 
@@ -39,7 +39,7 @@ def tending(pairs: Sequence[Pair]) -> Finding:
     first, further = pairs[:1], pairs[1:]
     bars = [_bars(task, first) for task in Task]
     parts: list[Part] = [
-        Words(text=_told_of_slips(pairs)),
+        Words(text=_slips_sentence(pairs)),
         _table_3(first, "Table 3 of P1 beside this run's: mean seconds of each execution (n = 5), first seed."),
         Drawing(caption="Figure 8 of P1: mean durations with standard deviation, first seed.", svg=figure_8(bars)),
         _figure_8_table(first, "Figure 8 in numbers, first seed."),
@@ -60,12 +60,12 @@ def tending(pairs: Sequence[Pair]) -> Finding:
 
 def reduction(task: Task, pairs: Sequence[Pair], seconds: Seconds) -> float | None:
     """Return by which share the mean duration is less with observers; None if one of them was never executed."""
-    without, observed = (mean(found) for found in _durations(task, pairs, seconds))
+    without, observed = (mean(durations) for durations in _durations(task, pairs, seconds))
     return None if without is None or observed is None or not without else (without - observed) / without
 
 
 def _durations(task: Task, pairs: Sequence[Pair], seconds: Seconds) -> tuple[list[float], list[float]]:
-    """Return the durations of all executions without observers, and with them."""
+    """Return the durations of all executions without observers, and of those with them."""
     made = [pair.of(task) for pair in pairs]
     return (
         [seconds(execution) for without, _ in made for execution in without],
@@ -74,7 +74,7 @@ def _durations(task: Task, pairs: Sequence[Pair], seconds: Seconds) -> tuple[lis
 
 
 def _checks(task: Task, pairs: Sequence[Pair]) -> tuple[list[float], list[float]]:
-    """Return the durations of all perception tasks without observers, and with them."""
+    """Return the durations of all perception tasks without observers, and of those with them."""
     made = [pair.of(task) for pair in pairs]
     return (
         [spent_s([check]) for without, _ in made for execution in without for check in execution.checks],
@@ -83,46 +83,46 @@ def _checks(task: Task, pairs: Sequence[Pair]) -> tuple[list[float], list[float]
 
 
 def _saved_per_check_s(task: Task, pairs: Sequence[Pair]) -> float | None:
-    without, observed = (mean(found) for found in _checks(task, pairs))
+    without, observed = (mean(durations) for durations in _checks(task, pairs))
     return None if without is None or observed is None else without - observed
 
 
 # Words
 
 
-def _told_of_slips(pairs: Sequence[Pair]) -> str:
-    made = [each for pair in pairs for task in Task for found in pair.of(task) for each in found]
+def _slips_sentence(pairs: Sequence[Pair]) -> str:
+    made = [execution for pair in pairs for task in Task for executed in pair.of(task) for execution in executed]
     checks = [len(execution.checks) for execution in made]
     more, fewer = sum(count > CHECKS for count in checks), sum(count < CHECKS for count in checks)
     return (
-        f"{len(made)} executions were brought to their end, each task with and without observers. A task is its"
-        " perception tasks, the decisions that need no camera, and acting, which is all that is left. The same seed"
+        f"{len(made)} executions were completed, each task with and without observers. A task consists of its"
+        " perception tasks, the decisions that need no camera, and acting, which is all the rest. The same seed"
         " draws the same durations of acting, with and without observers."
         f" {more} executions have more than {CHECKS} perception tasks, since a lever or lid slipped and was tried"
-        f" again; {fewer} have fewer, where something was already as wanted."
+        f" again; {fewer} have fewer, since a condition was already true."
     )
 
 
 def _sentence(task: Task, pairs: Sequence[Pair]) -> str:
     paper, first = PAPER[task], pairs[:1]
-    shares = (percent(reduction(task, first, seconds)) for seconds in (LEVELS[PERCEPTION], LEVELS[WHOLE]))
-    perception, whole = ("-" if share is None else f"{share} %" for share in shares)
+    shares = (percent(reduction(task, first, seconds)) for seconds in (LEVELS[PERCEPTION], LEVELS[TASK]))
+    perception, task_share = ("-" if share is None else f"{share} %" for share in shares)
     saved_s = rounded(_saved_per_check_s(task, first))
     return (
         f"{task.capitalize()} the PCR-cycler: perception takes {perception} less time with observers (P1:"
-        f" {100 * paper.perception_share:.0f} %), the whole task {whole} (P1: {100 * paper.task_share:.0f} %), and a"
-        f" perception task {saved_s} s (P1: {paper.saved_per_check_s} s).{_over_seeds(task, pairs[1:])}"
+        f" {100 * paper.perception_share:.0f} %), the whole task {task_share} (P1: {100 * paper.task_share:.0f} %),"
+        f" and a perception task {saved_s} s (P1: {paper.saved_per_check_s} s).{_over_seeds(task, pairs[1:])}"
     )
 
 
 def _over_seeds(task: Task, pairs: Sequence[Pair]) -> str:
     if not pairs:
         return ""
-    perception, whole = (
+    perception, task_share = (
         between(ratio_interval(_shares(task, pairs, LEVELS[level])), scale=100, digits=1)
-        for level in (PERCEPTION, WHOLE)
+        for level in (PERCEPTION, TASK)
     )
-    return f" Over {len(pairs)} further seeds perception takes {perception} % less, and the whole task {whole} %."
+    return f" Over {len(pairs)} further seeds perception takes {perception} % less, and the whole task {task_share} %."
 
 
 # Tables
@@ -131,7 +131,11 @@ def _over_seeds(task: Task, pairs: Sequence[Pair]) -> str:
 def _table_3(pairs: Sequence[Pair], caption: str) -> Table:
     return Table(
         caption=caption,
-        header=("situation", "observers", *(f"{task}, {who}" for task in Task for who in ("P1 in s", "here in s"))),
+        header=(
+            "situation",
+            "observers",
+            *(f"{task}, {source}" for task in Task for source in ("P1 in s", "here in s")),
+        ),
         rows=[
             (situation, "yes" if observed else "no", *_cells(pairs, seconds, of, observed))
             for situation, (seconds, of) in _SITUATIONS.items()
@@ -149,7 +153,7 @@ def _cells(pairs: Sequence[Pair], seconds: Seconds, of: _Of, observed: int) -> I
 def _figure_8_table(pairs: Sequence[Pair], caption: str) -> Table:
     rows: list[Sequence[Cell]] = []
     for task in Task:
-        paper_shares = {WHOLE: PAPER[task].task_share, PERCEPTION: PAPER[task].perception_share}
+        paper_shares = {TASK: PAPER[task].task_share, PERCEPTION: PAPER[task].perception_share}
         for level, seconds in LEVELS.items():
             without, observed = _durations(task, pairs, seconds)
             share = percent(reduction(task, pairs, seconds))
@@ -169,14 +173,14 @@ def _welch_table(pairs: Sequence[Pair]) -> Table:
         for task in Task:
             for level, seconds in LEVELS.items():
                 without, observed = _durations(task, chosen, seconds)
-                found = _tested(without, observed)
-                told = ("none", None, None, "none", "none") if found is None else _told(found)
-                rows.append((sample, task, level, len(without) + len(observed), *told))
+                result = _tested(without, observed)
+                cells = ("none", None, None, "none", "none") if result is None else _welch_cells(result)
+                rows.append((sample, task, level, len(without) + len(observed), *cells))
     return Table(
         caption=(
             "Two-sided Welch's t-test, without against with observers (P1, footnote 4: p < 0.01, n = 10), with 95 %"
-            " intervals by Welch and Satterthwaite and Hedges' g. It takes the samples as independent; here the same"
-            " seeds act alike in both, which makes the test of the whole task a cautious one, and each of the five"
+            " intervals by Welch and Satterthwaite and Hedges' g. It treats the samples as independent; here the same"
+            " seeds act alike in both, which makes the test of the whole task conservative, and each of the five"
             " executions of a seed counts."
         ),
         header=("sample", "task", "part", "n", "difference in s", "t", "degrees of freedom", "p", "Hedges' g"),
@@ -185,21 +189,21 @@ def _welch_table(pairs: Sequence[Pair]) -> Table:
 
 
 def _samples(pairs: Sequence[Pair]) -> Mapping[str, Sequence[Pair]]:
-    found = {"first seed": pairs[:1], "further seeds": pairs[1:]}
-    return {name: chosen for name, chosen in found.items() if chosen}
+    samples = {"first seed": pairs[:1], "further seeds": pairs[1:]}
+    return {name: chosen for name, chosen in samples.items() if chosen}
 
 
 def _tested(without: Sequence[float], observed: Sequence[float]) -> Welch | None:
     return welch(without, observed) if min(len(without), len(observed)) > 1 else None
 
 
-def _told(found: Welch) -> tuple[Cell, ...]:
+def _welch_cells(result: Welch) -> tuple[Cell, ...]:
     return (
-        between(found.difference),
-        rounded(found.t),
-        rounded(found.degrees, 1),
-        f"{found.p:.1e}",
-        between(found.hedges_g),
+        between(result.difference),
+        rounded(result.t),
+        rounded(result.degrees, 1),
+        f"{result.p:.1e}",
+        between(result.hedges_g),
     )
 
 
@@ -207,7 +211,7 @@ def _intervals(pairs: Sequence[Pair]) -> Table:
     return Table(
         caption=(
             f"By how much durations are less with observers, over {len(pairs)} further seeds: ratio of sums with a"
-            " 95 % interval, resampled by seed with both runs of each."
+            " 95 % interval, resampled by seed with both runs of each seed."
         ),
         header=("task", *(f"{level}: less in %" for level in LEVELS), "P1: whole task", "P1: perception"),
         rows=[
@@ -226,7 +230,7 @@ def _intervals(pairs: Sequence[Pair]) -> Table:
 
 
 def _shares(task: Task, pairs: Sequence[Pair], seconds: Seconds) -> list[Share]:
-    """Return, by seed, the mean time saved of the mean time without observers, where both were executed."""
+    """Return, by seed, the mean saved time and the mean time without observers, if both were executed."""
     means = [tuple(map(mean, _durations(task, [pair], seconds))) for pair in pairs]
     return [
         Share(without_s - observed_s, without_s)
@@ -243,9 +247,9 @@ def _bars(task: Task, pairs: Sequence[Pair]) -> Bars:
     shares = {level: reduction(task, pairs, seconds) for level, seconds in LEVELS.items()}
     return Bars(
         task=task,
-        whole_s=durations[WHOLE],
+        task_s=durations[TASK],
         perception_s=durations[PERCEPTION],
-        whole_share=shares[WHOLE],
+        task_share=shares[TASK],
         perception_share=shares[PERCEPTION],
     )
 
@@ -260,8 +264,8 @@ def _results(task: Task, pairs: Sequence[Pair]) -> Mapping[str, Any]:
         "executions": [
             _execution(pair.seed, condition, execution)
             for pair in pairs
-            for condition, found in zip((WITHOUT, OBSERVED), pair.of(task), strict=True)
-            for execution in found
+            for condition, executed in zip((WITHOUT, OBSERVED), pair.of(task), strict=True)
+            for execution in executed
         ],
     }
 
@@ -275,17 +279,17 @@ def _sample(task: Task, pairs: Sequence[Pair]) -> Mapping[str, Any]:
         "less_share_over_seeds": {
             level: plain(ratio_interval(_shares(task, pairs, seconds))) for level, seconds in levels.items()
         },
-        "welch": {level: None if found is None else _plain_welch(found) for level, found in tested.items()},
+        "welch": {level: None if result is None else _plain_welch(result) for level, result in tested.items()},
     }
 
 
-def _plain_welch(found: Welch) -> Mapping[str, Any]:
+def _plain_welch(result: Welch) -> Mapping[str, Any]:
     return {
-        "difference_s": plain(found.difference),
-        "t": found.t,
-        "degrees_of_freedom": found.degrees,
-        "p": found.p,
-        "hedges_g": plain(found.hedges_g),
+        "difference_s": plain(result.difference),
+        "t": result.t,
+        "degrees_of_freedom": result.degrees,
+        "p": result.p,
+        "hedges_g": plain(result.hedges_g),
     }
 
 

@@ -1,4 +1,4 @@
-"""Every decision that was made on a value that was not true, with its cause."""
+"""The decisions that were made on a value that was not true, with their causes."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from codra_papers.experiments.lab.outcomes import OWN_LOOK, Basis, Decision, Out
 from codra_papers.experiments.studies.lab_runtime.finding import Finding, rounded
 
 PHOTOGRAPHS = 12
-"""Of how many decisions the frame is shown at most; the table names all frames."""
+"""The maximum number of decisions whose frames are shown; the table lists all frames."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mistake:
-    """A decision made on a wrong value, and what that rested on."""
+    """A decision made on a wrong value, and the evidence for that value."""
 
     trial: str
     decision: Decision
@@ -27,17 +27,17 @@ class Mistake:
 
     @property
     def cause(self) -> str:
-        """Return why the value was wrong."""
+        """Return the reason why the value was wrong."""
         if self.basis.was_true:
             return "was true in the evidence and has changed since"
         if self.basis.algorithm == OWN_LOOK:
             return "the robot's own look was wrong"
-        told = ", ".join(f"{name} {value}" for name, value in sorted(self.basis.values.items()))
-        return f"seen wrongly: {told}" if told else "nobody saw it: it was told"
+        values = ", ".join(f"{name} {value}" for name, value in sorted(self.basis.values.items()))
+        return f"seen wrongly: {values}" if values else "nobody saw it: it was told"
 
 
 def mistakes(outcomes: Sequence[Outcome]) -> Sequence[Mistake]:
-    """Return all decisions made on a wrong value: the answer is compared with the truth when it was given."""
+    """Return all decisions made on a wrong value: the answer is compared with the truth at the time of the answer."""
     return [
         Mistake(trial=outcome.name, decision=decision, basis=decision.wrong_answer)
         for outcome in outcomes
@@ -47,44 +47,44 @@ def mistakes(outcomes: Sequence[Outcome]) -> Sequence[Mistake]:
 
 
 def judge_wrong(outcomes: Sequence[Outcome], folder: Path) -> Finding:
-    """List decisions on wrong values.
+    """Report decisions on wrong values.
 
     Args:
         outcomes: of all runs.
-        folder: of the experiment, below which frames were kept.
+        folder: of the experiment, with the stored frames below it.
     """
-    found = mistakes(outcomes)
+    wrong_decisions = mistakes(outcomes)
     decided = [decision for outcome in outcomes for decision in outcome.decisions]
     looked = sum(decision.has_looked for decision in decided)
-    wrong_looks = sum(mistake.decision.has_looked for mistake in found)
-    put_right = sum(
+    wrong_looks = sum(mistake.decision.has_looked for mistake in wrong_decisions)
+    corrected = sum(
         NEED_ON_EVENT.name in decision.wrong and decision.wrong_answer is None
         for outcome in outcomes
         for decision in outcome.decisions
     )
-    told = (
-        f"Of {len(decided)} decisions in all runs context answered {len(decided) - looked}, of which"
-        f" {len(found) - wrong_looks} with a value that was not true; the robot found out the other {looked} by itself,"
-        f" {wrong_looks} of them wrongly."
+    sentence = (
+        f"Of {len(decided)} decisions in all runs context answered {len(decided) - looked}, of these"
+        f" {len(wrong_decisions) - wrong_looks} with a value that was not true. The robot found out the other {looked}"
+        f" by itself, {wrong_looks} of them wrongly."
     )
     return Finding(
         section=Section(
             title="Decisions on wrong values",
             parts=[
                 Words(
-                    text=f"{told} An answer counts when it was given, after waiting or looking. {put_right} times"
-                    " context held a wrong value when it was asked, and the decision was still made on a right one."
+                    text=f"{sentence} An answer is judged when it is given, after waiting or looking. {corrected} times"
+                    " context held a wrong value when it was asked, and the decision was still made on a right value."
                 ),
-                _table(found),
-                *_photographs(found, folder),
+                _table(wrong_decisions),
+                *_photographs(wrong_decisions, folder),
             ],
         ),
-        summary=[told],
-        results={"decisions": len(decided), "wrong_decisions": [_plain(mistake) for mistake in found]},
+        summary=[sentence],
+        results={"decisions": len(decided), "wrong_decisions": [_plain(mistake) for mistake in wrong_decisions]},
     )
 
 
-def _table(found: Sequence[Mistake]) -> Table:
+def _table(wrong_decisions: Sequence[Mistake]) -> Table:
     return Table(
         caption="Decisions on wrong values.",
         header=("run", "given at s", "variable", "skill", "answer", "evidence", "from s", "cause", "frame"),
@@ -100,13 +100,13 @@ def _table(found: Sequence[Mistake]) -> Table:
                 mistake.cause,
                 mistake.basis.frame or None,
             )
-            for mistake in found
+            for mistake in wrong_decisions
         ],
     )
 
 
-def _photographs(found: Sequence[Mistake], folder: Path) -> Iterator[Part]:
-    for mistake in [mistake for mistake in found if mistake.basis.frame][:PHOTOGRAPHS]:
+def _photographs(wrong_decisions: Sequence[Mistake], folder: Path) -> Iterator[Part]:
+    for mistake in [mistake for mistake in wrong_decisions if mistake.basis.frame][:PHOTOGRAPHS]:
         decision = mistake.decision
         yield Photograph(
             caption=f"{mistake.trial}: {decision.variable} was taken for {decision.answer} at"

@@ -1,1 +1,1 @@
-"""What the experiment `lab-robustness` makes of its runs: P1, section 4.1, part by part."""
+"""The analysis of the experiment `lab-robustness`: P1, section 4.1, part by part."""

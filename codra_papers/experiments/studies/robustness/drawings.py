@@ -1,4 +1,4 @@
-"""The pictures of `lab-robustness`: P1's Figures 6 and 7 for all arms, and how sure differences are."""
+"""The pictures of `lab-robustness`: P1's Figures 6 and 7 for all arms, and the confidence intervals of differences."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _RING, _WRONG_RING = "#1f5fa8", "#d100b8"
 
 
 def timeline(outcome: Outcome, variable: str, caption: str) -> Drawing:
-    """Draw what was true of a variable over a run and what each arm held, with red behind what was wrong (Figure 6)."""
+    """Draw the true value of a variable over a run and the value that each arm held; wrong ones are red (Figure 6)."""
     with _style():
         figure, _ = _timelines(outcome, variable)
         _legend(figure, [Line2D([], [], color=_HELD, label="held")])
@@ -34,9 +34,10 @@ def timeline(outcome: Outcome, variable: str, caption: str) -> Drawing:
 
 
 def decisions(outcome: Outcome, variable: str, caption: str) -> Drawing:
-    """Draw the same with rings where the main execution needed the variable (Figure 7).
+    """Draw the same with rings at the decisions on the variable (Figure 7).
 
-    A ring stands at what the arm held, in magenta if that was wrong; where it held nothing it stands in the middle.
+    A ring is at the value that the arm held, in magenta if that was wrong; if the value was unknown it is in the
+    middle.
     """
     with _style():
         figure, rows = _timelines(outcome, variable)
@@ -48,14 +49,14 @@ def decisions(outcome: Outcome, variable: str, caption: str) -> Drawing:
 
 
 def _style() -> AbstractContextManager[None]:
-    """Draw all pictures alike, and the same picture always as the same text."""
+    """Use the same style in all pictures, and fixed identifiers, so that the same picture is always the same text."""
     return mpl.rc_context(
         {"svg.hashsalt": "codra", "font.size": 9.5, "axes.spines.top": False, "axes.spines.right": False}
     )
 
 
 def _timelines(outcome: Outcome, variable: str) -> tuple[Figure, Sequence[tuple[str, Axes]]]:
-    """Draw one row for the truth and one for each arm; return these."""
+    """Draw one row for the truth and one for each arm; return the rows of the arms."""
     figure = Figure(figsize=(_WIDTH_IN, 1.1 + 0.75 * (1 + len(outcome.arms))), layout="constrained")
     truth_axes, *arm_axes = figure.subplots(1 + len(outcome.arms), sharex=True, sharey=True)
     truth = outcome.truth[variable]
@@ -116,30 +117,30 @@ def _legend(figure: Figure, first: Sequence[Line2D]) -> None:
 
 def forest(comparisons: Sequence[Comparison], caption: str) -> Drawing:
     """Draw the differences between arms on the two lids, with their intervals."""
-    shown = [one for variable in LIDS for one in comparisons if one.variable == variable]
-    names = [f"{label(one.variable)}: {one.arm} less {one.against}" for one in shown]
+    shown = [comparison for variable in LIDS for comparison in comparisons if comparison.variable == variable]
+    names = [f"{label(comparison.variable)}: {comparison.arm} less {comparison.against}" for comparison in shown]
     with _style():
         figure = Figure(figsize=(_WIDTH_IN, 1.2 + 0.3 * len(shown)), layout="constrained")
         both = figure.subplots(1, 2, sharey=True)
         for axes, counted, title in zip(both, (paper, strict), ("ratio", "strict ratio"), strict=True):
-            _differences(axes, [_estimate(one, counted) for one in shown])
+            _differences(axes, [_estimate(comparison, counted) for comparison in shown])
             axes.set_xlabel(f"difference in {title}")
         both[0].set_yticks(range(len(shown)), names)
         both[0].set_ylim(len(shown) - 0.5, -0.5)
         return Drawing(caption=caption, svg=_svg(figure))
 
 
-def _estimate(one: Comparison, counted: Counted) -> Estimate:
-    return one.paper if counted is paper else one.strict
+def _estimate(comparison: Comparison, counted: Counted) -> Estimate:
+    return comparison.paper if counted is paper else comparison.strict
 
 
-def _differences(axes: Axes, found: Sequence[Estimate]) -> None:
+def _differences(axes: Axes, estimates: Sequence[Estimate]) -> None:
     axes.axvline(0.0, color=_TRUTH, linewidth=1.0)
-    for row, one in enumerate(found):
-        if one.value is not None:
-            axes.plot([one.value], [row], marker="o", color=_HELD, markersize=6)
-        if one.low is not None and one.high is not None:
-            axes.plot([one.low, one.high], [row, row], color=_HELD, linewidth=2.0)
+    for row, estimate in enumerate(estimates):
+        if estimate.value is not None:
+            axes.plot([estimate.value], [row], marker="o", color=_HELD, markersize=6)
+        if estimate.low is not None and estimate.high is not None:
+            axes.plot([estimate.low, estimate.high], [row, row], color=_HELD, linewidth=2.0)
     axes.grid(axis="x", color=UNKNOWN, linewidth=0.8)
     axes.set_axisbelow(True)
 

@@ -42,34 +42,34 @@ VARIABLES = (
     "pcr_cycler_open",
     "pcr_cycler_locked",
 )
-"""P1's Table 1."""
+"""The variables of P1's Table 1."""
 
 PCR_CYCLER_LID = ("localize_pcr_cycler_lid",)
-"""What P1 counts the triggers of (section 4.1)."""
+"""The algorithm whose triggers P1 counts (section 4.1)."""
 
 Counted = Callable[[Seconds], Share]
-"""One of the two ways to count: `Seconds.paper` or `Seconds.strict`, as a function."""
+"""One of the two ways to count seconds: `Seconds.paper` or `Seconds.strict`, as a function."""
 
 
-def paper(found: Seconds) -> Share:
-    """Count right of held seconds."""
-    return found.paper
+def paper(counted: Seconds) -> Share:
+    """Return right seconds of held seconds."""
+    return counted.paper
 
 
-def strict(found: Seconds) -> Share:
-    """Count right of all seconds."""
-    return found.strict
+def strict(counted: Seconds) -> Share:
+    """Return right seconds of all seconds."""
+    return counted.strict
 
 
 def vision_algorithms(spec: Spec) -> tuple[str, ...]:
-    """Return the names of the algorithms that need a slot, as all do that look at frames."""
+    """Return the names of the algorithms that need a slot; these are all algorithms that look at frames."""
     return tuple(
         algorithm.name for algorithm in spec.perception if any(use.access is Access.SLOT for use in algorithm.uses)
     )
 
 
 def label(variable: str) -> str:
-    """Return a variable's name as P1 writes it."""
+    """Return a variable's name as spelt in P1."""
     return variable.replace("pcr_cycler", "PCR-cycler")
 
 
@@ -85,15 +85,15 @@ class Runs:
         return tuple(self.outcomes[0].arms) if self.outcomes else ()
 
     def seconds(self, variable: str, arm: str) -> Sequence[Seconds | None]:
-        """Return an arm's seconds in the common window, by run; None where it is left out."""
+        """Return an arm's seconds in the common window, by run; None for runs in which it is left out."""
         return [in_window(outcome, variable, arm) for outcome in self.outcomes]
 
     def total(self, variable: str, arm: str) -> Seconds:
-        """Return what these add up to."""
+        """Return the sum of an arm's seconds in the common windows."""
         return total(self.seconds(variable, arm))
 
-    def whole(self, variable: str, arm: str) -> Seconds:
-        """Return an arm's seconds over whole runs."""
+    def complete_runs(self, variable: str, arm: str) -> Seconds:
+        """Return an arm's seconds over complete runs, without regard to windows."""
         return total(seconds(outcome.arms[arm].held[variable], outcome.truth[variable]) for outcome in self.outcomes)
 
     def left_out(self, variable: str, arm: str) -> int:
@@ -101,35 +101,38 @@ class Runs:
         return sum(arm in window(outcome, variable).left_out for outcome in self.outcomes)
 
     def first_s(self, variable: str, arm: str) -> Sequence[float]:
-        """Return when an arm identified a variable first, of the runs in which it did."""
-        found = (outcome.arms[arm].first_s[variable] for outcome in self.outcomes)
-        return [first_s for first_s in found if first_s is not None]
+        """Return when an arm first identified a variable, for the runs in which it did."""
+        first_by_run = (outcome.arms[arm].first_s[variable] for outcome in self.outcomes)
+        return [first_s for first_s in first_by_run if first_s is not None]
 
     def lags(self, variable: str, arm: str) -> Lags:
         """Return an arm's lags after all changes of a variable."""
-        found = (lags(outcome.arms[arm].held[variable], outcome.truth[variable]) for outcome in self.outcomes)
-        return sum(found, Lags())
+        lags_by_run = (lags(outcome.arms[arm].held[variable], outcome.truth[variable]) for outcome in self.outcomes)
+        return sum(lags_by_run, Lags())
 
     def causes(self, variables: Sequence[str], arm: str) -> Causes:
-        """Return why an arm was wrong."""
+        """Return for how long an arm was wrong, by cause."""
         return causes(span for outcome in self.outcomes for name in variables for span in outcome.arms[arm].wrong[name])
 
     def answers(self, variables: Sequence[str], arm: str, *, previews: bool) -> Answers:
-        """Return what an arm held when decisions needed it: those before an action, or those that monitor one."""
+        """Return the values that an arm held at decisions: those before an action, or those that monitor one."""
         decisions = (decision for outcome in self.outcomes for decision in outcome.decisions)
-        return answers([each for each in decisions if each.variable in variables and each.is_preview == previews], arm)
+        return answers(
+            [decision for decision in decisions if decision.variable in variables and decision.is_preview == previews],
+            arm,
+        )
 
     def triggers(self, arm: str, algorithms: Sequence[str]) -> Sequence[int]:
         """Return how many jobs of some algorithms an arm started, by run."""
         return [sum(outcome.arms[arm].triggers.get(name, 0) for name in algorithms) for outcome in self.outcomes]
 
     def slot_s(self, arm: str) -> float:
-        """Return for how long an arm's observers held slots."""
+        """Return how long an arm's observers held slots."""
         return math.fsum(outcome.arms[arm].slot_s for outcome in self.outcomes)
 
     @property
     def duration_s(self) -> float:
-        """Return how long all runs lasted."""
+        """Return the duration of all runs together."""
         return math.fsum(outcome.duration_s for outcome in self.outcomes)
 
 
@@ -138,8 +141,8 @@ class Comparison:
     """How much better one arm knew a variable than another.
 
     Attributes:
-        runs: in how many neither was left out of the window.
-        paper, strict: the differences of the ratios of sums over them, `arm` less `against`.
+        runs: the number of runs in which neither was left out of the window.
+        paper, strict: the differences of the ratios of sums over these runs, `arm` minus `against`.
     """
 
     variable: str
@@ -151,7 +154,7 @@ class Comparison:
 
 
 def compare(runs: Runs, variable: str, arm: str, against: str) -> Comparison:
-    """Return how two arms differ on a variable."""
+    """Return the difference between two arms for a variable."""
     both = zip(runs.seconds(variable, arm), runs.seconds(variable, against), strict=True)
     pairs = [(left, right) for left, right in both if left is not None and right is not None]
     return Comparison(
@@ -169,11 +172,11 @@ def _difference(pairs: Sequence[tuple[Seconds, Seconds]], counted: Counted) -> E
 
 
 def fewer_triggers(runs: Runs, arm: str, against: str, algorithms: Sequence[str]) -> Estimate:
-    """Return by which share of its triggers an arm has fewer than another (P1, section 4.1: 79.4 %), with interval."""
+    """Return the share of triggers that an arm saves against another (P1, section 4.1: 79.4 %), with its interval."""
     counts = zip(runs.triggers(arm, algorithms), runs.triggers(against, algorithms), strict=True)
     return ratio_interval([Share(float(other - own), float(other)) for own, other in counts])
 
 
-def plain(found: Estimate) -> Mapping[str, float | None]:
-    """Return an estimate as data."""
-    return {"value": found.value, "low": found.low, "high": found.high}
+def plain(estimate: Estimate) -> Mapping[str, float | None]:
+    """Return an estimate as plain data."""
+    return {"value": estimate.value, "low": estimate.low, "high": estimate.high}

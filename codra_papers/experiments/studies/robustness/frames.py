@@ -1,4 +1,4 @@
-"""Frames that a run kept, detected again from their files alone: no simulator, the very functions of the spec."""
+"""Detect tags in stored frames again, from their files and with the functions of the spec, without a simulator."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from codra_papers.lab.perception.poses import Pose
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DetectedAgain:
-    """A kept frame, and what came of detecting it again.
+    """A stored frame, and the result of detecting it again.
 
     Attributes:
-        trial: whose frame it is.
-        values: what came of it now; None if its file cannot be read.
+        trial: the name of its trial.
+        values: the new result; None if its file cannot be read.
     """
 
     trial: str
@@ -35,16 +35,16 @@ class DetectedAgain:
 
     @property
     def agrees(self) -> bool:
-        """Return whether every value is exactly the one that was recorded."""
+        """Return whether every value equals the recorded one exactly."""
         return self.values is not None and dict(self.values) == dict(self.kept.values)
 
 
 def detect_again(spec: Spec, outcomes: Sequence[Outcome], folder: Path) -> Sequence[DetectedAgain]:
-    """Detect all kept frames again.
+    """Detect all stored frames again.
 
     Args:
-        spec: says which function an algorithm calls, and with what.
-        outcomes: whose frames to take.
+        spec: determines the function and the parameters of each algorithm.
+        outcomes: with the frames.
         folder: of the experiment.
     """
     algorithms = {algorithm.name: algorithm for algorithm in spec.perception}
@@ -70,19 +70,19 @@ def _perceived(algorithm: Algorithm, kept: KeptFrame, path: Path) -> Mapping[str
         believed_map_from_camera=Pose(np.array(rotation), np.array(translation_m)),
         stamp_s=kept.evidence_s,
     )
-    found = _function(algorithm.call)(**dict(algorithm.parameters), camera=StillCamera(frame), job=_PassingJob())
-    return dict(found)
+    values = _function(algorithm.call)(**dict(algorithm.parameters), camera=StillCamera(frame), job=_PassingJob())
+    return dict(values)
 
 
 def _function(call: str) -> Callable[..., Mapping[str, Any]]:
     module, _, name = call.partition(":")
-    found: Callable[..., Mapping[str, Any]] = getattr(import_module(module), name)
-    return found
+    function: Callable[..., Mapping[str, Any]] = getattr(import_module(module), name)
+    return function
 
 
 @dataclass(slots=True)
 class _PassingJob:
-    """A job for which time passes at once: what an algorithm makes of a frame does not depend on how long it takes."""
+    """A job for which time passes at once: the result of an algorithm does not depend on its duration."""
 
     random: Random = field(default_factory=lambda: Random(0))
     index: int = 0
@@ -96,4 +96,4 @@ class _PassingJob:
         self._now_s += duration_s
 
     def evidence(self, start_s: float, stamp_s: float) -> None:
-        """Do nothing: what the evidence is, is known."""
+        """Ignore the evidence: it is already known."""

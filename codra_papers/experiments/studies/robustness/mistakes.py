@@ -1,4 +1,4 @@
-"""Every decision instant at which an arm held what was not true, with what it rested on."""
+"""The decisions at which an arm held a value that was not true, with the evidence of that value."""
 
 from __future__ import annotations
 
@@ -25,22 +25,22 @@ class Mistake:
 
     @property
     def cause(self) -> str:
-        """Return why it was wrong."""
+        """Return the reason why it was wrong."""
         return "has changed since" if self.basis.was_true else "seen wrongly"
 
     @property
     def purpose(self) -> str:
-        """Return what the decision was for (P1, Figure 1)."""
+        """Return the purpose of the decision (P1, Figure 1)."""
         return "preview" if self.decision.is_preview else "monitoring"
 
     @property
     def frame(self) -> str:
-        """Return the file of the frame, relative to the experiment's folder; empty if it rests on none."""
+        """Return the file of the frame, relative to the experiment's folder; empty if the value has no frame."""
         return f"{TRIALS}/{self.outcome.name}/{self.basis.frame}" if self.basis.frame else ""
 
 
 def mistakes(runs: Runs) -> Sequence[Mistake]:
-    """Return all of them, in order of runs and time."""
+    """Return all wrong values at decisions, in order of runs and time."""
     return tuple(
         Mistake(outcome=outcome, decision=decision, arm=arm, basis=basis)
         for outcome in runs.outcomes
@@ -50,16 +50,15 @@ def mistakes(runs: Runs) -> Sequence[Mistake]:
     )
 
 
-def mistakes_table(found: Sequence[Mistake]) -> Table:
-    """Return all of them with their evidence."""
+def mistakes_table(wrong_values: Sequence[Mistake]) -> Table:
+    """Return a table of wrong values with their evidence."""
     header = ("seed", "at s", "variable", "for", "skill", "arm", "held", "true", "cause", "fresh", "algorithm")
     caption = (
-        "Every decision instant at which an arm held what was not true, the evidence that it rested on, and the frame "
-        "of that evidence, in the folder of this report. Fresh: the evidence is from after the action that is "
-        "monitored."
+        "Every decision at which an arm held a value that was not true, with the evidence for the value and its frame, "
+        "in the folder of this report. Fresh: the evidence is from after the action that is monitored."
     )
     return plain_table(
-        caption, (*header, "evidence at s", "measured", "frame"), [tuple(_cells(mistake)) for mistake in found]
+        caption, (*header, "evidence at s", "measured", "frame"), [tuple(_cells(mistake)) for mistake in wrong_values]
     )
 
 
@@ -72,22 +71,22 @@ def _cells(mistake: Mistake) -> Iterator[Cell]:
 
 
 def measured(values: Mapping[str, Any]) -> str:
-    """Return what an algorithm returned, in words."""
+    """Return the values that an algorithm returned, as text."""
     return ", ".join(
         f"{name} {value:.3f}" if isinstance(value, float) else f"{name} {str(value).lower()}"
         for name, value in values.items()
     )
 
 
-def photographs(found: Sequence[Mistake], folder: Path) -> Sequence[Photograph]:
+def photographs(wrong_values: Sequence[Mistake], folder: Path) -> Sequence[Photograph]:
     """Return the frame of the first mistake of each arm and cause.
 
     Args:
-        found: in order of runs and time.
+        wrong_values: in order of runs and time.
         folder: of the experiment.
     """
     first: dict[tuple[str, str], Mistake] = {}
-    for mistake in found:
+    for mistake in wrong_values:
         if mistake.frame and (folder / mistake.frame).exists():
             first.setdefault((mistake.arm, mistake.cause), mistake)
     return [Photograph(caption=_caption(mistake), path=folder / mistake.frame) for mistake in first.values()]

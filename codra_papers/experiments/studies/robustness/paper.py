@@ -1,4 +1,4 @@
-"""What P1 reports in section 4.1, with two misprints of its Table 2 corrected."""
+"""The numbers that P1 reports in section 4.1, with two misprints of its Table 2 corrected."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 LOW_RATIO = 0.9
-"""Table 2 highlights ratios below."""
+"""Table 2 highlights ratios below this."""
 
 CONTEXT_DRIVEN, NAIVE = "context-driven (P1)", "naive (P1)"
 
 CONTEXT_DRIVEN_TRIGGERS, NAIVE_TRIGGERS = 1029, 5006
-"""Of the PCR-cycler's perception: "a reduction of 79.4%"."""
+"""The triggers of the PCR-cycler's perception: "a reduction of 79.4%"."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -20,7 +20,7 @@ class Row:
 
     Attributes:
         agreement_s, disagreement_s: of each of ten runs.
-        printed_total_s: the sums of both as printed.
+        printed_total_s: the sums of both, as printed.
         printed_ratio: of the totals, as printed.
     """
 
@@ -33,10 +33,10 @@ class Row:
 
 
 PRINTED_RUN_4_RATIO = 0.920
-"""Misprint 1: of the context-driven observer on `centrifuge_open`. By the seconds of its run the ratio is 0.978."""
+"""Misprint 1: of the context-driven observer on `centrifuge_open`. The seconds of this run give a ratio of 0.978."""
 
 PRINTED_RUN_9_AGREEMENT_S = 3898.61
-"""Misprint 2: in the same row. The row adds up to its total with 3589.61 s: two digits have changed places."""
+"""Misprint 2: in the same row. The row adds up to its total with 3589.61 s: two digits were swapped."""
 
 TABLE_2 = (
     Row(

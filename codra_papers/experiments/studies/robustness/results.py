@@ -21,7 +21,7 @@ from codra_papers.experiments.studies.robustness.mistakes import Mistake
 
 
 def runs_as_data(runs: Runs) -> Mapping[str, Any]:
-    """Return what came of runs: each of them, each variable and arm, triggers and answers."""
+    """Return the results of runs: each run, each variable and arm, triggers and answers."""
     return {
         "runs": [_run(outcome) for outcome in runs.outcomes],
         "variables": {label(name): {arm: _variable(runs, name, arm) for arm in runs.arms} for name in VARIABLES},
@@ -42,19 +42,21 @@ def _run(outcome: Outcome) -> Mapping[str, Any]:
 
 
 def _variable(runs: Runs, name: str, arm: str) -> Mapping[str, Any]:
-    total, whole, lag, cause = (
+    total, complete, lag, cause = (
         runs.total(name, arm),
-        runs.whole(name, arm),
+        runs.complete_runs(name, arm),
         runs.lags(name, arm),
         runs.causes((name,), arm),
     )
     return {
-        "window_by_run": [None if found is None else asdict(found) for found in runs.seconds(name, arm)],
+        "window_by_run": [
+            None if run_seconds is None else asdict(run_seconds) for run_seconds in runs.seconds(name, arm)
+        ],
         "window_total": asdict(total),
         "paper_ratio": ratio_of_sums([total.paper]),
         "strict_ratio": ratio_of_sums([total.strict]),
         "runs_left_out": runs.left_out(name, arm),
-        "whole_runs": asdict(whole),
+        "whole_runs": asdict(complete),
         "wrong_by_cause": asdict(cause),
         "first_known_s": list(runs.first_s(name, arm)),
         "lags_s": list(lag.seen_s),
@@ -76,22 +78,22 @@ def _arm(runs: Runs, arm: str) -> Mapping[str, Any]:
 
 
 def comparisons_as_data(comparisons: Sequence[Comparison]) -> Mapping[str, Any]:
-    """Return differences between arms with their intervals."""
+    """Return the differences between arms with their intervals."""
     differences = [
         {
-            "variable": label(one.variable),
-            "arm": one.arm,
-            "against": one.against,
-            "runs": one.runs,
-            "paper_ratio_difference": plain(one.paper),
-            "strict_ratio_difference": plain(one.strict),
+            "variable": label(comparison.variable),
+            "arm": comparison.arm,
+            "against": comparison.against,
+            "runs": comparison.runs,
+            "paper_ratio_difference": plain(comparison.paper),
+            "strict_ratio_difference": plain(comparison.strict),
         }
-        for one in comparisons
+        for comparison in comparisons
     ]
     return {"level": LEVEL, "resamples": RESAMPLES, "differences": differences}
 
 
-def mistakes_as_data(found: Sequence[Mistake]) -> Sequence[Mapping[str, Any]]:
+def mistakes_as_data(wrong_values: Sequence[Mistake]) -> Sequence[Mapping[str, Any]]:
     """Return wrong values at decisions, with their evidence."""
     return [
         {
@@ -110,23 +112,27 @@ def mistakes_as_data(found: Sequence[Mistake]) -> Sequence[Mapping[str, Any]]:
             "measured": dict(mistake.basis.values),
             "frame": mistake.frame or None,
         }
-        for mistake in found
+        for mistake in wrong_values
     ]
 
 
-def detected_as_data(found: Sequence[DetectedAgain]) -> Mapping[str, Any]:
-    """Return how many frames gave the recorded evidence again, and which did not."""
+def detected_as_data(detected: Sequence[DetectedAgain]) -> Mapping[str, Any]:
+    """Return how many frames gave the recorded evidence again, and the frames that did not."""
     different = [
-        {"frame": f"{one.trial}/{one.kept.file}", "algorithm": one.kept.algorithm, "recorded": dict(one.kept.values)}
-        | {"again": None if one.values is None else dict(one.values)}
-        for one in found
-        if not one.agrees
+        {
+            "frame": f"{again.trial}/{again.kept.file}",
+            "algorithm": again.kept.algorithm,
+            "recorded": dict(again.kept.values),
+        }
+        | {"again": None if again.values is None else dict(again.values)}
+        for again in detected
+        if not again.agrees
     ]
-    return {"frames": len(found), "agreed": len(found) - len(different), "different": different}
+    return {"frames": len(detected), "agreed": len(detected) - len(different), "different": different}
 
 
 def paper_as_data() -> Mapping[str, Any]:
-    """Return P1's numbers, corrected."""
+    """Return P1's numbers, with corrections."""
     return {
         "table_2": [
             {"variable": label(row.variable), "observer": row.observer}

@@ -28,20 +28,27 @@ _MARKED = f"Ratios below {paper.LOW_RATIO} are marked."
 
 
 def arms_table(arms: Sequence[Arm]) -> Table:
-    """Return what the arms are."""
-    rows = ((arm.name, arm.need.value, ", ".join(map(str, arm.edits)) or "as it stands") for arm in arms)
+    """Return a table that describes the arms."""
+    rows = ((arm.name, arm.need.value, ", ".join(map(str, arm.edits)) or "unchanged") for arm in arms)
     return plain_table("The arms. Each has a vision slot of its own.", ("arm", "observes", "the spec"), rows)
 
 
 def runs_table(runs: Runs) -> Table:
-    """Return how each run went, and whether each frame that was perceived is one that was rendered."""
-    told = runs.outcomes
+    """Return the table of runs. It shows whether the number of perceived frames equals the number of rendered ones."""
+    outcomes = runs.outcomes
     rows: list[Sequence[Cell]] = [
-        (each.seed, round(each.duration_s, 1), each.loops, each.error or "", each.frames, each.perceived)
-        for each in told
+        (
+            outcome.seed,
+            round(outcome.duration_s, 1),
+            outcome.loops,
+            outcome.error or "",
+            outcome.frames,
+            outcome.perceived,
+        )
+        for outcome in outcomes
     ]
-    counts = (sum(each.frames for each in told), sum(each.perceived for each in told))
-    rows.append(("all", round(runs.duration_s, 1), sum(each.loops for each in told), "", *counts))
+    counts = (sum(outcome.frames for outcome in outcomes), sum(outcome.perceived for outcome in outcomes))
+    rows.append(("all", round(runs.duration_s, 1), sum(outcome.loops for outcome in outcomes), "", *counts))
     return plain_table(
         "The runs: each ends with the loop or an unrecoverable error of the main execution.",
         ("seed", "lasted s", "loops", "error", "frames rendered", "frames perceived"),
@@ -58,8 +65,8 @@ def table_2(runs: Runs, variable: str) -> Table:
     rows = [row for arm in runs.arms for row in _arm_rows(runs, variable, arm)]
     caption = (
         f"{label(variable)}, as P1's Table 2: seconds of agreement and disagreement with the truth from the instant "
-        f"when all arms have identified it first. Ratio: agreement of held seconds; strict: of all seconds. {_MARKED} "
-        "A dash: the arm never identified it in that run and is left out of its window."
+        f"when the last arm has first identified it. Ratio: agreement of held seconds; strict: of all seconds. "
+        f"{_MARKED} A dash: the arm never identified it in that run and is left out of its window."
     )
     ratios = [index for index, row in enumerate(rows) if row[1] in ("ratio", "strict ratio")]
     return marked_below(plain_table(caption, header, rows), paper.LOW_RATIO, ratios)
@@ -67,21 +74,21 @@ def table_2(runs: Runs, variable: str) -> Table:
 
 def _arm_rows(runs: Runs, variable: str, arm: str) -> Iterator[Sequence[Cell]]:
     columns = [*runs.seconds(variable, arm), runs.total(variable, arm)]
-    yield arm, "right s", *(_of(found, lambda each: round(each.right_s, 2)) for found in columns)
-    yield arm, "wrong s", *(_of(found, lambda each: round(each.wrong_s, 2)) for found in columns)
-    yield arm, "unknown s", *(_of(found, lambda each: round(each.unknown_s, 2)) for found in columns)
-    yield arm, "ratio", *(_of(found, lambda each: ratio(each.paper)) for found in columns)
-    yield arm, "strict ratio", *(_of(found, lambda each: ratio(each.strict)) for found in columns)
+    yield arm, "right s", *(_of(column, lambda run_seconds: round(run_seconds.right_s, 2)) for column in columns)
+    yield arm, "wrong s", *(_of(column, lambda run_seconds: round(run_seconds.wrong_s, 2)) for column in columns)
+    yield arm, "unknown s", *(_of(column, lambda run_seconds: round(run_seconds.unknown_s, 2)) for column in columns)
+    yield arm, "ratio", *(_of(column, lambda run_seconds: ratio(run_seconds.paper)) for column in columns)
+    yield arm, "strict ratio", *(_of(column, lambda run_seconds: ratio(run_seconds.strict)) for column in columns)
 
 
-def _of(found: Seconds | None, quantity: Callable[[Seconds], float | None]) -> Cell:
-    return None if found is None else quantity(found)
+def _of(run_seconds: Seconds | None, quantity: Callable[[Seconds], float | None]) -> Cell:
+    return None if run_seconds is None else quantity(run_seconds)
 
 
 def table_2_of_the_paper(variable: str) -> Table:
     """Return P1's own rows for a variable, corrected."""
-    found = [row for row in paper.TABLE_2 if row.variable == variable]
-    rows = [line for row in found for line in _paper_rows(row)]
+    printed_rows = [row for row in paper.TABLE_2 if row.variable == variable]
+    rows = [line for row in printed_rows for line in _paper_rows(row)]
     header = ("arm", "", *(f"Run {number}" for number in range(1, 11)), "Total")
     caption = (
         f"{label(variable)} in P1's Table 2: other runs, of a real robot; run 1 there is not run 1 here. {_MARKED}"
@@ -97,9 +104,9 @@ def table_2_of_the_paper(variable: str) -> Table:
 
 
 def _paper_rows(row: paper.Row) -> Iterator[Sequence[Cell]]:
-    right_s, wrong_s = ((*found, sum(found)) for found in (row.agreement_s, row.disagreement_s))
-    yield row.observer, "right s", *(round(found, 2) for found in right_s)
-    yield row.observer, "wrong s", *(round(found, 2) for found in wrong_s)
+    right_s, wrong_s = ((*run_s, sum(run_s)) for run_s in (row.agreement_s, row.disagreement_s))
+    yield row.observer, "right s", *(round(run_s, 2) for run_s in right_s)
+    yield row.observer, "wrong s", *(round(run_s, 2) for run_s in wrong_s)
     both = zip(right_s, wrong_s, strict=True)
     yield row.observer, "ratio", *(ratio(Share(right, right + wrong)) for right, wrong in both)
 
@@ -108,33 +115,36 @@ def _paper_rows(row: paper.Row) -> Iterator[Sequence[Cell]]:
 
 
 def ratio_table(runs: Runs, counted: Counted, caption: str) -> Table:
-    """Return a ratio for each variable and arm."""
+    """Return a table with a ratio for each variable and arm."""
     rows = [(label(name), *(ratio(counted(runs.total(name, arm))) for arm in runs.arms)) for name in VARIABLES]
     caption = f"{caption} {_MARKED} A dash: the arm was left out of the window of every run."
     return marked_below(plain_table(caption, ("variable", *runs.arms), rows), paper.LOW_RATIO, range(len(rows)))
 
 
 def seconds_table(runs: Runs) -> Table:
-    """Return how long each arm was right, wrong and without knowledge, over whole runs."""
+    """Return how long each arm was right, wrong and without knowledge, over complete runs."""
     header = ("variable", "arm", "right s", "wrong s", "unknown s", "all s", "runs left out of the window")
     rows: list[Sequence[Cell]] = [
         (
             label(name),
             arm,
-            *(round(each, 1) for each in (found.right_s, found.wrong_s, found.unknown_s, found.strict.whole)),
+            *(
+                round(duration_s, 1)
+                for duration_s in (complete.right_s, complete.wrong_s, complete.unknown_s, complete.strict.total)
+            ),
             runs.left_out(name, arm),
         )
         for name in VARIABLES
         for arm in runs.arms
-        for found in [runs.whole(name, arm)]
+        for complete in [runs.complete_runs(name, arm)]
     ]
     marked = frozenset((index, 6) for index, row in enumerate(rows) if row[6])
-    caption = "Seconds over whole runs: right, wrong and unknown add up to them. Marked: arms left out of a window."
+    caption = "Seconds over complete runs: right, wrong and unknown add up to them. Marked: arms left out of a window."
     return Table(caption=caption, header=header, rows=rows, marked=marked)
 
 
 def knowledge_table(runs: Runs) -> Table:
-    """Return when arms knew first, and how fast they followed changes."""
+    """Return when each arm first knew each variable, and how fast it followed changes."""
     header = ("variable", "arm", "first known at s", "changes", "never seen", "lag median s", "lag p90 s", "lag max s")
     rows = [
         (
@@ -150,8 +160,8 @@ def knowledge_table(runs: Runs) -> Table:
         for lag in [runs.lags(name, arm)]
     ]
     caption = (
-        "First known: median over the runs in which the arm identified it. Lag: from a change of the truth to the "
-        "arm's holding the new value; 0 if it held it already. Never seen: before the next change or the run's end."
+        "First known: median over the runs in which the arm identified it. Lag: from a change of the truth until the "
+        "arm held the new value; 0 if it held it already. Never seen: not before the next change or the run's end."
     )
     return plain_table(caption, header, rows)
 
@@ -166,13 +176,20 @@ def _median(values: Sequence[float]) -> float | None:
 def comparison_table(comparisons: Sequence[Comparison]) -> Table:
     """Return the differences between arms on the two lids, with their intervals."""
     rows = [
-        (label(one.variable), one.arm, one.against, one.runs, interval(one.paper), interval(one.strict))
-        for one in comparisons
-        if one.variable in LIDS
+        (
+            label(comparison.variable),
+            comparison.arm,
+            comparison.against,
+            comparison.runs,
+            interval(comparison.paper),
+            interval(comparison.strict),
+        )
+        for comparison in comparisons
+        if comparison.variable in LIDS
     ]
     caption = (
-        "Differences of the ratios of sums, arm less the arm it is compared with, over the further runs; in brackets "
-        "the 95 % interval of a paired bootstrap over runs (10,000 resamples, bias-corrected and accelerated)."
+        "Differences of the ratios of sums, arm less the arm with which it is compared, over the further runs; in "
+        "brackets the 95 % interval of a paired bootstrap over runs (10,000 resamples, bias-corrected and accelerated)."
     )
     return plain_table(caption, ("variable", "arm", "against", "runs", "ratio", "strict ratio"), rows)
 
@@ -181,7 +198,7 @@ def comparison_table(comparisons: Sequence[Comparison]) -> Table:
 
 
 def triggers_table(runs: Runs, vision: Sequence[str]) -> Table:
-    """Return how many jobs each arm started, by algorithm, and how long its slot was taken."""
+    """Return how many jobs each arm started, by algorithm, and how long its slot was in use."""
     algorithms = sorted({name for outcome in runs.outcomes for arm in outcome.arms.values() for name in arm.triggers})
     rows: list[Sequence[Cell]] = [
         (name, *(sum(runs.triggers(arm, (name,))) for arm in runs.arms)) for name in algorithms
@@ -197,7 +214,7 @@ def reduction_table(runs: Runs, further: Runs, naive: Sequence[str], vision: Seq
     counted = (("the PCR-cycler's lid, as P1 counts", PCR_CYCLER_LID), ("all that need the vision slot", vision))
     rows = [
         (
-            what,
+            algorithms_name,
             arm,
             against,
             sum(runs.triggers(arm, algorithms)),
@@ -205,7 +222,7 @@ def reduction_table(runs: Runs, further: Runs, naive: Sequence[str], vision: Seq
             percent(fewer_triggers(runs, arm, against, algorithms)),
             percent(fewer_triggers(further, arm, against, algorithms)) if against in further.arms else None,
         )
-        for what, algorithms in counted
+        for algorithms_name, algorithms in counted
         for against in naive
         for arm in runs.arms
         if arm not in naive
@@ -224,22 +241,22 @@ def reduction_table(runs: Runs, further: Runs, naive: Sequence[str], vision: Seq
 
 
 def answers_table(runs: Runs) -> Table:
-    """Return what the arms held when decisions needed it, for each variable that is decided on."""
+    """Return the values that the arms held at decisions, for each variable on which decisions are made."""
     decided = {decision.variable for outcome in runs.outcomes for decision in outcome.decisions}
     groups = [(label(name), (name,)) for name in VARIABLES if name in decided]
     preview, monitoring = ("preview: right", "wrong", "fell back"), ("monitoring: right", "wrong", "fell back")
     header = ("variable", "arm", *preview, *monitoring, "on fresh evidence")
     rows: list[Sequence[Cell]] = [
-        (what, arm, *_answer_cells(runs, names, arm))
-        for what, names in [*groups, ("all", VARIABLES)]
+        (group, arm, *_answer_cells(runs, names, arm))
+        for group, names in [*groups, ("all", VARIABLES)]
         for arm in runs.arms
     ]
     marked = frozenset((row, column) for row, cells in enumerate(rows) for column in (3, 6) if cells[column])
     caption = (
-        "What each arm held at the instant when the main execution needed it. Fell back: it held nothing, so a main "
-        "execution would look by itself. A monitoring decision is asked when the action has just ended: what is held "
-        "then is mostly from before it, and counts as fresh only if its evidence is not; an arm that answered would be "
-        "waited for. Marked: wrong values."
+        "The value that each arm held at the instant when the main execution needed it. Fell back: the value was "
+        "unknown, so a main execution would look by itself. A monitoring decision is requested when the action has "
+        "just ended: the value held then is mostly from before the action, and counts as fresh only if its evidence is "
+        "from after it; a main execution would wait for an arm that answered. Marked: wrong values."
     )
     return Table(caption=caption, header=header, rows=rows, marked=marked)
 
@@ -251,27 +268,27 @@ def _answer_cells(runs: Runs, variables: Sequence[str], arm: str) -> Iterator[in
 
 
 def causes_table(runs: Runs) -> Table:
-    """Return why held values were wrong, for the variables of Table 2 and for all."""
+    """Return why held values were wrong, for the variables of Table 2 and for all variables."""
     groups = [*((label(name), (name,)) for name in LIDS), ("all fourteen", VARIABLES)]
     rows = [
         (
-            what,
+            group,
             arm,
-            round(found.seen_wrongly_s, 1),
-            round(found.changed_since_s, 1),
-            _share(found.seen_wrongly_s, whole_s),
+            round(causes.seen_wrongly_s, 1),
+            round(causes.changed_since_s, 1),
+            _share(causes.seen_wrongly_s, wrong_s),
         )
-        for what, names in groups
+        for group, names in groups
         for arm in runs.arms
-        for found in [runs.causes(names, arm)]
-        for whole_s in [found.seen_wrongly_s + found.changed_since_s]
+        for causes in [runs.causes(names, arm)]
+        for wrong_s in [causes.seen_wrongly_s + causes.changed_since_s]
     ]
     caption = (
-        "Why held values were wrong, in seconds over whole runs. Seen wrongly: not true at the instant of its own "
+        "Why held values were wrong, in seconds over complete runs. Seen wrongly: not true at the instant of its own "
         "evidence. Changed since: true then, and no later evidence was taken or believed."
     )
     return plain_table(caption, ("variable", "arm", "seen wrongly s", "changed since s", "share seen wrongly"), rows)
 
 
-def _share(part_s: float, whole_s: float) -> float | None:
-    return rounded(part_s / whole_s, 3) if whole_s else None
+def _share(part_s: float, total_s: float) -> float | None:
+    return rounded(part_s / total_s, 3) if total_s else None

@@ -1,4 +1,4 @@
-"""What the loops of the store are worth: four managers in the same shop."""
+"""The value of the loops of the store: four managers in the same shop."""
 
 from __future__ import annotations
 
@@ -23,4 +23,4 @@ def experiment(design: Design, name: str, seeds: int) -> Experiment:
 
 
 EXPERIMENT = experiment(Design(), "store", 20)
-"""As the protocol has it (docs/papers/store-experiment.md)."""
+"""The experiment of the protocol (docs/papers/store-experiment.md)."""

@@ -1,4 +1,4 @@
-"""What the managers came to, seed by seed, and how sure a difference to ours is."""
+"""The results of the managers, seed by seed, with confidence intervals of the differences to ours."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ class Measure:
     """A number of each run.
 
     Attributes:
-        name: as people read it.
-        key: as data has it.
-        of: takes it from what came of a run.
+        name: as shown in tables.
+        key: as used in data.
+        of: computes it from the outcome of a run.
     """
 
     name: str
@@ -35,19 +35,19 @@ class Measure:
 
 
 MEASURES = (
-    Measure(name="Missions completed", key="missions", of=lambda each: each.loops),
-    Measure(name="Unsafe seconds", key="unsafe_s", of=lambda each: each.unsafe_s),
-    Measure(name="Aborts", key="aborts", of=lambda each: each.aborts),
+    Measure(name="Missions completed", key="missions", of=lambda run: run.loops),
+    Measure(name="Unsafe seconds", key="unsafe_s", of=lambda run: run.unsafe_s),
+    Measure(name="Aborts", key="aborts", of=lambda run: run.aborts),
     Measure(
         name="Switches per minute",
         key="switches_per_min",
-        of=lambda each: each.switches / each.duration_s * 60.0,
+        of=lambda run: run.switches / run.duration_s * 60.0,
     ),
-    Measure(name="Orders done", key="orders_done", of=lambda each: each.orders.get("done", 0)),
-    Measure(name="Orders failed", key="orders_failed", of=lambda each: each.orders.get("failed", 0)),
-    Measure(name="Bumps", key="bumps", of=lambda each: each.bumps),
+    Measure(name="Orders done", key="orders_done", of=lambda run: run.orders.get("done", 0)),
+    Measure(name="Orders failed", key="orders_failed", of=lambda run: run.orders.get("failed", 0)),
+    Measure(name="Bumps", key="bumps", of=lambda run: run.bumps),
 )
-"""The first four are those of the question; the others stand beside."""
+"""The first four answer the question of the experiment; the others are additional."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,13 +67,13 @@ class Compared:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reactions:
-    """How soon a manager answered.
+    """How soon a manager reacted.
 
     Attributes:
-        cause: None for all of them.
-        count: of causes, of which `answered` were answered.
-        share: that was answered.
-        quantiles_s: by `QUANTILES`; infinite for never, no value if nothing called.
+        cause: None for all causes.
+        count: the number of causes; `answered` of them were answered.
+        share: of answered causes.
+        quantiles_s: by `QUANTILES`; infinite for never, without a value if no cause occurred.
     """
 
     manager: str
@@ -89,14 +89,14 @@ def compared(runs: Mapping[str, Sequence[StoreOutcome]], ours: str) -> Sequence[
 
     Args:
         runs: by manager, all with the same seeds in the same order.
-        ours: the manager that the others are compared with.
+        ours: the manager with which the others are compared.
     """
     return [_compared(measure, name, runs, ours) for measure in MEASURES for name in runs]
 
 
 def _compared(measure: Measure, name: str, runs: Mapping[str, Sequence[StoreOutcome]], ours: str) -> Compared:
-    values = [measure.of(each) for each in runs[name]]
-    of_ours = [measure.of(each) for each in runs[ours]]
+    values = [measure.of(run) for run in runs[name]]
+    of_ours = [measure.of(run) for run in runs[ours]]
     less = [value - other for value, other in zip(values, of_ours, strict=True)]
     return Compared(
         measure=measure,
@@ -107,14 +107,14 @@ def _compared(measure: Measure, name: str, runs: Mapping[str, Sequence[StoreOutc
 
 
 def reactions(runs: Mapping[str, Sequence[StoreOutcome]]) -> Sequence[Reactions]:
-    """Return how soon each manager answered all causes, and each kind of them."""
+    """Return how soon each manager answered all causes, and each kind of cause."""
     return [_reactions(name, cause, runs[name]) for cause in (None, *Cause) for name in runs]
 
 
-def _reactions(name: str, cause: Cause | None, came: Sequence[StoreOutcome]) -> Reactions:
-    by_seed = [[each for each in run.called if cause in (None, each.cause)] for run in came]
-    took_s = [[math.inf if each.reaction_s is None else each.reaction_s for each in called] for called in by_seed]
-    shares = [Share(sum(map(math.isfinite, found)), len(found)) for found in took_s]
+def _reactions(name: str, cause: Cause | None, runs: Sequence[StoreOutcome]) -> Reactions:
+    by_seed = [[call for call in run.called if cause in (None, call.cause)] for run in runs]
+    took_s = [[math.inf if call.reaction_s is None else call.reaction_s for call in called] for called in by_seed]
+    shares = [Share(sum(map(math.isfinite, durations_s)), len(durations_s)) for durations_s in took_s]
     return Reactions(
         manager=name,
         cause=cause,

@@ -1,4 +1,4 @@
-"""The pictures of the report: one seed over time with all managers, and unsafe seconds seed by seed."""
+"""The pictures of the report: one seed over time with all managers, and unsafe seconds by seed."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _WEIGHT_OF = "weight_of_"
 
 
 def over_time(runs: Mapping[str, StoreOutcome]) -> Drawing:
-    """Draw safety, weights, course and unsafe seconds of one seed, a row for each manager.
+    """Draw safety, weights, course and unsafe seconds of one seed, with a row for each manager.
 
     Args:
         runs: by manager, all of one seed.
@@ -44,9 +44,9 @@ def over_time(runs: Mapping[str, StoreOutcome]) -> Drawing:
         ]
         figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False)
         caption = (
-            f"Seed {seed}: safety and weights as the manager's own analysis has them, the course as a band below, and "
-            "in red when the robot moved fast near somebody. The weights of none and random are those of the spec's "
-            "loops, which they do not follow."
+            f"Seed {seed}: safety and weights from the manager's own analysis, the course as a band below, and "
+            "in red the time in which the robot moved fast near a person. The weights of none and random are those "
+            "of the spec's loops, which they do not follow."
         )
         return Drawing(caption=caption, svg=_svg(figure))
 
@@ -61,9 +61,9 @@ def _row(axes: Axes, name: str, run: StoreOutcome) -> None:
             _step(axes, curve, run.duration_s, _SAFETY, 1.6)
     for (start_s, action), (end_s, _) in pairwise((*run.courses, (run.duration_s, ""))):
         axes.broken_barh([(start_s, end_s - start_s)], _BAND, facecolors=COLOURS[action], linewidth=0)
-    for each in run.called:
-        fill = "none" if each.answered_s is None else _SAFETY
-        axes.plot([each.begun_s], [1.12], "v", markersize=5, markeredgecolor=_SAFETY, markerfacecolor=fill)
+    for call in run.called:
+        fill = "none" if call.answered_s is None else _SAFETY
+        axes.plot([call.begun_s], [1.12], "v", markersize=5, markeredgecolor=_SAFETY, markerfacecolor=fill)
     axes.set_ylim(-0.25, 1.2)
     axes.set_xlim(0.0, run.duration_s)
     axes.set_yticks([0.0, 0.5, 1.0])
@@ -83,9 +83,9 @@ def by_seed(runs: Mapping[str, Sequence[StoreOutcome]]) -> Drawing:
         figure = Figure(figsize=(7.0, 3.6), layout="constrained")
         axes = figure.subplots()
         places = range(len(runs))
-        for line in zip(*([each.unsafe_s for each in came] for came in runs.values()), strict=True):
+        for line in zip(*([run.unsafe_s for run in outcomes] for outcomes in runs.values()), strict=True):
             axes.plot(places, line, "o-", color=_SEED, markersize=3, linewidth=0.8)
-        means = [fmean(each.unsafe_s for each in came) for came in runs.values()]
+        means = [fmean(run.unsafe_s for run in outcomes) for outcomes in runs.values()]
         axes.plot(places, means, "D", color=_MEAN, markersize=7, label="mean")
         axes.set_xticks(places, list(runs))
         axes.set_ylim(bottom=0.0)

@@ -1,4 +1,4 @@
-"""What the trials come to: the table, the reactions, the grid and the pictures."""
+"""The report on the trials: the table, the reactions, the grid and the pictures."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from codra_papers.experiments.studies.store_managers.comparing import (
     reactions,
 )
 from codra_papers.experiments.studies.store_managers.drawing import by_seed, over_time
-from codra_papers.experiments.studies.store_managers.managers import Chance, Manager, Nobody, Ours, Tuned
+from codra_papers.experiments.studies.store_managers.managers import Chance, Manager, Nominal, Ours, Tuned
 from codra_papers.experiments.studies.store_managers.search import Cell, Design, best, cells
 from codra_papers.experiments.studies.store_managers.trial import StoreOutcome, StoreTrial
 
@@ -29,25 +29,25 @@ OURS = Ours().name
 NEVER = "never"
 
 _NOTE = (
-    "Runs of {:.0f} s. What people and orders do is drawn from the seed before a run begins; all is counted from the "
-    "state of the world. docs/papers/store-experiment.md has all definitions. Means are over seeds; differences "
-    "to ours are over the same seeds, with 95 % intervals by the bootstrap. Marked differences have an interval "
-    "without zero."
+    "Runs of {:.0f} s. The actions of people and the orders are drawn from the seed before a run begins; everything is "
+    "counted from the state of the world. docs/papers/store-experiment.md has all definitions. Means are over "
+    "seeds; differences to ours are over the same seeds, with 95 % intervals by the bootstrap. Marked differences have "
+    "an interval without zero."
 )
 
 
 def reported_seeds(design: Design, settings: Settings) -> range:
-    """Return the seeds that are reported."""
+    """Return the reported seeds."""
     return range(design.first_seed, design.first_seed + settings.seeds)
 
 
-def managers(design: Design, found: Mapping[str, StoreOutcome]) -> tuple[Manager, ...]:
-    """Return who is compared, by what came of the search."""
-    return (Nobody(), Chance(), Tuned(best(cells(design, found)).thresholds), Ours())
+def managers(design: Design, outcomes: Mapping[str, StoreOutcome]) -> tuple[Manager, ...]:
+    """Return the compared managers, which depend on the result of the search."""
+    return (Nominal(), Chance(), Tuned(best(cells(design, outcomes)).thresholds), Ours())
 
 
-def reported_trials(design: Design, settings: Settings, found: Mapping[str, StoreOutcome]) -> Sequence[StoreTrial]:
-    """Return the runs of all managers, by what came of the search."""
+def reported_trials(design: Design, settings: Settings, outcomes: Mapping[str, StoreOutcome]) -> Sequence[StoreTrial]:
+    """Return the runs of all managers, which depend on the result of the search."""
     return [
         StoreTrial(
             name=_name(manager.name, seed),
@@ -57,7 +57,7 @@ def reported_trials(design: Design, settings: Settings, found: Mapping[str, Stor
             duration_s=design.duration_s,
         )
         for seed in reported_seeds(design, settings)
-        for manager in managers(design, found)
+        for manager in managers(design, outcomes)
     ]
 
 
@@ -76,9 +76,9 @@ def judge(design: Design, settings: Settings, outcomes: Mapping[str, StoreOutcom
     if not runs:
         return _searched_only(design, searched)
     table, answered = compared(runs, OURS), reactions(runs)
-    first = {name: came[0] for name, came in runs.items()}
+    first = {name: manager_runs[0] for name, manager_runs in runs.items()}
     return Document(
-        title="store: what the loops are worth",
+        title="store: the value of the loops",
         summary=(*_summary(table, answered), f"{len(seeds)} seeds, {seeds[0]} to {seeds[-1]}."),
         sections=(
             Section(
@@ -92,8 +92,8 @@ def judge(design: Design, settings: Settings, outcomes: Mapping[str, StoreOutcom
         ),
         results={
             "managers": _compared_as_data(table),
-            "reactions": [_reactions_as_data(each) for each in answered],
-            "grid": [_cell_as_data(each) for each in searched],
+            "reactions": [_reactions_as_data(manager_reactions) for manager_reactions in answered],
+            "grid": [_cell_as_data(cell) for cell in searched],
             "thresholds": _cell_as_data(best(searched)),
             "by_seed": _by_seed(runs),
         },
@@ -105,7 +105,7 @@ def _searched_only(design: Design, searched: Sequence[Cell]) -> Document:
         title="store: the search for thresholds",
         summary=("No seed is reported.",),
         sections=(Section(title="The search for thresholds", parts=(_grid(design, searched),)),),
-        results={"grid": [_cell_as_data(each) for each in searched]},
+        results={"grid": [_cell_as_data(cell) for cell in searched]},
     )
 
 
@@ -113,76 +113,79 @@ def _searched_only(design: Design, searched: Sequence[Cell]) -> Document:
 
 
 def _summary(table: Sequence[Compared], answered: Sequence[Reactions]) -> Iterator[str]:
-    """Say what was found of the four measures of the question, and of reactions, whatever it is."""
+    """Yield sentences on the four measures of the question, and on reactions, for any results."""
     for measure in MEASURES[:4]:
-        told = _of(table, measure)
-        means = ", ".join(f"{each.manager} {_number(each.mean.value, 2)}" for each in told)
-        sure = [each for each in told if each.difference is not None and _is_sure(each.difference)]
-        less = ", ".join(f"{each.manager} {interval(each.difference, 2)}" for each in sure if each.difference)
+        of_managers = _of(table, measure)
+        means = ", ".join(f"{row.manager} {_number(row.mean.value, 2)}" for row in of_managers)
+        sure = [row for row in of_managers if row.difference is not None and _is_sure(row.difference)]
+        less = ", ".join(f"{row.manager} {interval(row.difference, 2)}" for row in sure if row.difference)
         yield f"{measure.name} of a run: {means}; different from ours with an interval without zero: {less or 'none'}."
-    of_all = [each for each in answered if each.cause is None]
-    told_s = ", ".join(
-        f"{each.manager} {' and '.join(_seconds(each.quantiles_s[q].value) for q in QUANTILES)} "
-        f"({each.answered} of {each.count} answered)"
-        for each in of_all
+    of_all = [row for row in answered if row.cause is None]
+    reactions_text = ", ".join(
+        f"{row.manager} {' and '.join(_seconds(row.quantiles_s[q].value) for q in QUANTILES)} "
+        f"({row.answered} of {row.count} answered)"
+        for row in of_all
     )
-    yield f"From cause to switch, median and 99th percentile: {told_s}."
+    yield f"From cause to switch, median and 99th percentile: {reactions_text}."
 
 
-def _is_sure(found: Estimate) -> bool:
-    return found.is_positive or found.is_negative
+def _is_sure(difference: Estimate) -> bool:
+    return difference.is_positive or difference.is_negative
 
 
 def _means(table: Sequence[Compared]) -> Table:
     rows = [
-        (measure.name, *(with_ends(each.mean, "{:.2f}".format, "-") for each in _of(table, measure)))
+        (measure.name, *(with_ends(row.mean, "{:.2f}".format, "-") for row in _of(table, measure)))
         for measure in MEASURES
     ]
-    header = ("Of a run", *dict.fromkeys(each.manager for each in table))
+    header = ("Of a run", *dict.fromkeys(row.manager for row in table))
     return plain_table("Means over seeds, with their intervals.", header, rows)
 
 
 def _differences(table: Sequence[Compared]) -> Table:
-    told = {
-        measure.name: {each.manager: each.difference for each in _of(table, measure) if each.difference is not None}
+    differences = {
+        measure.name: {row.manager: row.difference for row in _of(table, measure) if row.difference is not None}
         for measure in MEASURES
     }
     marked = frozenset(
         (row, column)
-        for row, found in enumerate(told.values())
-        for column, one in enumerate(found.values(), 1)
-        if _is_sure(one)
+        for row, by_manager in enumerate(differences.values())
+        for column, difference in enumerate(by_manager.values(), 1)
+        if _is_sure(difference)
     )
     return Table(
         caption="Differences to ours, seed by seed: above zero, the manager has more of it than ours.",
-        header=("Of a run", *next(iter(told.values()))),
-        rows=[(name, *(interval(one, 2) for one in found.values())) for name, found in told.items()],
+        header=("Of a run", *next(iter(differences.values()))),
+        rows=[
+            (name, *(interval(difference, 2) for difference in by_manager.values()))
+            for name, by_manager in differences.items()
+        ],
         marked=marked,
     )
 
 
 def _of(table: Sequence[Compared], measure: Measure) -> Sequence[Compared]:
-    """Return a measure of all managers."""
-    return [each for each in table if each.measure is measure]
+    """Return the rows of a measure for all managers."""
+    return [row for row in table if row.measure is measure]
 
 
 def _reactions_table(answered: Sequence[Reactions]) -> Table:
     header = ("Cause", "Manager", "Causes", "Answered", "Answered, %", *(f"p{100 * q:.0f} in s" for q in QUANTILES))
     rows = [
         (
-            "all" if each.cause is None else each.cause.value,
-            each.manager,
-            each.count,
-            each.answered,
-            percent(each.share),
-            *(with_ends(each.quantiles_s[q], _shown, "-") for q in QUANTILES),
+            "all" if row.cause is None else row.cause.value,
+            row.manager,
+            row.count,
+            row.answered,
+            percent(row.share),
+            *(with_ends(row.quantiles_s[q], _shown, "-") for q in QUANTILES),
         )
-        for each in answered
+        for row in answered
     ]
     caption = (
-        "From the instant at which a cause begins in the world to the first instant at which the course is one that "
-        "it calls for. An unanswered cause is later than any answered one. How many causes there are depends on what "
-        "the robot does."
+        "From the instant at which a cause begins in the world to the first instant at which the course is one for "
+        "which it calls. An unanswered cause counts as later than any answered one. The number of causes depends on "
+        "the actions of the robot."
     )
     return plain_table(caption, header, rows)
 
@@ -191,19 +194,19 @@ def _grid(design: Design, searched: Sequence[Cell]) -> Table:
     chosen = best(searched)
     rows = [
         (
-            f"{each.thresholds.distance_m:g}",
-            f"{each.thresholds.battery_percent:g}",
-            each.thresholds.load,
-            f"{each.missions:.2f}",
-            f"{each.unsafe_s:.2f}",
-            f"{each.score:.3f}",
-            "chosen" if each is chosen else "",
+            f"{cell.thresholds.distance_m:g}",
+            f"{cell.thresholds.battery_percent:g}",
+            cell.thresholds.load,
+            f"{cell.missions:.2f}",
+            f"{cell.unsafe_s:.2f}",
+            f"{cell.score:.3f}",
+            "chosen" if cell is chosen else "",
         )
-        for each in searched
+        for cell in searched
     ]
     header = ("Person, m", "Battery, %", "Load", "Missions", "Unsafe s", "Score", "")
     seeds = ", ".join(map(str, design.tuning_seeds))
-    caption = f"Each cell of the grid on the seeds {seeds}: missions less a tenth of the unsafe seconds, in the mean."
+    caption = f"Each cell of the grid on the seeds {seeds}: missions less a tenth of the unsafe seconds, as means."
     return plain_table(caption, header, rows)
 
 
@@ -227,28 +230,28 @@ def _number(value: float | None, digits: int) -> str:
 def _compared_as_data(table: Sequence[Compared]) -> Mapping[str, Any]:
     return {
         name: {
-            each.measure.key: {"mean": _as_data(each.mean), "difference_to_ours": _as_data(each.difference)}
-            for each in found
+            row.measure.key: {"mean": _as_data(row.mean), "difference_to_ours": _as_data(row.difference)}
+            for row in rows
         }
-        for name, found in groupby(sorted(table, key=lambda each: each.manager), lambda each: each.manager)
+        for name, rows in groupby(sorted(table, key=lambda row: row.manager), lambda row: row.manager)
     }
 
 
-def _reactions_as_data(each: Reactions) -> Mapping[str, Any]:
+def _reactions_as_data(row: Reactions) -> Mapping[str, Any]:
     return {
-        "manager": each.manager,
-        "cause": "all" if each.cause is None else each.cause.value,
-        "causes": each.count,
-        "answered": each.answered,
-        "share": _as_data(each.share),
-        **{f"p{100 * quantile:.0f}_s": _as_data(found) for quantile, found in each.quantiles_s.items()},
+        "manager": row.manager,
+        "cause": "all" if row.cause is None else row.cause.value,
+        "causes": row.count,
+        "answered": row.answered,
+        "share": _as_data(row.share),
+        **{f"p{100 * quantile:.0f}_s": _as_data(quantile_s) for quantile, quantile_s in row.quantiles_s.items()},
     }
 
 
-def _as_data(found: Estimate | None) -> Mapping[str, float | str | None] | None:
-    if found is None:
+def _as_data(estimate: Estimate | None) -> Mapping[str, float | str | None] | None:
+    if estimate is None:
         return None
-    ends = {"value": found.value, "low": found.low, "high": found.high}
+    ends = {"value": estimate.value, "low": estimate.low, "high": estimate.high}
     return {key: NEVER if end == math.inf else rounded(end, 4) for key, end in ends.items()}
 
 
@@ -265,6 +268,6 @@ def _cell_as_data(cell: Cell) -> Mapping[str, Any]:
 
 def _by_seed(runs: Mapping[str, Sequence[StoreOutcome]]) -> Mapping[str, Any]:
     return {
-        name: {str(each.seed): {one.key: round(one.of(each), 4) for one in MEASURES} for each in came}
-        for name, came in runs.items()
+        name: {str(run.seed): {measure.key: round(measure.of(run), 4) for measure in MEASURES} for run in manager_runs}
+        for name, manager_runs in runs.items()
     }

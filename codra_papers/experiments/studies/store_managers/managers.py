@@ -1,6 +1,6 @@
-"""The managers that are compared: who decides on the course and speed (docs/papers/store-experiment.md).
+"""The compared managers, which decide on the course and the speed (docs/papers/store-experiment.md).
 
-All have the same trees, agents and handshakes: each is a planner in the place of the spec's.
+All of them use the same trees, agents and handshakes: each replaces only the planner of the spec's loops.
 """
 
 from __future__ import annotations
@@ -42,15 +42,15 @@ Overrule = Callable[[Plan], Plan]
 
 
 class Manager(Protocol):
-    """Who decides."""
+    """Decides on the course and the speed."""
 
     @property
     def name(self) -> str:
-        """Return what people read in tables."""
+        """Return the name in tables."""
         ...
 
     def planners(self, seed: int) -> Planners:
-        """Return what makes its planners for a run with a seed."""
+        """Return the factory of its planners for a run with a seed."""
         ...
 
 
@@ -61,20 +61,20 @@ class Ours:
     name: str = "ours"
 
     def planners(self, seed: int) -> Planners:
-        """Return what makes its planners: no chance is in them."""
+        """Return the factory of its planners, which use no random numbers."""
         del seed
         return lambda model, loop, types: _Overruled(Planning(model, loop, types), _as_it_is)
 
 
 @dataclass(frozen=True, slots=True)
 class Tuned:
-    """Comparisons in place of both fuzzy stages."""
+    """Comparisons with thresholds in place of both fuzzy stages."""
 
     thresholds: Thresholds
     name: str = "threshold"
 
     def planners(self, seed: int) -> Planners:
-        """Return what makes its planners: no chance is in them."""
+        """Return the factory of its planners, which use no random numbers."""
         del seed
 
         def make(model: MapeModel, loop: LoopModel, types: Types) -> Planner:
@@ -85,12 +85,12 @@ class Tuned:
 
 @dataclass(frozen=True, slots=True)
 class Chance:
-    """A course drawn at each instant at which the spec's loops would change theirs."""
+    """A random course at each instant at which the spec's loops would change theirs."""
 
     name: str = "random"
 
     def planners(self, seed: int) -> Planners:
-        """Return what makes its planners."""
+        """Return the factory of its planners."""
 
         def make(model: MapeModel, loop: LoopModel, types: Types) -> Planner:
             drawing = _Drawing(Random(f"{seed} manager {loop.name}"), model.courses)
@@ -100,21 +100,21 @@ class Chance:
 
 
 @dataclass(frozen=True, slots=True)
-class Nobody:
-    """The nominal course, always, at the normal speed."""
+class Nominal:
+    """Always the nominal course, at the normal speed."""
 
     name: str = "none"
 
     def planners(self, seed: int) -> Planners:
-        """Return what makes its planners: no chance is in them."""
+        """Return the factory of its planners, which use no random numbers."""
         del seed
         return lambda model, loop, types: _Overruled(Planning(model, loop, types), _Staying(model.parameters))
 
 
 class _Overruled:
-    """A planner whose decisions another one sees first.
+    """A planner whose decisions can be replaced by a function.
 
-    It explains nothing: that takes long and changes nothing.
+    It does not explain its decisions: that takes long and does not influence them.
     """
 
     def __init__(self, planning: Planning, overrule: Overrule) -> None:
@@ -135,8 +135,8 @@ class _Overruled:
 
     def plan(self, context: Context, now_s: float) -> Plan:
         plan = self._overrule(self._planning.plan(context, now_s))
-        for each in plan.decisions:
-            self.decisions = {**self.decisions, each.course: [*self.decisions[each.course], each]}
+        for decision in plan.decisions:
+            self.decisions = {**self.decisions, decision.course: [*self.decisions[decision.course], decision]}
         return plan
 
     def kept_by(self, decision: Decision) -> tuple[Counterfactual, ...]:
@@ -149,7 +149,7 @@ def _as_it_is(plan: Plan) -> Plan:
 
 
 class _Staying:
-    """Takes the first decision for the nominal course and normal speed, and no other."""
+    """Turns the first decision into one for the nominal course and the normal speed, and drops all later ones."""
 
     def __init__(self, parameters: Sequence[ParameterModel]) -> None:
         self._parameters = parameters
@@ -160,16 +160,16 @@ class _Staying:
             return replace(plan, decisions=(), settings=())
         self._has_begun = True
         (first,) = plan.decisions
-        settings = tuple(_first(each, NORMAL_M_S, first) for each in self._parameters)
+        settings = tuple(_first(parameter, NORMAL_M_S, first) for parameter in self._parameters)
         return replace(plan, decisions=(_instead(first, NOMINAL, ""),), settings=settings)
 
 
 class _Drawing:
-    """Draws another course or speed wherever one is decided on."""
+    """Replaces each decision by a random course or speed."""
 
     def __init__(self, random: Random, courses: Sequence[CourseModel]) -> None:
         self._random = random
-        self._choices = {each.name: each.choose for each in courses}
+        self._choices = {course.name: course.choose for course in courses}
         self._actions: dict[str, str] = {}
         self._values: dict[str, Value] = {}
 
@@ -178,8 +178,8 @@ class _Drawing:
         settings = map(self._setting, plan.settings)
         return replace(
             plan,
-            decisions=tuple(each for each in decisions if each is not None),
-            settings=tuple(each for each in settings if each is not None),
+            decisions=tuple(decision for decision in decisions if decision is not None),
+            settings=tuple(setting for setting in settings if setting is not None),
         )
 
     def _decision(self, decision: Decision) -> Decision | None:

@@ -1,4 +1,4 @@
-"""The search for thresholds: each cell of a grid on the tuning seeds, scored as the protocol says."""
+"""The search for thresholds: each cell of a grid on the tuning seeds, scored as in the protocol."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from codra_papers.experiments.studies.store_managers.trial import LASTS_S, Store
 
 TUNING_SEEDS = (1, 2, 3, 4, 5)
 FIRST_SEED = 201
-"""Of those that are reported. Those from 101 on were reported before the truck was mended: they are known."""
+"""The first reported seed. Results for 101 and above are known: they were reported before the truck was fixed."""
 
 GRID = tuple(
     Thresholds(distance_m=distance_m, battery_percent=battery_percent, load=load)
@@ -22,17 +22,17 @@ GRID = tuple(
 )
 
 UNSAFE_COSTS = 0.1
-"""What an unsafe second costs, in missions."""
+"""The cost of an unsafe second, in missions."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Design:
-    """Which runs are made.
+    """The runs of an experiment.
 
     Attributes:
-        grid: the cells of the search; the first wins among equals.
+        grid: the cells of the search; among equal ones the first wins.
         tuning_seeds: on which they are tried.
-        first_seed: of those that are reported.
+        first_seed: the first reported seed.
         duration_s: of each run.
     """
 
@@ -44,7 +44,7 @@ class Design:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cell:
-    """What a cell of the grid came to, in the mean over seeds."""
+    """The result of a cell of the grid, as means over seeds."""
 
     thresholds: Thresholds
     missions: float
@@ -52,7 +52,7 @@ class Cell:
 
     @property
     def score(self) -> float:
-        """Return by what cells are compared."""
+        """Return the number by which cells are compared."""
         return self.missions - UNSAFE_COSTS * self.unsafe_s
 
 
@@ -72,20 +72,23 @@ def search_trials(design: Design, settings: Settings) -> Sequence[StoreTrial]:
 
 
 def cells(design: Design, outcomes: Mapping[str, StoreOutcome]) -> Sequence[Cell]:
-    """Return what all cells came to, in the order of the grid."""
-    return [_cell(each, [outcomes[_name(each, seed)] for seed in design.tuning_seeds]) for each in design.grid]
+    """Return the results of all cells, in the order of the grid."""
+    return [
+        _cell(thresholds, [outcomes[_name(thresholds, seed)] for seed in design.tuning_seeds])
+        for thresholds in design.grid
+    ]
 
 
-def best(found: Sequence[Cell]) -> Cell:
-    """Return the cell with the highest score; of equal ones the first."""
-    return max(found, key=lambda cell: round(cell.score, 9))
+def best(searched: Sequence[Cell]) -> Cell:
+    """Return the cell with the highest score; among equal ones the first."""
+    return max(searched, key=lambda cell: round(cell.score, 9))
 
 
-def _cell(thresholds: Thresholds, came: Sequence[StoreOutcome]) -> Cell:
+def _cell(thresholds: Thresholds, outcomes: Sequence[StoreOutcome]) -> Cell:
     return Cell(
         thresholds=thresholds,
-        missions=fmean(each.loops for each in came),
-        unsafe_s=fmean(each.unsafe_s for each in came),
+        missions=fmean(outcome.loops for outcome in outcomes),
+        unsafe_s=fmean(outcome.unsafe_s for outcome in outcomes),
     )
 
 

@@ -1,4 +1,4 @@
-"""What happens in a run: drawn from its seed before it begins, at instants that wait for nobody."""
+"""The events of a run: drawn from its seed before it begins, at instants that depend on nothing in the run."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from codra_papers.store.simulator.state import Load, StoreState, Whereabouts
 from codra_papers.store.simulator.store import Store
 
 DRAIN = 4.0
-"""By what the use of the battery is multiplied."""
+"""The factor on the use of the battery."""
 
 _SPARE = "container_3"
-"""It begins in the back room; somebody has pushed it to where it is to be collected."""
+"""A container that begins in the back room; it is moved to the place from which it is to be collected."""
 
 _FIRST = "container_1"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Visit:
-    """Somebody who crosses before a container.
+    """A person who walks back and forth before a container.
 
     Attributes:
-        area: where.
-        times: how often.
+        area: with the container.
+        times: how often the person crosses.
     """
 
     at_s: float
@@ -38,13 +38,13 @@ class Visit:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Shift:
-    """What is to happen.
+    """The planned events of a run.
 
     Attributes:
-        areas: from the first, a container is moved to the second; from the third one is collected; to the fourth one is
-            provided.
-        move_s: when the first order comes, and `full_s` when its container is full.
-        is_hidden: whether the container of the third area stands where the first observation pose does not show it.
+        areas: a container is moved from the first to the second; one is collected from the third; one is provided to
+            the fourth.
+        move_s: when the first order is given; `full_s`: when its container is full.
+        is_hidden: whether the container of the third area is at a place that the first observation pose does not show.
     """
 
     seed: int
@@ -58,7 +58,7 @@ class Shift:
     battery_percent: float
 
     def settings(self) -> StoreSettings:
-        """Return how the shop opens for it."""
+        """Return the settings of the shop for it."""
         return StoreSettings(
             seed=self.seed,
             situation=Situation.QUIET,
@@ -69,7 +69,7 @@ class Shift:
 
 
 def shift_of(seed: int) -> Shift:
-    """Return what happens in the run of a seed."""
+    """Return the events of the run of a seed."""
     random = Random(f"{seed} shift")
     areas = tuple(random.sample(sorted(PICKING_AREAS), len(PICKING_AREAS)))
     move_s, collect_s = random.uniform(2.0, 6.0), random.uniform(80.0, 100.0)
@@ -94,20 +94,20 @@ def _visits(random: Random, orders: tuple[tuple[float, str], ...]) -> Iterator[V
 
 
 class Staging:
-    """Lets a shift come about in a shop."""
+    """Carries out the events of a shift in a shop."""
 
     def __init__(self, shift: Shift, store: Store) -> None:
-        """Put everything in its place, and wait for the instants."""
+        """Put everything in its place, and wait for the instants of the events."""
         self._shift = shift
         self._store = store
-        self._acts = sorted(self._told(), key=lambda act: act[0])
+        self._acts = sorted(self._scheduled(), key=lambda act: act[0])
         place = AREAS[shift.areas[2]].places[1 if shift.is_hidden else 0]
         store.world.move_container(_SPARE, place, Whereabouts.FLOOR)
         store.world.set_load(_SPARE, Load.FULL)
         self._load(Load.LOADING)
         store.world.watch(self._see)
 
-    def _told(self) -> Iterator[tuple[float, Callable[[], object]]]:
+    def _scheduled(self) -> Iterator[tuple[float, Callable[[], object]]]:
         shift, order = self._shift, self._store.page.order
         moved_from, moved_to, collected, provided = shift.areas
         yield shift.move_s, lambda: order(OrderKind.MOVE, moved_from, moved_to)

@@ -1,4 +1,4 @@
-"""Comparisons in place of both fuzzy stages: lists of lines, of which the first that holds decides."""
+"""Comparisons in place of both fuzzy stages: lists of lines, in which the first line that holds decides."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from codra_dsl.runtime.loops import InputModel, MapeModel, OutputModel, StageMod
 from codra_dsl.runtime.loops.fuzzy import BoundedInference, Bounds, Inference
 
 Numbers = Mapping[str, float]
-"""What is known, by variable; NaN is unknown, and no comparison with it holds."""
+"""Known values, by variable; NaN is unknown, and no comparison with it holds."""
 
 _SAFE, _HALF_SAFE, _UNSAFE = 1.0, 0.5, 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Thresholds:
-    """What is compared with.
+    """The thresholds of the comparisons.
 
     Attributes:
-        distance_m: somebody nearer than this is close.
-        battery_percent: a battery below this is to be charged.
-        load: a container that is at least so full is brought away: `loading` or `full`.
+        distance_m: a person nearer than this is close.
+        battery_percent: a battery below this must be charged.
+        load: a container with at least this load is brought away: `loading` or `full`.
     """
 
     distance_m: float
@@ -35,8 +35,8 @@ class Line:
     """A line of a list.
 
     Attributes:
-        gives: what the list comes to if this line decides: values of outputs; 0 for those that it leaves out.
-        holds: over numbers.
+        gives: the result of the list if this line decides: values of outputs; 0 for outputs that it omits.
+        holds: whether it decides, for given numbers.
     """
 
     text: str
@@ -46,15 +46,17 @@ class Line:
 
 
 def with_thresholds(model: MapeModel, thresholds: Thresholds) -> MapeModel:
-    """Return the loops of the store with comparisons in place of their stages; all else is as it was.
+    """Return the loops of the store with comparisons in place of their stages; everything else is unchanged.
 
     Args:
         model: of `specs/store.yaml`.
-        thresholds: what is compared with.
+        thresholds: of the comparisons.
     """
     assert model.metrics is not None
     assert model.actions is not None
-    inputs = {each.variable: each for stage in (model.metrics, model.actions) for each in stage.inputs}
+    inputs = {
+        model_input.variable: model_input for stage in (model.metrics, model.actions) for model_input in stage.inputs
+    }
     load = inputs["container_load"].members.index(thresholds.load)
     return replace(
         model,
@@ -152,7 +154,7 @@ def _stage(
     inputs: Mapping[str, InputModel], outputs: Sequence[OutputModel], lists: Sequence[Sequence[Line]]
 ) -> StageModel:
     read = sorted({name for lines in lists for line in lines for name in line.reads})
-    compared = _Compared(tuple(read), tuple(each.name for each in outputs), lists)
+    compared = _Compared(tuple(read), tuple(output.name for output in outputs), lists)
     return StageModel(
         infer=compared.infer,
         infer_bounds=compared.infer_bounds,
@@ -164,25 +166,25 @@ def _stage(
 
 
 def _rules(lists: Sequence[Sequence[Line]], outputs: Sequence[str]) -> Sequence[StageRuleModel]:
-    """Return lines as rules: each speaks of all outputs of its list, since it may keep later lines from deciding."""
-    found = []
+    """Return lines as rules. Each concludes on all outputs of its list, since it may keep later lines from deciding."""
+    rules = []
     for lines in lists:
-        told = {name for line in lines for name in line.gives}
-        concludes = tuple(name for name in outputs if name in told)
-        found += [StageRuleModel(text=line.text, concludes=concludes, reads=line.reads) for line in lines]
-    return found
+        concluded = {name for line in lines for name in line.gives}
+        concludes = tuple(name for name in outputs if name in concluded)
+        rules += [StageRuleModel(text=line.text, concludes=concludes, reads=line.reads) for line in lines]
+    return rules
 
 
 @dataclass(frozen=True, slots=True)
 class _Compared:
-    """Lists of lines, asked as an engine is."""
+    """Lists of lines with the interface of a fuzzy engine."""
 
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
     lists: Sequence[Sequence[Line]]
 
     def infer(self, *numbers: float) -> Inference:
-        """Return what all lists come to; the strength of a line is 1 if it decides."""
+        """Return the results of all lists; the strength of a line is 1 if it decides."""
         known = dict(zip(self.inputs, numbers, strict=True))
         values, strengths = dict.fromkeys(self.outputs, 0.0), []
         for lines in self.lists:
@@ -192,11 +194,19 @@ class _Compared:
         return Inference(tuple(values.values()), tuple(strengths))
 
     def infer_bounds(self, *bounds: Bounds) -> BoundedInference:
-        """Return all that they can come to: no range holds more than two thresholds, with its middle between them."""
-        ends = (dict.fromkeys((each.low, (each.low + each.high) / 2.0, each.high)) for each in bounds)
+        """Return the bounds of all results: a range contains at most two thresholds, with its middle between them."""
+        ends = (
+            dict.fromkeys((interval.low, (interval.low + interval.high) / 2.0, interval.high)) for interval in bounds
+        )
         corners = itertools.product(*ends)
-        found = [self.infer(*corner) for corner in corners]
+        inferences = [self.infer(*corner) for corner in corners]
         return BoundedInference(
-            tuple(Bounds(min(each), max(each)) for each in zip(*(one.values for one in found), strict=True)),
-            tuple(Bounds(min(each), max(each)) for each in zip(*(one.strengths for one in found), strict=True)),
+            tuple(
+                Bounds(min(numbers), max(numbers))
+                for numbers in zip(*(inference.values for inference in inferences), strict=True)
+            ),
+            tuple(
+                Bounds(min(numbers), max(numbers))
+                for numbers in zip(*(inference.strengths for inference in inferences), strict=True)
+            ),
         )

@@ -1,4 +1,4 @@
-"""One run of the shop with a manager, and what came of it."""
+"""One run of the shop with a manager, and its outcome."""
 
 from __future__ import annotations
 
@@ -26,26 +26,26 @@ LASTS_S = 300.0
 COURSE = "course"
 FETCHING = "fetching"
 SHOWN = ("safety", "weight_of_pick", "weight_of_deliver", "weight_of_start", "weight_of_dock")
-"""What is kept to be drawn."""
+"""The variables that are stored to be drawn."""
 
 Curve = Sequence[tuple[float, float | None]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StoreOutcome:
-    """What came of a run. All of it is plain data: `to_json` and `from_json` are inverse to each other.
+    """The outcome of a run. All of it is plain data: `from_json` is the inverse of `to_json`.
 
     Attributes:
         loops: completed missions.
-        error: None; nothing ends a run of the shop early.
-        frames: none: what the camera sees is worked out, not rendered.
-        orders: how many there were, by what became of them.
-        aborts: pick-ups that were broken off.
-        courses: what was chosen, and when.
-        called: what called for another course.
-        unsafe: when the robot moved fast near somebody.
-        gaps_m: how near the nearest person was, second by second.
-        curves: metrics and weights as far as they are drawn, from each change to the next; None is unknown.
+        error: always None: no error ends a run of the shop early.
+        frames: always 0: the view of the camera is computed, not rendered.
+        orders: how many orders ended in each state.
+        aborts: pick-ups that were aborted.
+        courses: the chosen actions, and when they were chosen.
+        called: the causes that called for another course.
+        unsafe: when the robot moved fast near a person.
+        gaps_m: the distance to the nearest person, second by second.
+        curves: the drawn metrics and weights, from each change to the next; None is unknown.
     """
 
     name: str
@@ -68,11 +68,11 @@ class StoreOutcome:
 
     @property
     def switches(self) -> int:
-        """Return how often the course changed; the first choice is no change."""
+        """Return how often the course changed; the first choice is not a change."""
         return max(len(self.courses) - 1, 0)
 
     def files(self) -> Sequence[str]:
-        """Return none: all of it is here."""
+        """Return no files: the outcome is complete without them."""
         return ()
 
     def to_json(self) -> str:
@@ -81,18 +81,18 @@ class StoreOutcome:
 
     @classmethod
     def from_json(cls, text: str) -> StoreOutcome:
-        """Return what `to_json` wrote."""
-        told = json.loads(text)
-        told["courses"] = [(at_s, action) for at_s, action in told["courses"]]
-        told["called"] = [Called(**{**each, "cause": Cause(each["cause"])}) for each in told["called"]]
-        told["unsafe"] = [Span(**each) for each in told["unsafe"]]
-        told["gaps_m"] = _pairs(told["gaps_m"])
-        told["curves"] = {name: _pairs(curve) for name, curve in told["curves"].items()}
-        return cls(**told)
+        """Return the outcome that `to_json` wrote as this text."""
+        content = json.loads(text)
+        content["courses"] = [(at_s, action) for at_s, action in content["courses"]]
+        content["called"] = [Called(**{**call, "cause": Cause(call["cause"])}) for call in content["called"]]
+        content["unsafe"] = [Span(**span) for span in content["unsafe"]]
+        content["gaps_m"] = _pairs(content["gaps_m"])
+        content["curves"] = {name: _pairs(curve) for name, curve in content["curves"].items()}
+        return cls(**content)
 
 
-def _pairs(told: Sequence[Sequence[Any]]) -> Curve:
-    return [(at_s, value) for at_s, value in told]
+def _pairs(points: Sequence[Sequence[Any]]) -> Curve:
+    return [(at_s, value) for at_s, value in points]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -100,8 +100,8 @@ class StoreTrial:
     """One run.
 
     Attributes:
-        manager: who decides.
-        duration_s: how long it lasts.
+        manager: decides on the course and the speed.
+        duration_s: of the run.
     """
 
     name: str
@@ -112,11 +112,11 @@ class StoreTrial:
 
     @property
     def draws_frames(self) -> bool:
-        """Return that it draws no frames of the laboratory."""
+        """Return False: trials in the store render no frames of the laboratory."""
         return False
 
     def run(self, folder: Path) -> StoreOutcome:
-        """Run it; nothing is kept but its outcome.
+        """Run it; only its outcome is stored.
 
         Raises:
             SpecError: if the spec has errors, or has no loops.
@@ -137,7 +137,7 @@ class StoreTrial:
         return self._outcome(run, watches[0])
 
     def outcome(self, text: str) -> StoreOutcome:
-        """Return what its outcome's `to_json` wrote."""
+        """Return the outcome that `to_json` wrote as this text."""
         return StoreOutcome.from_json(text)
 
     def _outcome(self, run: StoreRun, watch: Watch) -> StoreOutcome:
@@ -149,7 +149,7 @@ class StoreTrial:
             duration_s=run.duration_s,
             loops=run.score.missions,
             orders=run.orders,
-            aborts=sum(each.what == "aborted" for each in run.record.of(Kind.KNOWLEDGE, FETCHING)),
+            aborts=sum(event.what == "aborted" for event in run.record.of(Kind.KNOWLEDGE, FETCHING)),
             bumps=run.score.bumps,
             driven_m=round(run.score.driven_m, 3),
             unsafe_s=run.score.unsafe_s,
@@ -162,7 +162,7 @@ class StoreTrial:
 
 
 def managed(package: ModuleType, manager: Manager, seed: int) -> Compiled:
-    """Return a compiled spec whose loops a manager plans.
+    """Return a compiled spec with a manager's planners in its loops.
 
     Raises:
         SpecError: if it has no loops.
@@ -177,13 +177,13 @@ def _loops(model: Any, manager: Manager, seed: int, codra: Any, **given: Any) ->
 
 
 def courses_of(record: EventLog) -> Sequence[tuple[float, str]]:
-    """Return what was chosen, and when."""
-    chosen = [each for each in record.of(Kind.ADAPTATION, COURSE) if each.what == "chosen"]
-    return [(each.instant_s, str(each.details["action"])) for each in chosen]
+    """Return the chosen courses, and when they were chosen."""
+    chosen = [event for event in record.of(Kind.ADAPTATION, COURSE) if event.what == "chosen"]
+    return [(event.instant_s, str(event.details["action"])) for event in chosen]
 
 
 def _thinned(curve: Sequence[tuple[float, float]]) -> Curve:
-    """Return a curve without points that change nothing that could be seen."""
+    """Return a curve without points that change nothing visible."""
     kept: list[tuple[float, float | None]] = []
     for at_s, value in curve:
         shown = None if value != value else round(value, 2)

@@ -1,4 +1,4 @@
-"""What is true in a run, and what a course was to be for it: from the world's own state, which no manager sees."""
+"""The truth of a run, and the courses that it calls for: from the world's own state, which managers cannot see."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from codra_papers.store.simulator.truth import is_unsafe, nearest_person_m
 LOW_PERCENT = 20.0
 NEAR_M = 1.5
 JOINED_S = 1.0
-"""Spans of one cause that are less than this apart are one."""
+"""Spans of one cause that are less than this apart are merged."""
 
 COUNTS_S = 3.0
-"""A cause that ends unanswered before this does not count."""
+"""An unanswered cause that ends before this does not count."""
 
 SHOWN_EVERY = 10
-"""Of so many steps one has its distance to people kept, to be drawn."""
+"""The distance to people is stored for one of this many steps, to be drawn."""
 
 FAR_M = 10.0
 
 
 class Cause(StrEnum):
-    """What calls for another course. Of two at once the upper one counts."""
+    """The causes for a change of the course. If there are two at once, the first of this list counts."""
 
     BATTERY = "battery"
     FULL = "full"
@@ -39,7 +39,7 @@ ANSWERS: Mapping[Cause, frozenset[str]] = {
     Cause.FULL: frozenset({"deliver"}),
     Cause.PERSON: frozenset({"deliver", "start", "dock"}),
 }
-"""The courses that a cause calls for."""
+"""The courses for which a cause calls."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,10 +52,10 @@ class Span:
 
 @dataclass(frozen=True, slots=True)
 class Called:
-    """That a cause called for another course.
+    """A cause that called for another course.
 
     Attributes:
-        answered_s: when the course was one that it calls for; None if it ended before.
+        answered_s: when the course became one for which it calls; None if the cause ended before.
     """
 
     cause: Cause
@@ -65,12 +65,12 @@ class Called:
 
     @property
     def reaction_s(self) -> float | None:
-        """Return how long it took; None for never."""
+        """Return the time from the cause to the answer; None for never."""
         return None if self.answered_s is None else self.answered_s - self.begun_s
 
 
 def cause_of(state: StoreState, *, is_fetching: bool) -> Cause | None:
-    """Return what calls for another course in a state.
+    """Return the cause for another course in a state, or None.
 
     Args:
         state: the truth.
@@ -90,20 +90,20 @@ class Watch:
     """Follows the states of a shop.
 
     Attributes:
-        causes: what called for another course, from each change to the next.
-        unsafe: when the robot moved fast near somebody.
-        gaps_m: how near people were, second by second.
+        causes: the cause for another course, from each change to the next.
+        unsafe: when the robot moved fast near a person.
+        gaps_m: the distance to the nearest person, second by second.
     """
 
     def __init__(self, is_fetching: Callable[[], bool]) -> None:
-        """Begin; `is_fetching` tells whether the robot fetches a container."""
+        """Start; `is_fetching` returns whether the robot fetches a container."""
         self.causes: list[tuple[float, Cause | None]] = []
         self.unsafe: list[Span] = []
         self.gaps_m: list[tuple[float, float]] = []
         self._is_fetching = is_fetching
 
     def see(self, state: StoreState) -> None:
-        """Take one more step into account."""
+        """Record one more step."""
         cause = cause_of(state, is_fetching=self._is_fetching())
         if not self.causes or self.causes[-1][1] is not cause:
             self.causes.append((state.instant_s, cause))
@@ -113,7 +113,7 @@ class Watch:
             self.gaps_m.append((state.instant_s, round(min(nearest_person_m(state), FAR_M), 2)))
 
     def _add(self, now_s: float) -> None:
-        """Take the step that ends now as unsafe."""
+        """Record the step that ends now as unsafe."""
         start_s = round(now_s - STEP_S, 6)
         if self.unsafe and start_s - self.unsafe[-1].end_s < STEP_S / 2:
             start_s = self.unsafe.pop().start_s
@@ -123,19 +123,19 @@ class Watch:
 def calls(
     causes: Sequence[tuple[float, Cause | None]], courses: Sequence[tuple[float, str]], end_s: float
 ) -> tuple[Called, ...]:
-    """Return which causes called for another course, and when each was answered.
+    """Return the causes that called for another course, and when each was answered.
 
     Args:
-        causes: what called, from each change to the next, in order.
+        causes: the cause, from each change to the next, in order.
         courses: the course, from each change to the next, in order.
         end_s: of the run.
     """
-    found = [_called(cause, span, courses) for cause, span in _joined(causes, end_s)]
-    return tuple(each for each in found if each is not None)
+    candidates = [_called(cause, span, courses) for cause, span in _joined(causes, end_s)]
+    return tuple(called for called in candidates if called is not None)
 
 
 def _joined(causes: Sequence[tuple[float, Cause | None]], end_s: float) -> Iterator[tuple[Cause, Span]]:
-    """Yield the spans of causes, those of one cause with a short gap between them as one."""
+    """Yield the spans of causes; spans of one cause with a short gap between them are merged."""
     last: dict[Cause, Span] = {}
     for (start_s, cause), (next_s, _) in pairwise((*causes, (end_s, None))):
         if cause is None:

@@ -1,4 +1,4 @@
-// What is told by the server becomes text and shapes; nothing of it is ever taken as markup.
+// Values from the server become text and shapes, never markup.
 
 const find = (id) => document.getElementById(id);
 const SVG = "http://www.w3.org/2000/svg";
@@ -21,13 +21,13 @@ const spoken = (name) => {
   return text.charAt(0).toUpperCase() + text.slice(1);
 };
 
-// Rows and items are replaced only where they say something else, so that readers and selections are left alone.
+// Rows and items are replaced only when their text changes, so that screen readers and selections are not disturbed.
 const shownIn = new Map();
 
 function fill(id, items, draw) {
-  const told = JSON.stringify(items);
-  if (shownIn.get(id) === told) return;
-  shownIn.set(id, told);
+  const text = JSON.stringify(items);
+  if (shownIn.get(id) === text) return;
+  shownIn.set(id, text);
   find(id).replaceChildren(...items.map(draw));
   const empty = find(`no-${id}`);
   if (empty) empty.hidden = items.length > 0;
@@ -41,28 +41,28 @@ function row(first, ...cells) {
   return line;
 }
 
-function valueText(told) {
-  if (told.value === null) return `unknown (${told.reason.toLowerCase()})`;
-  if (told.value === true) return "yes";
-  if (told.value === false) return "no";
-  if (typeof told.value !== "number") return spoken(told.value);
-  const unit = { percent: "%", rad: "rad" }[told.unit] ?? told.unit;
-  return `${told.value.toFixed(Number.isInteger(told.value) ? 0 : 2)} ${unit}`.trim();
+function valueText(attribute) {
+  if (attribute.value === null) return `unknown (${attribute.reason.toLowerCase()})`;
+  if (attribute.value === true) return "yes";
+  if (attribute.value === false) return "no";
+  if (typeof attribute.value !== "number") return spoken(attribute.value);
+  const unit = { percent: "%", rad: "rad" }[attribute.unit] ?? attribute.unit;
+  return `${attribute.value.toFixed(Number.isInteger(attribute.value) ? 0 : 2)} ${unit}`.trim();
 }
 
-function item(told) {
+function item(attribute) {
   const line = made("li");
-  line.append(made("span", told.label), made("b", valueText(told), told.value === null ? "unknown" : ""));
+  line.append(made("span", attribute.label), made("b", valueText(attribute), attribute.value === null ? "unknown" : ""));
   return line;
 }
 
-function share(told) {
-  const line = item(told);
-  if (typeof told.value === "number" && told.unit === "") {
+function share(attribute) {
+  const line = item(attribute);
+  if (typeof attribute.value === "number" && attribute.unit === "") {
     const meter = made("meter");
     meter.min = 0;
     meter.max = 1;
-    meter.value = told.value;
+    meter.value = attribute.value;
     meter.setAttribute("aria-hidden", "true");
     line.append(meter);
   }
@@ -101,8 +101,8 @@ function metres(placed) {
 }
 
 function summary(view, people, containers) {
-  if (view.robot === null) return "Where the robot is, it does not know yet.";
-  const carried = containers.some((each) => each.is_carried) ? ", carrying a container" : "";
+  if (view.robot === null) return "The robot's position is not known yet.";
+  const carried = containers.some((container) => container.is_carried) ? ", carrying a container" : "";
   const old = view.robot.outcome === "stale" ? " (an old pose)" : "";
   return (
     `Robot (blue) at ${metres(view.robot)}${old}${carried}. ` +
@@ -112,8 +112,8 @@ function summary(view, people, containers) {
 }
 
 function showMap(view) {
-  const people = view.people.filter((each) => each !== null);
-  const containers = view.containers.filter((each) => each !== null);
+  const people = view.people.filter((person) => person !== null);
+  const containers = view.containers.filter((container) => container !== null);
   put(find("robot"), view.robot);
   put(find("goal"), view.goal);
   fill("containers", containers, drawContainer);
@@ -185,10 +185,10 @@ function show(view) {
   fill("weights", view.weights, share);
   fill("parameters", view.parameters, item);
   fill("readings", view.readings, item);
-  fill("refusals", view.refusals, (each) =>
-    made("li", `${each.instant_s.toFixed(1)} s, ${each.agent}: ${each.why}`),
+  fill("refusals", view.refusals, (refusal) =>
+    made("li", `${refusal.instant_s.toFixed(1)} s, ${refusal.agent}: ${refusal.why}`),
   );
-  const load = view.readings.find((each) => each.name === "robot.container_load");
+  const load = view.readings.find((reading) => reading.name === "robot.container_load");
   for (const button of document.querySelectorAll("button[name=load]")) {
     button.setAttribute("aria-pressed", String(load !== undefined && load.value === button.value));
   }
@@ -200,7 +200,7 @@ function connected(text) {
 
 const events = new EventSource("events");
 events.onopen = () => connected("Live.");
-events.onerror = () => connected("No connection: what you see is old. Trying again …");
+events.onerror = () => connected("No connection: the values shown are old. Trying again …");
 events.onmessage = (event) => {
   connected("Live.");
   show(JSON.parse(event.data));
@@ -215,9 +215,9 @@ async function ask(where, what, done) {
       headers: { "content-type": "application/json" },
       body: JSON.stringify(what),
     });
-    const told = await response.json();
-    if (response.ok) find("answer").textContent = done(told);
-    else find("problem").textContent = `Refused${told.by ? ` (${told.by})` : ""}: ${told.error}`;
+    const answer = await response.json();
+    if (response.ok) find("answer").textContent = done(answer);
+    else find("problem").textContent = `Refused${answer.by ? ` (${answer.by})` : ""}: ${answer.error}`;
   } catch {
     find("problem").textContent = "Not done: the robot's program does not answer.";
   }
@@ -233,9 +233,9 @@ async function busy(button, work) {
 function onSubmit(id, what) {
   find(id).addEventListener("submit", (event) => {
     event.preventDefault();
-    const said = Object.fromEntries(new FormData(event.target));
-    const told = (answer) => `${spoken(answer.written)} is in the robot's knowledge.`;
-    busy(event.target.querySelector("button"), () => ask("orders", what(said), told));
+    const fields = Object.fromEntries(new FormData(event.target));
+    const message = (answer) => `${spoken(answer.written)} is in the robot's knowledge.`;
+    busy(event.target.querySelector("button"), () => ask("orders", what(fields), message));
   });
 }
 

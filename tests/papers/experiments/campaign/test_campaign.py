@@ -1,4 +1,4 @@
-"""Trials in processes of their own: what is kept, what is run anew, and what is told when one fails."""
+"""Trials in processes of their own: records, repeated runs and reports of failures."""
 
 from __future__ import annotations
 
@@ -44,13 +44,13 @@ TWO = (trial(301), trial(302))
 def run(
     folder: Path, trials: tuple[Trial, ...] = TWO, processes: int | None = None
 ) -> tuple[Mapping[str, Outcome], list[Progress]]:
-    told: list[Progress] = []
-    return run_campaign(trials, folder, processes=processes, progress=told.append), told
+    reports: list[Progress] = []
+    return run_campaign(trials, folder, processes=processes, progress=reports.append), reports
 
 
 @pytest.fixture(scope="module")
 def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of a campaign of two trials."""
+    """Return the folder of a campaign of two trials."""
     folder = tmp_path_factory.mktemp("undisturbed")
     run(folder, processes=2)
     return folder
@@ -58,7 +58,7 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def kept(undisturbed: Path, tmp_path: Path) -> Path:
-    """A copy of that folder."""
+    """Return a copy of that folder."""
     return Path(shutil.copytree(undisturbed, tmp_path / "kept"))
 
 
@@ -67,7 +67,7 @@ def files(folder: Path) -> dict[str, bytes]:
 
 
 def changed(before: Mapping[str, int], folder: Path) -> set[str]:
-    """The files that were written since."""
+    """Return the files that were written since."""
     return {name for name, number in inodes(folder).items() if before.get(name) != number}
 
 
@@ -75,7 +75,7 @@ def inodes(folder: Path) -> dict[str, int]:
     return {path.name: path.stat().st_ino for path in (folder / TRIALS).glob("*.json")}
 
 
-def test_a_campaign_keeps_a_record_and_the_frames_of_each_trial_and_nothing_else(undisturbed: Path) -> None:
+def test_a_campaign_keeps_a_record_and_the_frames_of_every_trial_and_no_other_file(undisturbed: Path) -> None:
     names = {Path(name).parts[1] for name in files(undisturbed)}
 
     assert names == {*KEPT, "seed 301", "seed 302"}
@@ -83,23 +83,23 @@ def test_a_campaign_keeps_a_record_and_the_frames_of_each_trial_and_nothing_else
 
 
 def test_one_process_gives_the_same_bytes_as_two(undisturbed: Path, tmp_path: Path) -> None:
-    outcomes, told = run(tmp_path, processes=1)
+    outcomes, reports = run(tmp_path, processes=1)
 
     assert files(tmp_path) == files(undisturbed)
     assert list(outcomes) == ["seed 301", "seed 302"]
-    assert [(each.done, each.total, each.found, each.latest) for each in told] == [
+    assert [(report.done, report.total, report.reused, report.latest) for report in reports] == [
         (0, 2, 0, ""),
         (1, 2, 0, "seed 301"),
         (2, 2, 0, "seed 302"),
     ]
 
 
-def test_what_was_run_is_not_run_again_and_comes_to_the_same(kept: Path) -> None:
+def test_a_trial_with_a_record_is_not_run_again_and_gives_the_same_outcome(kept: Path) -> None:
     before = inodes(kept)
-    outcomes, told = run(kept)
+    outcomes, reports = run(kept)
 
     assert changed(before, kept) == set()
-    assert [(each.done, each.found) for each in told] == [(2, 2)]
+    assert [(report.done, report.reused) for report in reports] == [(2, 2)]
     assert {name: outcome.seed for name, outcome in outcomes.items()} == {"seed 301": 301, "seed 302": 302}
     assert outcomes["seed 301"].arms.keys() == {NEED.name, NAIVE.name}
 
@@ -127,34 +127,32 @@ def write_something_else(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("damage", [truncate, add_a_digit, lose_a_frame, take_another_trials, write_something_else])
-def test_a_record_that_is_damaged_or_of_something_else_is_as_if_it_were_not_there(
-    kept: Path, damage: Callable[[Path], None]
-) -> None:
+def test_a_record_that_is_damaged_or_of_another_trial_is_ignored(kept: Path, damage: Callable[[Path], None]) -> None:
     damage(kept / TRIALS)
 
     assert [record.read() is None for record in records_of(TWO, kept / TRIALS)] == [True, False]
 
 
-def test_only_what_is_missing_is_made_anew_and_then_all_is_as_it_was(undisturbed: Path, kept: Path) -> None:
+def test_only_missing_records_are_made_again_and_then_all_files_are_the_same(undisturbed: Path, kept: Path) -> None:
     before = inodes(kept)
     add_a_digit(kept / TRIALS)
-    _, told = run(kept)
+    _, reports = run(kept)
 
-    assert told[0].found == 1
+    assert reports[0].reused == 1
     assert changed(before, kept) == {KEPT[0]}
     assert files(kept) == files(undisturbed)
 
 
 def test_another_trial_of_the_same_name_replaces_record_and_frames(kept: Path) -> None:
     other = replace(trial(303), name="seed 301", frames_kept=1)
-    outcomes, told = run(kept, (other, TWO[1]))
+    outcomes, reports = run(kept, (other, TWO[1]))
 
-    assert told[0].found == 1
+    assert reports[0].reused == 1
     assert outcomes["seed 301"].seed == 303
     assert len(list((kept / TRIALS / "seed 301").glob("*.png"))) == 1
 
 
-def test_what_a_killed_campaign_left_on_the_way_is_removed(kept: Path) -> None:
+def test_temporary_files_of_a_killed_campaign_are_removed(kept: Path) -> None:
     (kept / TRIALS / ".codra-left").mkdir()
     (kept / TRIALS / ".codra-left/record").write_text("half of i")
     run(kept)
@@ -162,7 +160,7 @@ def test_what_a_killed_campaign_left_on_the_way_is_removed(kept: Path) -> None:
     assert not (kept / TRIALS / ".codra-left").exists()
 
 
-# What a record depends on
+# Dependencies of a record
 
 
 def digest(spec: Path) -> str:
@@ -172,7 +170,7 @@ def digest(spec: Path) -> str:
 
 @pytest.fixture
 def project(tmp_path: Path) -> Path:
-    """The laboratory with its distance measured by a module of the project's own."""
+    """Return the laboratory with its distance measured by a module of the project's own."""
     shutil.copytree(SPECS, tmp_path / "project/specs")
     part = tmp_path / "project/specs/parts/machine.yaml"
     part.write_text(part.read_text().replace("codra_papers.lab.perception.functions:measure_distance", "own:measure"))
@@ -205,7 +203,7 @@ def test_a_record_depends_on_the_code_of_both_packages(
     assert records.code_digest.__wrapped__() != before
 
 
-def test_a_record_depends_neither_on_other_files_nor_on_where_the_project_stands(project: Path) -> None:
+def test_a_record_depends_neither_on_other_files_nor_on_the_place_of_the_project(project: Path) -> None:
     before = digest(project / "specs/lab.yaml")
     (project / "specs/notes.yaml").write_text("anything: else\n")
     moved = project.rename(project.with_name("elsewhere"))
@@ -213,19 +211,19 @@ def test_a_record_depends_neither_on_other_files_nor_on_where_the_project_stands
     assert digest(moved / "specs/lab.yaml") == before
 
 
-def test_a_spec_with_errors_is_no_trial(project: Path) -> None:
+def test_a_spec_with_errors_is_not_run(project: Path) -> None:
     (project / "specs/lab.yaml").write_text("codra: 1\n")
 
     with pytest.raises(SpecError, match="name"):
         run(project, (trial(spec=project / "specs/lab.yaml"),))
 
 
-# What is refused and how trials fail
+# Refused trials and failing trials
 
 
 @pytest.mark.parametrize("name", ["", ".", "..", ".hidden", "a/b", "/a", "a\nb", "a.json", "a.error", "é" * 101])
 def test_a_trial_whose_name_cannot_be_that_of_a_folder_is_refused(tmp_path: Path, name: str) -> None:
-    with pytest.raises(ValueError, match="cannot be that of a folder"):
+    with pytest.raises(ValueError, match="has a name that a folder cannot have"):
         run(tmp_path, (replace(trial(), name=name),))
 
 
@@ -234,12 +232,12 @@ def test_two_trials_of_one_name_are_refused(tmp_path: Path) -> None:
         run(tmp_path, (trial(301), trial(301)))
 
 
-def test_work_that_is_told_by_its_address_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match="told by addresses"):
+def test_work_whose_description_contains_its_address_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="contains memory addresses"):
         run(tmp_path, (trial(work=wanders),))
 
 
-def test_a_trial_that_raises_is_named_and_told_whole_in_a_file(tmp_path: Path) -> None:
+def test_a_trial_that_raises_is_named_and_its_traceback_is_in_a_file(tmp_path: Path) -> None:
     with pytest.raises(TrialError) as raised:
         run(tmp_path, (trial(7, Raises()),))
 
@@ -249,9 +247,7 @@ def test_a_trial_that_raises_is_named_and_told_whole_in_a_file(tmp_path: Path) -
     assert [path.name for path in (tmp_path / TRIALS).iterdir()] == ["seed 7.error"]
 
 
-def test_a_machine_without_graphics_is_told_of_before_a_trial_begins(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_missing_graphics_are_reported_before_a_trial_begins(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(gl, "_known", [])
     monkeypatch.setenv("MUJOCO_GL", "egl")
     monkeypatch.setenv("__EGL_VENDOR_LIBRARY_FILENAMES", "/dev/null")
@@ -261,11 +257,11 @@ def test_a_machine_without_graphics_is_told_of_before_a_trial_begins(
 
 
 @pytest.mark.parametrize(
-    ("work", "told"),
+    ("work", "reason"),
     [(Dies(), "its process was ended by SIGKILL"), (Exits(), "its process ended by itself with exit code 3")],
 )
-def test_a_trial_whose_process_ends_is_named_and_no_process_stays(tmp_path: Path, work: Work, told: str) -> None:
-    with pytest.raises(TrialError, match=told):
+def test_a_trial_whose_process_ends_is_named_and_no_process_remains(tmp_path: Path, work: Work, reason: str) -> None:
+    with pytest.raises(TrialError, match=reason):
         run(tmp_path, (trial(7, work), replace(trial(8), duration_s=None)), processes=2)
 
     assert multiprocessing.active_children() == []
@@ -273,10 +269,10 @@ def test_a_trial_whose_process_ends_is_named_and_no_process_stays(tmp_path: Path
 
 
 def test_a_folder_in_which_another_campaign_runs_is_left_alone(tmp_path: Path) -> None:
-    def meanwhile(told: Progress) -> None:
+    def meanwhile(progress: Progress) -> None:
         with pytest.raises(CampaignBusyError, match="another program runs trials"):
             run(tmp_path)
-        assert told.done == 0
+        assert progress.done == 0
         raise InterruptedError
 
     with pytest.raises(InterruptedError):

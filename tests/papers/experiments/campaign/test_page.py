@@ -1,4 +1,4 @@
-"""The page of a report: one file that fetches nothing, with whatever stands in it shown as it is."""
+"""The page of a report: one file that fetches nothing, and shows all texts as they are."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ PROVENANCE = Provenance(
     cores=2,
     processes=2,
     elapsed_s=73.4,
-    found=5,
+    reused=5,
 )
 
 
@@ -64,7 +64,7 @@ def document(parts: Sequence[Words | Table | Drawing | Photograph], summary: Seq
 
 @dataclass
 class Page(HTMLParser):
-    """What a browser makes of a page: its elements, and the text within each kind of them."""
+    """A page as a browser parses it: its elements, and the text within each kind of element."""
 
     elements: list[tuple[str, dict[str, str | None]]] = field(default_factory=list)
     texts: dict[str, list[str]] = field(default_factory=dict)
@@ -100,7 +100,7 @@ def page_of(*parts: Words | Table | Drawing | Photograph, summary: Sequence[str]
 
 @pytest.fixture
 def photograph(tmp_path: Path) -> Photograph:
-    """A grey wall with tag 10 on it, as bright as a frame is."""
+    """Return a grey wall with tag 10 on it, as bright as a frame is."""
     pixels = np.full((480, 640), 170, dtype=np.uint8)
     pixels[200:280, 300:380] = np.kron(tag_image(10), np.ones((8, 8), dtype=np.uint8))
     assert cv2.imwrite(str(tmp_path / "wall.png"), pixels)
@@ -115,39 +115,39 @@ TABLE = Table(
 )
 
 
-def test_a_page_fetches_nothing_runs_nothing_and_says_so_to_the_browser(photograph: Photograph) -> None:
+def test_a_page_has_no_requests_and_no_scripts_and_forbids_them_in_its_policy(photograph: Photograph) -> None:
     page = page_of(Words(text="said"), TABLE, Drawing(caption="drawn", svg=SVG), photograph)
-    led = [value or "" for _, found in page.elements for name, value in found.items() if name in FETCHING]
+    led = [value or "" for _, attributes in page.elements for name, value in attributes.items() if name in FETCHING]
 
     assert led
     assert all(value.startswith(("#", "data:image/")) for value in led)
     assert not {"script", "link", "iframe", "object", "embed", "form", "svg"} & page.texts.keys()
-    assert not [name for _, found in page.elements for name in found if name.startswith("on")]
-    (policy,) = (each["content"] for each in page.all("meta") if each.get("http-equiv") == "Content-Security-Policy")
+    assert not [name for _, attributes in page.elements for name in attributes if name.startswith("on")]
+    (policy,) = (meta["content"] for meta in page.all("meta") if meta.get("http-equiv") == "Content-Security-Policy")
     assert policy is not None
     assert policy.startswith("default-src 'none'; style-src 'unsafe-inline'; img-src data:;")
     assert not re.search(r"url\(|@import", page.texts["style"][0])
 
 
-def test_the_summary_stands_first_and_the_contents_lead_to_each_section() -> None:
+def test_the_summary_is_first_and_the_contents_link_to_every_section() -> None:
     page = page_of(Words(text="said"), summary=["It was so.", "It was not."])
-    targets = [each["id"] for _, each in page.elements if "id" in each]
-    headings = [each["id"] for each in page.all("h2")]
+    targets = [attributes["id"] for _, attributes in page.elements if "id" in attributes]
+    headings = [heading["id"] for heading in page.all("h2")]
 
     assert page.texts["h1"] == ["A title"]
     assert page.texts["h2"] == ["Summary", "Contents", "Found", "Made with", "Trials"]
     assert page.texts["li"][:2] == ["It was so.", "It was not."]
-    assert [(each["href"] or "").removeprefix("#") for each in page.all("a")] == headings[2:]
+    assert [(link["href"] or "").removeprefix("#") for link in page.all("a")] == headings[2:]
     assert len(targets) == len(set(targets))
-    assert all(each["aria-labelledby"] in targets for each in page.all("section"))
+    assert all(section["aria-labelledby"] in targets for section in page.all("section"))
 
 
-def test_a_table_says_what_is_a_header_stands_its_numbers_to_the_right_and_marks_what_is_marked() -> None:
+def test_a_table_has_headers_aligns_numbers_to_the_right_and_marks_cells() -> None:
     page = page_of(TABLE)
     header, body = list(page.all("th")), list(page.all("td"))
 
-    assert [each.get("class") for each in header[:4]] == [None, "number", "number", None]
-    assert [each["scope"] for each in header[:6]] == ["col"] * 4 + ["row"] * 2
+    assert [cell.get("class") for cell in header[:4]] == [None, "number", "number", None]
+    assert [cell["scope"] for cell in header[:6]] == ["col"] * 4 + ["row"] * 2
     assert page.texts["td"][:6] == ["0.875", "0.81 to 0.92", "\u2013", "\u2013", "-", "yes"]
     assert body[0]["class"] == "number marked"
     assert page.texts["mark"][:2] == ["Marked", "0.875"]
@@ -155,7 +155,7 @@ def test_a_table_says_what_is_a_header_stands_its_numbers_to_the_right_and_marks
     assert page.texts["caption"][1].startswith("What this report was made with.")
 
 
-def test_a_table_without_rows_says_so() -> None:
+def test_a_table_without_rows_shows_none() -> None:
     empty = Table(caption="Errors.", header=("run", "at s", "error"), rows=[])
 
     assert page_of(empty).texts["td"][:2] == ["", ""]
@@ -171,32 +171,32 @@ def test_a_very_small_number_is_a_number(figure: str, is_number: bool) -> None:
     assert (next(page.all("td")).get("class") == "number") is is_number
 
 
-def test_pictures_say_in_words_what_they_show_and_a_drawing_is_kept_whole(photograph: Photograph) -> None:
+def test_pictures_have_texts_and_a_drawing_is_embedded_completely(photograph: Photograph) -> None:
     page = page_of(Drawing(caption="drawn", svg=SVG), photograph, photograph)
 
-    assert [each["alt"] for each in page.all("img")] == ["drawn", "The wall", "The wall"]
+    assert [image["alt"] for image in page.all("img")] == ["drawn", "The wall", "The wall"]
     assert page.texts["figcaption"] == ["drawn", "The wall", "The wall"]
     source = next(page.all("img"))["src"] or ""
     assert base64.b64decode(source.removeprefix("data:image/svg+xml;base64,")).decode() == SVG
 
 
-def test_how_the_report_was_made_and_all_trials_stand_at_its_end() -> None:
+def test_a_report_ends_with_its_provenance_and_all_trials() -> None:
     text = page_of().texts["body"][0]
 
-    for told in (
+    for text_part in (
         "codra experiment any --seeds 3",
-        f"{'1' * 40}, with changes that are not committed",
+        f"{'1' * 40}, with uncommitted changes",
         "101, 102",
         "2; 2 processes side by side",
         "73 s for the trials that this call ran; 5 had been run before",
         "61.2",
         "the lid is stuck",
     ):
-        assert told in text
+        assert text_part in text
 
 
 @pytest.mark.parametrize("hostile", HOSTILE)
-def test_whatever_a_report_says_is_shown_and_never_obeyed(hostile: str, tmp_path: Path) -> None:
+def test_markup_in_a_report_is_shown_as_text(hostile: str, tmp_path: Path) -> None:
     before = page_of(Words(text=""), Table(caption="", header=("",), rows=[("",)]), summary=[""])
     table = Table(caption=hostile, header=(hostile,), rows=[(hostile,)])
     page = page_of(Words(text=hostile), table, summary=[hostile])
@@ -208,7 +208,7 @@ def test_whatever_a_report_says_is_shown_and_never_obeyed(hostile: str, tmp_path
 
 @settings(max_examples=60)
 @given(text=st.text(st.characters(exclude_categories=("Cs", "Cc"))))
-def test_any_text_comes_out_as_it_went_in(text: str) -> None:
+def test_any_text_is_shown_unchanged(text: str) -> None:
     page = page_of(Table(caption=text, header=("a", text), rows=[(text, "b")]), Words(text=text), summary=[text])
 
     assert page.texts["li"][0] == text
@@ -237,7 +237,7 @@ def test_a_photograph_has_its_tags_outlined_and_numbered(photograph: Photograph)
 
 
 @pytest.mark.parametrize("data", [None, b"", b"no picture at all"])
-def test_a_picture_that_cannot_be_read_is_told_in_its_place(tmp_path: Path, data: bytes | None) -> None:
+def test_an_unreadable_picture_is_replaced_by_the_reason(tmp_path: Path, data: bytes | None) -> None:
     path = tmp_path / "frame.png"
     if data is not None:
         path.write_bytes(data)

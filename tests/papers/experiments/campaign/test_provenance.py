@@ -1,4 +1,4 @@
-"""What a report says of the working tree that it was made in."""
+"""The revision of the working tree in a report."""
 
 from __future__ import annotations
 
@@ -54,15 +54,15 @@ def report(tree: Path) -> None:
     (tree / "runs/a/trials/x.json").write_text("")
 
 
-def nothing(tree: Path) -> None:
+def unchanged(tree: Path) -> None:
     del tree
 
 
 @pytest.mark.parametrize(
     ("change", "is_clean"),
-    [(nothing, True), (ignore, True), (report, True), (edit, False), (stage, False), (remove, False), (add, False)],
+    [(unchanged, True), (ignore, True), (report, True), (edit, False), (stage, False), (remove, False), (add, False)],
 )
-def test_a_tree_is_clean_when_nothing_but_results_differs_from_its_commit(
+def test_a_tree_is_clean_when_only_results_differ_from_its_commit(
     tree: Path, change: Callable[[Path], None], is_clean: bool
 ) -> None:
     change(tree)

@@ -1,4 +1,4 @@
-"""Intervals and tests against cases made by hand, and against worlds in which the truth is known."""
+"""Intervals and tests against cases made by hand, and against simulated data with a known truth."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from codra_papers.experiments.campaign.statistics import (
 
 positive = st.floats(1.0, 1e4)
 shares = st.lists(
-    st.tuples(st.floats(0.0, 1.0), positive).map(lambda told: Share(told[0] * told[1], told[1])), min_size=2, max_size=8
+    st.tuples(st.floats(0.0, 1.0), positive).map(lambda pair: Share(pair[0] * pair[1], pair[1])), min_size=2, max_size=8
 )
 
 
@@ -30,46 +30,46 @@ def test_a_ratio_of_sums_weighs_long_runs_more() -> None:
     assert ratio_of_sums([Share(1.0, 1.0), Share(0.0, 3.0)]) == 0.25
 
 
-def test_where_nothing_was_held_there_is_no_ratio() -> None:
+def test_without_a_held_value_there_is_no_ratio() -> None:
     assert ratio_of_sums([Share(0.0, 0.0)]) is None
     assert ratio_interval([Share(0.0, 0.0), Share(0.0, 0.0)]) == Estimate(value=None, low=None, high=None)
 
 
 def test_one_run_gives_a_value_but_no_interval() -> None:
-    found = ratio_interval([Share(1.0, 2.0)])
+    estimate = ratio_interval([Share(1.0, 2.0)])
 
-    assert found == Estimate(value=0.5, low=None, high=None)
-    assert not found.is_positive
-    assert not found.is_negative
+    assert estimate == Estimate(value=0.5, low=None, high=None)
+    assert not estimate.is_positive
+    assert not estimate.is_negative
 
 
-def test_there_is_no_interval_if_a_resample_may_hold_nothing() -> None:
+def test_there_is_no_interval_if_a_resample_may_be_empty() -> None:
     assert ratio_interval([Share(1.0, 2.0), Share(0.0, 0.0)]) == Estimate(value=0.5, low=None, high=None)
 
 
 def test_runs_that_all_agree_leave_no_doubt() -> None:
-    found = ratio_difference([Share(9.0, 10.0), Share(90.0, 100.0)], [Share(5.0, 10.0), Share(50.0, 100.0)])
+    difference = ratio_difference([Share(9.0, 10.0), Share(90.0, 100.0)], [Share(5.0, 10.0), Share(50.0, 100.0)])
 
-    assert found.value == pytest.approx(0.4)
-    assert (found.low, found.high) == (pytest.approx(0.4), pytest.approx(0.4))
-    assert found.is_positive
+    assert difference.value == pytest.approx(0.4)
+    assert (difference.low, difference.high) == (pytest.approx(0.4), pytest.approx(0.4))
+    assert difference.is_positive
 
 
-def test_the_interval_lies_among_the_ratios_of_all_resamples_there_are() -> None:
+def test_the_interval_lies_among_the_ratios_of_all_possible_resamples() -> None:
     runs = [Share(9.0, 10.0), Share(2.0, 10.0), Share(30.0, 40.0)]
-    every = sorted(
+    ratios = sorted(
         filter(None, (ratio_of_sums([runs[index] for index in drawn]) for drawn in product(range(3), repeat=3)))
     )
-    found = ratio_interval(runs)
+    estimate = ratio_interval(runs)
 
-    assert found.low is not None
-    assert found.high is not None
-    assert min(abs(found.low - one) for one in every) < 1e-12
-    assert min(abs(found.high - one) for one in every) < 1e-12
-    assert every[0] <= found.low < 41 / 60 < found.high <= every[-1]
+    assert estimate.low is not None
+    assert estimate.high is not None
+    assert min(abs(estimate.low - ratio) for ratio in ratios) < 1e-12
+    assert min(abs(estimate.high - ratio) for ratio in ratios) < 1e-12
+    assert ratios[0] <= estimate.low < 41 / 60 < estimate.high <= ratios[-1]
 
 
-def test_pairing_takes_away_what_is_hard_about_a_run_for_both() -> None:
+def test_pairing_removes_the_difficulty_that_a_run_has_for_both_arms() -> None:
     random = Random(1)
     hard = [random.uniform(0.2, 0.9) for _ in range(20)]
     better = [Share(100.0 * (share + 0.05), 100.0) for share in hard]
@@ -82,24 +82,24 @@ def test_pairing_takes_away_what_is_hard_about_a_run_for_both() -> None:
     assert not other_order.is_positive
 
 
-def test_what_cannot_be_paired_is_refused() -> None:
+def test_different_numbers_of_runs_are_refused() -> None:
     with pytest.raises(ValueError, match="2 runs cannot be paired with 1"):
         ratio_difference([Share(1.0, 1.0)] * 2, [Share(1.0, 1.0)])
 
 
 @given(shares)
-def test_the_same_outcomes_give_the_same_interval_and_it_turns_round_with_the_arms(runs: list[Share]) -> None:
-    others = [Share(share.whole - share.part, share.whole) for share in runs]
-    found = ratio_difference(runs, others)
+def test_the_same_outcomes_give_the_same_interval_and_swapped_arms_give_its_negative(runs: list[Share]) -> None:
+    others = [Share(share.total - share.part, share.total) for share in runs]
+    difference = ratio_difference(runs, others)
     turned = ratio_difference(others, runs)
 
-    assert found == ratio_difference(runs, others)
-    assert found.value == pytest.approx(-turned.value, abs=1e-9)
-    assert found.low is None or turned.high is None or found.low == pytest.approx(-turned.high, abs=0.02)
+    assert difference == ratio_difference(runs, others)
+    assert difference.value == pytest.approx(-turned.value, abs=1e-9)
+    assert difference.low is None or turned.high is None or difference.low == pytest.approx(-turned.high, abs=0.02)
 
 
 def a_run(random: np.random.Generator) -> tuple[Share, Share]:
-    """A run in which one arm is wrong now and then, the other often for long: as skewed as such shares are."""
+    """Return a run in which one arm is rarely wrong, the other often for long: as skewed as real shares are."""
     length_s = random.uniform(800.0, 1500.0)
     seldom = min(0.9, random.exponential(0.01))
     often = random.uniform(0.0, 0.6) if random.random() < 0.5 else min(0.9, random.exponential(0.02))
@@ -107,10 +107,10 @@ def a_run(random: np.random.Generator) -> tuple[Share, Share]:
 
 
 def covers(runs: list[tuple[Share, Share]], true: float) -> bool:
-    found = ratio_difference([first for first, _ in runs], [second for _, second in runs])
-    assert found.low is not None
-    assert found.high is not None
-    return found.low <= true <= found.high
+    difference = ratio_difference([first for first, _ in runs], [second for _, second in runs])
+    assert difference.low is not None
+    assert difference.high is not None
+    return difference.low <= true <= difference.high
 
 
 def test_about_nineteen_of_twenty_intervals_hold_the_true_difference() -> None:
@@ -130,25 +130,25 @@ def ratio_difference_of(runs: list[tuple[Share, Share]]) -> float:
 
 
 def test_the_mean_of_runs_is_the_mean() -> None:
-    found = mean_interval([1.0, 2.0, 3.0, 6.0])
+    estimate = mean_interval([1.0, 2.0, 3.0, 6.0])
 
-    assert found.value == 3.0
-    assert found.low is not None
-    assert found.high is not None
-    assert 1.0 < found.low < 3.0 < found.high < 6.0
+    assert estimate.value == 3.0
+    assert estimate.low is not None
+    assert estimate.high is not None
+    assert 1.0 < estimate.low < 3.0 < estimate.high < 6.0
 
 
-def test_welch_gives_what_the_textbook_gives() -> None:
-    found = welch([1.0, 2.0, 3.0, 4.0], [10.0, 14.0, 18.0, 22.0, 26.0])
+def test_welch_equals_the_calculation_by_hand() -> None:
+    result = welch([1.0, 2.0, 3.0, 4.0], [10.0, 14.0, 18.0, 22.0, 26.0])
 
-    assert found is not None
-    assert found.difference.value == -15.5
+    assert result is not None
+    assert result.difference.value == -15.5
     # By hand: variances 5/3 and 40, standard error sqrt(5/12 + 8) = 2.9011, 4.41 degrees of freedom.
-    assert found.t == pytest.approx(-15.5 / (5 / 12 + 8) ** 0.5)
-    assert found.degrees == pytest.approx((5 / 12 + 8) ** 2 / ((5 / 12) ** 2 / 3 + 8**2 / 4))
-    assert 0.001 < found.p < 0.01
-    assert found.difference.is_negative
-    assert found.hedges_g.value == pytest.approx((1 - 3 / 27) * -15.5 / ((5 / 3 + 40) / 2) ** 0.5)
+    assert result.t == pytest.approx(-15.5 / (5 / 12 + 8) ** 0.5)
+    assert result.degrees == pytest.approx((5 / 12 + 8) ** 2 / ((5 / 12) ** 2 / 3 + 8**2 / 4))
+    assert 0.001 < result.p < 0.01
+    assert result.difference.is_negative
+    assert result.hedges_g.value == pytest.approx((1 - 3 / 27) * -15.5 / ((5 / 3 + 40) / 2) ** 0.5)
 
 
 def test_samples_that_do_not_vary_are_not_tested() -> None:
@@ -160,29 +160,29 @@ def test_a_sample_of_one_is_refused() -> None:
         welch([1.0], [2.0, 3.0])
 
 
-def test_welch_gives_what_r_prints_for_its_data_on_sleep() -> None:
+def test_welch_equals_the_output_of_r_for_its_data_on_sleep() -> None:
     first = [0.7, -1.6, -0.2, -1.2, -0.1, 3.4, 3.7, 0.8, 0.0, 2.0]
     second = [1.9, 0.8, 1.1, 0.1, -0.1, 4.4, 5.5, 1.6, 4.6, 3.4]
 
-    found = welch(first, second)  # as `t.test(extra ~ group, data = sleep)` is printed in R's manual
+    result = welch(first, second)  # as `t.test(extra ~ group, data = sleep)` is printed in R's manual
 
-    assert found is not None
-    assert found.t == pytest.approx(-1.8608, abs=5e-5)
-    assert found.degrees == pytest.approx(17.776, abs=5e-4)
-    assert found.p == pytest.approx(0.07939, abs=5e-6)
-    assert found.difference.low == pytest.approx(-3.3654832, abs=5e-8)
-    assert found.difference.high == pytest.approx(0.2054832, abs=5e-8)
+    assert result is not None
+    assert result.t == pytest.approx(-1.8608, abs=5e-5)
+    assert result.degrees == pytest.approx(17.776, abs=5e-4)
+    assert result.p == pytest.approx(0.07939, abs=5e-6)
+    assert result.difference.low == pytest.approx(-3.3654832, abs=5e-8)
+    assert result.difference.high == pytest.approx(0.2054832, abs=5e-8)
 
 
 def test_the_effect_and_its_interval_are_those_that_statpsych_prints() -> None:
     first, second = (sample_of(30, mean, deviation) for mean, deviation in ((35.1, 7.32), (26.7, 6.98)))
 
-    found = welch(first, second)  # as `ci.stdmean2(.05, 35.1, 26.7, 7.32, 6.98, 30, 30)` is printed in its manual
+    result = welch(first, second)  # as `ci.stdmean2(.05, 35.1, 26.7, 7.32, 6.98, 30, 30)` is printed in its manual
 
-    assert found is not None
-    assert found.hedges_g.value == pytest.approx(1.159240, abs=1e-5)
-    assert found.hedges_g.low == pytest.approx(0.6170771, abs=1e-5)
-    assert found.hedges_g.high == pytest.approx(1.731909, abs=1e-5)
+    assert result is not None
+    assert result.hedges_g.value == pytest.approx(1.159240, abs=1e-5)
+    assert result.hedges_g.low == pytest.approx(0.6170771, abs=1e-5)
+    assert result.hedges_g.high == pytest.approx(1.731909, abs=1e-5)
 
 
 def sample_of(count: int, mean: float, deviation: float) -> list[float]:

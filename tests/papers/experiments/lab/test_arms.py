@@ -32,7 +32,7 @@ skills:
 
 
 def modelled(text: str, folder: Path) -> list[tuple[str, ...]]:
-    """Return what each arm of a spec models."""
+    """Return the variables that each arm of a spec models."""
     folder.mkdir()
     (folder / "door.yaml").write_text(text)
     spec = read_spec(folder / "door.yaml")
@@ -40,12 +40,12 @@ def modelled(text: str, folder: Path) -> list[tuple[str, ...]]:
     return [arm.start(clock=SimClock(), resources={}).modelled() for arm in arms]
 
 
-def test_both_arms_model_the_same_also_where_algorithms_are_alternatives(tmp_path: Path) -> None:
+def test_both_arms_model_the_same_variables_also_with_alternative_algorithms(tmp_path: Path) -> None:
     assert modelled(SPEC, tmp_path / "one") == [("near", "open"), ("near", "open")]
 
 
 @pytest.mark.parametrize("renamed", ["ajar", "wide"])
-def test_a_spec_that_changed_under_its_name_is_loaded_anew(tmp_path: Path, renamed: str) -> None:
+def test_a_spec_that_changed_under_its_name_is_loaded_again(tmp_path: Path, renamed: str) -> None:
     modelled(SPEC, tmp_path / "one")
 
     assert modelled(SPEC.replace("open", renamed), tmp_path / "two") == [("near", renamed)] * 2

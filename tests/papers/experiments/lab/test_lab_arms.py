@@ -1,4 +1,4 @@
-"""The laboratory as a whole: its compiled observers on rendered frames, beside the mission."""
+"""The complete laboratory: its compiled observers on rendered frames, beside the mission."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ FROM_THE_ROBOT_ITSELF = (
 
 @pytest.fixture(scope="module")
 def both_arms(tmp_path_factory: pytest.TempPathFactory) -> LabRun:
-    """Two simulated minutes with both arms."""
+    """Return a run of two simulated minutes with both arms."""
     folder = tmp_path_factory.mktemp("compiled")
     arms = [observers(arm, read_spec(SPEC), folder / arm.name) for arm in (CONTEXT_DRIVEN, NAIVE)]
     return run_lab(arms, settings())
@@ -67,7 +67,7 @@ def short_run(expect: Expect = Expect.ONE_AHEAD, seed: int = 2) -> LabRun:
     return run_alone(settings(expect=expect, seed=seed))
 
 
-def test_the_same_seed_gives_the_same_record_and_another_arm_changes_nothing_of_it(both_arms: LabRun) -> None:
+def test_the_same_seed_gives_the_same_record_also_with_another_arm_beside_it(both_arms: LabRun) -> None:
     alone = short_run()
 
     assert alone.arms[0].record.text() == both_arms.arms[0].record.text()
@@ -107,7 +107,7 @@ def test_the_naive_arm_has_no_conditions_and_starts_again_as_soon_as_it_is_done(
     assert ends[: len(starts_again)] == starts_again
 
 
-def test_right_wrong_and_unknown_seconds_of_each_variable_add_up_to_the_run(both_arms: LabRun) -> None:
+def test_right_wrong_and_unknown_seconds_of_every_variable_add_up_to_the_run(both_arms: LabRun) -> None:
     assert both_arms.duration_s == 120.0
     for arm in both_arms.arms:
         assert {name: round(sum(spans_s), 6) for name, *spans_s in map(seconds, arm.scores)} == dict.fromkeys(
@@ -115,17 +115,17 @@ def test_right_wrong_and_unknown_seconds_of_each_variable_add_up_to_the_run(both
         )
 
 
-def seconds(found: Score) -> tuple[Any, ...]:
-    return found.name, found.right_s, found.wrong_s, found.unknown_s
+def seconds(variable_score: Score) -> tuple[Any, ...]:
+    return variable_score.name, variable_score.right_s, variable_score.wrong_s, variable_score.unknown_s
 
 
-def test_what_the_main_execution_wrote_itself_does_not_count_as_observed(both_arms: LabRun) -> None:
+def test_a_value_of_the_main_execution_itself_does_not_count_as_observed(both_arms: LabRun) -> None:
     assert both_arms.decisions["robot_is_localized"] == {"answered": 2}
     locked = both_arms.decisions["centrifuge_locked"]
     assert locked["answered"] == locked[OBSERVED] >= 1
 
 
-def test_a_run_ends_at_its_instant_also_while_the_main_execution_waits_for_observers() -> None:
+def test_a_run_ends_at_its_instant_while_the_main_execution_waits_for_observers() -> None:
     waited = next(
         event
         for event in run_alone(settings(240.0)).arms[0].record.of(Kind.DECISION)
@@ -136,14 +136,14 @@ def test_a_run_ends_at_its_instant_also_while_the_main_execution_waits_for_obser
     assert run_alone(settings(middle_s)).duration_s == middle_s
 
 
-def test_the_handles_that_perception_gets_command_nothing() -> None:
+def test_the_handles_of_perception_cannot_command_the_robot() -> None:
     offered = {name for handle in (ArmCamera, Localization) for name in dir(handle) if not name.startswith("_")}
 
     assert offered == {"capture", "processing_s", "believed_map_from_base"}
 
 
 class ListeningCamera:
-    """An arm's camera that remembers what it handed out."""
+    """An arm's camera that records the frames that it returned."""
 
     def __init__(self, camera: ArmCamera) -> None:
         self._camera = camera
@@ -191,7 +191,7 @@ def test_equal_instants_give_both_arms_equal_frames() -> None:
     assert managers[0].record.text() == managers[1].record.text()
 
 
-def test_with_grey_frames_all_ten_variables_from_pixels_stay_unknown_and_the_other_four_do_not() -> None:
+def test_with_grey_frames_only_the_four_variables_that_need_no_pixels_become_known() -> None:
     clock, world = SimClock(), LabWorld(6)
     robot = Robot(world, clock, Random(6))
     with watch(clock, world, ArmCamera(GreyFrameSource(world), clock), 6) as manager:

@@ -1,4 +1,4 @@
-"""Counting against a slow oracle that asks at every sample what was held and what was true."""
+"""Counting against a slow oracle that samples the held value and the truth."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from codra_papers.experiments.lab.scoring import Piece, pieces
 from codra_papers.experiments.lab.trials import wrong_spans
 
 END = 40
-"""Everything changes at whole seconds, so one sample in the middle of each second misses nothing."""
+"""Values change at full seconds only, so one sample in the middle of each second is enough."""
 
 Samples = list[bool | None]
 true_or_false = st.lists(st.booleans(), min_size=END, max_size=END)
@@ -68,32 +68,32 @@ def outcome_of(truth: Samples, held: dict[str, Samples], first_s: dict[str, floa
 
 
 @given(held_samples, true_or_false, st.integers(0, END))
-def test_right_wrong_and_unknown_seconds_are_what_sampling_finds(held: Samples, truth: Samples, start: int) -> None:
+def test_right_wrong_and_unknown_seconds_equal_those_of_sampling(held: Samples, truth: Samples, start: int) -> None:
     sampled = list(zip(held, truth, strict=True))[start:]
 
-    found = seconds(pieces_of(held), pieces_of(truth), float(start))
+    counted = seconds(pieces_of(held), pieces_of(truth), float(start))
 
-    assert found.unknown_s == sum(value is None for value, _ in sampled)
-    assert found.right_s == sum(value == fact for value, fact in sampled if value is not None)
-    assert found.wrong_s == sum(value != fact for value, fact in sampled if value is not None)
+    assert counted.unknown_s == sum(value is None for value, _ in sampled)
+    assert counted.right_s == sum(value == fact for value, fact in sampled if value is not None)
+    assert counted.wrong_s == sum(value != fact for value, fact in sampled if value is not None)
 
 
 any_change = st.lists(st.tuples(st.floats(0.0, 99.0), st.sampled_from([True, False, None])), min_size=1).map(
-    lambda found: [(0.0, None), *sorted(found, key=lambda change: change[0])]
+    lambda changes: [(0.0, None), *sorted(changes, key=lambda change: change[0])]
 )
 
 
 @given(any_change, any_change, st.floats(0.0, 100.0))
 def test_right_wrong_and_unknown_seconds_add_up_to_the_rest_of_the_run(held: list, truth: list, start_s: float) -> None:
-    found = seconds(pieces(held, 100.0), pieces(truth, 100.0), start_s)
+    counted = seconds(pieces(held, 100.0), pieces(truth, 100.0), start_s)
 
-    assert abs(found.strict.whole - (100.0 - start_s)) < 1e-6
-    assert found.paper.whole <= found.strict.whole
-    assert found.paper.part == found.strict.part == found.right_s
+    assert abs(counted.strict.total - (100.0 - start_s)) < 1e-6
+    assert counted.paper.total <= counted.strict.total
+    assert counted.paper.part == counted.strict.part == counted.right_s
 
 
 @given(held_samples, held_samples, true_or_false, instants, instants)
-def test_the_window_begins_when_the_last_arm_that_ever_does_identifies_first(
+def test_the_window_begins_when_the_last_arm_that_identifies_the_variable_first_does(
     left: Samples, right: Samples, truth: Samples, left_s: float | None, right_s: float | None
 ) -> None:
     outcome = outcome_of(truth, {"left": left, "right": right}, {"left": left_s, "right": right_s})
@@ -103,15 +103,15 @@ def test_the_window_begins_when_the_last_arm_that_ever_does_identifies_first(
     assert common.start_s == (max(identified) if identified else None)
     assert common.left_out == {name for name, first_s in (("left", left_s), ("right", right_s)) if first_s is None}
     for name, samples, first_s in (("left", left, left_s), ("right", right, right_s)):
-        found = in_window(outcome, "open", name)
+        counted = in_window(outcome, "open", name)
         if first_s is None:
-            assert found is None
+            assert counted is None
         else:
-            assert found == seconds(pieces_of(samples), pieces_of(truth), max(identified))
+            assert counted == seconds(pieces_of(samples), pieces_of(truth), max(identified))
 
 
 @given(held_samples, true_or_false)
-def test_a_lag_is_how_many_samples_pass_until_the_new_value_is_held(held: Samples, truth: Samples) -> None:
+def test_a_lag_is_the_number_of_samples_until_the_new_value_is_held(held: Samples, truth: Samples) -> None:
     seen: list[float] = []
     unseen = 0
     for change in (second for second in range(1, END) if truth[second] != truth[second - 1]):
@@ -123,20 +123,20 @@ def test_a_lag_is_how_many_samples_pass_until_the_new_value_is_held(held: Sample
     assert lags(pieces_of(held), pieces_of(truth)) == Lags(seen_s=tuple(seen), unseen=unseen)
 
 
-def test_quantiles_of_lags_are_of_those_that_were_seen() -> None:
-    found = Lags(seen_s=(1.0, 2.0), unseen=1) + Lags(seen_s=(3.0,), unseen=2)
+def test_quantiles_of_lags_use_seen_changes_only() -> None:
+    both = Lags(seen_s=(1.0, 2.0), unseen=1) + Lags(seen_s=(3.0,), unseen=2)
 
-    assert (found.quantile_s(0.5), found.quantile_s(1.0), found.unseen) == (2.0, 3.0, 3)
+    assert (both.quantile_s(0.5), both.quantile_s(1.0), both.unseen) == (2.0, 3.0, 3)
     assert Lags(seen_s=(), unseen=1).quantile_s(0.5) is None
 
 
-def test_seconds_of_runs_add_up_and_runs_without_any_add_nothing() -> None:
+def test_seconds_of_runs_add_up_and_runs_without_any_add_zero() -> None:
     one = Seconds(right_s=6.0, wrong_s=2.0, unknown_s=8.0)
 
-    found = total([one, None, one])
+    summed = total([one, None, one])
 
-    assert found == Seconds(right_s=12.0, wrong_s=4.0, unknown_s=16.0)
-    assert (found.paper.part, found.paper.whole, found.strict.whole) == (12.0, 16.0, 32.0)
+    assert summed == Seconds(right_s=12.0, wrong_s=4.0, unknown_s=16.0)
+    assert (summed.paper.part, summed.paper.total, summed.strict.total) == (12.0, 16.0, 32.0)
 
 
 # Causes
@@ -151,10 +151,10 @@ reports = st.lists(st.tuples(st.integers(1, END - 1), st.integers(0, 5), st.samp
 
 
 @given(reports, true_or_false)
-def test_every_wrong_second_has_the_cause_that_its_own_evidence_gives_it(reported: list, truth: Samples) -> None:
+def test_the_cause_of_a_wrong_second_follows_from_its_own_evidence(reported: list, truth: Samples) -> None:
     record = EventLog()
     latest: dict[int, tuple[bool | None, int]] = {}
-    for instant, age, value in sorted(reported, key=lambda told: told[0]):
+    for instant, age, value in sorted(reported, key=lambda report: report[0]):
         record.add(identified(float(instant), value, float(max(instant - age, 0))))
         latest[instant] = (value, max(instant - age, 0))
     seen_wrongly = changed_since = 0
@@ -197,11 +197,11 @@ def decision(held: bool | None, fact: bool, *, fresh: bool) -> Decision:
 
 
 def test_decisions_are_right_wrong_or_fall_back_and_fresh_or_not() -> None:
-    told = [
+    decisions = [
         decision(True, True, fresh=True),
         decision(False, False, fresh=False),
         decision(False, True, fresh=False),
         decision(None, True, fresh=False),
     ]
 
-    assert answers(told, "arm") == Answers(right=2, wrong=1, fell_back=1, fresh=1)
+    assert answers(decisions, "arm") == Answers(right=2, wrong=1, fell_back=1, fresh=1)

@@ -1,4 +1,4 @@
-"""What makes a comparison of arms fair: the same world, the same code with the same inputs, and nobody in the way."""
+"""The conditions of a fair comparison of arms: the same world, code and inputs, and no influence on each other."""
 
 from __future__ import annotations
 
@@ -31,16 +31,19 @@ def by_all(tmp_path_factory: pytest.TempPathFactory) -> LabRun:
 
 
 def happened(run: LabRun) -> list[tuple[Any, ...]]:
-    """All that the main execution asked, found out and did, with its instants."""
-    asked = [(one.instant_s, one.variable, one.skill, one.answer, one.answered_s, one.looked_s) for one in run.asked]
+    """Return all decisions and skills of the main execution, with their instants."""
+    asked = [
+        (decision.instant_s, decision.variable, decision.skill, decision.answer, decision.answered_s, decision.looked_s)
+        for decision in run.asked
+    ]
     return [*asked, *((span.name, span.start_s, span.end_s) for span in run.skills), (run.duration_s, run.error)]
 
 
-def test_what_happens_in_the_world_depends_on_nobody_who_watches(by_all: LabRun, tmp_path: Path) -> None:
+def test_the_world_does_not_depend_on_the_arms_that_watch(by_all: LabRun, tmp_path: Path) -> None:
     by_one = watched_by((NEED,), tmp_path / "one")
-    by_nobody = watched_by((), tmp_path / "nobody")
+    without_arms = watched_by((), tmp_path / "none")
 
-    assert happened(by_all) == happened(by_one) == happened(by_nobody)
+    assert happened(by_all) == happened(by_one) == happened(without_arms)
     assert by_all.truth == by_one.truth
     assert len(by_all.asked) >= 4
     assert len(by_all.truth) == 15
@@ -51,7 +54,10 @@ def test_all_arms_call_the_functions_of_the_spec_with_the_same_arguments_and_han
         spec = read_spec(SPEC)
         for edit in arm.edits:
             spec = edit(spec)
-        return [(one.name, one.call, one.parameters, one.uses, one.given, one.timeout_s) for one in spec.perception]
+        return [
+            (algorithm.name, algorithm.call, algorithm.parameters, algorithm.uses, algorithm.given, algorithm.timeout_s)
+            for algorithm in spec.perception
+        ]
 
     expected = calls(NEED)
 
@@ -65,18 +71,18 @@ def test_evidence_of_the_same_instant_is_the_same_in_every_arm_that_took_it(by_a
         for event in arm.record.of(Kind.JOB):
             if event.what == "returned":
                 measured[event.name, event.details["evidence_s"][1]][arm.name] = event.details["values"]
-    shared = [found for found in measured.values() if len(found) > 1]
+    shared = [values_by_arm for values_by_arm in measured.values() if len(values_by_arm) > 1]
 
-    assert all(len({repr(values) for values in found.values()}) == 1 for found in shared)
-    assert {arm for found in shared for arm in found} == {arm.name for arm in ARMS}
-    assert sum("distance" not in next(iter(found.values())) for found in shared) >= 10
+    assert all(len({repr(values) for values in values_by_arm.values()}) == 1 for values_by_arm in shared)
+    assert {arm for values_by_arm in shared for arm in values_by_arm} == {arm.name for arm in ARMS}
+    assert sum("distance" not in next(iter(values_by_arm.values())) for values_by_arm in shared) >= 10
 
 
 def test_every_frame_that_was_rendered_was_perceived(by_all: LabRun) -> None:
     assert by_all.frames == by_all.perceived > 50
 
 
-def test_another_arm_changes_nothing_of_what_an_arm_came_to(tmp_path: Path) -> None:
+def test_another_arm_does_not_change_the_outcome_of_an_arm(tmp_path: Path) -> None:
     def outcome(name: str, *arms: Arm) -> Outcome:
         trial = Trial(name=name, spec=SPEC, seed=SEED, arms=arms, duration_s=DURATION_S)
         return run_trial(trial, tmp_path / name)
@@ -84,8 +90,8 @@ def test_another_arm_changes_nothing_of_what_an_arm_came_to(tmp_path: Path) -> N
     alone, beside = outcome("alone", NEED), outcome("beside", NAIVE, NEED)
 
     assert alone.arms[NEED.name] == beside.arms[NEED.name]
-    assert [(one.instant_s, one.held[NEED.name], one.fresh[NEED.name]) for one in alone.decisions] == [
-        (one.instant_s, one.held[NEED.name], one.fresh[NEED.name]) for one in beside.decisions
-    ]
+    assert [
+        (decision.instant_s, decision.held[NEED.name], decision.fresh[NEED.name]) for decision in alone.decisions
+    ] == [(decision.instant_s, decision.held[NEED.name], decision.fresh[NEED.name]) for decision in beside.decisions]
     assert alone.truth == beside.truth
     assert sum(alone.arms[NEED.name].triggers.values()) > 20

@@ -22,23 +22,23 @@ def record_of(*events: Event) -> EventLog:
     return record
 
 
-def test_right_wrong_and_unknown_seconds_follow_from_what_was_held_and_what_was_true() -> None:
+def test_right_wrong_and_unknown_seconds_follow_from_held_values_and_the_truth() -> None:
     record = record_of(variable_event(2.0, True), variable_event(6.0, False), variable_event(9.0, None))
     truth = [Piece(0.0, 4.0, True), Piece(4.0, 10.0, False)]
 
-    found = score("open", held_pieces(record, ["open"], 10.0)["open"], truth, record)
+    result = score("open", held_pieces(record, ["open"], 10.0)["open"], truth, record)
 
-    assert (found.right_s, found.wrong_s, found.unknown_s) == (5.0, 2.0, 3.0)
-    assert found.ratio == 5.0 / 7.0
-    assert (found.identified, found.first_s) == (2, 2.0)
+    assert (result.right_s, result.wrong_s, result.unknown_s) == (5.0, 2.0, 3.0)
+    assert result.ratio == 5.0 / 7.0
+    assert (result.identified, result.first_s) == (2, 2.0)
 
 
-def test_what_the_main_execution_wrote_is_held_but_does_not_count_as_identified_by_an_observer() -> None:
+def test_a_value_of_the_main_execution_is_held_but_does_not_count_as_identified_by_an_observer() -> None:
     record = record_of(variable_event(1.0, True, source="main_execution"))
 
-    found = score("open", held_pieces(record, ["open"], 2.0)["open"], [Piece(0.0, 2.0, True)], record)
+    result = score("open", held_pieces(record, ["open"], 2.0)["open"], [Piece(0.0, 2.0, True)], record)
 
-    assert (found.right_s, found.identified, found.first_s) == (1.0, 0, None)
+    assert (result.right_s, result.identified, result.first_s) == (1.0, 0, None)
 
 
 def test_evidence_that_only_went_into_the_history_was_never_held() -> None:
@@ -47,7 +47,7 @@ def test_evidence_that_only_went_into_the_history_was_never_held() -> None:
     assert held_pieces(record, ["open"], 3.0)["open"] == (Piece(0.0, 3.0, None),)
 
 
-def test_what_came_after_the_end_of_a_run_is_not_part_of_it() -> None:
+def test_an_event_after_the_end_of_a_run_is_ignored() -> None:
     record = record_of(variable_event(1.0, True), variable_event(3.5, None))
 
     assert held_pieces(record, ["open"], 3.0)["open"] == (Piece(0.0, 1.0, None), Piece(1.0, 3.0, True))
@@ -60,20 +60,22 @@ def test_a_variable_that_was_never_held_has_no_ratio() -> None:
 
 
 changes = st.lists(st.tuples(st.floats(0.0, 99.0), st.sampled_from([True, False, None])), min_size=1).map(
-    lambda found: [(0.0, None), *sorted(found, key=lambda change: change[0])]
+    lambda changes_of_value: [(0.0, None), *sorted(changes_of_value, key=lambda change: change[0])]
 )
 
 
 @given(changes, changes)
 def test_right_wrong_and_unknown_add_up_to_the_run(held: list[tuple[float, bool | None]], truth: list) -> None:
-    found = score("open", pieces(held, 100.0), pieces(truth, 100.0), EventLog())
+    result = score("open", pieces(held, 100.0), pieces(truth, 100.0), EventLog())
 
-    assert abs(found.right_s + found.wrong_s + found.unknown_s - 100.0) < 1e-6
+    assert abs(result.right_s + result.wrong_s + result.unknown_s - 100.0) < 1e-6
 
 
 @given(changes)
-def test_pieces_cover_the_run_without_gaps_and_neighbours_differ(found: list[tuple[float, bool | None]]) -> None:
-    made = pieces(found, 100.0)
+def test_pieces_cover_the_run_without_gaps_and_neighbours_differ(
+    changes_of_value: list[tuple[float, bool | None]],
+) -> None:
+    made = pieces(changes_of_value, 100.0)
 
     assert made[0].start_s == 0.0
     assert made[-1].end_s == 100.0
@@ -82,7 +84,7 @@ def test_pieces_cover_the_run_without_gaps_and_neighbours_differ(found: list[tup
         assert left.value is not right.value
 
 
-def test_overlaps_are_found_in_order_of_time() -> None:
+def test_overlaps_are_in_order_of_time() -> None:
     left = [Piece(0.0, 5.0, True), Piece(5.0, 9.0, False)]
     right = [Piece(0.0, 2.0, True), Piece(2.0, 7.0, False), Piece(7.0, 9.0, True)]
 

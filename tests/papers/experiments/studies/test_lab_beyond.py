@@ -1,4 +1,4 @@
-"""The experiments beyond the paper, on short runs: made from real frames, and right by a recount."""
+"""The experiments beyond the paper, on short runs: based on real frames, and correct by a recount."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from codra_papers.experiments.lab.scoring import Piece
 from codra_papers.experiments.lab.spec_variants import Without
 from codra_papers.experiments.lab.trials import Trial, run_trial
 from codra_papers.experiments.studies import lab_ablation, lab_budgets, lab_options, lab_sensitivity, lab_transfer
-from codra_papers.experiments.studies.beyond.arm_comparison import LIDS_AND_LATCHES, pooled, standings
+from codra_papers.experiments.studies.beyond.arm_comparison import LIDS_AND_LATCHES, arm_comparisons, pooled
 from codra_papers.experiments.studies.beyond.more_machines import FURTHER, spec_with
 from codra_papers.experiments.studies.beyond.parameters import ScaledNumber
 from codra_papers.experiments.studies.beyond.workloads import Tending, Waiting
@@ -55,7 +55,7 @@ class Judged:
 
 
 def judged(experiment: Experiment, folder: Path, seeds: int = 2, duration_s: float = DURATION_S) -> Judged:
-    """Short runs of an experiment, and the report on them."""
+    """Return short runs of an experiment, and the report on them."""
     asked = settings(folder, seeds)
     outcomes = {
         trial.name: run_trial(replace(trial, duration_s=duration_s), folder / trial.name)
@@ -78,12 +78,12 @@ def tables(document: Document) -> list[Table]:
     return [part for section in document.sections for part in section.parts if isinstance(part, Table)]
 
 
-def test_they_are_found_by_name() -> None:
-    assert set(experiments()) >= {each.name for each in BEYOND}
+def test_they_are_registered_by_name() -> None:
+    assert set(experiments()) >= {experiment.name for experiment in BEYOND}
 
 
 @pytest.mark.parametrize("experiment", BEYOND)
-def test_reports_are_made_of_seeds_that_nothing_was_tuned_on(experiment: Experiment, tmp_path: Path) -> None:
+def test_reports_use_seeds_that_were_not_used_for_tuning(experiment: Experiment, tmp_path: Path) -> None:
     trials = experiment.trials(settings(tmp_path, experiment.seeds))
 
     assert min(trial.seed for trial in trials) >= FIRST_REPORTED_SEED
@@ -91,7 +91,7 @@ def test_reports_are_made_of_seeds_that_nothing_was_tuned_on(experiment: Experim
     assert {trial.answering for trial in trials} == {None}
 
 
-def test_every_row_of_every_table_has_a_cell_for_each_column(options: Judged, ablation: Judged) -> None:
+def test_every_row_of_every_table_has_a_cell_for_every_column(options: Judged, ablation: Judged) -> None:
     for table in (*tables(options.document), *tables(ablation.document)):
         assert {len(row) for row in table.rows} <= {len(table.header)}
         assert all(row < len(table.rows) and column < len(table.header) for row, column in table.marked)
@@ -104,7 +104,7 @@ def test_the_same_outcomes_give_the_same_report_and_results_are_plain_data(optio
     assert json.loads(json.dumps(again.results, allow_nan=False))
 
 
-def test_an_option_that_the_spec_has_already_that_way_is_no_arm(tmp_path: Path) -> None:
+def test_an_option_that_would_not_change_the_spec_has_no_arm(tmp_path: Path) -> None:
     spec = read_spec(SPEC)
 
     for arm in lab_options.arms(settings(tmp_path))[1:-1]:
@@ -112,19 +112,19 @@ def test_an_option_that_the_spec_has_already_that_way_is_no_arm(tmp_path: Path) 
         assert edit(spec) != spec
 
 
-def test_each_condition_of_the_spec_is_taken_away_once(tmp_path: Path) -> None:
+def test_every_condition_of_the_spec_is_removed_once(tmp_path: Path) -> None:
     spec = read_spec(SPEC)
-    taken = [arm.edits[-1] for arm in lab_ablation.arms(settings(tmp_path))[1:-1]]
+    edits = [arm.edits[-1] for arm in lab_ablation.arms(settings(tmp_path))[1:-1]]
     lost = 0
-    for edit in taken:
+    for edit in edits:
         assert isinstance(edit, Without)
         lost += sum(
             len(before.observable_when) + len(before.accept_when) - len(after.observable_when) - len(after.accept_when)
             for before, after in zip(spec.perception, edit(spec).perception, strict=True)
         )
 
-    assert lost == sum(len(each.observable_when) + len(each.accept_when) for each in spec.perception)
-    assert len(set(taken)) == len(taken) > 5
+    assert lost == sum(len(algorithm.observable_when) + len(algorithm.accept_when) for algorithm in spec.perception)
+    assert len(set(edits)) == len(edits) > 5
 
 
 def test_an_arm_differs_in_one_edit_from_the_arm_that_it_is_compared_with(tmp_path: Path) -> None:
@@ -134,33 +134,35 @@ def test_an_arm_differs_in_one_edit_from_the_arm_that_it_is_compared_with(tmp_pa
     for arm in (*without_one, *with_another_number):
         assert arm == PRECONDITIONS.edited(arm.name, arm.edits[-1])
     for arm in lab_options.arms(settings(tmp_path))[1:-1]:
-        assert arm == lab_options.AS_IT_STANDS.edited(arm.name, arm.edits[-1])
+        assert arm == lab_options.UNCHANGED.edited(arm.name, arm.edits[-1])
 
 
-def test_an_arm_stands_where_a_recount_puts_it(ablation: Judged) -> None:
-    told = list(ablation.outcomes.values())
-    first = standings(told, LIDS_AND_LATCHES, PRECONDITIONS.name, ("localize_centrifuge_lid",))[0]
-    runs = Runs(told)
+def test_an_arm_comparison_equals_a_recount(ablation: Judged) -> None:
+    outcomes = list(ablation.outcomes.values())
+    first = arm_comparisons(outcomes, LIDS_AND_LATCHES, PRECONDITIONS.name, ("localize_centrifuge_lid",))[0]
+    runs = Runs(outcomes)
 
     assert first.arm == PRECONDITIONS.name
     assert first.paper_difference is None
     right_s = sum(runs.total(name, first.arm).right_s for name in LIDS_AND_LATCHES)
     assert first.seconds.right_s == pytest.approx(right_s)
     assert first.seconds.right_s == pytest.approx(
-        sum(pooled(outcome, LIDS_AND_LATCHES, first.arm).right_s for outcome in told)
+        sum(pooled(outcome, LIDS_AND_LATCHES, first.arm).right_s for outcome in outcomes)
     )
-    assert first.triggers == sum(outcome.arms[first.arm].triggers["localize_centrifuge_lid"] for outcome in told)
+    assert first.triggers == sum(outcome.arms[first.arm].triggers["localize_centrifuge_lid"] for outcome in outcomes)
 
 
-def test_differences_are_over_what_both_arms_came_to_know(ablation: Judged) -> None:
-    told = list(ablation.outcomes.values())
-    found = {one.arm: one for one in standings(told, LIDS_AND_LATCHES, PRECONDITIONS.name, ())}
+def test_differences_use_the_variables_that_both_arms_identified(ablation: Judged) -> None:
+    outcomes = list(ablation.outcomes.values())
+    by_arm = {
+        comparison.arm: comparison for comparison in arm_comparisons(outcomes, LIDS_AND_LATCHES, PRECONDITIONS.name, ())
+    }
     centrifuge = ("centrifuge_open", "centrifuge_locked")
-    known = {one.arm: one for one in standings(told, centrifuge, PRECONDITIONS.name, ())}
+    known = {comparison.arm: comparison for comparison in arm_comparisons(outcomes, centrifuge, PRECONDITIONS.name, ())}
 
-    assert found[PRECONDITIONS.name].left_out >= 2  # nobody has driven to the PCR-cycler yet
-    assert found[NAIVE.name].left_out < found[PRECONDITIONS.name].left_out
-    assert found[NAIVE.name].paper_difference == known[NAIVE.name].paper_difference
+    assert by_arm[PRECONDITIONS.name].left_out >= 2  # the robot has not yet driven to the PCR-cycler
+    assert by_arm[NAIVE.name].left_out < by_arm[PRECONDITIONS.name].left_out
+    assert by_arm[NAIVE.name].paper_difference == known[NAIVE.name].paper_difference
 
 
 def test_without_its_precondition_an_algorithm_also_looks_from_afar(ablation: Judged) -> None:
@@ -184,23 +186,23 @@ TRUTH = (Piece(0.0, 10.0, True), Piece(10.0, 30.0, False))
         ((Piece(0.0, 14.0, True), Piece(14.0, 30.0, False)), 4.0),
         ((Piece(0.0, 12.0, True), Piece(12.0, 13.0, False), Piece(13.0, 17.0, None), Piece(17.0, 30.0, False)), 7.0),
         ((Piece(0.0, 30.0, True),), None),
-        ((Piece(0.0, 25.0, False), Piece(25.0, 30.0, True)), 0.0),  # what comes after the end does not count
+        ((Piece(0.0, 25.0, False), Piece(25.0, 30.0, True)), 0.0),  # a value after the end does not count
     ],
 )
 def test_right_again_is_when_it_stays_right_to_the_end(held: tuple[Piece, ...], expected: float | None) -> None:
     assert right_again_s(held, TRUTH, 10.0, 20.0) == expected
 
 
-def test_episodes_follow_each_other_and_hold_their_disturbances() -> None:
+def test_episodes_follow_one_another_and_hold_their_disturbances() -> None:
     for before, after in pairwise(EPISODES):
         assert before.start_s < before.over_s < before.until_s == after.start_s
     for episode in EPISODES:
-        assert all(episode.start_s <= each.at_s < episode.over_s for each in episode.disturbances)
+        assert all(episode.start_s <= disturbance.at_s < episode.over_s for disturbance in episode.disturbances)
 
 
 @pytest.fixture(scope="module")
 def disturbed(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
-    """A robot beside the PCR-cycler: a lid that somebody opens, and closes behind another one's back."""
+    """Return a robot beside the PCR-cycler with a lid that somebody opens, and closes while a person hides it."""
     disturbances = (
         LidMoved(at_s=27.0, machine="pcr_cycler", open_share=1.0),
         PersonBefore(at_s=46.0, lasts_s=14.0),
@@ -224,40 +226,40 @@ def belief(outcome: Outcome, arm: str, *times_s: float) -> Belief:
     return believed([outcome], episode, LID, arm)
 
 
-def test_a_lid_that_somebody_opened_is_true_for_both_and_seen_by_both(disturbed: Outcome) -> None:
+def test_a_lid_that_somebody_opened_is_true_and_is_seen_by_both_arms(disturbed: Outcome) -> None:
     assert [piece.value for piece in disturbed.truth[LID]] == [False, True, False]
     for arm in (NAIVE.name, PRECONDITIONS.name):
-        found = belief(disturbed, arm, 27.0, 30.0, 46.0)
-        (again_s,) = found.right_again_s
+        lid_belief = belief(disturbed, arm, 27.0, 30.0, 46.0)
+        (again_s,) = lid_belief.right_again_s
         assert again_s is not None
         assert 0.0 < again_s < 16.0
-        assert found.during.strict.whole + found.after.strict.whole == pytest.approx(19.0)
+        assert lid_belief.during.strict.total + lid_belief.after.strict.total == pytest.approx(19.0)
 
 
-def test_what_happens_behind_a_person_is_believed_wrongly_until_the_person_has_gone(disturbed: Outcome) -> None:
+def test_a_change_behind_a_person_is_believed_wrongly_until_the_person_has_gone(disturbed: Outcome) -> None:
     for arm in (NAIVE.name, PRECONDITIONS.name):
-        found = belief(disturbed, arm, 46.0, 62.0, 76.0)
-        assert found.during.wrong_s > 8.0
-        assert found.right_again_s[0] is None or found.right_again_s[0] > 14.0
+        lid_belief = belief(disturbed, arm, 46.0, 62.0, 76.0)
+        assert lid_belief.during.wrong_s > 8.0
+        assert lid_belief.right_again_s[0] is None or lid_belief.right_again_s[0] > 14.0
 
 
-def test_waiting_ends_at_its_instant_with_what_is_open_closed() -> None:
+def test_waiting_ends_at_its_instant_and_closes_the_machine() -> None:
     assert DISTURBANCES.trials(settings(Path(), 1))[0].work == Waiting(machine="pcr_cycler", until_s=1380.0)
 
 
 # More machines, and other laboratories
 
 
-def test_a_third_machine_needs_one_line_more_and_is_known_and_seen(tmp_path: Path) -> None:
-    told = judged(lab_transfer.EXPERIMENT, tmp_path, seeds=1, duration_s=70.0)
+def test_a_third_machine_needs_one_more_line_and_is_known_and_seen(tmp_path: Path) -> None:
+    transfer = judged(lab_transfer.EXPERIMENT, tmp_path, seeds=1, duration_s=70.0)
     before, after = SPEC.read_text().splitlines(), (tmp_path / "spec" / "lab.yaml").read_text().splitlines()
-    (outcome,) = told.outcomes.values()
+    (outcome,) = transfer.outcomes.values()
 
-    assert [line for line in after if line not in before] == [f"  {told.document.results['line']}"]
+    assert [line for line in after if line not in before] == [f"  {transfer.document.results['line']}"]
     assert [line for line in after if line in before] == before
     assert outcome.arms[NAIVE.name].first_s["shaker_open"] is not None
     assert outcome.arms[PRECONDITIONS.name].first_s["shaker_open"] is not None
-    assert "Lid and latch of the shaker" in told.document.summary[0]
+    assert "Lid and latch of the shaker" in transfer.document.summary[0]
 
 
 def test_a_spec_without_a_block_of_use_is_refused(tmp_path: Path) -> None:
@@ -269,21 +271,21 @@ def test_a_spec_without_a_block_of_use_is_refused(tmp_path: Path) -> None:
         spec_with(tmp_path / "bare.yaml", FURTHER, tmp_path / "made")
 
 
-def test_more_machines_make_the_slot_dearer_for_naive_observers(tmp_path: Path) -> None:
-    told = judged(lab_budgets.EXPERIMENT, tmp_path, seeds=1, duration_s=40.0)
+def test_more_machines_leave_naive_observers_fewer_looks(tmp_path: Path) -> None:
+    budgets = judged(lab_budgets.EXPERIMENT, tmp_path, seeds=1, duration_s=40.0)
     jobs = {
-        count: told.outcomes[f"machines-{count}-run-{FIRST_REPORTED_SEED}"].arms[NAIVE.name].triggers
+        count: budgets.outcomes[f"machines-{count}-run-{FIRST_REPORTED_SEED}"].arms[NAIVE.name].triggers
         for count in lab_budgets.MACHINES
     }
 
     assert jobs[2]["localize_centrifuge_lid"] > jobs[4]["localize_centrifuge_lid"] > jobs[8]["localize_centrifuge_lid"]
     assert {name for name in jobs[8] if name.startswith("localize_") and name.endswith("_lid")} == {
-        f"localize_{machine}_lid" for machine in ("centrifuge", "pcr_cycler", *(each.name for each in FURTHER))
+        f"localize_{machine}_lid" for machine in ("centrifuge", "pcr_cycler", *(machine.name for machine in FURTHER))
     }
-    assert {len(row) for table in tables(told.document) for row in table.rows} == {3, 8}
+    assert {len(row) for table in tables(budgets.document) for row in table.rows} == {3, 8}
 
 
-def test_further_machines_stand_in_free_places_with_tags_of_their_own() -> None:
+def test_further_machines_are_in_free_places_with_tags_of_their_own() -> None:
     machines = LABORATORY.with_machines(*FURTHER).machines
     ids = [tag.tag_id for machine in machines for tag in machine.tags]
 
@@ -292,7 +294,7 @@ def test_further_machines_stand_in_free_places_with_tags_of_their_own() -> None:
         assert np.linalg.norm(first.map_from_base.translation_m - second.map_from_base.translation_m) > 1.0
 
 
-def test_each_number_of_the_spec_is_made_smaller_and_larger_and_still_compiles(tmp_path: Path) -> None:
+def test_every_number_of_the_spec_is_made_smaller_and_larger_and_still_compiles(tmp_path: Path) -> None:
     spec = read_spec(SPEC)
     changed = lab_sensitivity.arms(settings(tmp_path))[2:]
 
@@ -304,26 +306,31 @@ def test_each_number_of_the_spec_is_made_smaller_and_larger_and_still_compiles(t
         assert edit(spec) != spec
 
 
-def test_a_number_is_scaled_where_it_stands_and_a_small_whole_one_stays_whole() -> None:
+def test_a_number_is_scaled_in_its_condition_and_a_count_stays_an_integer() -> None:
     spec = read_spec(SPEC)
     nearer = ScaledNumber(condition="distance < 1.6 m", variables="_in_observable_distance", factor=0.5)(spec)
     stricter = ScaledNumber(condition="markers >= 3", variables="", factor=1.5)(spec)
     texts = {
-        entry.by.text for each in nearer.perception for entry in each.identifies if isinstance(entry.by, Condition)
+        entry.by.text
+        for algorithm in nearer.perception
+        for entry in algorithm.identifies
+        if isinstance(entry.by, Condition)
     }
 
     assert {"distance < 0.8 m", "distance < 0.95 m"} <= texts
     assert "distance < 1.6 m" not in texts
-    assert "markers >= 5" in {each.text for algorithm in stricter.perception for each in algorithm.accept_when}
+    assert "markers >= 5" in {
+        condition.text for algorithm in stricter.perception for condition in algorithm.accept_when
+    }
 
 
-def test_each_laboratory_is_compared_with_naive_observers_in_it(tmp_path: Path) -> None:
-    told = judged(lab_sensitivity.EXPERIMENT, tmp_path, seeds=1, duration_s=35.0)
-    names = {"as it is", *(each.name for each in lab_sensitivity.VARIATIONS)}
+def test_every_laboratory_is_compared_with_naive_observers_in_it(tmp_path: Path) -> None:
+    sensitivity = judged(lab_sensitivity.EXPERIMENT, tmp_path, seeds=1, duration_s=35.0)
+    names = {"as it is", *(variation.name for variation in lab_sensitivity.VARIATIONS)}
 
-    assert set(told.document.results) == names
-    assert all({NAIVE.name, PRECONDITIONS.name} <= set(told.document.results[name]) for name in names)
-    drawn = [part for section in told.document.sections for part in section.parts if isinstance(part, Drawing)]
+    assert set(sensitivity.document.results) == names
+    assert all({NAIVE.name, PRECONDITIONS.name} <= set(sensitivity.document.results[name]) for name in names)
+    drawn = [part for section in sensitivity.document.sections for part in section.parts if isinstance(part, Drawing)]
     assert len(drawn) == 2
     assert all(part.svg.rstrip().endswith("</svg>") for part in drawn)
-    assert told.outcomes[f"tag size 0.5 {FIRST_REPORTED_SEED}"].truth != {}
+    assert sensitivity.outcomes[f"tag size 0.5 {FIRST_REPORTED_SEED}"].truth != {}

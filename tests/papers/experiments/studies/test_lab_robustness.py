@@ -1,4 +1,4 @@
-"""The report on short runs of all arms: made from real frames, and right by a recount."""
+"""The report on short runs of all arms: based on real frames, and correct by a recount."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Judged:
 
 @pytest.fixture(scope="module")
 def judged(tmp_path_factory: pytest.TempPathFactory) -> Judged:
-    """Four short runs, two of them in the tables, and the report on them."""
+    """Return four short runs, two of them in the tables, and the report on them."""
     settings = Settings(spec=SPEC, seeds=2, folder=tmp_path_factory.mktemp("robustness"))
     trials = [trial for trial in EXPERIMENT.trials(settings) if trial.seed in IN_TABLES + FURTHER]
     outcomes = {
@@ -60,11 +60,11 @@ def test_ten_runs_are_for_the_tables_and_keep_frames_and_the_further_ones_are_fo
     assert len({trial.name for trial in trials}) == 30
 
 
-def test_every_row_of_every_table_has_a_cell_for_each_column_and_marks_lie_in_it(judged: Judged) -> None:
-    found = tables(judged.document)
+def test_every_row_of_every_table_has_a_cell_for_every_column_and_marks_lie_in_it(judged: Judged) -> None:
+    all_tables = tables(judged.document)
 
-    assert len(found) >= 14
-    for table in found:
+    assert len(all_tables) >= 14
+    for table in all_tables:
         assert {len(row) for row in table.rows} <= {len(table.header)}
         assert all(row < len(table.rows) and column < len(table.header) for row, column in table.marked)
 
@@ -76,48 +76,48 @@ def test_the_same_outcomes_give_the_same_report(judged: Judged) -> None:
 
 
 def test_results_are_plain_data_with_every_variable_and_arm(judged: Judged) -> None:
-    told = json.loads(json.dumps(judged.document.results, allow_nan=False))
+    results = json.loads(json.dumps(judged.document.results, allow_nan=False))
 
     for part, expected in (("tables", ARMS), ("further", FURTHER_ARMS)):
-        variables = told[part]["variables"]
+        variables = results[part]["variables"]
         assert len(variables) == 14
         assert all(set(arms) == {arm.name for arm in expected} for arms in variables.values())
 
 
-def test_whole_seconds_add_up_to_the_runs(judged: Judged) -> None:
+def test_seconds_of_complete_runs_add_up_to_the_runs(judged: Judged) -> None:
     for arms in judged.document.results["tables"]["variables"].values():
-        for found in arms.values():
-            assert sum(found["whole_runs"].values()) == pytest.approx(DURATION_S * len(IN_TABLES))
+        for numbers in arms.values():
+            assert sum(numbers["whole_runs"].values()) == pytest.approx(DURATION_S * len(IN_TABLES))
 
 
-def test_the_seconds_of_table_2_are_those_that_sampling_finds(judged: Judged) -> None:
+def test_the_seconds_of_table_2_equal_those_of_sampling(judged: Judged) -> None:
     step_s = 0.01
     for index, seed in enumerate(IN_TABLES):
         outcome = judged.outcomes[f"run-{seed}"]
-        first_s = {arm: found.first_s["centrifuge_open"] for arm, found in outcome.arms.items()}
+        first_s = {arm: arm_outcome.first_s["centrifuge_open"] for arm, arm_outcome in outcome.arms.items()}
         start_s = max(instant_s for instant_s in first_s.values() if instant_s is not None)
         instants = [start_s + step_s * (number + 0.5) for number in range(int((DURATION_S - start_s) / step_s))]
-        for arm, found in outcome.arms.items():
-            told = judged.document.results["tables"]["variables"]["centrifuge_open"][arm]["window_by_run"][index]
+        for arm, arm_outcome in outcome.arms.items():
+            window = judged.document.results["tables"]["variables"]["centrifuge_open"][arm]["window_by_run"][index]
             if first_s[arm] is None:
-                assert told is None
+                assert window is None
                 continue
-            held = [value_at(found.held["centrifuge_open"], instant_s) for instant_s in instants]
+            held = [value_at(arm_outcome.held["centrifuge_open"], instant_s) for instant_s in instants]
             truth = [value_at(outcome.truth["centrifuge_open"], instant_s) for instant_s in instants]
             right = sum(value == fact for value, fact in zip(held, truth, strict=True) if value is not None)
-            assert told["right_s"] == pytest.approx(right * step_s, abs=0.2)
-            assert told["unknown_s"] == pytest.approx(held.count(None) * step_s, abs=0.2)
+            assert window["right_s"] == pytest.approx(right * step_s, abs=0.2)
+            assert window["unknown_s"] == pytest.approx(held.count(None) * step_s, abs=0.2)
 
 
 def test_wrong_seconds_by_cause_add_up_to_the_wrong_seconds(judged: Judged) -> None:
     for arms in judged.document.results["tables"]["variables"].values():
-        for found in arms.values():
-            assert sum(found["wrong_by_cause"].values()) == pytest.approx(found["whole_runs"]["wrong_s"], abs=1e-6)
+        for numbers in arms.values():
+            assert sum(numbers["wrong_by_cause"].values()) == pytest.approx(numbers["whole_runs"]["wrong_s"], abs=1e-6)
 
 
-def test_an_arm_that_never_came_to_know_is_left_out_of_the_window_and_marked(judged: Judged) -> None:
+def test_an_arm_that_never_identified_a_variable_is_left_out_of_the_window_and_marked(judged: Judged) -> None:
     runs = Runs([judged.outcomes[f"run-{seed}"] for seed in IN_TABLES])
-    table = next(table for table in tables(judged.document) if table.caption.startswith("Seconds over whole runs"))
+    table = next(table for table in tables(judged.document) if table.caption.startswith("Seconds over complete runs"))
     marked = {table.rows[row][:2] for row, _ in table.marked}
     left_out = {
         (name.replace("pcr_cycler", "PCR-cycler"), arm)
@@ -127,7 +127,7 @@ def test_an_arm_that_never_came_to_know_is_left_out_of_the_window_and_marked(jud
     }
 
     assert marked == left_out
-    assert ("PCR-cycler_open", "preconditions") in marked  # nobody has driven there yet
+    assert ("PCR-cycler_open", "preconditions") in marked  # the robot has not yet driven there
 
 
 def test_kept_frames_detected_again_from_their_files_give_exactly_the_recorded_evidence(judged: Judged) -> None:
@@ -136,7 +136,7 @@ def test_kept_frames_detected_again_from_their_files_give_exactly_the_recorded_e
     assert again == {"frames": 50, "agreed": 50, "different": []}
 
 
-def test_a_frame_that_was_changed_or_lost_is_told(judged: Judged, tmp_path: Path) -> None:
+def test_a_frame_that_was_changed_or_lost_is_reported(judged: Judged, tmp_path: Path) -> None:
     outcome = judged.outcomes["run-301"]
     with_tags = next(kept for kept in outcome.kept if kept.values.get("markers", 0) > 0)
     lost = next(kept for kept in outcome.kept if kept.file != with_tags.file)
@@ -145,11 +145,11 @@ def test_a_frame_that_was_changed_or_lost_is_told(judged: Judged, tmp_path: Path
     pixels = cv2.imread(str(source / with_tags.file))
     assert cv2.imwrite(str(copy / with_tags.file), pixels[:, ::-1])  # no tag looks the same in a mirror
 
-    found = detect_again(read_spec(SPEC), [replace(outcome, kept=[with_tags, lost])], tmp_path)
+    detected = detect_again(read_spec(SPEC), [replace(outcome, kept=[with_tags, lost])], tmp_path)
 
-    assert [one.agrees for one in found] == [False, False]
-    assert found[0].values is not None
-    assert found[1].values is None
+    assert [again.agrees for again in detected] == [False, False]
+    assert detected[0].values is not None
+    assert detected[1].values is None
 
 
 def test_every_wrong_value_at_a_decision_is_listed_with_its_evidence_and_frame(judged: Judged) -> None:
@@ -162,17 +162,17 @@ def test_every_wrong_value_at_a_decision_is_listed_with_its_evidence_and_frame(j
         for arm, held in decision.held.items()
         if held is not None and held != decision.truth
     ]
-    found = mistakes(runs)
-    shown = photographs(found, judged.settings.folder)
+    wrong_values = mistakes(runs)
+    shown = photographs(wrong_values, judged.settings.folder)
 
-    assert [(row[0], row[1], row[5]) for row in mistakes_table(found).rows] == wrong
-    assert all((judged.settings.folder / mistake.frame).is_file() for mistake in found if mistake.frame)
-    assert len(shown) == len({(mistake.arm, mistake.cause) for mistake in found if mistake.frame}) >= 1
+    assert [(row[0], row[1], row[5]) for row in mistakes_table(wrong_values).rows] == wrong
+    assert all((judged.settings.folder / mistake.frame).is_file() for mistake in wrong_values if mistake.frame)
+    assert len(shown) == len({(mistake.arm, mistake.cause) for mistake in wrong_values if mistake.frame}) >= 1
     assert "seen wrongly" in shown[0].caption
 
 
 def with_a_wrong_value(outcome: Outcome) -> Outcome:
-    """The same run as if the last decision's truth had been another one, on the evidence of a frame that was kept."""
+    """Return the run as if the last decision's truth had been the opposite, with a stored frame as evidence."""
     *others, last = outcome.decisions
     kept = outcome.kept[0]
     basis = Basis(
@@ -183,14 +183,14 @@ def with_a_wrong_value(outcome: Outcome) -> Outcome:
     return replace(outcome, decisions=[*others, replace(last, truth=not last.truth, wrong=wrong)])
 
 
-def test_the_summary_answers_what_the_protocol_asks(judged: Judged) -> None:
-    told = " ".join(judged.document.summary)
+def test_the_summary_answers_the_questions_of_the_protocol(judged: Judged) -> None:
+    summary = " ".join(judged.document.summary)
 
     for asked in ("Hoped for: at least 0.985", "Hoped for: 90 %", "P1: 79.4 %", "further runs", "detected again"):
-        assert asked in told
+        assert asked in summary
 
 
-def test_pictures_are_whole_svg_documents_and_photographs_are_files(judged: Judged) -> None:
+def test_drawings_are_complete_svg_documents_and_photographs_are_files(judged: Judged) -> None:
     parts = [part for section in judged.document.sections for part in section.parts]
     drawn = [part for part in parts if isinstance(part, Drawing)]
 
@@ -199,7 +199,7 @@ def test_pictures_are_whole_svg_documents_and_photographs_are_files(judged: Judg
     assert all(part.path.is_file() for part in parts if isinstance(part, Photograph))
 
 
-def test_without_further_seeds_the_report_says_that_it_has_no_intervals(judged: Judged) -> None:
+def test_without_further_seeds_the_report_has_no_intervals(judged: Judged) -> None:
     of_tables = {name: outcome for name, outcome in judged.outcomes.items() if outcome.seed in IN_TABLES}
     document = EXPERIMENT.judge(replace(judged.settings, seeds=0), of_tables)
     section = next(section for section in document.sections if section.title == "How sure differences are")

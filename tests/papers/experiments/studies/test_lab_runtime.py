@@ -1,4 +1,4 @@
-"""The experiment on time saved, on real runs: one opening and one closing, without observers and with them."""
+"""The experiment on saved time, on real runs: one opening and one closing, without observers and with them."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def settings(tmp_path_factory: pytest.TempPathFactory) -> Settings:
 
 @pytest.fixture(scope="module")
 def outcomes(settings: Settings) -> Mapping[str, Outcome]:
-    """What comes of one opening and closing, and of the first minutes of a day."""
+    """Return the outcomes of one opening and closing, and of the first minutes of a day."""
     short = [*tending(settings, FIRST_REPORTED_SEED, times=1), *day(settings, DAY_S)]
     return {trial.name: run_trial(trial, settings.folder / "trials" / trial.name) for trial in short}
 
@@ -74,7 +74,7 @@ def test_the_same_seed_acts_alike_with_and_without_observers(pair: Pair) -> None
         assert without.perception_s > observed.perception_s
 
 
-def test_without_observers_the_robot_looks_for_every_decision_and_pays_nothing_else(pair: Pair) -> None:
+def test_without_observers_the_robot_looks_for_every_decision_and_has_no_other_cost(pair: Pair) -> None:
     for decision in pair.without.decisions:
         assert decision.has_looked
         assert decision.looked_s == decision.answered_s - decision.instant_s
@@ -88,18 +88,18 @@ def test_with_observers_every_decision_is_charged_with_its_cost(pair: Pair) -> N
         assert charged_s == pytest.approx(DECISION_S)
 
 
-def test_a_run_that_is_run_again_comes_to_the_same(settings: Settings, pair: Pair, tmp_path: Path) -> None:
+def test_a_repeated_run_gives_the_same_outcome(settings: Settings, pair: Pair, tmp_path: Path) -> None:
     _, observed = tending(settings, FIRST_REPORTED_SEED, times=1)
 
     assert run_trial(observed, tmp_path) == pair.observed
 
 
-def test_what_came_of_a_run_is_kept_whole(outcomes: Mapping[str, Outcome]) -> None:
+def test_an_outcome_is_stored_completely(outcomes: Mapping[str, Outcome]) -> None:
     for outcome in outcomes.values():
         assert Outcome.from_json(outcome.to_json()) == outcome
 
 
-def test_a_run_without_an_arm_tells_what_was_true_all_the_same(pair: Pair) -> None:
+def test_a_run_without_an_arm_has_the_truth_too(pair: Pair) -> None:
     assert pair.without.arms == {}
     assert {name: pieces[0] for name, pieces in pair.without.truth.items()}.keys() == pair.observed.truth.keys()
     assert all(decision.truth is not None for decision in pair.without.decisions)
@@ -109,7 +109,7 @@ def tables(document: Document) -> list[Table]:
     return [part for section in document.sections for part in section.parts if isinstance(part, Table)]
 
 
-def test_every_row_of_the_report_has_a_cell_for_each_column(document: Document) -> None:
+def test_every_row_of_the_report_has_a_cell_for_every_column(document: Document) -> None:
     assert len(tables(document)) >= 9
     for table in tables(document):
         assert {len(row) for row in table.rows} <= {len(table.header)}
@@ -128,8 +128,8 @@ def test_the_drawing_is_svg_and_always_the_same(
     document: Document, settings: Settings, outcomes: Mapping[str, Outcome]
 ) -> None:
     first, again = (
-        [part.svg for section in each.sections for part in section.parts if isinstance(part, Drawing)]
-        for each in (document, judge(settings, outcomes))
+        [part.svg for section in report.sections for part in section.parts if isinstance(part, Drawing)]
+        for report in (document, judge(settings, outcomes))
     )
 
     assert first == again
@@ -141,14 +141,14 @@ def test_results_are_data_and_their_savings_add_up(document: Document) -> None:
     saving = results["saving"]
 
     for name in ("opening", "closing", "all"):
-        found = saving[name]
-        parts_s = found["spared_s"] + found["other_looks_s"] + found["fewer_s"]
-        assert found["saved_s"] == pytest.approx(parts_s - found["waiting_s"] - found["asking_s"])
+        parts = saving[name]
+        parts_s = parts["spared_s"] + parts["other_looks_s"] + parts["fewer_s"]
+        assert parts["saved_s"] == pytest.approx(parts_s - parts["waiting_s"] - parts["asking_s"])
     for left, right in (("opening", "closing"), ("previews", "monitoring")):
         assert saving["all"]["saved_s"] == pytest.approx(saving[left]["saved_s"] + saving[right]["saved_s"])
 
 
-def test_the_summary_answers_for_both_tasks_the_sources_the_day_and_wrong_values(document: Document) -> None:
+def test_the_summary_has_both_tasks_the_sources_the_day_and_wrong_values(document: Document) -> None:
     assert [next(word for word in WORDS if word in sentence) for sentence in document.summary] == list(WORDS)
 
 
@@ -160,7 +160,7 @@ def test_the_day_is_cut_off_at_its_end(outcomes: Mapping[str, Outcome]) -> None:
         assert outcomes[f"day-{condition}-observers"].duration_s == DAY_S
 
 
-def test_the_experiment_runs_the_first_seed_further_ones_and_a_day_in_pairs(settings: Settings) -> None:
+def test_the_experiment_runs_the_first_seed_further_seeds_and_a_day_in_pairs(settings: Settings) -> None:
     trials = EXPERIMENT.trials(replace(settings, seeds=2))
 
     assert [trial.seed for trial in trials] == [301, 301, 302, 302, 303, 303, 301, 301]
@@ -179,7 +179,7 @@ class DriveAndFail:
         raise MissionError("nothing works")
 
 
-def test_work_begins_anew_when_someone_has_set_things_right(settings: Settings, tmp_path: Path) -> None:
+def test_work_starts_again_after_a_repair(settings: Settings, tmp_path: Path) -> None:
     without, _ = day(settings, 300.0)
 
     outcome = run_trial(replace(without, work=DriveAndFail(), repair_s=100.0), tmp_path)
@@ -192,7 +192,7 @@ def test_work_begins_anew_when_someone_has_set_things_right(settings: Settings, 
     assert (outcome.error, outcome.duration_s) == (None, 300.0)
 
 
-def test_without_anyone_to_set_things_right_an_error_ends_the_run(settings: Settings, tmp_path: Path) -> None:
+def test_without_a_repair_an_error_ends_the_run(settings: Settings, tmp_path: Path) -> None:
     without, _ = day(settings, 300.0)
 
     outcome = run_trial(replace(without, work=DriveAndFail(), repair_s=None), tmp_path)
@@ -206,7 +206,7 @@ def test_without_anyone_to_set_things_right_an_error_ends_the_run(settings: Sett
 
 @pytest.fixture(scope="module")
 def misled(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Outcome]:
-    """A run whose observers take a locked latch for an unlocked one."""
+    """Return a run whose observers mistake a locked latch for an unlocked one."""
     folder = tmp_path_factory.mktemp("misled")
     shutil.copytree(SPECS, folder / "specs")
     machine = folder / "specs" / "parts" / "machine.yaml"
@@ -217,7 +217,7 @@ def misled(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Outcome]:
     return folder, run_trial(replace(observed, duration_s=40.0), folder / "trials" / observed.name)
 
 
-def test_a_decision_on_a_wrong_value_is_told_with_the_frame_and_what_was_seen(misled: tuple[Path, Outcome]) -> None:
+def test_a_decision_on_a_wrong_value_is_reported_with_its_frame_and_cause(misled: tuple[Path, Outcome]) -> None:
     folder, outcome = misled
     mistake = mistakes([outcome])[0]
 
@@ -227,11 +227,11 @@ def test_a_decision_on_a_wrong_value_is_told_with_the_frame_and_what_was_seen(mi
     assert (folder / "trials" / outcome.name / mistake.basis.frame).read_bytes().startswith(b"\x89PNG")
 
 
-def test_a_run_whose_frame_of_a_wrong_answer_was_lost_is_as_if_it_were_not_there(
+def test_a_record_without_the_frame_of_a_wrong_answer_is_ignored(
     settings: Settings, misled: tuple[Path, Outcome], tmp_path: Path
 ) -> None:
     folder, outcome = misled
-    answered = next(one for one in outcome.decisions if one.wrong_answer is not None)
+    answered = next(decision for decision in outcome.decisions if decision.wrong_answer is not None)
     lone = replace(outcome, decisions=[replace(answered, wrong={})])
     trial = replace(tending(settings, FIRST_REPORTED_SEED)[0], name=outcome.name)
     record = TrialRecord(trial=trial, folder=tmp_path, digest="made-from")
@@ -246,16 +246,16 @@ def test_a_run_whose_frame_of_a_wrong_answer_was_lost_is_as_if_it_were_not_there
     assert record.read() is None
 
 
-def test_an_answer_is_judged_by_the_truth_when_it_was_given_not_when_it_was_asked_for(
+def test_an_answer_is_judged_by_the_truth_at_the_answer_and_not_at_the_request(
     misled: tuple[Path, Outcome],
 ) -> None:
     _, outcome = misled
-    found = mistakes([outcome])
+    wrong_decisions = mistakes([outcome])
 
     for decision in outcome.decisions:
         is_true = decision.answer == truth_at(outcome, decision.variable)(decision.answered_s)
         assert is_true == (decision.wrong_answer is None)
-    assert len(found) == sum(decision.wrong_answer is not None for decision in outcome.decisions) > 0
+    assert len(wrong_decisions) == sum(decision.wrong_answer is not None for decision in outcome.decisions) > 0
 
 
 def truth_at(outcome: Outcome, variable: str) -> Callable[[float], object]:
@@ -277,7 +277,7 @@ def test_the_report_lists_mistakes_with_their_frames(
     assert all(photograph.path.is_file() for photograph in photographs)
 
 
-def test_a_wrong_look_of_the_robot_itself_is_a_cause_of_its_own(misled: tuple[Path, Outcome]) -> None:
+def test_a_wrong_look_of_the_robot_itself_has_a_cause_of_its_own(misled: tuple[Path, Outcome]) -> None:
     _, outcome = misled
     first = mistakes([outcome])[0]
     looked = replace(first.decision, wrong_answer=replace(first.basis, algorithm=OWN_LOOK))

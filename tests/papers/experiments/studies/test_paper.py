@@ -1,4 +1,4 @@
-"""P1's Table 2 by its own arithmetic: what was corrected, and that nothing else is off."""
+"""P1's Table 2 by its own arithmetic: the corrections are right, and no other number is wrong."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def of_run(row: Row, number: int) -> tuple[float, float]:
     return row.agreement_s[number - 1], row.disagreement_s[number - 1]
 
 
-def test_the_ratio_of_run_4_is_another_one_than_printed() -> None:
+def test_the_ratio_of_run_4_differs_from_the_printed_one() -> None:
     right_s, wrong_s = of_run(CENTRIFUGE_CONTEXT_DRIVEN, 4)
 
     assert round(right_s / (right_s + wrong_s), 3) == 0.978 != PRINTED_RUN_4_RATIO
@@ -50,5 +50,5 @@ def test_every_row_adds_up_to_its_total_and_ratio_as_printed(row: Row) -> None:
     assert len(row.agreement_s) == len(row.disagreement_s) == 10
 
 
-def test_the_triggers_give_the_reduction_that_is_told() -> None:
+def test_the_triggers_give_the_reported_reduction() -> None:
     assert round(100 * (1 - CONTEXT_DRIVEN_TRIGGERS / NAIVE_TRIGGERS), 1) == 79.4

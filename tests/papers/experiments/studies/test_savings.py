@@ -1,4 +1,4 @@
-"""A saving, taken apart: its parts add up to what was saved, whatever the decisions were."""
+"""A saving is split into parts that add up to it, for all decisions."""
 
 from __future__ import annotations
 
@@ -43,21 +43,21 @@ asked = st.builds(decision, seconds, seconds, st.one_of(st.just(0.0), seconds), 
 def test_the_parts_of_a_saving_add_up_to_the_difference_of_perception_times(
     without: list[Decision], observed: list[Decision]
 ) -> None:
-    found = saving(without, observed)
+    split = saving(without, observed)
 
-    assert isclose(found.saved_s, spent_s(without) - spent_s(observed), rel_tol=1e-9, abs_tol=1e-6)
-    assert found.answered + found.fell_back == found.checks == len(observed)
+    assert isclose(split.saved_s, spent_s(without) - spent_s(observed), rel_tol=1e-9, abs_tol=1e-6)
+    assert split.answered + split.fell_back == split.checks == len(observed)
 
 
 @given(st.lists(looks, min_size=1, max_size=12), st.lists(asked, max_size=12))
-def test_the_first_scenario_is_what_was_measured(without: list[Decision], observed: list[Decision]) -> None:
-    found = saving(without, observed)
-    measured = scenarios(found)[0]
+def test_the_first_scenario_equals_the_measurement(without: list[Decision], observed: list[Decision]) -> None:
+    split = saving(without, observed)
+    measured = scenarios(split)[0]
 
-    assert isclose(measured.saved_s, found.saved_s, rel_tol=1e-9, abs_tol=1e-6)
+    assert isclose(measured.saved_s, split.saved_s, rel_tol=1e-9, abs_tol=1e-6)
 
 
-def test_two_answers_and_a_look_are_told_apart() -> None:
+def test_two_answers_and_a_look_are_distinguished() -> None:
     without = [decision(0.0, 0.0, 14.0), decision(0.0, 0.0, 16.0), decision(0.0, 0.0, 18.0)]
     observed = [
         decision(0.1, 0.0, 0.0),
@@ -65,16 +65,16 @@ def test_two_answers_and_a_look_are_told_apart() -> None:
         decision(0.1, 8.0, 20.0, is_preview=False),
     ]
 
-    found = saving(without, observed)
+    split = saving(without, observed)
 
-    assert (found.answered, found.fell_back, found.monitors, found.look_s) == (2, 1, 2, 16.0)
-    assert (found.spared_s, found.waiting_s, round(found.asking_s, 9)) == (32.0, 11.0, 0.3)
-    assert found.other_looks_s == -4.0
-    assert found.fewer_s == 0.0
-    assert round(found.saved_s, 9) == 32.0 - 11.0 - 0.3 - 4.0
+    assert (split.answered, split.fell_back, split.monitors, split.look_s) == (2, 1, 2, 16.0)
+    assert (split.spared_s, split.waiting_s, round(split.asking_s, 9)) == (32.0, 11.0, 0.3)
+    assert split.other_looks_s == -4.0
+    assert split.fewer_s == 0.0
+    assert round(split.saved_s, 9) == 32.0 - 11.0 - 0.3 - 4.0
 
 
-def test_observers_that_know_nothing_cost_time_and_those_that_know_all_only_asking() -> None:
+def test_observers_without_knowledge_cost_time_and_those_with_all_knowledge_only_asking() -> None:
     without = [decision(0.0, 0.0, 10.0), decision(0.0, 0.0, 20.0)]
     observed = [decision(0.5, 0.0, 0.0), decision(0.5, 2.0, 0.0, is_preview=False)]
 
@@ -87,9 +87,9 @@ def test_observers_that_know_nothing_cost_time_and_those_that_know_all_only_aski
     assert cases["observers know everything at once"] == 29.0
 
 
-def test_without_any_perception_task_nothing_is_saved_and_no_share_is_told() -> None:
-    found = saving([], [])
+def test_without_any_perception_task_the_saving_is_zero_and_has_no_share() -> None:
+    split = saving([], [])
 
-    assert found.saved_s == 0.0
-    assert found.share is None
-    assert {case.share for case in scenarios(found)} == {None}
+    assert split.saved_s == 0.0
+    assert split.share is None
+    assert {case.share for case in scenarios(split)} == {None}

@@ -1,4 +1,4 @@
-"""The managers of the store: what each decides, that all have the same shop, and what is counted."""
+"""The managers of the store: their decisions, the same shop for all of them, and the counts."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from codra_papers.experiments.studies.store_managers.managers import (
     SLOW_M_S,
     Chance,
     Manager,
-    Nobody,
+    Nominal,
     Ours,
     Tuned,
 )
@@ -42,7 +42,7 @@ from generated import lab, store
 
 THRESHOLDS = Thresholds(distance_m=1.5, battery_percent=20.0, load="full")
 TUNED = with_thresholds(store.MAPE, THRESHOLDS)
-MANAGERS: tuple[Manager, ...] = (Nobody(), Chance(), Tuned(THRESHOLDS), Ours())
+MANAGERS: tuple[Manager, ...] = (Nominal(), Chance(), Tuned(THRESHOLDS), Ours())
 CALM: Mapping[str, Value | None] = {
     "bumped": False,
     "person_distance": 10.0,
@@ -56,11 +56,11 @@ CALM: Mapping[str, Value | None] = {
 }
 
 
-# What each decides
+# Decisions of the managers
 
 
 @dataclass
-class Told:
+class WrittenContext:
     """A context that a test writes."""
 
     values: dict[str, Value | None] = field(default_factory=lambda: dict(CALM))
@@ -79,79 +79,84 @@ class Told:
 
 
 def planner(manager: Manager, seed: int = 1) -> Planner:
-    mission = next(each for each in store.MAPE.loops if each.name == "mission")
-    return manager.planners(seed)(store.MAPE, mission, {each.name: each.type for each in store.MODEL.variables})
+    mission = next(loop for loop in store.MAPE.loops if loop.name == "mission")
+    return manager.planners(seed)(
+        store.MAPE, mission, {variable.name: variable.type for variable in store.MODEL.variables}
+    )
 
 
 def plans(manager: Manager, seed: int = 1, cycles: int = 6) -> list[tuple[float, Plan]]:
-    """What a manager plans while, again and again, somebody is close for 10 s and far for 10 s."""
-    context, asked = Told({**CALM, "picking_up": True}), planner(manager, seed)
-    found = []
+    """Return the plans of a manager while a person is repeatedly close for 10 s and far away for 10 s."""
+    context, asked = WrittenContext({**CALM, "picking_up": True}), planner(manager, seed)
+    planned = []
     for step in range(cycles * 200):
         context.values["person_distance"] = 1.0 if step // 100 % 2 else 10.0
-        found.append((step * 0.1, asked.plan(context, step * 0.1)))
-    return found
+        planned.append((step * 0.1, asked.plan(context, step * 0.1)))
+    return planned
 
 
-def chosen(told: list[tuple[float, Plan]]) -> list[tuple[float, str]]:
-    return [(at_s, each.action) for at_s, plan in told for each in plan.decisions]
+def chosen(planned: list[tuple[float, Plan]]) -> list[tuple[float, str]]:
+    return [(at_s, decision.action) for at_s, plan in planned for decision in plan.decisions]
 
 
-def speeds(told: list[tuple[float, Plan]]) -> list[Value]:
-    return [each.value for _, plan in told for each in plan.settings]
+def speeds(planned: list[tuple[float, Plan]]) -> list[Value]:
+    return [setting.value for _, plan in planned for setting in plan.settings]
 
 
 def test_ours_decides_as_the_declared_loops_do() -> None:
-    told = plans(Ours())
+    planned = plans(Ours())
 
-    assert [action for _, action in chosen(told)][:4] == ["pick", "start", "pick", "start"]
-    assert speeds(told)[:3] == [NORMAL_M_S, SLOW_M_S, NORMAL_M_S]
-    assert {each.because for _, plan in told for each in plan.decisions} == {SwitchReason.FIRST, SwitchReason.LEADS}
+    assert [action for _, action in chosen(planned)][:4] == ["pick", "start", "pick", "start"]
+    assert speeds(planned)[:3] == [NORMAL_M_S, SLOW_M_S, NORMAL_M_S]
+    assert {decision.because for _, plan in planned for decision in plan.decisions} == {
+        SwitchReason.FIRST,
+        SwitchReason.LEADS,
+    }
 
 
-def test_nobody_takes_the_nominal_course_and_speed_and_keeps_them() -> None:
-    told = plans(Nobody())
+def test_no_adaptation_takes_the_nominal_course_and_speed_and_keeps_them() -> None:
+    planned = plans(Nominal())
 
-    assert chosen(told) == [(0.0, "pick")]
-    assert speeds(told) == [NORMAL_M_S]
-    assert told[0][1].decisions[0].because is SwitchReason.PLANNER
+    assert chosen(planned) == [(0.0, "pick")]
+    assert speeds(planned) == [NORMAL_M_S]
+    assert planned[0][1].decisions[0].because is SwitchReason.PLANNER
 
 
 def test_chance_changes_the_course_only_where_ours_would() -> None:
-    told, of_ours = plans(Chance(), cycles=20), plans(Ours(), cycles=20)
+    of_chance, of_ours = plans(Chance(), cycles=20), plans(Ours(), cycles=20)
 
-    assert {at_s for at_s, _ in chosen(told)} < {at_s for at_s, _ in chosen(of_ours)}
-    assert {action for _, action in chosen(told)} == {"pick", "deliver", "start", "dock"}
-    assert set(speeds(told)) == {SLOW_M_S, NORMAL_M_S}
+    assert {at_s for at_s, _ in chosen(of_chance)} < {at_s for at_s, _ in chosen(of_ours)}
+    assert {action for _, action in chosen(of_chance)} == {"pick", "deliver", "start", "dock"}
+    assert set(speeds(of_chance)) == {SLOW_M_S, NORMAL_M_S}
 
 
-def test_chance_never_draws_the_course_it_has_as_a_change() -> None:
+def test_chance_never_repeats_a_course_as_a_change() -> None:
     actions = [action for _, action in chosen(plans(Chance(), cycles=20))]
 
     assert all(one != other for one, other in pairwise(actions))
 
 
-def test_chance_is_the_seeds() -> None:
+def test_chance_depends_on_the_seed() -> None:
     assert chosen(plans(Chance(), seed=7)) == chosen(plans(Chance(), seed=7))
     assert len({str(chosen(plans(Chance(), seed=seed))) for seed in range(5)}) > 1
 
 
-def test_who_overrules_keeps_the_analysis_that_is_drawn() -> None:
-    for manager in (Nobody(), Chance()):
-        written = [each.variable for each in plans(manager, cycles=1)[0][1].analysed]
+def test_replaced_decisions_keep_the_analysis_that_is_drawn() -> None:
+    for manager in (Nominal(), Chance()):
+        written = [analysed.variable for analysed in plans(manager, cycles=1)[0][1].analysed]
         assert "safety" in written
 
 
-def weights(**told: Value | None) -> dict[str, float | None]:
+def weights(**changes: Value | None) -> dict[str, float | None]:
     scene = {
-        name: Observation(variable=name, value=value, because="" if value is not None else "nobody said")
-        for name, value in {**CALM, **told}.items()
+        name: Observation(variable=name, value=value, because="" if value is not None else "never observed")
+        for name, value in {**CALM, **changes}.items()
     }
     return assess(TUNED, scene).weights()
 
 
 @pytest.mark.parametrize(
-    ("told", "course"),
+    ("changes", "course"),
     [
         ({}, "pick"),
         ({"order_open": False}, "start"),
@@ -170,14 +175,16 @@ def weights(**told: Value | None) -> dict[str, float | None]:
         ({"person_distance": None, "picking_up": False}, "pick"),
     ],
 )
-def test_the_first_line_of_the_thresholds_that_holds_decides(told: dict[str, Value | None], course: str | None) -> None:
-    found = weights(**told)
+def test_the_first_line_of_the_thresholds_that_holds_decides(
+    changes: dict[str, Value | None], course: str | None
+) -> None:
+    weight_by_course = weights(**changes)
 
-    assert [name for name, weight in found.items() if weight == 1.0] == ([] if course is None else [course])
-    assert all(weight in (0.0, 1.0) for weight in found.values())
+    assert [name for name, weight in weight_by_course.items() if weight == 1.0] == ([] if course is None else [course])
+    assert all(weight in (0.0, 1.0) for weight in weight_by_course.values())
 
 
-def test_a_container_counts_as_full_from_the_load_of_the_grid_on() -> None:
+def test_a_container_is_brought_away_from_the_load_of_the_grid_on() -> None:
     early = with_thresholds(store.MAPE, replace(THRESHOLDS, load="loading"))
     scene = {name: Observation(variable=name, value=value) for name, value in CALM.items()}
     scene |= {name: Observation(variable=name, value=value) for name, value in {"loaded": True}.items()}
@@ -195,7 +202,7 @@ def test_a_container_counts_as_full_from_the_load_of_the_grid_on() -> None:
     truths=st.tuples(st.booleans(), st.booleans()),
     load=st.sampled_from(["empty", "loading", "full"]),
 )
-def test_what_thresholds_come_to_lies_within_what_they_can_come_to(
+def test_the_result_of_thresholds_lies_within_their_bounds(
     unknown: set[str], distance_m: float, battery: float, truths: tuple[bool, bool], load: str
 ) -> None:
     values = {
@@ -206,10 +213,12 @@ def test_what_thresholds_come_to_lies_within_what_they_can_come_to(
         "loaded": truths[1],
         "container_load": load,
     }
-    whole = {name: Observation(variable=name, value=value) for name, value in values.items()}
-    partial = {name: Observation(variable=name) if name in unknown else each for name, each in whole.items()}
+    complete = {name: Observation(variable=name, value=value) for name, value in values.items()}
+    partial = {
+        name: Observation(variable=name) if name in unknown else observation for name, observation in complete.items()
+    }
 
-    known, bounded = assess(TUNED, whole).metrics.outputs, assess(TUNED, partial).metrics.outputs
+    known, bounded = assess(TUNED, complete).metrics.outputs, assess(TUNED, partial).metrics.outputs
     for one, other in zip(known, bounded, strict=True):
         assert one.value is not None
         assert other.bounds.holds(one.value)
@@ -224,8 +233,8 @@ def test_a_spec_without_loops_has_no_managers_to_compare() -> None:
 
 
 @dataclass
-class Seen:
-    """What a run showed, step by step."""
+class SeenRun:
+    """The states and events of a run, step by step."""
 
     robot: list[RobotState] = field(default_factory=list)
     people_m: list[tuple[tuple[str, Point], ...]] = field(default_factory=list)
@@ -234,26 +243,26 @@ class Seen:
 
 
 @cache
-def seen(manager: Manager, seed: int, lasts_s: float) -> Seen:
-    found, shift = Seen(), shift_of(seed)
+def seen(manager: Manager, seed: int, lasts_s: float) -> SeenRun:
+    run, shift = SeenRun(), shift_of(seed)
 
     def see(state: StoreState) -> None:
-        found.robot.append(state.robot)
-        found.people_m.append(state.people_m)
+        run.robot.append(state.robot)
+        run.people_m.append(state.people_m)
 
     def opened(shop: Store) -> None:
         Staging(shift, shop)
         shop.world.watch(see)
-        found.events = shop.world.events
+        run.events = shop.world.events
 
     settings_ = StoreRunSettings(shop=shift.settings(), duration_s=lasts_s, opened=opened)
-    found.courses += courses_of(run_store(managed(store, manager, seed), settings_).record)
-    return found
+    run.courses += courses_of(run_store(managed(store, manager, seed), settings_).record)
+    return run
 
 
-@pytest.mark.parametrize("manager", [Chance(), Tuned(THRESHOLDS), Ours()], ids=lambda each: each.name)
-def test_people_do_the_same_until_the_robot_has_done_something_else(manager: Manager) -> None:
-    one, other = seen(Nobody(), 1, 30.0), seen(manager, 1, 30.0)
+@pytest.mark.parametrize("manager", [Chance(), Tuned(THRESHOLDS), Ours()], ids=lambda manager: manager.name)
+def test_people_do_the_same_until_the_robot_acts_differently(manager: Manager) -> None:
+    one, other = seen(Nominal(), 1, 30.0), seen(manager, 1, 30.0)
     pairs = enumerate(zip(one.robot, other.robot, strict=True))
     differs = next((step for step, (first, second) in pairs if first != second), len(one.robot) - 1)
 
@@ -261,11 +270,11 @@ def test_people_do_the_same_until_the_robot_has_done_something_else(manager: Man
     assert one.people_m[: differs + 1] == other.people_m[: differs + 1]
 
 
-def test_a_run_is_the_same_each_time() -> None:
+def test_a_run_is_reproducible() -> None:
     assert seen(Chance(), 1, 30.0).courses == seen.__wrapped__(Chance(), 1, 30.0).courses
 
 
-def test_what_happens_is_the_seeds_and_waits_for_nobody() -> None:
+def test_a_shift_depends_on_the_seed_only() -> None:
     for seed in range(1, 40):
         shift = shift_of(seed)
         assert shift == shift_of(seed)
@@ -278,14 +287,14 @@ def test_what_happens_is_the_seeds_and_waits_for_nobody() -> None:
 
 
 def test_a_shift_begins_with_its_containers_in_their_places() -> None:
-    assert [what for at_s, what in seen(Nobody(), 1, 30.0).events if at_s == 0.0] == [
+    assert [what for at_s, what in seen(Nominal(), 1, 30.0).events if at_s == 0.0] == [
         "container_3 was moved: floor",
         "container_3 is full",
         "container_1 is loading",
     ]
 
 
-# What is counted
+# Counting
 
 
 def state(step: int = 0, people_m: tuple[Point, ...] = (), **robot: float | bool) -> StoreState:
@@ -298,19 +307,19 @@ def state(step: int = 0, people_m: tuple[Point, ...] = (), **robot: float | bool
     )
 
 
-def carrying(told: StoreState, load: Load) -> StoreState:
-    (container,) = told.containers
-    return replace(told, containers=(replace(container, load=load, where=Whereabouts.FORK),))
+def carrying(shop_state: StoreState, load: Load) -> StoreState:
+    (container,) = shop_state.containers
+    return replace(shop_state, containers=(replace(container, load=load, where=Whereabouts.FORK),))
 
 
 def watched(*states: StoreState, is_fetching: bool = True) -> Watch:
     watch = Watch(lambda: is_fetching)
-    for each in states:
-        watch.see(each)
+    for shop_state in states:
+        watch.see(shop_state)
     return watch
 
 
-def test_a_cause_is_what_is_true_and_of_two_at_once_the_upper_one() -> None:
+def test_a_cause_is_taken_from_the_truth_and_of_two_at_once_the_first_counts() -> None:
     near, low = ((6.0, 5.0),), 19.0
     watch = watched(
         state(0),
@@ -333,16 +342,19 @@ def test_a_cause_is_what_is_true_and_of_two_at_once_the_upper_one() -> None:
     ]
 
 
-def test_somebody_near_calls_for_nothing_while_the_robot_does_not_fetch() -> None:
+def test_a_near_person_is_no_cause_while_the_robot_does_not_fetch() -> None:
     assert watched(state(1, ((6.0, 5.0),)), is_fetching=False).causes == [(0.1, None)]
 
 
-def test_unsafe_steps_that_follow_each_other_are_one_span() -> None:
+def test_consecutive_unsafe_steps_are_one_span() -> None:
     near = ((6.2, 5.0),)
     fast = [state(step, near, speed_m_s=0.5) for step in (1, 2, 3, 7)]
     slow = [state(4, near, speed_m_s=0.3), state(5, ((9.0, 5.0),), speed_m_s=0.5)]
 
-    assert watched(*sorted([*fast, *slow], key=lambda each: each.step)).unsafe == [Span(0.0, 0.3), Span(0.6, 0.7)]
+    assert watched(*sorted([*fast, *slow], key=lambda shop_state: shop_state.step)).unsafe == [
+        Span(0.0, 0.3),
+        Span(0.6, 0.7),
+    ]
 
 
 def test_a_reaction_is_from_the_cause_to_the_first_course_that_it_calls_for() -> None:
@@ -353,29 +365,29 @@ def test_a_reaction_is_from_the_cause_to_the_first_course_that_it_calls_for() ->
     assert calls(causes, courses, 20.0)[0].reaction_s == 2.5
 
 
-def test_a_course_that_the_cause_does_not_call_for_is_no_answer() -> None:
+def test_a_course_for_which_the_cause_does_not_call_is_no_answer() -> None:
     causes = [(0.0, None), (10.0, Cause.BATTERY)]
 
     (called,) = calls(causes, [(0.0, "pick"), (12.0, "start")], 20.0)
     assert (called.answered_s, called.reaction_s, called.ended_s) == (None, None, 20.0)
 
 
-def test_a_cause_does_not_count_if_the_course_is_right_already_or_it_is_over_too_soon() -> None:
+def test_a_cause_does_not_count_if_the_course_is_already_right_or_it_ends_too_soon() -> None:
     assert calls([(5.0, Cause.FULL), (15.0, None)], [(1.0, "deliver")], 20.0) == ()
     assert calls([(5.0, Cause.FULL), (7.9, None)], [(1.0, "pick")], 20.0) == ()
     assert len(calls([(5.0, Cause.FULL), (8.0, None)], [(1.0, "pick")], 20.0)) == 1
     assert len(calls([(5.0, Cause.FULL), (6.0, None)], [(1.0, "pick"), (5.5, "deliver")], 20.0)) == 1
 
 
-def test_spans_of_a_cause_with_a_short_gap_are_one() -> None:
+def test_spans_of_a_cause_with_a_short_gap_are_merged() -> None:
     causes = [(5.0, Cause.PERSON), (6.0, None), (6.5, Cause.PERSON), (9.0, None), (10.5, Cause.PERSON), (14.0, None)]
 
-    found = calls(causes, [(0.0, "pick")], 20.0)
-    assert [(each.begun_s, each.ended_s) for each in found] == [(5.0, 9.0), (10.5, 14.0)]
+    merged = calls(causes, [(0.0, "pick")], 20.0)
+    assert [(call.begun_s, call.ended_s) for call in merged] == [(5.0, 9.0), (10.5, 14.0)]
 
 
-def came(name: str, seed: int, **told: float | Mapping[str, int] | tuple[Called, ...]) -> StoreOutcome:
-    given_ = {"loops": 1, "unsafe_s": 2.0, "orders": {}, "aborts": 0, "bumps": 0, "called": ()} | told
+def outcome_of(name: str, seed: int, **changes: float | Mapping[str, int] | tuple[Called, ...]) -> StoreOutcome:
+    given_ = {"loops": 1, "unsafe_s": 2.0, "orders": {}, "aborts": 0, "bumps": 0, "called": ()} | changes
     return StoreOutcome(
         name=name,
         seed=seed,
@@ -391,43 +403,43 @@ def came(name: str, seed: int, **told: float | Mapping[str, int] | tuple[Called,
 
 
 def test_differences_to_ours_are_taken_seed_by_seed() -> None:
-    ours = [came("ours", seed, unsafe_s=float(seed)) for seed in range(1, 6)]
-    none = [came("none", seed, unsafe_s=seed + 3.0) for seed in range(1, 6)]
+    ours = [outcome_of("ours", seed, unsafe_s=float(seed)) for seed in range(1, 6)]
+    none = [outcome_of("none", seed, unsafe_s=seed + 3.0) for seed in range(1, 6)]
     table = compared({"none": none, "ours": ours}, "ours")
-    found = {(each.measure.key, each.manager): each for each in table}
+    by_measure = {(row.measure.key, row.manager): row for row in table}
 
-    unsafe = found["unsafe_s", "none"]
+    unsafe = by_measure["unsafe_s", "none"]
     assert unsafe.mean.value == 6.0
     assert unsafe.difference is not None
     assert (unsafe.difference.low, unsafe.difference.high) == (pytest.approx(3.0), pytest.approx(3.0))
-    assert found["unsafe_s", "ours"].difference is None
-    assert found["switches_per_min", "none"].mean.value == 2.0
+    assert by_measure["unsafe_s", "ours"].difference is None
+    assert by_measure["switches_per_min", "none"].mean.value == 2.0
 
 
-def test_an_unanswered_cause_is_later_than_any_answered_one() -> None:
+def test_an_unanswered_cause_counts_as_later_than_any_answered_one() -> None:
     soon, late, never = (Called(Cause.PERSON, 0.0, 9.0, answered_s) for answered_s in (1.0, 2.0, None))
-    runs = {"ours": [came("ours", 1, called=(soon, late)), came("ours", 2, called=(never,))]}
+    runs = {"ours": [outcome_of("ours", 1, called=(soon, late)), outcome_of("ours", 2, called=(never,))]}
     (of_all, *rest) = reactions(runs)
 
     assert (of_all.count, of_all.answered) == (3, 2)
     assert (of_all.quantiles_s[0.5].value, of_all.quantiles_s[0.99].value) == (2.0, math.inf)
-    assert next(each for each in rest if each.cause is Cause.BATTERY).quantiles_s[0.5].value is None
+    assert next(row for row in rest if row.cause is Cause.BATTERY).quantiles_s[0.5].value is None
 
 
 def test_the_quantile_of_all_runs_is_one_of_their_values_and_lies_in_its_interval() -> None:
-    found = quantile_interval([[1.0, 2.0], [3.0], [], [4.0, 5.0]], 0.5)
+    estimate = quantile_interval([[1.0, 2.0], [3.0], [], [4.0, 5.0]], 0.5)
 
-    assert found.value == 3.0
-    assert found.low is not None
-    assert found.high is not None
-    assert 1.0 <= found.low <= 3.0 <= found.high <= 5.0
+    assert estimate.value == 3.0
+    assert estimate.low is not None
+    assert estimate.high is not None
+    assert 1.0 <= estimate.low <= 3.0 <= estimate.high <= 5.0
     assert quantile_interval([[], []], 0.5).value is None
     assert quantile_interval([[7.0]], 0.99).low is None
     assert (quantile_interval([[2.0], [2.0]], 0.5).low, quantile_interval([[2.0], [2.0]], 0.5).high) == (2.0, 2.0)
 
 
-def test_an_outcome_is_the_same_after_it_was_kept() -> None:
-    kept = came("ours", 1, called=(Called(Cause.FULL, 1.0, 2.0, None),), orders={"done": 1})
+def test_a_stored_outcome_is_read_without_changes() -> None:
+    kept = outcome_of("ours", 1, called=(Called(Cause.FULL, 1.0, 2.0, None),), orders={"done": 1})
 
     assert StoreOutcome.from_json(kept.to_json()).to_json() == kept.to_json()
     assert StoreOutcome.from_json(kept.to_json()).called == [Called(Cause.FULL, 1.0, 2.0, None)]
@@ -436,21 +448,21 @@ def test_an_outcome_is_the_same_after_it_was_kept() -> None:
 # The search
 
 
-def test_the_cell_with_most_missions_less_a_tenth_of_the_unsafe_seconds_wins_and_of_equal_ones_the_first() -> None:
+def test_the_cell_with_the_best_score_wins_and_of_equal_ones_the_first() -> None:
     grid = tuple(replace(THRESHOLDS, distance_m=distance_m) for distance_m in (1.0, 1.5, 2.0))
-    told = {(1.0, 1): (2, 20.0), (1.0, 2): (1, 0.0), (1.5, 1): (1, 0.0), (1.5, 2): (2, 10.0)}
-    told |= {(2.0, 1): (2, 10.0), (2.0, 2): (1, 0.0)}
+    results = {(1.0, 1): (2, 20.0), (1.0, 2): (1, 0.0), (1.5, 1): (1, 0.0), (1.5, 2): (2, 10.0)}
+    results |= {(2.0, 1): (2, 10.0), (2.0, 2): (1, 0.0)}
     outcomes = {
-        f"grid-{distance_m:g}m-20percent-full-{seed}": came("threshold", seed, loops=missions, unsafe_s=unsafe_s)
-        for (distance_m, seed), (missions, unsafe_s) in told.items()
+        f"grid-{distance_m:g}m-20percent-full-{seed}": outcome_of("threshold", seed, loops=missions, unsafe_s=unsafe_s)
+        for (distance_m, seed), (missions, unsafe_s) in results.items()
     }
-    found = cells(Design(grid=grid, tuning_seeds=(1, 2)), outcomes)
+    searched = cells(Design(grid=grid, tuning_seeds=(1, 2)), outcomes)
 
-    assert [round(each.score, 6) for each in found] == [0.5, 1.0, 1.0]
-    assert best(found).thresholds.distance_m == 1.5
+    assert [round(cell.score, 6) for cell in searched] == [0.5, 1.0, 1.0]
+    assert best(searched).thresholds.distance_m == 1.5
 
 
-def test_no_seed_of_the_report_is_tuned_on() -> None:
+def test_reported_seeds_are_not_used_for_tuning() -> None:
     assert max(Design().tuning_seeds) < Design().first_seed
 
 

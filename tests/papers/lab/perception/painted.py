@@ -42,7 +42,7 @@ def painted(
     blur_px: float = 0.6,
     noise: float = 2.0,
 ) -> NDArray[np.uint8]:
-    """Return an image of tags, shape (480, 640), each with its `camera_from_part`; none that faces away."""
+    """Return an image of tags, shape (480, 640), with their `camera_from_part`; no tag may face away."""
     start = np.full((480, 640), 120.0) if background is None else background
     canvas = np.kron(start, np.ones((_OVERSAMPLING, _OVERSAMPLING))).astype(np.float32)
     for tag, camera_from_part in sorted(tags, key=lambda item: -float(item[1].translation_m[2])):

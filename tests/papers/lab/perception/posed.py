@@ -1,4 +1,4 @@
-"""Laboratories in which the robot stands still where a test wants it."""
+"""Laboratories with the robot at rest in a pose that the test chooses."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from codra_papers.lab.simulator.world import JointKey, LabWorld, Quantity, Value
 
 
 class SteadyHand(Random):
-    """A robot's luck on an ordinary day: nothing slips, nothing is lost, and everything takes its usual time."""
+    """Random numbers without slips and losses, with mean durations."""
 
     def random(self) -> float:
         return 0.5
@@ -27,7 +27,7 @@ def put(world: LabWorld, channel: Quantity | JointKey, *values: float, at_s: flo
     world.schedule(at_s, [world.moves_to(at_s, channel, wanted, 0.0)])
 
 
-def stand_before(
+def place_robot_before(
     world: LabWorld, machine: str, gaze: Gaze, *, distance_m: float = 0.85, aside_m: float = 0.0, at_s: float = 0.0
 ) -> None:
     """Put the robot before a machine, facing it, with the camera at a gaze given in the machine's base frame."""

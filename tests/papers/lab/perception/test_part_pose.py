@@ -1,4 +1,4 @@
-"""Poses of tags and parts, from corners that are known exactly and from ones that were spoilt."""
+"""Poses of tags and parts, from exact corners and from disturbed ones."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tests.papers.lab.perception.painted import INTRINSICS, before_the_camera, l
 
 BASE_TAGS = machine_named("pcr_cycler").tags_on(Part.BASE)
 PANEL = BASE_TAGS[0].part_from_tag
-"""A frame in the plane of the base's tags, so that poses of it can be told by how the camera sees it."""
+"""A frame in the plane of the base's tags, so that its poses follow from the camera's view."""
 
 
 def seen(tag: Tag, camera_from_part: Pose) -> Detection:
@@ -26,7 +26,7 @@ def seen(tag: Tag, camera_from_part: Pose) -> Detection:
 
 
 def spoilt(detection: Detection, by_px: float) -> Detection:
-    """Return a detection one of whose corners lies off, as when something covers it."""
+    """Return a detection with one wrong corner, as if it were covered."""
     corners_px = detection.corners_px.copy()
     corners_px[1] += (-by_px, by_px)
     return Detection(tag_id=detection.tag_id, corners_px=corners_px)
@@ -67,33 +67,33 @@ def test_a_tag_seen_right_from_the_front_is_localised(distance_m: float, roll_ra
     """Where OpenCV's method for squares divides by zero, or nearly so."""
     tag, pose = lone_tag(20), before_the_camera(distance_m, roll_rad=roll_rad)
 
-    found = part_pose([tag], [seen(tag, pose)], INTRINSICS)
+    fitted = part_pose([tag], [seen(tag, pose)], INTRINSICS)
 
-    assert found is not None
-    assert found.error_px < 0.01
-    assert degrees_between(found.camera_from_part, pose) < 0.5
+    assert fitted is not None
+    assert fitted.error_px < 0.01
+    assert degrees_between(fitted.camera_from_part, pose) < 0.5
 
 
 def test_all_tags_of_a_part_are_fitted_together() -> None:
     pose = base_before_the_camera(0.9, 0.4)
 
-    found = part_pose(BASE_TAGS, [seen(tag, pose) for tag in BASE_TAGS], INTRINSICS)
+    fitted = part_pose(BASE_TAGS, [seen(tag, pose) for tag in BASE_TAGS], INTRINSICS)
 
-    assert found is not None
-    assert found.tag_ids == (20, 21, 22, 23)
-    assert found.error_px < 1e-3
-    assert degrees_between(found.camera_from_part, pose) < 0.01
-    assert np.allclose(found.camera_from_part.translation_m, pose.translation_m, atol=1e-5)
+    assert fitted is not None
+    assert fitted.tag_ids == (20, 21, 22, 23)
+    assert fitted.error_px < 1e-3
+    assert degrees_between(fitted.camera_from_part, pose) < 0.01
+    assert np.allclose(fitted.camera_from_part.translation_m, pose.translation_m, atol=1e-5)
 
 
-def test_tags_of_other_parts_are_left_aside() -> None:
+def test_tags_of_other_parts_are_ignored() -> None:
     pose = base_before_the_camera(0.9, 0.4)
     strangers = [seen(tag, pose) for tag in machine_named("pcr_cycler").tags_on(Part.LID)]
 
-    found = part_pose(BASE_TAGS, [*strangers, seen(BASE_TAGS[1], pose)], INTRINSICS)
+    fitted = part_pose(BASE_TAGS, [*strangers, seen(BASE_TAGS[1], pose)], INTRINSICS)
 
-    assert found is not None
-    assert found.tag_ids == (21,)
+    assert fitted is not None
+    assert fitted.tag_ids == (21,)
     assert part_pose(BASE_TAGS, strangers, INTRINSICS) is None
 
 
@@ -103,11 +103,11 @@ def test_a_tag_that_something_covers_in_part_does_not_spoil_the_pose_of_the_othe
     detections = [seen(tag, pose) for tag in BASE_TAGS]
     detections[index] = spoilt(detections[index], 4.0)
 
-    found = part_pose(BASE_TAGS, detections, INTRINSICS)
+    fitted = part_pose(BASE_TAGS, detections, INTRINSICS)
 
-    assert found is not None
-    assert found.tag_ids == tuple(tag.tag_id for tag in BASE_TAGS if tag is not BASE_TAGS[index])
-    assert degrees_between(found.camera_from_part, pose) < 0.01
+    assert fitted is not None
+    assert fitted.tag_ids == tuple(tag.tag_id for tag in BASE_TAGS if tag is not BASE_TAGS[index])
+    assert degrees_between(fitted.camera_from_part, pose) < 0.01
 
 
 def test_a_lone_tag_that_something_covers_in_part_gives_no_pose() -> None:
@@ -117,7 +117,7 @@ def test_a_lone_tag_that_something_covers_in_part_gives_no_pose() -> None:
     assert part_pose(BASE_TAGS, [detection], INTRINSICS) is None
 
 
-def test_nothing_seen_gives_no_pose() -> None:
+def test_without_detections_the_pose_is_none() -> None:
     assert part_pose(BASE_TAGS, [], INTRINSICS) is None
 
 
@@ -134,7 +134,7 @@ def test_corners_that_are_a_tenth_of_a_pixel_off_leave_the_pose_of_a_part_within
         for detection in exact
     ]
 
-    found = part_pose(BASE_TAGS, noisy, INTRINSICS)
+    fitted = part_pose(BASE_TAGS, noisy, INTRINSICS)
 
-    assert found is not None
-    assert degrees_between(found.camera_from_part, pose) < 1.0
+    assert fitted is not None
+    assert degrees_between(fitted.camera_from_part, pose) < 1.0

@@ -1,5 +1,5 @@
-"""The laboratory's perception functions on drawn frames: what they measure, what they leave open, and what they see of
-the world: pixels and the map, never the simulator."""
+"""The laboratory's perception functions on drawn frames: their measurements, their unknown results, and their inputs:
+pixels and the map, never the simulator."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ from codra_papers.lab.perception.tags import detect
 from codra_papers.lab.simulator.camera import FrameSource, GreyFrameSource
 from codra_papers.lab.simulator.geometric_camera import GeometricCamera, TagInView
 from codra_papers.lab.simulator.world import LabWorld, Quantity
-from tests.papers.lab.asked import Computing, RecordedJob, Standing, Still
-from tests.papers.lab.perception.posed import put, set_joint, stand_before
+from tests.papers.lab.asked import Computing, FixedBase, RecordedJob, Still
+from tests.papers.lab.perception.posed import place_robot_before, put, set_joint
 from tests.papers.lab.stored import perceived, store
 
 ROOT = Path(__file__).parents[4]
@@ -41,7 +41,7 @@ print(" ".join(sorted(name for name in sys.modules if name.startswith(("mujoco",
 
 
 class Laboratory:
-    """A laboratory in which the robot jumps from pose to pose, and what its camera shows after each jump."""
+    """A laboratory in which the robot jumps from pose to pose and takes frames."""
 
     def __init__(self) -> None:
         self.world = LabWorld(5)
@@ -49,10 +49,10 @@ class Laboratory:
         self.geometry = GeometricCamera()
         self.now_s = 0.0
 
-    def stand(self, machine: str, gaze: tuple[float, ...] | None = None) -> None:
+    def place_robot(self, machine: str, gaze: tuple[float, ...] | None = None) -> None:
         self.now_s += 10.0
         gaze = observation_gaze(machine, Part.LID) if gaze is None else gaze
-        stand_before(self.world, machine, gaze, at_s=self.now_s)
+        place_robot_before(self.world, machine, gaze, at_s=self.now_s)
 
     def turn(self, machine: str, part: Part, angle_rad: float) -> None:
         self.now_s += 10.0
@@ -91,26 +91,26 @@ def ask(function: Callable[..., Mapping[str, Any]], machine: str, frame: Frame) 
 def test_the_lids_angle_is_measured_within_two_hundredths_of_a_radian(
     lab: Laboratory, machine: str, angle_rad: float
 ) -> None:
-    lab.stand(machine)
+    lab.place_robot(machine)
     lab.turn(machine, Part.LID, angle_rad)
 
-    found = ask(localize_lid, machine, lab.frame())
+    measurement = ask(localize_lid, machine, lab.frame())
 
-    assert found["lid_angle"] == pytest.approx(angle_rad, abs=0.02)
-    assert found["markers"] >= 3
+    assert measurement["lid_angle"] == pytest.approx(angle_rad, abs=0.02)
+    assert measurement["markers"] >= 3
 
 
-def test_from_wherever_enough_markers_are_seen_the_lids_angle_is_right(lab: Laboratory) -> None:
+def test_with_enough_visible_markers_the_lids_angle_is_right_from_everywhere(lab: Laboratory) -> None:
     random, errors_rad = Random(3), []
     for _ in range(60):
         machine = random.choice(sorted(MACHINES))
         angle_rad = random.uniform(*MACHINES[machine].joint(Part.LID).range_rad)
         eye = (random.uniform(0.7, 1.4), random.uniform(-0.4, 0.4), random.uniform(0.45, 1.0))
-        lab.stand(machine, (*eye, 0.1, random.uniform(-0.2, 0.2), 0.3))
+        lab.place_robot(machine, (*eye, 0.1, random.uniform(-0.2, 0.2), 0.3))
         lab.turn(machine, Part.LID, angle_rad)
-        found = ask(localize_lid, machine, lab.frame())
-        if found["lid_angle"] is not None and found["markers"] >= 4:
-            errors_rad.append(abs(found["lid_angle"] - angle_rad))
+        measurement = ask(localize_lid, machine, lab.frame())
+        if measurement["lid_angle"] is not None and measurement["markers"] >= 4:
+            errors_rad.append(abs(measurement["lid_angle"] - angle_rad))
 
     assert len(errors_rad) > 30
     assert np.median(errors_rad) < 0.005
@@ -122,41 +122,41 @@ def test_from_wherever_enough_markers_are_seen_the_lids_angle_is_right(lab: Labo
 def test_the_lever_is_latched_in_the_half_nearer_to_locked(
     lab: Laboratory, machine: str, angle_rad: float, latched: bool
 ) -> None:
-    lab.stand(machine)
+    lab.place_robot(machine)
     lab.turn(machine, Part.LATCH, angle_rad)
 
     assert ask(localize_lid, machine, lab.frame())["latched"] is latched
 
 
 def test_a_lid_out_of_the_image_has_no_angle_while_the_base_counts_its_markers(lab: Laboratory) -> None:
-    lab.stand("pcr_cycler", (0.75, 0.0, 0.25, 0.2, 0.0, 0.0))
+    lab.place_robot("pcr_cycler", (0.75, 0.0, 0.25, 0.2, 0.0, 0.0))
     lab.turn("pcr_cycler", Part.LID, 1.35)
 
-    found = ask(localize_lid, "pcr_cycler", lab.frame())
+    measurement = ask(localize_lid, "pcr_cycler", lab.frame())
 
-    assert found["lid_angle"] is None
-    assert found["latched"] is True
-    assert found["markers"] == 4
+    assert measurement["lid_angle"] is None
+    assert measurement["latched"] is True
+    assert measurement["markers"] == 4
 
 
 def test_without_the_base_neither_angle_nor_latch_is_known(lab: Laboratory) -> None:
-    """The latch's tag and the lid's are seen, but nothing that they could be measured against."""
-    lab.stand("centrifuge", (0.78, 0.0, 0.50, 0.45, 0.0, 0.34))
+    """The tags of latch and lid are seen, but no tag of the base as a reference."""
+    lab.place_robot("centrifuge", (0.78, 0.0, 0.50, 0.45, 0.0, 0.34))
 
-    found = ask(localize_lid, "centrifuge", lab.frame())
+    measurement = ask(localize_lid, "centrifuge", lab.frame())
 
     assert {13, 14, 15} <= {detection.tag_id for detection in detect(lab.frame())}
-    assert found == {"markers": 2, "lid_angle": None, "latched": None}
+    assert measurement == {"markers": 2, "lid_angle": None, "latched": None}
 
 
 def test_one_machine_is_not_taken_for_the_other(lab: Laboratory) -> None:
-    lab.stand("centrifuge")
+    lab.place_robot("centrifuge")
 
     assert ask(localize_lid, "pcr_cycler", lab.frame()) == {"markers": 0, "lid_angle": None, "latched": None}
 
 
 def test_a_hand_before_the_tags_costs_markers_and_not_truth(lab: Laboratory) -> None:
-    lab.stand("pcr_cycler", (0.55, 0.0, 0.40, 0.2, 0.0, 0.15))
+    lab.place_robot("pcr_cycler", (0.55, 0.0, 0.40, 0.2, 0.0, 0.15))
     free = ask(localize_lid, "pcr_cycler", lab.frame())
     lab.change(Quantity.REACH, 1.0)
     covered = ask(localize_lid, "pcr_cycler", lab.frame())
@@ -173,18 +173,18 @@ def test_the_rotors_angle_is_measured_through_the_open_lid(
     lab: Laboratory, angle_rad: float, measured_rad: float
 ) -> None:
     """Around both indexed positions; half a turn never reads as minus half a turn."""
-    lab.stand("centrifuge", observation_gaze("centrifuge", Part.ROTOR))
+    lab.place_robot("centrifuge", observation_gaze("centrifuge", Part.ROTOR))
     lab.turn("centrifuge", Part.LID, 1.35)
     lab.turn("centrifuge", Part.ROTOR, angle_rad)
 
-    found = ask(localize_rotor, "centrifuge", lab.frame())
+    measurement = ask(localize_rotor, "centrifuge", lab.frame())
 
-    assert found["markers"] >= 1
-    assert found["rotor_angle"] == pytest.approx(measured_rad, abs=0.05)
+    assert measurement["markers"] >= 1
+    assert measurement["rotor_angle"] == pytest.approx(measured_rad, abs=0.05)
 
 
 def test_a_closed_lid_hides_the_rotor(lab: Laboratory) -> None:
-    lab.stand("centrifuge")
+    lab.place_robot("centrifuge")
 
     assert ask(localize_rotor, "centrifuge", lab.frame()) == {"markers": 0, "rotor_angle": None}
 
@@ -193,43 +193,43 @@ def test_a_closed_lid_hides_the_rotor(lab: Laboratory) -> None:
 
 
 def test_a_machine_that_is_wholly_in_view_has_full_shares(lab: Laboratory) -> None:
-    lab.stand("pcr_cycler")
+    lab.place_robot("pcr_cycler")
 
-    found = ask(find_in_view, "pcr_cycler", lab.frame())
+    measurement = ask(find_in_view, "pcr_cycler", lab.frame())
 
-    assert (found["base_share"], found["lid_share"]) == (100.0, 100.0)
-    assert found["sharpness"] >= 0.5
+    assert (measurement["base_share"], measurement["lid_share"]) == (100.0, 100.0)
+    assert measurement["sharpness"] >= 0.5
 
 
 def test_a_machine_that_is_elsewhere_has_no_share_in_a_sharp_frame(lab: Laboratory) -> None:
-    lab.stand("centrifuge")
+    lab.place_robot("centrifuge")
 
-    found = ask(find_in_view, "pcr_cycler", lab.frame())
+    measurement = ask(find_in_view, "pcr_cycler", lab.frame())
 
-    assert (found["base_share"], found["lid_share"]) == (0.0, 0.0)
-    assert found["sharpness"] >= 0.5
+    assert (measurement["base_share"], measurement["lid_share"]) == (0.0, 0.0)
+    assert measurement["sharpness"] >= 0.5
 
 
 def test_a_tag_that_the_edge_of_the_image_cuts_counts_with_the_corners_that_it_shows(lab: Laboratory) -> None:
-    lab.stand("pcr_cycler", (0.75, 0.0, 0.5, 0.25, 0.0, 0.355))
+    lab.place_robot("pcr_cycler", (0.75, 0.0, 0.5, 0.25, 0.0, 0.355))
 
-    found = ask(find_in_view, "pcr_cycler", lab.frame())
+    measurement = ask(find_in_view, "pcr_cycler", lab.frame())
 
     assert not {22, 23} & {detection.tag_id for detection in detect(lab.frame())}
     assert 50.0 < lab.share("pcr_cycler", Part.BASE) < 100.0
-    assert found["base_share"] == pytest.approx(lab.share("pcr_cycler", Part.BASE))
+    assert measurement["base_share"] == pytest.approx(lab.share("pcr_cycler", Part.BASE))
 
 
 def test_shares_agree_with_geometry_wherever_the_robot_looks(lab: Laboratory) -> None:
-    """Small, slanted and half hidden tags are missed at times; what is reported as seen is there."""
+    """Small, slanted and half hidden tags are sometimes missed; reported parts are really in view."""
     random, agreed, seen_but_not_there = Random(8), [], 0
     for _ in range(80):
         machine = random.choice(sorted(MACHINES))
         eye = (random.uniform(0.6, 1.4), random.uniform(-0.4, 0.4), random.uniform(0.4, 1.0))
-        lab.stand(machine, (*eye, 0.1, random.uniform(-0.4, 0.4), random.uniform(0.0, 0.6)))
-        found = ask(find_in_view, machine, lab.frame())
+        lab.place_robot(machine, (*eye, 0.1, random.uniform(-0.4, 0.4), random.uniform(0.0, 0.6)))
+        measurement = ask(find_in_view, machine, lab.frame())
         for part in (Part.BASE, Part.LID):
-            reported, true = found[f"{part}_share"] >= 50.0, lab.share(machine, part) >= 50.0
+            reported, true = measurement[f"{part}_share"] >= 50.0, lab.share(machine, part) >= 50.0
             agreed.append(reported == true)
             seen_but_not_there += reported and not true
 
@@ -237,12 +237,12 @@ def test_shares_agree_with_geometry_wherever_the_robot_looks(lab: Laboratory) ->
     assert seen_but_not_there <= 0.03 * len(agreed)
 
 
-# What frames without content give
+# Frames without content
 
 
 @pytest.mark.parametrize("machine", sorted(MACHINES))
-def test_grey_frames_measure_nothing(machine: str) -> None:
-    """Below what every `accept_when` of the spec asks for: so all ten variables that come from pixels stay unknown."""
+def test_grey_frames_give_no_measurements(machine: str) -> None:
+    """The results do not satisfy any `accept_when` of the spec, so all ten variables from pixels stay unknown."""
     frame = GreyFrameSource(LabWorld(5)).frame_at(3.0)
 
     assert ask(find_in_view, machine, frame) == {"base_share": 0.0, "lid_share": 0.0, "sharpness": 0.0}
@@ -251,19 +251,19 @@ def test_grey_frames_measure_nothing(machine: str) -> None:
 
 
 def test_in_the_dark_no_view_is_claimed_to_be_empty(lab: Laboratory) -> None:
-    lab.stand("pcr_cycler")
+    lab.place_robot("pcr_cycler")
     lab.change(Quantity.LIGHT, 0.02)
 
-    found = ask(find_in_view, "pcr_cycler", lab.frame())
+    measurement = ask(find_in_view, "pcr_cycler", lab.frame())
 
-    assert found["base_share"] == 0.0
-    assert found["sharpness"] < 0.5
+    assert measurement["base_share"] == 0.0
+    assert measurement["sharpness"] < 0.5
 
 
-def test_no_tag_is_ever_seen_where_there_is_none(lab: Laboratory) -> None:
+def test_no_tag_is_detected_in_frames_without_tags(lab: Laboratory) -> None:
     random = Random(6)
     for _ in range(40):
-        lab.stand("centrifuge", (1.2, 0.0, 0.8, random.uniform(1.8, 3.0), random.uniform(-1.5, 1.5), 0.2))
+        lab.place_robot("centrifuge", (1.2, 0.0, 0.8, random.uniform(1.8, 3.0), random.uniform(-1.5, 1.5), 0.2))
 
         assert {detection.tag_id for detection in detect(lab.frame())} <= set(lab.views())
 
@@ -274,25 +274,25 @@ def test_no_tag_is_ever_seen_where_there_is_none(lab: Laboratory) -> None:
 def test_the_distance_is_from_where_the_robot_believes_its_base_to_the_machine_in_the_map() -> None:
     machine = machine_named("centrifuge")
     x_m, y_m, _ = machine.map_from_base.translation_m
-    base = Standing(Pose.planar(float(x_m) + 0.6, float(y_m) - 0.8, 1.0))
+    base = FixedBase(Pose.planar(float(x_m) + 0.6, float(y_m) - 0.8, 1.0))
 
     assert measure_distance(machine="centrifuge", base=base, job=RecordedJob()) == {"distance": pytest.approx(1.0)}
 
 
 def test_the_believed_distance_is_centimetres_off_the_true_one() -> None:
     world = LabWorld(5)
-    stand_before(world, "pcr_cycler", observation_gaze("pcr_cycler", Part.LID), distance_m=0.9)
-    base = Standing(world.believed_map_from_robot(2.0))
+    place_robot_before(world, "pcr_cycler", observation_gaze("pcr_cycler", Part.LID), distance_m=0.9)
+    base = FixedBase(world.believed_map_from_robot(2.0))
 
-    found = measure_distance(machine="pcr_cycler", base=base, job=RecordedJob())
+    measurement = measure_distance(machine="pcr_cycler", base=base, job=RecordedJob())
 
-    assert found["distance"] == pytest.approx(0.9, abs=0.05)
-    assert found["distance"] != 0.9
+    assert measurement["distance"] == pytest.approx(0.9, abs=0.05)
+    assert measurement["distance"] != 0.9
 
 
-def test_a_machine_that_is_not_there_is_named() -> None:
+def test_an_error_names_a_missing_machine() -> None:
     with pytest.raises(ValueError, match="no machine 'fridge'"):
-        measure_distance(machine="fridge", base=Standing(Pose.identity()), job=RecordedJob())
+        measure_distance(machine="fridge", base=FixedBase(Pose.identity()), job=RecordedJob())
 
 
 # Time
@@ -302,7 +302,7 @@ def test_a_machine_that_is_not_there_is_named() -> None:
 def test_evidence_is_closed_at_the_frames_stamp_before_processing_begins(
     lab: Laboratory, function: Callable[..., Mapping[str, Any]]
 ) -> None:
-    lab.stand("centrifuge")
+    lab.place_robot("centrifuge")
     frame, job = lab.frame(), RecordedJob()
 
     function(machine="centrifuge", camera=Still(frame), job=job)
@@ -315,7 +315,7 @@ def test_evidence_is_closed_at_the_frames_stamp_before_processing_begins(
 def test_a_distance_is_evidence_of_the_instant_of_its_reading() -> None:
     job = RecordedJob(start_s=12.5)
 
-    measure_distance(machine="centrifuge", base=Standing(Pose.identity()), job=job)
+    measure_distance(machine="centrifuge", base=FixedBase(Pose.identity()), job=job)
 
     assert [what for what, _, _ in job.record] == ["evidence", "slept"]
     assert job.record[0][1:] == (12.5, 12.5)
@@ -340,13 +340,13 @@ def test_a_naive_round_over_all_vision_calls_takes_as_long_as_a_trigger_in_the_p
     round_s = 2 * find_s + 2 * lid_s + rotor_s
 
     assert round_s == pytest.approx(10 * 3600 / 5006, rel=0.03)
-    assert mean_duration_s(measure_distance, base=lambda _: Standing(Pose.identity())) == pytest.approx(
+    assert mean_duration_s(measure_distance, base=lambda _: FixedBase(Pose.identity())) == pytest.approx(
         perception.MEASURE_DISTANCE_S, rel=0.05
     )
 
 
-def test_the_time_that_processing_takes_does_not_depend_on_what_a_frame_shows_or_who_asks(lab: Laboratory) -> None:
-    lab.stand("pcr_cycler")
+def test_the_processing_time_does_not_depend_on_the_frame_or_the_caller(lab: Laboratory) -> None:
+    lab.place_robot("pcr_cycler")
     jobs = [RecordedJob(random=Random(seed)) for seed in (1, 2)]
 
     for frame, job in zip((lab.frame(), GreyFrameSource(lab.world).frame_at(3.0)), jobs, strict=True):
@@ -355,11 +355,11 @@ def test_the_time_that_processing_takes_does_not_depend_on_what_a_frame_shows_or
     assert jobs[0].record[-1] == jobs[1].record[-1]
 
 
-# What perception knows
+# Inputs of perception
 
 
 def test_perception_runs_without_the_simulator() -> None:
-    """The libraries of the simulator are blocked; of the laboratory only its map and what perceives are loaded."""
+    """The libraries of the simulator are blocked; of the laboratory only its map and its perception are loaded."""
     done = subprocess.run(
         [sys.executable, "-c", PERCEIVE_WITHOUT_A_SIMULATOR], cwd=ROOT, capture_output=True, text=True, check=False
     )
@@ -374,7 +374,7 @@ def test_perception_runs_without_the_simulator() -> None:
 def test_stored_frames_give_the_same_evidence_in_another_process(lab: Laboratory, tmp_path: Path) -> None:
     expected = {}
     for index, (machine, lid_rad) in enumerate((("centrifuge", 0.0), ("centrifuge", 1.35), ("pcr_cycler", 0.9))):
-        lab.stand(machine)
+        lab.place_robot(machine)
         lab.turn(machine, Part.LID, lid_rad)
         name = f"{index}.png"
         store(lab.frame(), tmp_path / name)
@@ -395,8 +395,8 @@ def test_stored_frames_give_the_same_evidence_in_another_process(lab: Laboratory
     assert expected["1.png"]["centrifuge localize_lid"]["lid_angle"] == pytest.approx(1.35, abs=0.02)
 
 
-def test_it_does_not_matter_who_asks_first(lab: Laboratory) -> None:
-    lab.stand("centrifuge")
+def test_the_order_of_callers_does_not_matter(lab: Laboratory) -> None:
+    lab.place_robot("centrifuge")
     lab.turn("centrifuge", Part.LID, 1.0)
     first = [ask(function, "centrifuge", lab.frame()) for function in SEES_PIXELS]
     again = [ask(function, "centrifuge", lab.frame()) for function in reversed(SEES_PIXELS)]
@@ -405,7 +405,7 @@ def test_it_does_not_matter_who_asks_first(lab: Laboratory) -> None:
 
 
 def test_detections_lie_where_geometry_puts_the_tags(lab: Laboratory) -> None:
-    lab.stand("centrifuge")
+    lab.place_robot("centrifuge")
     views = lab.views()
 
     for detection in detect(lab.frame()):

@@ -36,7 +36,7 @@ def test_turns_about_one_axis_add_up(axis: tuple[float, float, float], first_rad
 
 
 @given(st.floats(-10.0, 10.0))
-def test_a_pose_in_the_plane_turns_by_the_very_numbers_of_a_turn_about_the_vertical(heading_rad: float) -> None:
+def test_a_planar_pose_equals_a_turn_about_the_vertical_axis_exactly(heading_rad: float) -> None:
     turned = rotation_about((0.0, 0.0, 1.0), heading_rad)
 
     assert Pose.planar(1.0, 2.0, heading_rad).rotation.tobytes() == turned.tobytes()
@@ -44,7 +44,7 @@ def test_a_pose_in_the_plane_turns_by_the_very_numbers_of_a_turn_about_the_verti
 
 
 @given(PLACES_M, PLACES_M)
-def test_short_ways_to_work_with_vectors_give_numpys_very_numbers(left: np.ndarray, right: np.ndarray) -> None:
+def test_fast_vector_functions_give_exactly_the_numbers_of_numpy(left: np.ndarray, right: np.ndarray) -> None:
     assert cross(left, right).tobytes() == np.cross(left, right).tobytes()
     assert columns(left, right, left).tobytes() == np.column_stack((left, right, left)).tobytes()
     assert length(left) == float(np.linalg.norm(left))

@@ -1,4 +1,4 @@
-"""How long perception takes: log-normal times, from one stream that keeps those in step who do the same."""
+"""Durations of perception: log-normal, from one stream that keeps equal callers in step."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MEANS_S = (FIND_IN_VIEW_S, LOCALIZE_ROTOR_S, LOCALIZE_LID_S)
 
 
 def ends_of_work(computer: Computer, mean_s: float, count: int, start_s: float = 7.0) -> list[float]:
-    """Begin again and again, as soon as the work is done; return when it was begun and ended."""
+    """Begin the next work as soon as the last one is done, and return the begins and ends."""
     ends_s = [start_s]
     for _ in range(count):
         ends_s.append(ends_s[-1] + computer.processing_s(ends_s[-1], mean_s))
@@ -36,8 +36,8 @@ def test_times_are_log_normal_with_the_mean_asked_for_and_the_spread(mean_s: flo
     assert np.exp(logs).mean() == pytest.approx(mean_s, rel=0.03)
 
 
-def test_times_of_calls_in_turn_are_log_normal_too_and_tell_nothing_of_the_next() -> None:
-    """As the naive observers make them."""
+def test_times_of_consecutive_calls_are_log_normal_and_independent() -> None:
+    """As naive observers call it."""
     computer, now_s, away = Computer(9), 0.0, []
     for mean_s in (FIND_IN_VIEW_S, FIND_IN_VIEW_S, LOCALIZE_LID_S, LOCALIZE_ROTOR_S, LOCALIZE_LID_S) * 500:
         time_s = computer.processing_s(now_s, mean_s)
@@ -48,13 +48,13 @@ def test_times_of_calls_in_turn_are_log_normal_too_and_tell_nothing_of_the_next(
     assert abs(np.corrcoef(away[1:], away[:-1])[0, 1]) < 0.06
 
 
-def test_a_time_tells_nothing_of_the_next() -> None:
+def test_times_are_independent_of_the_next() -> None:
     logs = np.log(one_after_another(Computer(4), LOCALIZE_LID_S, 3000))
 
     assert abs(np.corrcoef(logs[1:], logs[:-1])[0, 1]) < 0.05
 
 
-def test_who_does_the_same_a_little_later_ends_at_the_same_instant_nearly_always() -> None:
+def test_equal_work_that_begins_a_little_later_nearly_always_ends_at_the_same_instant() -> None:
     computer = Computer(5)
     starts_s = [40.0 + 3.0 * index for index in range(500)]
     ends_s = [start_s + computer.processing_s(start_s, LOCALIZE_LID_S) for start_s in starts_s]
@@ -63,7 +63,7 @@ def test_who_does_the_same_a_little_later_ends_at_the_same_instant_nearly_always
     assert np.mean([end_s == later for end_s, later in zip(ends_s, later_s, strict=True)]) > 0.8
 
 
-def test_who_begins_apart_and_does_the_same_is_in_step_before_long() -> None:
+def test_callers_with_equal_work_are_soon_in_step() -> None:
     computer = Computer(6)
     first_s, second_s = (set(ends_of_work(computer, LOCALIZE_LID_S, 40, start_s)) for start_s in (10.0, 11.3))
 
@@ -71,7 +71,7 @@ def test_who_begins_apart_and_does_the_same_is_in_step_before_long() -> None:
 
 
 @given(st.integers(0, 50), st.floats(0.0, 10_000.0), st.floats(SHORTEST_MEAN_S, 30.0))
-def test_the_same_seed_instant_and_mean_give_the_same_time_whoever_else_asked_before(
+def test_the_same_seed_instant_and_mean_give_the_same_time_after_any_other_calls(
     seed: int, start_s: float, mean_s: float
 ) -> None:
     asked_by_others = Computer(seed)
@@ -89,6 +89,6 @@ def test_another_seed_gives_other_times() -> None:
 
 
 @pytest.mark.parametrize("mean_s", [0.1, -1.0, inf, nan])
-def test_a_mean_that_the_stream_has_no_times_for_is_refused(mean_s: float) -> None:
-    with pytest.raises(ValueError, match=r"is not a number from 0\.35 s on"):
+def test_an_unsupported_mean_is_refused(mean_s: float) -> None:
+    with pytest.raises(ValueError, match=r"must be at least 0\.35 s and finite"):
         Computer(1).processing_s(3.0, mean_s)

@@ -1,4 +1,4 @@
-"""Whether a frame could show a tag: on painted walls, and, in drawn frames, against what the detector finds."""
+"""Sharpness on painted walls, and, in drawn frames, compared with the tags that the detector detects."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from codra_papers.lab.simulator.camera import FrameSource, GreyFrameSource
 from codra_papers.lab.simulator.geometric_camera import GeometricCamera
 from codra_papers.lab.simulator.world import LabWorld, Quantity
 from tests.papers.lab.perception.painted import cluttered_wall, frame_of, painted
-from tests.papers.lab.perception.posed import put, set_joint, stand_before
+from tests.papers.lab.perception.posed import place_robot_before, put, set_joint
 
 ENOUGH = 0.5
-"""What the spec asks for in `accept_when`."""
+"""The threshold in the `accept_when` of the spec."""
 
 
 def chance(seed: int = 0) -> np.random.Generator:
@@ -32,7 +32,7 @@ def sharpness_of(picture: Array, *, noise: float = 2.0) -> float:
 
 
 def moved(picture: Array, length_px: float, direction_rad: float) -> Array:
-    """Return a picture as a camera sees it that turns while its shutter is open."""
+    """Return the picture of a camera that turns while its shutter is open."""
     steps = np.linspace(-length_px / 2, length_px / 2, 4 * int(length_px) + 1)
     shifts = [np.array([[1, 0, step * cos(direction_rad)], [0, 1, step * sin(direction_rad)]]) for step in steps]
     exposures = [cv2.warpAffine(picture, shift, (640, 480), borderMode=cv2.BORDER_REFLECT) for shift in shifts]
@@ -44,7 +44,7 @@ def moved(picture: Array, length_px: float, direction_rad: float) -> Array:
 
 @pytest.mark.parametrize("grey", [0.0, 60.0, 128.0, 255.0])
 @pytest.mark.parametrize("noise", [0.0, 2.0, 6.0])
-def test_a_frame_without_contrast_shows_nothing(grey: float, noise: float) -> None:
+def test_a_frame_without_contrast_has_no_sharpness(grey: float, noise: float) -> None:
     assert sharpness_of(np.full((480, 640), grey), noise=noise) == 0.0
 
 
@@ -65,7 +65,7 @@ def test_a_motion_in_any_direction_shows(direction_rad: float) -> None:
 
 
 @pytest.mark.parametrize("direction_degrees", [0, 2, 20, 45, 90, 132])
-def test_the_sharp_streaks_that_a_motion_draws_over_a_speckled_floor_are_not_taken_for_sharpness(
+def test_sharp_streaks_of_a_motion_over_a_speckled_floor_do_not_count_as_sharpness(
     direction_degrees: int,
 ) -> None:
     speckles = cv2.GaussianBlur(chance().normal(150.0, 37.0, (480, 640)), (0, 0), 0.7)
@@ -98,7 +98,7 @@ def test_a_frame_that_is_mostly_too_bright_shows_little() -> None:
     assert sharpness_of(cluttered_wall(chance(), brightness=250.0, contrast=60.0)) < ENOUGH
 
 
-def test_stripes_in_one_direction_tell_nothing_of_a_motion_along_them() -> None:
+def test_stripes_in_one_direction_do_not_show_a_motion_along_them() -> None:
     stripes = np.tile(np.where(np.arange(640) // 20 % 2, 60.0, 180.0), (480, 1))
 
     assert sharpness_of(stripes) == 0.0
@@ -115,7 +115,7 @@ def look_around(world: LabWorld, count: int, random: Random) -> list[float]:
         past = random.random() < 0.3
         target = (random.uniform(1.5, 3.0), random.uniform(-2.0, 2.0), 0.3) if past else (0.1, 0.0, 0.3)
         eye = (random.uniform(0.6, 1.4), random.uniform(-0.3, 0.3), random.uniform(0.5, 1.0))
-        stand_before(world, machine, (*eye, *target), at_s=start_s)
+        place_robot_before(world, machine, (*eye, *target), at_s=start_s)
         set_joint(world, machine, Part.LID, random.choice((0.0, 1.35)), at_s=start_s)
         put(world, Quantity.LIGHT, random.choice((1.0, random.uniform(0.05, 1.0))), at_s=start_s)
         x_m, y_m, heading_rad = world.state(start_s + 1.0).base
@@ -126,21 +126,21 @@ def look_around(world: LabWorld, count: int, random: Random) -> list[float]:
     return instants_s
 
 
-def test_in_a_frame_that_is_sharp_enough_every_whole_tag_is_found() -> None:
-    """What the spec relies on: seeing no tag means that there is none. Below the threshold it means nothing."""
+def test_in_a_sharp_frame_every_complete_tag_is_detected() -> None:
+    """The spec relies on it: a missing detection means that the tag is absent. Below the threshold it does not."""
     world, geometry = LabWorld(1), GeometricCamera()
-    found: dict[bool, list[bool]] = {True: [], False: []}
+    is_detected: dict[bool, list[bool]] = {True: [], False: []}
     with FrameSource(world) as source:
         for instant_s in look_around(world, 150, Random(4)):
             frame = source.frame_at(instant_s)
             seen = {detection.tag_id for detection in detect(frame)}
             views = geometry.tags_in_view(world.state(instant_s))
-            found[sharpness(frame) >= ENOUGH] += [view.tag_id in seen for view in views if view.is_resolved()]
+            is_detected[sharpness(frame) >= ENOUGH] += [view.tag_id in seen for view in views if view.is_resolved()]
 
-    assert len(found[True]) > 150
-    assert np.mean(found[True]) >= 0.99
-    assert len(found[False]) > 50
-    assert np.mean(found[False]) < 0.9
+    assert len(is_detected[True]) > 150
+    assert np.mean(is_detected[True]) >= 0.99
+    assert len(is_detected[False]) > 50
+    assert np.mean(is_detected[False]) < 0.9
 
 
 def test_still_frames_in_daylight_are_sharp_enough_with_and_without_a_machine_in_view() -> None:
@@ -149,13 +149,13 @@ def test_still_frames_in_daylight_are_sharp_enough_with_and_without_a_machine_in
         qualities = []
         for start_s in (10.0 * step for step in range(40)):
             target = (random.choice((0.1, random.uniform(1.5, 3.0))), random.uniform(-1.0, 1.0), 0.3)
-            stand_before(world, random.choice(sorted(MACHINES)), (1.1, 0.0, 0.8, *target), at_s=start_s)
+            place_robot_before(world, random.choice(sorted(MACHINES)), (1.1, 0.0, 0.8, *target), at_s=start_s)
             qualities.append(sharpness(source.frame_at(start_s + 1.0)))
 
     assert np.mean(np.array(qualities) >= ENOUGH) >= 0.95
 
 
-def test_a_percentile_is_numpys_very_number() -> None:
+def test_a_percentile_equals_that_of_numpy() -> None:
     random = np.random.default_rng(4)
     for count in (1, 2, 3, 40, 41, 1000):
         values = random.normal(100.0, 30.0, count).astype(np.float32)
@@ -163,7 +163,7 @@ def test_a_percentile_is_numpys_very_number() -> None:
             assert _percentile(values, percent) == float(np.percentile(values, percent))
 
 
-def test_an_angle_modulo_half_a_turn_is_numpys_very_number() -> None:
+def test_an_angle_modulo_half_a_turn_equals_that_of_numpy() -> None:
     half_turn = np.float32(pi)
     edges = np.array([-2, -1.5, -1, -0.5, -0.0, 0, 0.5, 1, 1.5], dtype=np.float32) * half_turn
     angles_rad = np.random.default_rng(5).uniform(-2 * half_turn, 2 * half_turn, 10_000).astype(np.float32)
@@ -176,5 +176,5 @@ def test_an_angle_modulo_half_a_turn_is_numpys_very_number() -> None:
     assert np.array_equal(folded, np.mod(angles_rad, half_turn))
 
 
-def test_a_covered_lens_shows_nothing() -> None:
+def test_a_covered_lens_has_no_sharpness() -> None:
     assert sharpness(GreyFrameSource(LabWorld(1)).frame_at(1.0)) == 0.0

@@ -1,4 +1,4 @@
-"""Tags in pixels: which are found, and where, on painted pictures whose corners are known exactly."""
+"""Detected tags and their corners on painted pictures with exactly known corners."""
 
 from __future__ import annotations
 
@@ -57,41 +57,41 @@ def test_a_tag_outside_the_family_is_refused_by_name(tag_id: int) -> None:
         tag_image(tag_id)
 
 
-# What is found
+# Detected tags
 
 
-def test_each_tag_of_the_laboratory_is_found_by_its_number() -> None:
+def test_all_tags_of_the_laboratory_are_detected_by_their_numbers() -> None:
     for tag_id in TAG_IDS:
         frame = frame_of(painted([(lone_tag(tag_id), before_the_camera(1.0))], random=chance(tag_id)))
 
         assert [detection.tag_id for detection in detect(frame)] == [tag_id]
 
 
-def test_a_tag_of_the_family_that_is_not_in_the_laboratory_is_not_found() -> None:
+def test_a_tag_of_the_family_outside_the_laboratory_is_not_detected() -> None:
     frame = frame_of(painted([(lone_tag(NOT_IN_THE_LABORATORY), before_the_camera(0.6))], random=chance()))
 
     assert detect(frame) == ()
 
 
-def test_a_tag_that_seems_to_be_in_two_places_is_not_believed() -> None:
+def test_a_tag_detected_in_two_places_is_dropped() -> None:
     half = painted([(lone_tag(20), before_the_camera(1.0))], random=chance())[:, 160:480]
 
     assert detect(frame_of(np.hstack([half, half]))) == ()
 
 
 @pytest.mark.parametrize("grey", [0, 128, 255])
-def test_nothing_is_found_on_an_empty_frame(grey: int) -> None:
+def test_no_tag_is_detected_on_an_empty_frame(grey: int) -> None:
     assert detect(frame_of(np.full((480, 640), grey, dtype=np.uint8))) == ()
 
 
-def test_nothing_is_found_on_walls_without_tags() -> None:
+def test_no_tag_is_detected_on_walls_without_tags() -> None:
     for seed in range(30):
         wall = cluttered_wall(chance(seed), contrast=60.0)
 
         assert detect(frame_of(painted([], random=chance(seed), background=wall))) == ()
 
 
-# Where it is
+# Corners
 
 
 @settings(max_examples=40)
@@ -102,7 +102,7 @@ def test_nothing_is_found_on_walls_without_tags() -> None:
     tilt_axis_rad=st.floats(-pi, pi),
     roll_rad=st.floats(-pi, pi),
 )
-def test_corners_are_found_to_a_fifth_of_a_pixel_in_the_order_of_the_tag(
+def test_corners_are_exact_to_a_fifth_of_a_pixel_in_the_order_of_the_tag(
     tag_id: int, distance_m: float, tilt_rad: float, tilt_axis_rad: float, roll_rad: float
 ) -> None:
     tag = lone_tag(tag_id)
@@ -141,8 +141,8 @@ def test_many_threads_that_ask_about_one_frame_share_one_search() -> None:
     assert {id(answer) for answer in answers} == {id(answers[0])}
 
 
-def test_old_frames_are_let_go() -> None:
-    """What is kept is bounded: after many other frames the first is searched anew, with the same result."""
+def test_old_frames_are_dropped_from_the_cache() -> None:
+    """The cache is bounded: after many other frames the first is searched again, with the same result."""
     frames = [
         frame_of(painted([(lone_tag(20), before_the_camera(0.8 + step / 50))], random=chance())) for step in range(12)
     ]

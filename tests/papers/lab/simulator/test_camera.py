@@ -1,4 +1,4 @@
-"""Frames: drawn once, the same for everyone, and true to the geometry."""
+"""Frames: drawn once, the same for all callers, and consistent with the geometry."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from codra_papers.lab.simulator.geometric_camera import GeometricCamera
 from codra_papers.lab.simulator.laboratory import NOISE_GREYS
 from codra_papers.lab.simulator.scene import CAMERA_NAME, Stage
 from codra_papers.lab.simulator.world import JointKey, LabWorld, Quantity
-from tests.papers.lab.perception.posed import put, set_joint, stand_before
+from tests.papers.lab.perception.posed import place_robot_before, put, set_joint
 
 SEED = 5
 OVERVIEW = observation_gaze("pcr_cycler", Part.LID)
@@ -32,7 +32,7 @@ OVERVIEW = observation_gaze("pcr_cycler", Part.LID)
 @pytest.fixture
 def world() -> LabWorld:
     world = LabWorld(SEED)
-    stand_before(world, "pcr_cycler", OVERVIEW)
+    place_robot_before(world, "pcr_cycler", OVERVIEW)
     return world
 
 
@@ -48,10 +48,10 @@ def detail(frame: Frame) -> float:
     return float(np.percentile(np.abs(cv2.Sobel(cv2.blur(grey, (1, 9)), cv2.CV_64F, 1, 0, ksize=3)), 98))
 
 
-# One frame for everyone
+# One frame for all callers
 
 
-def test_a_frame_is_drawn_once_however_many_ask(source: FrameSource) -> None:
+def test_a_frame_is_drawn_once_for_many_callers(source: FrameSource) -> None:
     first, again = source.frame_at(1.0), source.frame_at(1.0)
 
     assert again is first
@@ -73,7 +73,7 @@ def test_the_same_seed_and_instant_give_the_same_pixels(world: LabWorld, source:
         assert np.array_equal(other.frame_at(1.0).pixels, source.frame_at(1.0).pixels)
 
 
-def test_what_was_drawn_before_leaves_no_trace_in_a_frame(world: LabWorld, source: FrameSource) -> None:
+def test_earlier_frames_do_not_change_a_frame(world: LabWorld, source: FrameSource) -> None:
     put(world, Quantity.LIGHT, 0.4, at_s=2.0)
     set_joint(world, "pcr_cycler", Part.LID, 1.0, at_s=3.0)
     world.schedule(4.0, [world.moves_to(4.0, camera_key(), (0.0,), 1.0)])
@@ -85,7 +85,7 @@ def test_what_was_drawn_before_leaves_no_trace_in_a_frame(world: LabWorld, sourc
 
 def test_noise_depends_on_seed_and_instant(source: FrameSource) -> None:
     other_world = LabWorld(SEED + 1)
-    stand_before(other_world, "pcr_cycler", OVERVIEW)
+    place_robot_before(other_world, "pcr_cycler", OVERVIEW)
     with FrameSource(other_world) as other:
         frames = [source.frame_at(1.0), source.frame_at(2.0), other.frame_at(1.0)]
 
@@ -136,7 +136,7 @@ def test_the_robot_believes_its_camera_near_where_it_is(world: LabWorld, source:
     assert np.trace(believed.rotation.T @ truly.rotation) > 1 + 2 * np.cos(0.03)
 
 
-# What light and motion do
+# Effects of light and motion
 
 
 def test_a_frame_of_a_still_scene_is_one_exposure(world: LabWorld) -> None:
@@ -162,14 +162,14 @@ def test_a_lid_that_moves_blurs_only_itself(world: LabWorld, source: FrameSource
     assert difference < 1.5 * NOISE_GREYS
 
 
-def test_so_slow_a_move_that_no_pixel_notices_blurs_nothing(world: LabWorld) -> None:
+def test_a_move_slower_than_a_pixel_does_not_blur(world: LabWorld) -> None:
     x_m, y_m, heading_rad = world.state(1.0).base
     world.schedule(2.0, [world.moves_to(2.0, Quantity.BASE, (x_m, y_m + 0.05, heading_rad), 60.0)])
 
     assert len(exposure(world, 32.0)) == 1
 
 
-def test_nothing_that_a_line_of_sight_through_the_picture_meets_is_left_out_of_the_drawing(world: LabWorld) -> None:
+def test_every_body_on_a_line_of_sight_through_the_picture_is_drawn(world: LabWorld) -> None:
     stage, random = Stage(), Random(SEED)
     view = camera._View(stage, stage.model.camera(CAMERA_NAME).id)
     spots_px = np.stack(np.meshgrid(np.linspace(0, 639, 65), np.linspace(0, 479, 49)), axis=-1).reshape(-1, 2)
@@ -197,7 +197,7 @@ def test_nothing_that_a_line_of_sight_through_the_picture_meets_is_left_out_of_t
     assert np.mean(drawn_shares) < 0.6, "most of the room lies beside the picture"
 
 
-def test_in_the_dark_nothing_is_detected(world: LabWorld, source: FrameSource) -> None:
+def test_in_the_dark_no_tag_is_detected(world: LabWorld, source: FrameSource) -> None:
     put(world, Quantity.LIGHT, 0.0, at_s=2.0)
 
     assert {detection.tag_id for detection in detect(source.frame_at(1.0))} >= set(range(20, 28))
@@ -205,7 +205,7 @@ def test_in_the_dark_nothing_is_detected(world: LabWorld, source: FrameSource) -
     assert source.frame_at(3.0).pixels.mean() < 5
 
 
-def test_a_covered_lens_gives_grey_frames_on_which_nothing_is_detected(world: LabWorld) -> None:
+def test_a_covered_lens_gives_grey_frames_without_detections(world: LabWorld) -> None:
     frame = GreyFrameSource(world).frame_at(1.0)
 
     assert detect(frame) == ()
@@ -229,7 +229,7 @@ def wander(world: LabWorld, steps: int, random: Random) -> list[float]:
         machine = random.choice(sorted(MACHINES))
         eye = (random.uniform(0.45, 1.5), random.uniform(-0.35, 0.35), random.uniform(0.35, 1.0))
         target = (0.1, random.uniform(-0.2, 0.2), random.uniform(0.1, 0.5))
-        stand_before(world, machine, (*eye, *target), at_s=start_s)
+        place_robot_before(world, machine, (*eye, *target), at_s=start_s)
         set_joint(world, machine, Part.LID, random.uniform(0.0, 1.35), at_s=start_s)
         set_joint(world, machine, Part.LATCH, random.uniform(0.0, 1.0), at_s=start_s)
         set_joint(world, "centrifuge", Part.ROTOR, random.uniform(0.0, 2 * pi), at_s=start_s)
@@ -238,10 +238,10 @@ def wander(world: LabWorld, steps: int, random: Random) -> list[float]:
     return instants
 
 
-def test_the_tags_in_the_pixels_are_those_that_geometry_says_can_be_seen() -> None:
-    """Both ways: what geometry calls resolved is detected, and what is detected geometry knows, corner by corner."""
+def test_detected_tags_are_those_that_geometry_resolves() -> None:
+    """In both directions: resolved tags are detected, and detected tags agree with geometry, corner by corner."""
     world, geometry = LabWorld(SEED), GeometricCamera()
-    resolved = found = 0
+    resolved = detected = 0
     with FrameSource(world) as source:
         for instant_s in wander(world, 60, Random(1)):
             views = {view.tag_id: view for view in geometry.tags_in_view(world.state(instant_s))}
@@ -253,15 +253,15 @@ def test_the_tags_in_the_pixels_are_those_that_geometry_says_can_be_seen() -> No
             for tag_id in certain:
                 offsets_px = detections[tag_id].corners_px - views[tag_id].corners_px
                 assert max(hypot(x, y) for x, y in offsets_px) < 1.0, (instant_s, tag_id)
-            resolved, found = resolved + len(certain), found + len(detections)
+            resolved, detected = resolved + len(certain), detected + len(detections)
 
     assert resolved > 150
-    assert resolved > 0.6 * found
+    assert resolved > 0.6 * detected
 
 
 def test_a_tag_behind_the_fingers_is_covered() -> None:
     world, geometry = LabWorld(SEED), GeometricCamera()
-    stand_before(world, "pcr_cycler", (0.55, 0.0, 0.40, 0.2, 0.0, 0.15))
+    place_robot_before(world, "pcr_cycler", (0.55, 0.0, 0.40, 0.2, 0.0, 0.15))
     put(world, Quantity.REACH, 1.0, at_s=2.0)
 
     free = {view.tag_id: view.covered for view in geometry.tags_in_view(world.state(1.0))}
@@ -272,12 +272,12 @@ def test_a_tag_behind_the_fingers_is_covered() -> None:
     assert covered[20] == 0.0
 
 
-def test_while_the_hand_holds_the_lid_of_the_large_machine_hardly_a_tag_is_whole() -> None:
+def test_while_the_hand_holds_the_lid_of_the_large_machine_hardly_a_tag_is_complete() -> None:
     world, geometry = LabWorld(SEED), GeometricCamera()
     put(world, Quantity.REACH, 1.0)
     for step, angle_rad in enumerate(np.linspace(0.0, 1.35, 8)):
         start_s = 10.0 * step
-        stand_before(world, "centrifuge", grip_gaze(MACHINES["centrifuge"], Part.LID, angle_rad), at_s=start_s)
+        place_robot_before(world, "centrifuge", grip_gaze(MACHINES["centrifuge"], Part.LID, angle_rad), at_s=start_s)
         set_joint(world, "centrifuge", Part.LID, float(angle_rad), at_s=start_s)
 
         views = geometry.tags_in_view(world.state(start_s + 5.0))

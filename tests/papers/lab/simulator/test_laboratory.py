@@ -1,4 +1,4 @@
-"""A laboratory as a value: the default is the one of the protocol, to the bit; another differs in what it says."""
+"""A laboratory as a value: the default is exactly that of the protocol, and others differ in their settings."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ LID = "pcr_cycler_open"
 LID_KEY = JointKey("pcr_cycler", Part.LID)
 
 
-def digest(*told: str) -> str:
-    return sha256("\n".join(told).encode()).hexdigest()[:16]
+def digest(*lines: str) -> str:
+    return sha256("\n".join(lines).encode()).hexdigest()[:16]
 
 
 def worked(seed: int) -> tuple[LabWorld, float]:
-    """A world in which the robot has tended both machines, and when it was done."""
+    """A world in which the robot has tended both machines, and the time when it had finished."""
     world, clock = LabWorld(seed), SimClock()
     robot = Robot(world, clock, Random(f"{seed} robot"))
     robot.drive_to("centrifuge")
@@ -52,8 +52,10 @@ def worked(seed: int) -> tuple[LabWorld, float]:
 
 
 def numbers(state: LabState) -> str:
-    told = (*state.base, *state.eye_m, *state.target_m, state.reach, state.opening_m, state.light)
-    return " ".join(f"{number:.6f}" for number in (*told, *(state.joints_rad[key] for key in sorted(state.joints_rad))))
+    values = (*state.base, *state.eye_m, *state.target_m, state.reach, state.opening_m, state.light)
+    return " ".join(
+        f"{number:.6f}" for number in (*values, *(state.joints_rad[key] for key in sorted(state.joints_rad)))
+    )
 
 
 # The digests were taken of the code in which the laboratory was module constants.
@@ -61,7 +63,7 @@ def numbers(state: LabState) -> str:
 
 def test_the_default_scene_is_that_of_the_protocol() -> None:
     assert digest(mjcf()) == "b70fdd27810506a5"
-    assert sorted(textures()) == sorted(["floor.png", "wall.png", *(f"tag_{each}.png" for each in TAG_IDS)])
+    assert sorted(textures()) == sorted(["floor.png", "wall.png", *(f"tag_{tag_id}.png" for tag_id in TAG_IDS)])
 
 
 TAG_IDS = [tag.tag_id for machine in MACHINES.values() for tag in machine.tags]
@@ -75,7 +77,7 @@ def test_the_default_laboratory_moves_as_that_of_the_protocol() -> None:
     assert digest(*states) == "12ff298c07269d8e"
 
 
-def test_in_the_default_laboratory_the_same_is_true() -> None:
+def test_the_default_laboratory_has_the_same_truth() -> None:
     world, end_s = worked(3)
     spans = [f"{span.start_s:.3f} {sorted(span.values.items())}" for span in GroundTruth(world).over(0.0, end_s)]
 
@@ -110,44 +112,44 @@ def test_perception_knows_the_machines_of_the_laboratory_that_its_robot_works_in
 
 
 def seen(laboratory: Laboratory, machine: str, part: Part) -> tuple[set[int], set[int]]:
-    """The tags that are found when the robot looks at a part, and those that geometry says can be."""
+    """The tags that are detected when the robot looks at a part, and those that are resolved by geometry."""
     world, clock = LabWorld(1, laboratory), SimClock()
     robot = Robot(world, clock, SteadyHand())
     robot.drive_to(machine)
     robot.look_at(machine, part)
     with surveyed(laboratory.machines), FrameSource(world) as frames:
-        found = {detection.tag_id for detection in detect(frames.frame_at(clock.now_s()))}
+        detected = {detection.tag_id for detection in detect(frames.frame_at(clock.now_s()))}
     views = GeometricCamera(laboratory).tags_in_view(world.state(clock.now_s()))
-    return found, {view.tag_id for view in views if view.is_resolved()}
+    return detected, {view.tag_id for view in views if view.is_resolved()}
 
 
-def test_a_third_machine_of_another_shape_shows_all_its_tags_to_who_looks_at_it() -> None:
+def test_a_third_machine_of_another_shape_shows_all_its_tags() -> None:
     laboratory = LABORATORY.with_machines(shaker(5.3, 1.6, pi))
-    found, resolved = seen(laboratory, "shaker", Part.LID)
+    detected, resolved = seen(laboratory, "shaker", Part.LID)
 
-    assert {30, 31, 32, 33, 34, 35} <= found
-    assert resolved <= found
+    assert {30, 31, 32, 33, 34, 35} <= detected
+    assert resolved <= detected
 
 
 def test_another_machine_of_the_same_shape_is_another_machine() -> None:
     second = LABORATORY.machine("pcr_cycler").named("second", 40).standing(5.3, 1.6, pi)
     laboratory = LABORATORY.with_machines(second)
-    found, _ = seen(laboratory, "second", Part.LID)
+    detected, _ = seen(laboratory, "second", Part.LID)
 
-    assert set(range(40, 48)) <= found
+    assert set(range(40, 48)) <= detected
     assert second.map_from_base.translation_m.tolist() == [5.3, 1.6, 0.72]
     assert truth_at(LabWorld(1, laboratory), 0.0)["second_locked"] is True
 
 
-def test_small_tags_are_not_found_from_where_the_robot_waits() -> None:
+def test_small_tags_are_not_detected_from_the_waiting_pose() -> None:
     assert seen(LABORATORY.with_tags(0.25), "pcr_cycler", Part.LID)[0] == set()
 
 
-def test_a_machine_that_was_moved_is_tended_where_it_stands() -> None:
+def test_a_moved_machine_is_tended_at_its_new_place() -> None:
     laboratory = LABORATORY.with_standing("pcr_cycler", 5.3, 1.6, pi)
-    found, _ = seen(laboratory, "pcr_cycler", Part.LID)
+    detected, _ = seen(laboratory, "pcr_cycler", Part.LID)
 
-    assert set(range(20, 28)) <= found
+    assert set(range(20, 28)) <= detected
 
 
 def disturbed(*disturbances: LidMoved | PersonBefore | LightDown) -> tuple[LabWorld, SimClock]:
@@ -156,14 +158,14 @@ def disturbed(*disturbances: LidMoved | PersonBefore | LightDown) -> tuple[LabWo
     return world, clock
 
 
-def test_somebody_opens_a_lid_and_truth_follows() -> None:
+def test_a_person_opens_a_lid_and_truth_follows() -> None:
     world, clock = disturbed(LidMoved(at_s=10.0, machine="pcr_cycler", open_share=1.0))
     clock.sleep(20.0)
 
     assert [truth_at(world, instant_s)[LID] for instant_s in (9.0, 14.0)] == [False, True]
 
 
-def test_somebody_keeps_off_a_lid_while_the_robot_has_its_hand_out() -> None:
+def test_a_person_does_not_move_a_lid_while_the_robots_hand_is_extended() -> None:
     world, clock = disturbed(LidMoved(at_s=110.0, machine="pcr_cycler", open_share=0.5))
     robot = Robot(world, clock, SteadyHand())
     robot.drive_to("pcr_cycler")
@@ -176,12 +178,12 @@ def test_somebody_keeps_off_a_lid_while_the_robot_has_its_hand_out() -> None:
     assert world.state(end_s + 10.0).joints_rad[LID_KEY] == pytest.approx(1.15 / 2)
 
 
-def test_a_lid_that_somebody_moved_is_taken_where_it_is_then() -> None:
+def test_the_robot_grips_a_moved_lid_at_its_new_place() -> None:
     world, clock = disturbed(LidMoved(at_s=100.0, machine="pcr_cycler", open_share=0.5))
     robot = Robot(world, clock, SteadyHand())
     robot.drive_to("pcr_cycler")
     clock.sleep(99.0 - clock.now_s())
-    robot.open_lid("pcr_cycler")  # the latch holds no lid that stands open
+    robot.open_lid("pcr_cycler")  # the latch does not hold an open lid
     angles_rad = [world.state(98.0 + second).joints_rad[LID_KEY] for second in range(200)]
 
     assert angles_rad[-1] == pytest.approx(1.15)
@@ -189,7 +191,7 @@ def test_a_lid_that_somebody_moved_is_taken_where_it_is_then() -> None:
 
 
 def before_and_meanwhile(*disturbances: PersonBefore | LightDown) -> tuple[Frame, Frame, LabWorld]:
-    """Frames of a still robot at the PCR-cycler before a disturbance at 100 s, and within it."""
+    """Frames of a resting robot at the PCR-cycler before a disturbance at 100 s, and during it."""
     world, clock = disturbed(*disturbances)
     robot = Robot(world, clock, SteadyHand())
     robot.drive_to("pcr_cycler")
@@ -210,7 +212,7 @@ def test_a_person_before_the_camera_hides_all_tags_and_goes_away() -> None:
     ]
 
 
-def test_in_the_dark_no_tag_is_found_though_all_are_in_view() -> None:
+def test_in_the_dark_no_tag_is_detected_though_all_are_in_view() -> None:
     before, meanwhile, world = before_and_meanwhile(LightDown(at_s=100.0, lasts_s=30.0, light=0.02))
 
     assert len(detect(before)) >= 8

@@ -1,4 +1,4 @@
-"""The laboratory as it is drawn: tags that a detector finds where the layout says they are."""
+"""The drawn laboratory: a detector detects the tags at their places in the layout."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from codra_papers.lab.simulator import gl
 from codra_papers.lab.simulator.camera import FrameSource
 from codra_papers.lab.simulator.scene import Stage
 from codra_papers.lab.simulator.world import LabWorld, Quantity
-from tests.papers.lab.perception.posed import put, set_joint, stand_before
+from tests.papers.lab.perception.posed import place_robot_before, put, set_joint
 
 OPEN_RAD = 1.35
 UNLOCKED_RAD = 1.0
@@ -40,20 +40,20 @@ def test_base_lid_and_latch_show_all_their_tags_from_where_the_robot_looks(
     machine: str, part: Part, lid_rad: float, latch_rad: float
 ) -> None:
     world = LabWorld(1)
-    stand_before(world, machine, observation_gaze(machine, part))
+    place_robot_before(world, machine, observation_gaze(machine, part))
     set_joint(world, machine, Part.LID, lid_rad)
     set_joint(world, machine, Part.LATCH, latch_rad)
 
-    found = detected_ids(world)
+    tag_ids = detected_ids(world)
 
-    assert found >= ids_on(machine, Part.BASE, Part.LID, Part.LATCH)
-    assert found <= KNOWN_IDS
+    assert tag_ids >= ids_on(machine, Part.BASE, Part.LID, Part.LATCH)
+    assert tag_ids <= KNOWN_IDS
 
 
 @pytest.mark.parametrize("rotor_rad", [0.0, pi])
 def test_the_rotor_shows_its_tags_through_the_open_lid_only(rotor_rad: float) -> None:
     world = LabWorld(1)
-    stand_before(world, "centrifuge", observation_gaze("centrifuge", Part.ROTOR))
+    place_robot_before(world, "centrifuge", observation_gaze("centrifuge", Part.ROTOR))
     set_joint(world, "centrifuge", Part.ROTOR, rotor_rad)
     behind_the_lid = detected_ids(world, 1.0)
     set_joint(world, "centrifuge", Part.LID, OPEN_RAD, at_s=2.0)
@@ -63,15 +63,15 @@ def test_the_rotor_shows_its_tags_through_the_open_lid_only(rotor_rad: float) ->
     assert through_the_open_lid >= ids_on("centrifuge", Part.ROTOR)
 
 
-def test_a_look_around_the_room_shows_no_tag_that_is_not_there() -> None:
+def test_a_look_around_the_room_shows_no_unknown_tag() -> None:
     world = LabWorld(1)
     for step in range(12):
         put(world, Quantity.BASE, 3.0, 3.0, step * pi / 6, at_s=float(step))
 
     with FrameSource(world) as source:
-        found = {detection.tag_id for step in range(12) for detection in detect(source.frame_at(step + 0.5))}
+        tag_ids = {detection.tag_id for step in range(12) for detection in detect(source.frame_at(step + 0.5))}
 
-    assert found <= KNOWN_IDS
+    assert tag_ids <= KNOWN_IDS
 
 
 def test_tags_are_unique_in_the_laboratory() -> None:
@@ -90,7 +90,7 @@ def test_the_large_machine_carries_fewer_tags_and_farther_apart_than_the_compact
     assert width_m["centrifuge"] > 2 * width_m["pcr_cycler"]
 
 
-def test_a_ray_ends_on_the_first_thing_in_its_way() -> None:
+def test_a_ray_ends_on_the_first_body_in_its_way() -> None:
     stage = Stage()
     world = LabWorld(1)
     stage.place(world.state(0.0))
@@ -123,14 +123,14 @@ HIDDEN = {"MUJOCO_GL": "egl", "__EGL_VENDOR_LIBRARY_FILENAMES": "/dev/null", "PY
 """The environment of a machine without graphics."""
 
 
-def said_without_graphics(program: str) -> str:
+def printed_without_graphics(program: str) -> str:
     done = subprocess.run(
         [sys.executable, "-c", program], env=os.environ | HIDDEN, capture_output=True, text=True, check=True
     )
     return done.stdout
 
 
-def test_a_machine_without_graphics_is_told_what_to_install() -> None:
+def test_without_graphics_the_error_names_packages_to_install() -> None:
     program = """
 from codra_papers.lab.simulator import gl
 try:
@@ -139,10 +139,10 @@ except gl.GraphicsUnavailableError as error:
     print(error)
 """
 
-    said = said_without_graphics(program)
+    printed = printed_without_graphics(program)
 
-    assert "apt-get install libosmesa6" in said
-    assert "egl: " in said
+    assert "apt-get install libosmesa6" in printed
+    assert "egl: " in printed
 
 
 def test_a_backend_that_drew_for_another_process_is_not_tried_again() -> None:
@@ -153,4 +153,4 @@ gl.rely_on("osmesa")
 print(gl.choose_backend(), os.environ["MUJOCO_GL"])
 """
 
-    assert said_without_graphics(program) == "osmesa osmesa\n"
+    assert printed_without_graphics(program) == "osmesa osmesa\n"

@@ -19,7 +19,7 @@ from codra_papers.lab.perception.layout import Part
 from codra_papers.lab.robot import Robot, Station
 from codra_papers.lab.simulator.truth import SAMPLES_PER_S, GroundTruth, truth_at
 from codra_papers.lab.simulator.world import LabWorld, Quantity
-from tests.papers.lab.perception.posed import SteadyHand, put, set_joint, stand_before
+from tests.papers.lab.perception.posed import SteadyHand, place_robot_before, put, set_joint
 
 SPECS = Path(__file__).parents[4] / "specs"
 OVERVIEW = observation_gaze("pcr_cycler", Part.LID)
@@ -28,7 +28,7 @@ AWAY: Gaze = (0.9, 0.0, 0.6, 2.0, 0.0, 0.6)
 
 def before_the_cycler(gaze: Gaze = OVERVIEW, **place: float) -> LabWorld:
     world = LabWorld(1)
-    stand_before(world, "pcr_cycler", gaze, **place)
+    place_robot_before(world, "pcr_cycler", gaze, **place)
     return world
 
 
@@ -47,7 +47,7 @@ def declared_variables() -> set[str]:
     }
 
 
-def test_truth_is_told_about_exactly_the_variables_of_the_spec() -> None:
+def test_truth_has_exactly_the_variables_of_the_spec() -> None:
     assert set(truth_at(LabWorld(1), 0.0)) == declared_variables()
     assert len(declared_variables()) == 15
 
@@ -89,7 +89,7 @@ def test_a_machine_is_in_view_from_where_the_robot_looks_with_its_lid_closed_and
     assert views(world, 3.0) == (True, True)
 
 
-def test_what_is_behind_the_camera_is_not_in_view() -> None:
+def test_parts_behind_the_camera_are_not_in_view() -> None:
     assert views(before_the_cycler(AWAY)) == (False, False)
 
 
@@ -97,7 +97,7 @@ def test_tags_that_face_away_are_not_in_view() -> None:
     assert views(before_the_cycler((-1.0, 0.0, 0.6, 0.0, 0.0, 0.1))) == (False, False)
 
 
-def test_what_the_image_cuts_off_by_more_than_half_is_not_in_view() -> None:
+def test_a_part_with_less_than_half_in_the_image_is_not_in_view() -> None:
     half_way: Gaze = (0.7, 0.0, 0.35, 0.2, 0.28, 0.2)
     farther: Gaze = (0.7, 0.0, 0.35, 0.2, 0.42, 0.2)
 
@@ -105,7 +105,7 @@ def test_what_the_image_cuts_off_by_more_than_half_is_not_in_view() -> None:
     assert views(before_the_cycler(farther)) == (False, False)
 
 
-def test_what_the_hand_hides_is_not_in_view() -> None:
+def test_a_part_hidden_by_the_hand_is_not_in_view() -> None:
     world = before_the_cycler((0.6, 0.0, 0.40, 0.2, 0.0, 0.25))
     assert views(world) == (True, True)
 
@@ -114,16 +114,16 @@ def test_what_the_hand_hides_is_not_in_view() -> None:
     assert views(world, 3.0) == (False, True)
 
 
-def test_a_large_lid_that_stands_open_leaves_the_view_of_a_camera_that_is_near() -> None:
+def test_a_large_open_lid_leaves_the_view_of_a_near_camera() -> None:
     world = LabWorld(1)
-    stand_before(world, "centrifuge", (0.85, 0.0, 0.78, 0.27, 0.0, 0.36))
+    place_robot_before(world, "centrifuge", (0.85, 0.0, 0.78, 0.27, 0.0, 0.36))
     set_joint(world, "centrifuge", Part.LID, 1.35, at_s=2.0)
 
     assert truth_at(world, 1.0)["centrifuge_lid_in_FOV"]
     assert not truth_at(world, 3.0)["centrifuge_lid_in_FOV"]
 
 
-def test_light_makes_nothing_true_or_false() -> None:
+def test_light_does_not_change_the_truth() -> None:
     world = before_the_cycler()
     by_day = truth_at(world, 1.0)
     put(world, Quantity.LIGHT, 0.0, at_s=2.0)
@@ -131,7 +131,7 @@ def test_light_makes_nothing_true_or_false() -> None:
     assert truth_at(world, 3.0) == by_day
 
 
-def test_the_belief_of_the_robot_makes_nothing_true_but_that_it_is_lost() -> None:
+def test_the_belief_of_the_robot_changes_only_whether_it_is_localised() -> None:
     world = before_the_cycler()
     before = truth_at(world, 1.0)
     put(world, Quantity.LOCALIZED, 0.0, at_s=2.0)
@@ -148,7 +148,7 @@ def drive_and_open(world: LabWorld) -> float:
     return clock.now_s()
 
 
-def test_spans_cover_the_time_without_gaps_and_each_differs_from_the_next() -> None:
+def test_spans_cover_the_time_without_gaps_and_differ_from_their_neighbours() -> None:
     world = LabWorld(1)
     end_s = drive_and_open(world)
 
@@ -159,7 +159,7 @@ def test_spans_cover_the_time_without_gaps_and_each_differs_from_the_next() -> N
     assert len(spans) > 10
 
 
-def test_spans_say_what_is_true_at_each_instant_up_to_one_sample() -> None:
+def test_spans_agree_with_the_truth_of_instants_up_to_one_sample() -> None:
     world = LabWorld(1)
     end_s = drive_and_open(world)
     truth = GroundTruth(world)
@@ -175,7 +175,7 @@ def test_spans_say_what_is_true_at_each_instant_up_to_one_sample() -> None:
                 assert truth.at(instant_s) == span.values
 
 
-def test_a_world_that_stands_still_has_one_span() -> None:
+def test_a_resting_world_has_one_span() -> None:
     spans = GroundTruth(LabWorld(1)).over(0.0, 1e6)
 
     assert [(span.start_s, span.end_s) for span in spans] == [(0.0, 1e6)]

@@ -1,4 +1,4 @@
-"""The laboratory over time: what was scheduled, and nothing else, decides its state."""
+"""The laboratory over time: only scheduled moves determine its state."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def test_a_move_begins_and_ends_at_rest() -> None:
     assert (lid_rad(world, 12.01) - lid_rad(world, 11.99)) / 0.02 == pytest.approx(1.875 * 1.35 / 4.0, rel=1e-3)
 
 
-def test_what_is_scheduled_changes_nothing_up_to_now() -> None:
+def test_a_scheduled_move_does_not_change_earlier_states() -> None:
     world = LabWorld(1)
     world.schedule(0.0, [opening(world, 0.0, 5.0)])
     instants = np.linspace(0.0, 8.0, 50).tolist()
@@ -77,7 +77,7 @@ def test_a_jump_shows_right_after_its_instant() -> None:
     assert world.state(5.000001).is_holding
 
 
-def test_who_asks_and_how_often_changes_nothing() -> None:
+def test_reading_does_not_change_the_state() -> None:
     watched, alone = LabWorld(7), LabWorld(7)
     for world in (watched, alone):
         for step in range(5):
@@ -105,17 +105,17 @@ def test_a_move_can_follow_any_path() -> None:
     assert [round(lid_rad(world, t_s), 9) for t_s in (0.0, 1.0, 2.0)] == [0.0, 0.25, 0.0]
 
 
-def test_nothing_is_scheduled_in_the_past() -> None:
+def test_moves_in_the_past_are_refused() -> None:
     world = LabWorld(1)
     world.schedule(10.0, [opening(world, 10.0, 1.0)])
 
-    with pytest.raises(ValueError, match="come after moves at 10 s"):
+    with pytest.raises(ValueError, match="moves at 10 s are already scheduled"):
         world.schedule(9.0, [world.moves_to(9.0, Quantity.LIGHT, (0.0,), 1.0)])
     with pytest.raises(ValueError, match="past"):
         world.schedule(20.0, [Move(channel=LID, path=straight((1.35,), (0.0,)), duration_s=1.0, delay_s=-5.0)])
 
 
-def test_a_part_that_moves_is_not_moved_otherwise_and_then_nothing_is_scheduled() -> None:
+def test_a_move_of_a_moving_part_is_refused_with_all_other_moves_of_the_call() -> None:
     world = LabWorld(1)
     world.schedule(0.0, [opening(world, 0.0, 10.0)])
     later: LabState = world.state(20.0)
@@ -152,7 +152,7 @@ def test_the_world_knows_when_something_moves() -> None:
 
 
 @given(seed=st.integers(0, 500), t_s=st.floats(0, 1e5))
-def test_the_robot_believes_to_stand_a_few_centimetres_off_and_more_while_lost(seed: int, t_s: float) -> None:
+def test_the_believed_pose_is_a_few_centimetres_off_and_more_while_lost(seed: int, t_s: float) -> None:
     world = LabWorld(seed)
     true = world.state(t_s).map_from_robot()
     near = world.believed_map_from_robot(t_s)

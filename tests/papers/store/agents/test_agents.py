@@ -1,4 +1,4 @@
-"""What single agents make of what their sensors show, and how they stop when they are told to."""
+"""Single agents: their results from sensor values, and their reaction to an abort."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ AREA = AREAS["area_1"]
 PLACE = AREA.places[0]
 SHELF_X_M = ROWS_WEST_M[AREA.recess.row] + ROW_WIDTH_M
 ASIDE = Pose2D(4.6, AREA.recess.north_m - 0.25)
-"""Before a recess, so near to its end that the fork comes in beside the shelf, and the body does not."""
+"""A pose before a recess, so near to its end that the fork fits in beside the shelf, but the body does not."""
 
 
 class Bench:
@@ -49,7 +49,7 @@ class Bench:
     def let_in(self, at_m: Point) -> None:
         self.world.add_person(crossing(at_m, [at_m], 1, at_m))
 
-    def stand(self, name: str) -> Pose2D:
+    def pose_on_floor(self, name: str) -> Pose2D:
         return stand_of(self.knowledge.transform("world", name).pose)
 
 
@@ -63,11 +63,11 @@ def test_the_pose_in_the_graph_is_the_believed_one_and_near_the_true_one() -> No
     bench.clock.sleep(5.0)
     spread = bench.knowledge.get("robot", "pose_spread").value
 
-    assert bench.stand("robot").distance_m(bench.world.body.believed()) < 0.12
-    assert bench.stand("robot").distance_m(bench.world.state().robot.at) < 4 * spread + 0.12
+    assert bench.pose_on_floor("robot").distance_m(bench.world.body.believed()) < 0.12
+    assert bench.pose_on_floor("robot").distance_m(bench.world.state().robot.at) < 4 * spread + 0.12
 
 
-def test_the_graph_tells_battery_gaps_speed_and_bumps() -> None:
+def test_the_graph_has_battery_gaps_speed_and_bumps() -> None:
     bench = Bench(Pose2D(8.2, 6.0, pi / 2))
     bench.let_in((8.2, 8.0))
     bench.clock.sleep(1.0)
@@ -81,19 +81,19 @@ def test_the_graph_tells_battery_gaps_speed_and_bumps() -> None:
 
 
 @pytest.mark.parametrize(("at_m", "is_near"), [((8.2, 7.2), True), ((8.2, 9.0), False)])
-def test_somebody_in_view_has_a_node_a_pose_and_is_near_or_not(at_m: Point, is_near: bool) -> None:
+def test_a_person_in_view_has_a_node_a_pose_and_is_near_or_not(at_m: Point, is_near: bool) -> None:
     bench = Bench(Pose2D(8.2, 6.0, pi / 2))
     bench.let_in(at_m)
     bench.clock.sleep(4.0)
     snapshot = bench.knowledge.snapshot()
     (person,) = snapshot.nodes("person")
 
-    assert bench.stand(person.name).distance_m(Pose2D(*at_m)) < 0.2
+    assert bench.pose_on_floor(person.name).distance_m(Pose2D(*at_m)) < 0.2
     assert snapshot.has_edge(person.name, "near", "robot") is is_near
     assert snapshot.get("robot", "person_distance").value == pytest.approx(at_m[1] - 6.0, abs=0.2)
 
 
-def test_who_is_gone_is_forgotten() -> None:
+def test_a_person_who_has_gone_is_forgotten() -> None:
     bench = Bench(Pose2D(8.2, 6.0, pi / 2))
     bench.world.add_person(crossing((8.2, 8.0), [(8.2, 8.0)], 3, (8.2, 13.9)))
     bench.clock.sleep(2.0)
@@ -106,7 +106,7 @@ def test_who_is_gone_is_forgotten() -> None:
 
 
 @pytest.mark.parametrize("beside_m", [(7.5, 6.2), (8.9, 6.2), (8.7, 4.6)], ids=["left", "right", "behind"])
-def test_somebody_at_whom_the_camera_does_not_look_any_more_is_followed_by_lasers_until_they_have_gone(
+def test_a_person_outside_the_cameras_view_is_followed_by_lasers_until_gone(
     beside_m: Point,
 ) -> None:
     bench = Bench(Pose2D(8.2, 6.0, pi / 2))
@@ -123,7 +123,7 @@ def test_somebody_at_whom_the_camera_does_not_look_any_more_is_followed_by_laser
     assert distances_m[-1] == 10.0
 
 
-def test_somebody_behind_a_shelf_is_not_seen() -> None:
+def test_a_person_behind_a_shelf_is_not_seen() -> None:
     bench = Bench(Pose2D(8.2, 6.0, pi / 2))
     bench.let_in((11.8, 8.0))
     bench.clock.sleep(3.0)
@@ -132,17 +132,17 @@ def test_somebody_behind_a_shelf_is_not_seen() -> None:
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_a_container_in_sight_is_found_where_it_stands(seed: int) -> None:
+def test_a_container_in_sight_is_detected_at_its_place(seed: int) -> None:
     bench = Bench(AREA.observation[0], containers=(box(),), seed=seed)
     assert bench.done("detecting").result == "found"
     (node,) = bench.knowledge.snapshot().nodes("roll_container")
 
-    assert bench.stand(node.name).distance_m(PLACE) < 0.2
+    assert bench.pose_on_floor(node.name).distance_m(PLACE) < 0.2
     assert bench.done("detecting").result == "found"
-    assert [each.name for each in bench.knowledge.snapshot().nodes("roll_container")] == [node.name]
+    assert [container.name for container in bench.knowledge.snapshot().nodes("roll_container")] == [node.name]
 
 
-def test_a_hidden_container_is_lost_from_the_first_pose_and_found_from_the_second() -> None:
+def test_a_hidden_container_is_detected_from_the_second_pose_only() -> None:
     hidden = box(AREA.places[1])
 
     assert Bench(AREA.observation[0], containers=(hidden,)).done("detecting").result == "lost"
@@ -159,23 +159,23 @@ def test_a_container_that_was_taken_away_is_forgotten_at_the_next_look() -> None
 
 
 @pytest.mark.parametrize("aside_m", [-0.1, 0.0, 0.07])
-def test_the_wheels_tell_where_a_container_stands_to_three_centimetres(aside_m: float) -> None:
+def test_the_wheels_give_the_pose_of_a_container_to_three_centimetres(aside_m: float) -> None:
     start = approach_to(PLACE)
     bench = Bench(Pose2D(start.x_m, start.y_m + aside_m, 0.04), containers=(box(),))
-    found = [container_behind(bench.world.body.scan(Side.BACK))]
+    poses = [container_behind(bench.world.body.scan(Side.BACK))]
     for _ in range(9):
         bench.clock.sleep(0.2)
-        found.append(container_behind(bench.world.body.scan(Side.BACK)))
+        poses.append(container_behind(bench.world.body.scan(Side.BACK)))
     robot = bench.world.state().robot.at
     errors_m = [
-        hypot(x - PLACE.x_m, y - PLACE.y_m) for each in found if each for x, y in [robot.out(each.x_m, each.y_m)]
+        hypot(x - PLACE.x_m, y - PLACE.y_m) for pose in poses if pose for x, y in [robot.out(pose.x_m, pose.y_m)]
     ]
 
     assert len(errors_m) >= 8
     assert sorted(errors_m)[len(errors_m) // 2] < 0.03
 
 
-def test_without_wheels_behind_nothing_is_found() -> None:
+def test_without_wheels_behind_the_check_is_lost() -> None:
     bench = Bench(approach_to(PLACE))
 
     assert bench.done("checking").result == "lost"
@@ -188,7 +188,7 @@ def test_turning_ends_with_the_fork_where_the_front_was() -> None:
     assert abs(abs(START.turned(-bench.world.state().robot.at.heading_rad).heading_rad) - pi) < 0.05
 
 
-def test_next_to_somebody_turning_is_refused() -> None:
+def test_next_to_a_person_turning_is_refused() -> None:
     bench = Bench(START)
     bench.let_in(START.out(-0.3, 0.7))
     bench.clock.sleep(0.5)
@@ -207,14 +207,14 @@ def test_navigation_arrives_with_the_heading_that_was_asked_for() -> None:
     assert abs(robot.turned(-AREA.observation[1].heading_rad).heading_rad) < 0.06
 
 
-def test_navigation_says_where_it_cannot_go() -> None:
+def test_navigation_reports_an_unreachable_goal() -> None:
     bench = Bench(START)
     bench.aim(Pose2D(2.8, 5.0))
 
     assert bench.done("navigating").result == "unreachable"
 
 
-def test_navigation_goes_another_way_round_somebody_who_stays() -> None:
+def test_navigation_goes_another_way_around_a_person_who_stays() -> None:
     bench = Bench(START)
     bench.let_in((8.2, 5.0))
     bench.aim(AREAS["area_2"].observation[1])
@@ -226,7 +226,7 @@ def test_navigation_goes_another_way_round_somebody_who_stays() -> None:
     assert bench.world.events == []
 
 
-def test_navigation_gives_up_backwards_when_somebody_is_behind() -> None:
+def test_navigation_gives_up_backwards_when_a_person_is_behind() -> None:
     bench = Bench(approach_to(PLACE), containers=(box(),))
     bench.let_in((PLACE.x_m + 0.7, PLACE.y_m))
     bench.aim(robot_at(PLACE), Way.BACKWARD)
@@ -235,7 +235,7 @@ def test_navigation_gives_up_backwards_when_somebody_is_behind() -> None:
     assert bench.world.events == []
 
 
-def test_navigation_leaves_where_somebody_stands_too_near_to_turn() -> None:
+def test_navigation_leaves_a_place_where_a_person_is_too_near_to_turn() -> None:
     bench = Bench(START)
     bench.let_in(START.out(-0.3, 0.7))
     bench.aim(Pose2D(11.8, 2.0, 0.0))
@@ -244,21 +244,21 @@ def test_navigation_leaves_where_somebody_stands_too_near_to_turn() -> None:
     assert bench.world.events == []
 
 
-def test_what_has_bumped_into_something_backwards_draws_back_says_so_and_can_go_on() -> None:
-    """Behind, its lasers keep the lane of its fork free, and its body is broader."""
+def test_after_a_bump_backwards_the_robot_draws_back_reports_it_and_can_drive_again() -> None:
+    """Behind the robot the lasers keep the lane of the fork free, but the body is broader."""
     bench = Bench(ASIDE)
     bench.aim(ASIDE.ahead(-1.6), Way.BACKWARD)
     assert bench.done("navigating").result == "bumped"
-    ((_, told),) = bench.world.events
-    assert told == "the robot bumped into a shelf"
+    ((_, event),) = bench.world.events
+    assert event == "the robot bumped into a shelf"
     assert bench.world.state().robot.at.x_m > SHELF_X_M + 0.45
     bench.aim(AREA.observation[1])
 
     assert bench.done("navigating").result == "arrived"
 
 
-def test_backwards_navigation_stops_before_what_stands_aside_where_no_containers_are_kept() -> None:
-    """Behind the wheels that the laser meets somebody may stand, or the frame of a container."""
+def test_backwards_navigation_stops_before_obstacles_outside_of_container_places() -> None:
+    """Behind the wheels that the laser sees may be a person or the frame of a container."""
     bench = Bench(Pose2D(8.2, 6.0, pi / 2), containers=(box(Pose2D(8.72, 4.2)),))
     bench.aim(Pose2D(8.2, 4.4), Way.BACKWARD)
 
@@ -266,7 +266,7 @@ def test_backwards_navigation_stops_before_what_stands_aside_where_no_containers
     assert bench.world.events == []
 
 
-def bumped_and_told_to_stop() -> Bench:
+def bumped_and_aborted() -> Bench:
     bench = Bench(ASIDE)
     bench.aim(ASIDE.ahead(-1.6), Way.BACKWARD)
     bench.picking.request("navigating")
@@ -276,8 +276,8 @@ def bumped_and_told_to_stop() -> Bench:
     return bench
 
 
-def test_what_has_bumped_into_something_draws_back_though_it_is_told_to_stop() -> None:
-    bench = bumped_and_told_to_stop()
+def test_after_a_bump_the_robot_draws_back_even_if_the_task_is_aborted() -> None:
+    bench = bumped_and_aborted()
     touching_m = bench.world.state().robot.at.x_m
     bench.clock.sleep(6.0)
 
@@ -285,8 +285,8 @@ def test_what_has_bumped_into_something_draws_back_though_it_is_told_to_stop() -
     assert bench.world.state().robot.surface_speed_m_s() == 0.0
 
 
-def test_what_is_sent_on_at_once_after_a_bump_draws_back_first_and_arrives() -> None:
-    bench = bumped_and_told_to_stop()
+def test_a_request_right_after_a_bump_draws_back_first_and_arrives() -> None:
+    bench = bumped_and_aborted()
     bench.aim(AREA.observation[1])
 
     assert bench.done("navigating").result == "arrived"
@@ -312,7 +312,7 @@ def test_no_point_of_the_robot_goes_faster_than_the_maximum_speed_of_the_graph()
     [((8.2, 7.6), 0.9), ((8.2, 4.0), 1.0), ((7.4, 6.0), 0.2), ((8.2, 12.0), 10.0)],
     ids=["before it", "behind it", "beside it", "far away"],
 )
-def test_somebody_around_whom_no_camera_sees_is_nearer_than_the_map_says(at_m: Point, gap_m: float) -> None:
+def test_a_person_outside_all_camera_views_reduces_the_gap(at_m: Point, gap_m: float) -> None:
     bench = Bench(Pose2D(8.2, 6.0, pi / 2))
     bench.let_in(at_m)
     bench.clock.sleep(1.0)
@@ -322,15 +322,15 @@ def test_somebody_around_whom_no_camera_sees_is_nearer_than_the_map_says(at_m: P
 
 @pytest.mark.parametrize("name", [*AREAS, "start"])
 def test_shelves_walls_and_containers_in_their_places_are_not_strange(name: str) -> None:
-    stands = [*AREAS[name].observation, AREAS[name].approach] if name in AREAS else [START]
+    poses = [*AREAS[name].observation, AREAS[name].approach] if name in AREAS else [START]
     containers = [box(place) for place in AREAS[name].places[:1]] if name in AREAS else []
-    for stand in stands:
-        bench = Bench(stand, containers=tuple(containers))
+    for robot_pose in poses:
+        bench = Bench(robot_pose, containers=tuple(containers))
 
         assert bench.knowledge.get("robot", "strange_gap").value == 10.0
 
 
-def test_what_is_lifted_moves_with_the_robot_in_the_graph_until_it_is_set_down() -> None:
+def test_a_lifted_container_moves_with_the_robot_in_the_graph_until_it_is_set_down() -> None:
     bench = Bench(approach_to(PLACE).turned(pi), containers=(box(),))
     assert bench.done("detecting").result == "found"
     bench.world.body.turn(pi, lambda _: None)
@@ -347,10 +347,10 @@ def test_what_is_lifted_moves_with_the_robot_in_the_graph_until_it_is_set_down()
 
     assert snapshot.parent(carried.target) == "world"
     assert snapshot.edges("carries") == ()
-    assert bench.stand(carried.target).distance_m(bench.world.state().containers[0].at) < 0.25
+    assert bench.pose_on_floor(carried.target).distance_m(bench.world.state().containers[0].at) < 0.25
 
 
-def test_an_empty_lift_is_told() -> None:
+def test_an_empty_lift_is_reported() -> None:
     bench = Bench(START)
 
     assert bench.done("lifting").result == "empty"
@@ -369,7 +369,7 @@ TASKS: dict[str, Callable[[], Bench]] = {
 
 @pytest.mark.parametrize("task", TASKS)
 @pytest.mark.parametrize("after_s", [0.0, 0.05, 0.7])
-def test_a_task_that_is_aborted_stops_and_can_be_asked_for_again(task: str, after_s: float) -> None:
+def test_an_aborted_task_stops_and_can_be_requested_again(task: str, after_s: float) -> None:
     bench = TASKS[task]()
     bench.aim(AREAS["area_2"].observation[0])
     request = bench.picking.request(task)
@@ -387,7 +387,7 @@ def test_a_task_that_is_aborted_stops_and_can_be_asked_for_again(task: str, afte
     assert bench.done(task).stage is Stage.FINISHED
 
 
-def test_a_task_asked_for_again_in_the_instant_of_its_abort_is_done_anew() -> None:
+def test_a_task_requested_again_in_the_instant_of_its_abort_is_executed_again() -> None:
     bench = Bench(START)
     request = bench.picking.request("rotating")
     bench.clock.sleep(1.0)
@@ -397,7 +397,7 @@ def test_a_task_asked_for_again_in_the_instant_of_its_abort_is_done_anew() -> No
     assert bench.knowledge.snapshot().handover("rotating").number == 2
 
 
-def test_a_task_that_takes_too_long_is_aborted_and_the_robot_stands() -> None:
+def test_a_task_that_takes_too_long_is_aborted_and_the_robot_stops() -> None:
     bench = Bench(DOCK)
     bench.knowledge.as_agent("adaptation").set("robot", "max_speed", 0.05)
     bench.aim(AREAS["area_4"].observation[1])
@@ -408,7 +408,7 @@ def test_a_task_that_takes_too_long_is_aborted_and_the_robot_stands() -> None:
     assert bench.world.state().robot.speed_m_s == 0.0
 
 
-def test_no_agent_writes_what_is_another_s() -> None:
+def test_an_agent_cannot_write_the_attribute_of_another_one() -> None:
     bench = Bench(START)
     with pytest.raises(NotASourceError, match="for navigation to write"):
         bench.picking.set("battery", "battery_level", 100.0)

@@ -1,4 +1,4 @@
-"""Orders served by the book, and simulated time that waits for real time."""
+"""Orders served one after the other, and simulated time that waits for real time."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from codra_papers.store.simulator.store import Store
 
 
 class Served:
-    """A shop in which orders are served for so long."""
+    """A shop in which orders are served for some time."""
 
     def __init__(self, situation: Situation, duration_s: float, *orders: tuple[OrderKind, str, str]) -> None:
         clock = LimitedClock(SimClock(), duration_s, lambda _: None)
@@ -46,7 +46,7 @@ def test_orders_are_served_in_their_order_and_then_the_robot_waits_at_the_start(
     assert (round(start.x_m), round(start.y_m)) == (8, 2)
 
 
-def test_an_order_for_what_is_not_there_fails_the_base_is_told_and_the_next_one_is_served() -> None:
+def test_an_order_without_a_container_fails_with_a_notice_and_the_next_one_is_served() -> None:
     served = Served(Situation.ABSENT, 240.0)
     knowledge = served.store.knowledge
 
@@ -55,7 +55,7 @@ def test_an_order_for_what_is_not_there_fails_the_base_is_told_and_the_next_one_
     assert served.store.judge.score.deliveries == ()
 
 
-def test_what_is_not_begun_when_time_is_up_is_still_waiting() -> None:
+def test_orders_not_begun_at_the_end_are_still_waiting() -> None:
     served = Served(
         Situation.QUIET, 10.0, (OrderKind.PROVIDE, "supply", "area_3"), (OrderKind.COLLECT, "area_1", "delivery")
     )
@@ -77,7 +77,7 @@ def test_a_simulation_that_is_late_goes_on_from_where_it_is() -> None:
     clock, real, beats = SimClock(), SimClock(), []
     Beat(clock, real, lambda: beats.append(real.now_s()))
     clock.sleep(1.0)
-    real.sleep(60.0)  # somebody has stopped the program
+    real.sleep(60.0)  # the program was stopped for a minute
 
     clock.sleep(2.0)
 
@@ -85,7 +85,7 @@ def test_a_simulation_that_is_late_goes_on_from_where_it_is() -> None:
     assert max(after) - min(after) > 1.5, "it does not hurry to catch up"
 
 
-def test_without_real_time_nothing_is_waited_for() -> None:
+def test_without_real_time_the_simulation_does_not_wait() -> None:
     clock, beats = SimClock(), []
     Beat(clock, None, lambda: beats.append(clock.now_s()))
 

@@ -1,4 +1,4 @@
-"""Orders stay open until they are delivered, taken back or found absent: whole runs of specs/store.yaml."""
+"""Orders stay open until they are delivered, taken back, or without a container: runs of specs/store.yaml."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def test_an_order_that_is_taken_back_before_the_robot_is_there_is_closed_and_the
         assert shop.store.judge.score.missions == 0
 
 
-def test_what_is_on_the_fork_when_its_order_is_taken_back_goes_to_the_general_delivery_pose() -> None:
+def test_a_container_on_the_fork_goes_to_the_general_delivery_pose_when_its_order_is_taken_back() -> None:
     with Shop() as shop:
         order = shop.store.page.order(OrderKind.MOVE, "area_1", "area_2")
         assert shop.waits_until_loaded(True)
@@ -140,14 +140,14 @@ def test_an_order_that_has_failed_often_enough_is_closed_as_failed_and_the_next_
         leaves = Leaves(stack)
         first, _ = (leaves.page.order(OrderKind.COLLECT, area, DELIVERY.name) for area in ("area_1", "area_2"))
         leaves.call("TakeOrder")
-        told = [leaves.call("GiveOrderUp", tries="3") for _ in range(3)]
+        results = [leaves.call("GiveOrderUp", tries="3") for _ in range(3)]
 
-        assert told == [Result.FAILURE, Result.FAILURE, Result.SUCCESS]
+        assert results == [Result.FAILURE, Result.FAILURE, Result.SUCCESS]
         assert leaves.knowledge.get(first, "state").value == "failed"
         assert leaves.taken() == "area_2_pose_1"
 
 
-def test_of_a_container_that_was_seen_and_cannot_be_placed_the_base_is_told() -> None:
+def test_the_base_gets_a_notice_of_a_container_that_was_seen_but_cannot_be_placed() -> None:
     with Shop() as shop:
         shop.store.page.order(OrderKind.COLLECT, "area_1", DELIVERY.name)
         assert shop.waits_for("detecting", Stage.FINISHED)

@@ -1,4 +1,4 @@
-"""P2's pick-up and its situations as whole runs, step by step as section 3.2 and section 6 tell them, with seeds."""
+"""P2's pick-up and its situations as complete runs, step by step as in sections 3.2 and 6, with seeds."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ PICK_UP = [
 
 
 class Run:
-    """One run of the shop with a trip by the book."""
+    """One run of the shop with a nominal trip."""
 
     def __init__(self, situation: Situation, seed: int, watch: Callable[[Store], None] = lambda _: None) -> None:
         self.clock = SimClock()
@@ -44,7 +44,7 @@ class Run:
         self.clock.sleep(2.0)
 
     def finished(self) -> list[str]:
-        """The tasks that have ended, in order, as the record tells them."""
+        """The ended tasks in the record, in order."""
         lines = [line.split(" ", 1)[1] for line in self.store.record().splitlines() if " finished " in line]
         return [line for line in lines if not line.startswith(("Store", "Score"))]
 
@@ -71,7 +71,7 @@ def test_a_container_in_sight_is_fetched_from_the_first_pose_and_delivered(seed:
 
 
 @pytest.mark.parametrize("seed", [3, 7])
-def test_a_hidden_container_is_found_from_the_second_pose(seed: int) -> None:
+def test_a_hidden_container_is_detected_from_the_second_pose(seed: int) -> None:
     run = collected(Situation.HIDDEN, seed)
     detections = [line for line in run.finished() if line.startswith("detecting")]
 
@@ -79,7 +79,7 @@ def test_a_hidden_container_is_found_from_the_second_pose(seed: int) -> None:
     assert run.store.judge.score.deliveries == ("delivery",)
 
 
-def test_a_container_that_is_not_there_is_told_to_the_base_and_the_robot_returns() -> None:
+def test_without_a_container_the_base_gets_a_notice_and_the_robot_returns() -> None:
     run = collected(Situation.ABSENT, 3)
     detections = [line for line in run.finished() if line.startswith("detecting")]
 
@@ -90,7 +90,7 @@ def test_a_container_that_is_not_there_is_told_to_the_base_and_the_robot_returns
 
 
 def test_a_second_order_comes_while_the_container_is_loaded_and_it_is_full_on_the_way() -> None:
-    """P2's first situation; the change of course is the test's own."""
+    """P2's first situation. The test itself changes the course."""
     run = Run(Situation.SECOND_ORDER, 3)
     trip, knowledge = run.trip, run.store.knowledge
     full = knowledge.follow(
@@ -108,15 +108,15 @@ def test_a_second_order_comes_while_the_container_is_loaded_and_it_is_full_on_th
     full.unsubscribe()
     trip.close()
     Trip(knowledge, run.clock).deliver("delivery")
-    (container,) = [each for each in run.store.world.state().containers if each.load is Load.FULL]
+    (container,) = [container for container in run.store.world.state().containers if container.load is Load.FULL]
 
     assert first.node("order") == "order_1"
     assert container.at.distance_m(DELIVERY.places[0]) < 0.3
     assert run.store.judge.score.deliveries == ("area_1", "delivery")
 
 
-def test_somebody_crosses_before_the_container_while_the_robot_is_about_to_fetch_it() -> None:
-    """P2's second situation: the graph tells who is near what, and what hears of it there can abort."""
+def test_a_person_crosses_before_the_container_while_the_robot_is_about_to_fetch_it() -> None:
+    """P2's second situation: the graph has `near` edges, and a subscription to them can abort."""
     run = Run(Situation.PEOPLE_CLOSE, 3)
     distances_m: list[float] = []
     someone = path(some("person"), "near", some("roll_container"))
@@ -133,10 +133,10 @@ def test_somebody_crosses_before_the_container_while_the_robot_is_about_to_fetch
     assert run.store.judge.score.bumps == 0
 
 
-def test_the_staff_take_away_what_was_delivered_and_renew_the_supply() -> None:
+def test_the_staff_take_a_delivered_container_away_and_refill_the_supply() -> None:
     run = collected(Situation.ORDINARY, 3)
     run.clock.sleep(70.0)
-    containers = {each.name: each for each in run.store.world.state().containers}
+    containers = {container.name: container for container in run.store.world.state().containers}
 
     assert len(containers) == 3
     assert containers["container_1"].where is Whereabouts.BACK_ROOM
@@ -164,7 +164,7 @@ def read_everything(store: Store) -> None:
     store.world.watch(lambda _: (body.look(), body.believed(), body.battery_percent()))
 
 
-def test_more_readers_change_nothing() -> None:
+def test_more_readers_do_not_change_the_run() -> None:
     assert quarter(3, read_everything) == quarter(3)
 
 

@@ -1,4 +1,4 @@
-"""The picker's page over real sockets, while a shop is open: what it writes, what it shows, and whom it refuses."""
+"""The picker's page over real sockets, while a shop is open: its writes, its views, and refused requests."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ MOST_STEPS = 20_000
 
 
 class OpenShop:
-    """A shop with its page; its time passes while `during` waits for something that another thread does."""
+    """A shop with its page. Its time passes while `during` waits for another thread."""
 
     def __init__(self, model: KnowledgeModel | None = None) -> None:
         self._stack = ExitStack()
@@ -54,7 +54,7 @@ class OpenShop:
         return future.result(timeout=10.0)
 
     def ask(self, method: str, path: str, body: bytes = b"", **headers: str) -> tuple[int, Mapping[str, Any]]:
-        """Ask as the page itself would, unless the headers say otherwise; an empty one is left out."""
+        """Send a request like the page itself. Headers override its own; an empty header is omitted."""
         own = f"127.0.0.1:{self.page.port}"
         usual = {"host": own, "origin": f"http://{own}", "content-type": "application/json"}
         sent = usual | {name.replace("_", "-"): text for name, text in headers.items()}
@@ -63,17 +63,17 @@ class OpenShop:
             with closing(HTTPConnection("127.0.0.1", self.page.port, timeout=10.0)) as connection:
                 connection.request(method, path, body, {name: text for name, text in sent.items() if text})
                 response = connection.getresponse()
-                told = response.read()
+                body_bytes = response.read()
                 is_json = response.headers.get_content_type() == "application/json"
-                return response.status, json.loads(told) if is_json else {}
+                return response.status, json.loads(body_bytes) if is_json else {}
 
         return self.during(act)
 
-    def say(self, path: str, **said: object) -> tuple[int, Mapping[str, Any]]:
-        return self.ask("POST", path, json.dumps(said).encode())
+    def say(self, path: str, **fields: object) -> tuple[int, Mapping[str, Any]]:
+        return self.ask("POST", path, json.dumps(fields).encode())
 
     def written(self) -> tuple[int, bool]:
-        """Return how many orders there are, and whether a load is known: all that a page can write."""
+        """Return the number of orders, and whether a load is known: everything that a page can write."""
         snapshot = self.store.knowledge.snapshot()
         return len(snapshot.nodes("order")), snapshot.get("robot", "container_load").known
 
@@ -104,31 +104,31 @@ def read_until(stream: socket.socket, wanted: Callable[[bytes], bool]) -> bytes:
     return read
 
 
-# What it writes
+# Writes
 
 
 @pytest.mark.parametrize(
-    ("said", "of_area", "to_area"),
+    ("order_fields", "of_area", "to_area"),
     [
         ({"kind": "provide", "area": "area_2"}, "supply", "area_2"),
         ({"kind": "collect", "area": "area_3"}, "area_3", "delivery"),
         ({"kind": "move", "area": "area_3", "to": "area_1"}, "area_3", "area_1"),
     ],
 )
-def test_an_order_is_knowledge_that_the_agent_picker_page_has_written(
-    shop: OpenShop, said: Mapping[str, str], of_area: str, to_area: str
+def test_the_agent_picker_page_writes_an_order_into_the_graph(
+    shop: OpenShop, order_fields: Mapping[str, str], of_area: str, to_area: str
 ) -> None:
-    status, told = shop.say("/orders", **said)
+    status, answer = shop.say("/orders", **order_fields)
 
     snapshot = shop.store.knowledge.snapshot()
     (order,) = snapshot.nodes("order")
-    assert (status, told) == (201, {"written": order.name, "by": "picker_page"})
-    assert (order.writer, snapshot.get(order.name, "kind").value) == ("picker_page", said["kind"])
+    assert (status, answer) == (201, {"written": order.name, "by": "picker_page"})
+    assert (order.writer, snapshot.get(order.name, "kind").value) == ("picker_page", order_fields["kind"])
     assert snapshot.has_edge(order.name, "of_area", of_area)
     assert snapshot.has_edge(order.name, "to_area", to_area)
 
 
-def test_a_container_that_is_marked_is_knowledge_of_the_robot(shop: OpenShop) -> None:
+def test_the_load_of_a_container_is_written_into_the_graph(shop: OpenShop) -> None:
     status, _ = shop.say("/load", load="full")
 
     reading = shop.store.knowledge.get("robot", "container_load")
@@ -146,34 +146,37 @@ def test_an_order_is_taken_back_once_and_only_if_there_is_one(shop: OpenShop) ->
     assert shop.say("/cancel", order="order_1")[1]["error"] == "order_1 is done already"
 
 
-def test_who_may_write_is_told_to_the_person_who_may_not() -> None:
+def test_a_refused_write_names_the_agents_that_may_write() -> None:
     model = store_knowledge()
-    robot = next(each for each in model.node_types if each.name == "robot")
+    robot = next(node_type for node_type in model.node_types if node_type.name == "robot")
     attributes = tuple(
-        replace(each, sources=by("mission")) if each.name == "container_load" else each for each in robot.attributes
+        replace(attribute, sources=by("mission")) if attribute.name == "container_load" else attribute
+        for attribute in robot.attributes
     )
-    types = tuple(replace(robot, attributes=attributes) if each is robot else each for each in model.node_types)
+    types = tuple(
+        replace(robot, attributes=attributes) if node_type is robot else node_type for node_type in model.node_types
+    )
     shop = OpenShop(replace(model, node_types=types))
     with closing(shop):
-        status, told = shop.say("/load", load="full")
+        status, answer = shop.say("/load", load="full")
         _, view = shop.ask("GET", "/view")
 
     assert status == 409
-    assert told == {
+    assert answer == {
         "error": "'robot.container_load' is for mission to write, not for 'picker_page'",
         "by": "picker_page",
     }
-    assert [(each["agent"], each["why"]) for each in view["refusals"]] == [("picker_page", told["error"])]
+    assert [(refusal["agent"], refusal["why"]) for refusal in view["refusals"]] == [("picker_page", answer["error"])]
 
 
-def test_orders_beyond_what_may_wait_are_refused(shop: OpenShop) -> None:
+def test_too_many_waiting_orders_are_refused(shop: OpenShop) -> None:
     statuses = [shop.say("/orders", kind="provide", area="area_1")[0] for _ in range(MOST_WAITING_ORDERS + 1)]
 
     assert statuses == [201] * MOST_WAITING_ORDERS + [409]
     assert shop.written()[0] == MOST_WAITING_ORDERS
 
 
-# Whom it refuses
+# Refused requests
 
 
 @pytest.mark.parametrize(
@@ -190,16 +193,14 @@ def test_orders_beyond_what_may_wait_are_refused(shop: OpenShop) -> None:
         ({"content_type": ""}, 415),
     ],
 )
-def test_what_another_page_makes_a_browser_send_is_refused(
-    shop: OpenShop, headers: Mapping[str, str], status: int
-) -> None:
-    refused, told = shop.ask("POST", "/load", b'{"load": "full"}', **headers)
+def test_requests_of_other_sites_are_refused(shop: OpenShop, headers: Mapping[str, str], status: int) -> None:
+    refused, answer = shop.ask("POST", "/load", b'{"load": "full"}', **headers)
 
-    assert (refused, "error" in told) == (status, True)
+    assert (refused, "error" in answer) == (status, True)
     assert shop.written() == (0, False)
 
 
-def test_a_name_that_leads_here_reads_nothing(shop: OpenShop) -> None:
+def test_requests_with_another_host_name_are_refused(shop: OpenShop) -> None:
     for path in ("/", "/view", "/events", "/page.js"):
         assert shop.ask("GET", path, host="shop.example:80")[0] == 421
 
@@ -223,12 +224,10 @@ def test_a_name_that_leads_here_reads_nothing(shop: OpenShop) -> None:
         ("/view", b"{}", 405),
     ],
 )
-def test_what_says_nothing_that_a_page_would_say_writes_nothing(
-    shop: OpenShop, path: str, body: bytes, status: int
-) -> None:
-    refused, told = shop.ask("POST", path, body)
+def test_invalid_requests_do_not_write(shop: OpenShop, path: str, body: bytes, status: int) -> None:
+    refused, answer = shop.ask("POST", path, body)
 
-    assert (refused, bool(told["error"])) == (status, True)
+    assert (refused, bool(answer["error"])) == (status, True)
     assert shop.written() == (0, False)
 
 
@@ -238,7 +237,7 @@ def test_other_methods_are_refused(shop: OpenShop, method: str) -> None:
     assert shop.written() == (0, False)
 
 
-def test_bytes_that_are_no_request_hurt_nobody(shop: OpenShop) -> None:
+def test_random_bytes_do_not_harm_the_server(shop: OpenShop) -> None:
     chance = random.Random(1)
     beginnings = (
         b"",
@@ -255,10 +254,12 @@ def test_bytes_that_are_no_request_hurt_nobody(shop: OpenShop) -> None:
     shop.during(send)
 
     assert shop.written() == (0, False)
-    assert any(shop.ask("GET", "/")[0] == 200 for _ in range(100))  # first it has to notice that all are gone
+    assert any(
+        shop.ask("GET", "/")[0] == 200 for _ in range(100)
+    )  # first the server must notice that all clients have gone
 
 
-def test_answers_let_a_browser_take_nothing_from_elsewhere(shop: OpenShop) -> None:
+def test_answers_forbid_content_from_other_sites(shop: OpenShop) -> None:
     def headers() -> Mapping[str, str]:
         with closing(HTTPConnection("127.0.0.1", shop.page.port, timeout=10.0)) as connection:
             connection.request("GET", "/")
@@ -266,28 +267,28 @@ def test_answers_let_a_browser_take_nothing_from_elsewhere(shop: OpenShop) -> No
             assert b"://" not in response.read().replace(b"http://www.w3.org/2000/svg", b"")
             return dict(response.headers.items())
 
-    found = shop.during(headers)
+    received = shop.during(headers)
 
-    assert found["content-security-policy"].startswith("default-src 'none'; script-src 'self';")
-    assert "access-control-allow-origin" not in found
-
-
-# What it shows
+    assert received["content-security-policy"].startswith("default-src 'none'; script-src 'self';")
+    assert "access-control-allow-origin" not in received
 
 
-def test_a_view_shows_what_the_robot_knows_and_not_what_is_true(shop: OpenShop) -> None:
+# Views
+
+
+def test_a_view_shows_the_robots_knowledge_and_not_the_truth(shop: OpenShop) -> None:
     shop.clock.sleep(1.0)
     _, view = shop.ask("GET", "/view")
 
-    assert view["containers"] == [], "nobody has looked for the ones that are there"
-    assert len(shop.store.world.state().standing()) == 2
+    assert view["containers"] == [], "the robot has not looked for the existing ones"
+    assert len(shop.store.world.state().containers_on_floor()) == 2
     assert view["robot"]["x_m"] == pytest.approx(8.2, abs=0.2)
     assert {task["stage"] for task in view["tasks"]} == {""}
     assert (view["metrics"], view["weights"], view["courses"]) == ([], [], [])
 
 
 def with_loop() -> KnowledgeModel:
-    """Return the shop's declarations with what the agents of a loop write."""
+    """Return the shop's declarations with the attributes that agents of a loop write."""
     model = store_knowledge()
     attributes = (
         AttributeModel(name="safety", type=real(0, 1), sources=by("analysis")),
@@ -296,7 +297,7 @@ def with_loop() -> KnowledgeModel:
     )
     return replace(
         model,
-        nodes=tuple(replace(each, attributes=attributes) if each.name == "base" else each for each in model.nodes),
+        nodes=tuple(replace(node, attributes=attributes) if node.name == "base" else node for node in model.nodes),
         agents=(*model.agents, AgentModel(name="analysis", phase=Phase.ANALYSE)),
     )
 
@@ -309,20 +310,20 @@ def test_metrics_weights_and_the_course_are_shown_where_agents_write_them() -> N
             analysis.set("base", "weight_of_deliver", 0.25)
         _, view = shop.ask("GET", "/view")
 
-    assert [(each["label"], each["value"]) for each in view["metrics"]] == [("Safety", 0.5)]
-    assert [(each["label"], each["value"]) for each in view["weights"]] == [("Deliver", 0.25)]
-    assert [(each["value"], each["reason"]) for each in view["courses"]] == [(None, "Never observed")]
-    assert [each["wrote_s"] for each in view["loop"] if each["phase"] == "analyse"] == [0.0]
+    assert [(metric["label"], metric["value"]) for metric in view["metrics"]] == [("Safety", 0.5)]
+    assert [(weight["label"], weight["value"]) for weight in view["weights"]] == [("Deliver", 0.25)]
+    assert [(course["value"], course["reason"]) for course in view["courses"]] == [(None, "Never observed")]
+    assert [phase["wrote_s"] for phase in view["loop"] if phase["phase"] == "analyse"] == [0.0]
 
 
-def test_a_browser_is_told_what_changes_and_then_is_as_things_are(shop: OpenShop) -> None:
+def test_a_browser_gets_a_new_view_after_a_change(shop: OpenShop) -> None:
     with closing(shop.stream()) as stream:
         shop.during(lambda: read_until(stream, lambda read: b'"orders":[]' in read))
         shop.say("/orders", kind="provide", area="area_4")
         shop.during(lambda: read_until(stream, lambda read: b'"to_area":"area_4"' in read))
 
 
-def test_a_browser_that_does_not_read_holds_up_neither_the_shop_nor_other_browsers(shop: OpenShop) -> None:
+def test_a_browser_that_does_not_read_delays_neither_the_shop_nor_other_browsers(shop: OpenShop) -> None:
     with closing(shop.stream(receive_bytes=2048)) as slow, closing(shop.stream()) as quick:
         views = shop.during(lambda: read_until(quick, lambda read: read.count(b"\ndata: ") > 30))
         shop.say("/load", load="loading")
@@ -333,14 +334,14 @@ def test_a_browser_that_does_not_read_holds_up_neither_the_shop_nor_other_browse
     assert shop.store.knowledge.get("robot", "container_load").value == "loading"
 
 
-def test_more_browsers_than_there_is_room_for_are_told_so(shop: OpenShop) -> None:
+def test_too_many_browsers_get_an_error(shop: OpenShop) -> None:
     with ExitStack() as stack:
         for _ in range(MOST_STREAMS):
             stream = stack.enter_context(closing(shop.stream()))
             shop.during(lambda stream=stream: read_until(stream, lambda read: b"data: " in read))  # type: ignore[misc]
-        refused, told = shop.ask("GET", "/events")
+        refused, answer = shop.ask("GET", "/events")
 
-    assert (refused, told) == (503, {"error": f"{MOST_STREAMS} browsers follow this page already"})
+    assert (refused, answer) == (503, {"error": f"{MOST_STREAMS} browsers already follow this page; close one of them"})
 
 
 def test_the_page_ends_with_the_run_though_browsers_look_at_it() -> None:
@@ -354,7 +355,7 @@ def test_the_page_ends_with_the_run_though_browsers_look_at_it() -> None:
         socket.create_connection(("127.0.0.1", shop.page.port), timeout=10.0)
 
 
-def test_it_listens_on_this_machine_alone(shop: OpenShop) -> None:
+def test_it_listens_on_this_computer_only(shop: OpenShop) -> None:
     assert shop.page.url == f"http://127.0.0.1:{shop.page.port}/"
     with pytest.raises(ConnectionRefusedError):
         socket.create_connection(("127.0.0.2", shop.page.port), timeout=10.0)
@@ -363,7 +364,7 @@ def test_it_listens_on_this_machine_alone(shop: OpenShop) -> None:
 # The desk
 
 
-def test_the_desk_does_what_waits_in_the_thread_that_comes_by_and_tells_what_came_of_it() -> None:
+def test_the_desk_runs_waiting_calls_in_the_serving_thread_and_returns_their_results() -> None:
     desk, done = Desk(), []
     first, second = desk.ask(lambda: done.append("first")), desk.ask(lambda: 1 / 0)
     assert done == []
@@ -374,7 +375,7 @@ def test_the_desk_does_what_waits_in_the_thread_that_comes_by_and_tells_what_cam
     assert isinstance(second.exception(), ZeroDivisionError)
 
 
-def test_what_nobody_waits_for_any_more_is_not_done() -> None:
+def test_a_cancelled_call_is_not_run() -> None:
     desk, done = Desk(), []
     desk.ask(lambda: done.append("done")).cancel()
 
@@ -383,7 +384,7 @@ def test_what_nobody_waits_for_any_more_is_not_done() -> None:
     assert done == []
 
 
-def test_a_desk_that_is_full_or_closed_says_so() -> None:
+def test_a_full_or_closed_desk_raises_an_error() -> None:
     desk = Desk()
     waiting = [desk.ask(lambda: None) for _ in range(MOST_WAITING)]
     with pytest.raises(BusyError, match="too many"):
@@ -391,6 +392,6 @@ def test_a_desk_that_is_full_or_closed_says_so() -> None:
 
     desk.close()
 
-    assert {str(each.exception()) for each in waiting} == {"the run is over"}
+    assert {str(future.exception()) for future in waiting} == {"the run is over"}
     with pytest.raises(BusyError, match="over"):
         desk.ask(lambda: None)

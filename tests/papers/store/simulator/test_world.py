@@ -1,4 +1,4 @@
-"""The shop itself, under any commands: nothing goes through anything, nothing is lost, and it repeats."""
+"""The shop under arbitrary commands: no collisions, no lost containers, and reproducible runs."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def opened(
     return clock, world, states
 
 
-def standing(at_m: Point) -> Person:
+def resting_person(at_m: Point) -> Person:
     return crossing(at_m, [at_m], 1, at_m)
 
 
@@ -47,7 +47,7 @@ lifts = st.tuples(st.just("lift"), st.sampled_from(Lift))
 
 @settings(max_examples=12, deadline=None)
 @given(st.lists(st.tuples(st.one_of(drives, turns, lifts), st.floats(0.5, 20)), min_size=2, max_size=5))
-def test_whatever_is_commanded_the_robot_is_never_inside_anything_and_no_container_is_lost(commands: list) -> None:  # type: ignore[type-arg]
+def test_under_all_commands_the_robot_hits_no_body_and_no_container_is_lost(commands: list) -> None:  # type: ignore[type-arg]
     begun = beginning(StoreSettings(seed=2, shoppers=2))
     clock = SimClock()
     world, states = StoreWorld(clock, begun), list[StoreState]()
@@ -58,8 +58,10 @@ def test_whatever_is_commanded_the_robot_is_never_inside_anything_and_no_contain
 
     for state in states:
         assert not any(part.overlaps(box) for part in state.footprint() for box in FIXED)
-        assert sorted(each.name for each in state.containers) == sorted(each.name for each in begun.containers)
-        assert sum(each.where is Whereabouts.FORK for each in state.containers) <= 1
+        assert sorted(container.name for container in state.containers) == sorted(
+            container.name for container in begun.containers
+        )
+        assert sum(container.where is Whereabouts.FORK for container in state.containers) <= 1
 
 
 @settings(max_examples=8, deadline=None)
@@ -90,8 +92,8 @@ def test_an_empty_battery_stays_empty() -> None:
     assert world.body.battery_percent() == 0.0
 
 
-def test_before_somebody_in_its_lane_the_robot_stops_and_gives_up() -> None:
-    clock, world, states = opened(people=(standing((8.2, 6.0)),))
+def test_before_a_person_in_its_lane_the_robot_stops_and_gives_up() -> None:
+    clock, world, states = opened(people=(resting_person((8.2, 6.0)),))
     outcomes: list[Outcome] = []
     world.body.drive([(8.2, 11.0)], Way.FORWARD, outcomes.append)
     clock.sleep(30)
@@ -101,8 +103,8 @@ def test_before_somebody_in_its_lane_the_robot_stops_and_gives_up() -> None:
     assert world.events == []
 
 
-def test_somebody_in_the_dark_of_no_laser_is_bumped_into_and_counted() -> None:
-    """The motion layer cannot be outrun by a person who stands still, so one is put under the turning fork."""
+def test_a_bump_into_a_person_outside_all_laser_views_is_counted() -> None:
+    """The motion layer always stops before a resting person, so one is put under the turning fork."""
     clock, world, states = opened()
     judge = Judge(world.state())
     world.watch(judge.see)
@@ -110,7 +112,7 @@ def test_somebody_in_the_dark_of_no_laser_is_bumped_into_and_counted() -> None:
     world.body.drive([(8.2, 9.0)], Way.FORWARD, outcomes.append)
     clock.sleep(5)
     x_m, y_m = world.state().robot.at.out(0.75)
-    world.add_person(standing((x_m, y_m)))
+    world.add_person(resting_person((x_m, y_m)))
     clock.sleep(2)
 
     assert outcomes == [Outcome.BUMPED]
@@ -127,19 +129,19 @@ def test_somebody_in_the_dark_of_no_laser_is_bumped_into_and_counted() -> None:
     ("command", "values"),
     [("drive", ([(4.6, 6.0)], Way.BACKWARD)), ("drive", ([(2.0, 9.5)], Way.FORWARD)), ("turn", (pi,))],
 )
-def test_no_motion_touches_somebody_beside_the_fork_of_whom_lasers_meet_the_near_side_only(
+def test_no_motion_touches_a_person_beside_the_fork_with_only_the_near_side_in_view(
     command: str, values: tuple[object, ...], beside_m: float
 ) -> None:
-    """Backing up would bring the body into them, driving a curve or turning the fork."""
+    """Backing up would move the body into the person; a curve or a turn would move the fork."""
     at = Pose2D(4.6, 8.6, pi / 2)
-    clock, world, _ = opened(at=at, people=(standing(at.out(-0.29, beside_m)),))
+    clock, world, _ = opened(at=at, people=(resting_person(at.out(-0.29, beside_m)),))
     getattr(world.body, command)(*values, lambda _: None)
     clock.sleep(6)
 
     assert world.events == []
 
 
-def test_people_stop_before_the_robot_and_at_last_turn_round() -> None:
+def test_people_stop_before_the_robot_and_finally_turn_back() -> None:
     walker = crossing((8.2, 6.0), [(8.2, 0.5)], 1, (8.2, 0.5))
     clock, _, states = opened(people=(walker,))
     clock.sleep(30)
@@ -148,7 +150,7 @@ def test_people_stop_before_the_robot_and_at_last_turn_round() -> None:
     assert min(state.people_m[0][1][1] for state in states) > 2.4
 
 
-def test_one_more_person_changes_nothing_for_the_others() -> None:
+def test_one_more_person_does_not_change_the_others() -> None:
     alone_clock, _, alone = opened(people=(shopper(5, 0),))
     many_clock, _, many = opened(people=(shopper(5, 0), shopper(5, 1), shopper(5, 2)))
     alone_clock.sleep(60)
@@ -182,7 +184,7 @@ def test_a_container_is_lifted_only_from_right_above_the_fork() -> None:
         assert world.body.has_load() is is_lifted
 
 
-def test_what_is_carried_goes_along_and_stands_where_it_is_set_down() -> None:
+def test_a_carried_container_moves_along_and_stays_where_it_is_set_down() -> None:
     clock, world, _ = opened(at=robot_at(PLACE), containers=(Container(name="box", at=PLACE),))
     world.body.lift(Lift.UP, lambda _: None)
     clock.sleep(4)
@@ -198,7 +200,7 @@ def test_what_is_carried_goes_along_and_stands_where_it_is_set_down() -> None:
 
 
 @pytest.mark.parametrize("when_s", [0.05, 0.5, 1.5, 4.0])
-def test_a_stopped_robot_stands_within_a_second(when_s: float) -> None:
+def test_a_stopped_robot_rests_within_a_second(when_s: float) -> None:
     clock, world, _ = opened()
     outcomes: list[Outcome] = []
     stop = world.body.drive([(8.2, 11.0)], Way.FORWARD, outcomes.append)
@@ -213,8 +215,8 @@ def test_a_stopped_robot_stands_within_a_second(when_s: float) -> None:
     assert world.state().robot.at == here
 
 
-def test_what_has_given_way_to_another_command_is_stopped_without_stopping_that() -> None:
-    """Who lifts hears of its abortion when somebody else drives already."""
+def test_stopping_a_replaced_command_does_not_stop_its_replacement() -> None:
+    """The lift ends as stopped when another command is already running."""
     clock, world, _ = opened()
     outcomes: list[Outcome] = []
     stop = world.body.lift(Lift.UP, outcomes.append)
@@ -226,7 +228,7 @@ def test_what_has_given_way_to_another_command_is_stopped_without_stopping_that(
     assert outcomes == [Outcome.STOPPED, Outcome.DONE]
 
 
-def test_the_robot_drives_no_faster_than_it_is_told() -> None:
+def test_the_robot_drives_no_faster_than_its_maximum_speed() -> None:
     clock, world, states = opened()
     world.body.set_max_speed(0.4)
     world.body.drive([(8.2, 11.0)], Way.FORWARD, lambda _: None)
@@ -236,11 +238,11 @@ def test_the_robot_drives_no_faster_than_it_is_told() -> None:
     assert max(state.robot.surface_speed_m_s() for state in states) == pytest.approx(0.4)
 
 
-def test_readings_are_the_same_whoever_asks_and_however_often() -> None:
+def test_reading_sensors_does_not_change_their_values() -> None:
     asked_clock, asked, asked_states = opened(people=(shopper(5, 0),), containers=(Container(name="box", at=PLACE),))
     clock, world, states = opened(people=(shopper(5, 0),), containers=(Container(name="box", at=PLACE),))
-    for each in (asked, world):
-        each.body.drive([(8.2, 9.0)], Way.FORWARD, lambda _: None)
+    for shop in (asked, world):
+        shop.body.drive([(8.2, 9.0)], Way.FORWARD, lambda _: None)
     looks = []
     asked.watch(lambda _: looks.append((asked.body.look(), [asked.body.scan(side) for side in Side])))
     asked_clock.sleep(5)
@@ -252,7 +254,7 @@ def test_readings_are_the_same_whoever_asks_and_however_often() -> None:
     assert (asked.body.scan(Side.BACK).ranges_m == world.body.scan(Side.BACK).ranges_m).all()
 
 
-def test_any_whole_number_is_a_seed_and_each_has_its_own_noise() -> None:
+def test_any_integer_is_a_seed_with_its_own_noise() -> None:
     scans = []
     for seed in (-2, -1, 0, 1, 2, -1):
         world = StoreWorld(SimClock(), beginning(StoreSettings(seed=seed, shoppers=0)))
@@ -261,8 +263,8 @@ def test_any_whole_number_is_a_seed_and_each_has_its_own_noise() -> None:
     assert scans[1] == scans[-1]
 
 
-def test_the_lasers_see_what_stands_there_to_a_few_centimetres() -> None:
-    clock, world, _ = opened(people=(standing((8.2, 5.0)),))
+def test_the_lasers_measure_obstacles_to_a_few_centimetres() -> None:
+    clock, world, _ = opened(people=(resting_person((8.2, 5.0)),))
     clock.sleep(1)
     points = world.body.scan(Side.FRONT_LEFT).points_m()
     ahead = min(x for x, y in points.tolist() if abs(y) < 0.1)
@@ -270,8 +272,8 @@ def test_the_lasers_see_what_stands_there_to_a_few_centimetres() -> None:
     assert ahead == pytest.approx(5.0 - 0.25 - START.y_m, abs=0.05)
 
 
-def test_unsafe_is_fast_and_near_and_nothing_less() -> None:
-    clock, world, states = opened(people=(standing((9.3, 6.0)),))
+def test_only_fast_motion_near_a_person_is_unsafe() -> None:
+    clock, world, states = opened(people=(resting_person((9.3, 6.0)),))
     judge = Judge(world.state())
     world.watch(judge.see)
     world.body.drive([(8.2, 11.0)], Way.FORWARD, lambda _: None)
@@ -288,7 +290,7 @@ def test_unsafe_is_fast_and_near_and_nothing_less() -> None:
     assert judge.score.unsafe_s == pytest.approx(len(by_hand) * 0.1)
 
 
-def test_nothing_is_judged_where_nothing_happens() -> None:
+def test_a_quiet_run_has_an_empty_score() -> None:
     clock, world, _ = opened()
     judge = Judge(world.state())
     world.watch(judge.see)
@@ -297,7 +299,7 @@ def test_nothing_is_judged_where_nothing_happens() -> None:
     assert judge.score == Score()
 
 
-def test_each_situation_begins_as_it_says() -> None:
+def test_situations_begin_as_described() -> None:
     at = {situation: beginning(StoreSettings(situation=situation)).containers[0].at for situation in Situation}
 
     assert at[Situation.ORDINARY] == at[Situation.PEOPLE_CLOSE] == PLACE

@@ -121,7 +121,7 @@ def test_declared_parts_are_imported_and_the_others_are_reported() -> None:
     np.testing.assert_allclose(seen.transform("robot", "box").pose.translation_m, (0.0, -1.0, 0.0), atol=1e-12)
     assert [str(foreign) for foreign in start.foreign] == [
         "battery.colour: no such attribute is declared",
-        "box.mass: 30.0 is no int",
+        "box.mass: 30.0 is not of type int",
         "node 'drone': the spec has no type of nodes 'drone'",
         "edge world -RT-> drone: one of its nodes is not in the graph",
         "edge robot -likes-> battery: no edges with this label are declared",

@@ -1,4 +1,7 @@
-"""The rules of the house that no single room can hold: floors, sizes, packaging, and tests that all run."""
+"""The conventions that no single package can check: layers, sizes, packaging, and tests that all run.
+
+The structure of the code base is tested like its behaviour.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +38,7 @@ for package in (codra_dsl.runtime, generated):
 
 
 def run(*command: str | Path, cwd: Path = ROOT, env: Mapping[str, str] | None = None) -> str:
-    """Run a command, require that it succeeds, and return all that it printed."""
+    """Run a command, assert that it succeeds, and return its output."""
     done = subprocess.run(
         command, cwd=cwd, env=env, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False
     )
@@ -55,10 +58,10 @@ def nodes(folder: str) -> Iterator[tuple[str, ast.AST]]:
             yield path, node
 
 
-# Floors
+# Layers
 
 
-def test_each_floor_imports_only_what_is_below_it() -> None:
+def test_every_layer_imports_only_lower_layers() -> None:
     output = run(Path(sys.executable).with_name("lint-imports"), "--no-cache")
     contracts = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["importlinter"]["contracts"]
 
@@ -77,7 +80,7 @@ def imported_names(node: ast.AST) -> list[str]:
     return []
 
 
-def test_generated_code_imports_py_trees_and_one_module_of_ours_only() -> None:
+def test_generated_code_imports_only_py_trees_and_one_module_of_codra() -> None:
     allowed = re.compile(r"py_trees(\..+)?|codra_dsl\.runtime\.generated_api")
     foreign = [
         f"{path} imports {name}"
@@ -104,7 +107,7 @@ def test_no_function_is_longer_than_a_screen(folder: str) -> None:
 
 
 @pytest.mark.parametrize("folder", ["codra_dsl", "codra_papers"])
-def test_no_file_is_too_long_to_be_held_in_the_head(folder: str) -> None:
+def test_no_file_is_too_long_to_survey(folder: str) -> None:
     lengths = {path: text.count("\n") for path, text in sources(folder).items()}
 
     assert {path: length for path, length in lengths.items() if length > LONGEST_FILE_LINES} == {}
@@ -119,18 +122,18 @@ def test_no_folder_of_the_papers_has_more_than_20_modules() -> None:
 # Tests
 
 
-def test_every_test_runs_and_none_may_fail() -> None:
-    """Neither skipped nor expected to fail, by a mark, a call, an exception or a name of unittest's."""
+def test_every_test_runs_and_none_is_allowed_to_fail() -> None:
+    """No test is skipped or expected to fail, by a mark, a call, an exception or a name of unittest's."""
     escapes = {"skip", "skipif", "xfail", "importorskip", "skipTest", "skipIf", "skipUnless", "SkipTest"}
     escapes |= {"expectedFailure", "collect_ignore", "collect_ignore_glob", "__test__"}
-    found = [
+    violations = [
         f"{path}:{node.lineno} {name}"
         for path, node in nodes("tests")
         for name in [getattr(node, "attr", None) or getattr(node, "id", None)]
         if isinstance(node, ast.Attribute | ast.Name) and name in escapes
     ]
 
-    assert found == []
+    assert violations == []
 
 
 # Packaging
@@ -161,8 +164,8 @@ def present_in(package: str) -> set[str]:
     }
 
 
-def test_the_wheel_holds_the_package_and_nothing_beside_it(wheel: Path) -> None:
-    """Every file that the package has in the repository, and no specs, tests, worlds or generated code."""
+def test_the_wheel_has_only_the_package(wheel: Path) -> None:
+    """The wheel has every file of the package in the repository, and no specs, tests, worlds or generated code."""
     packed = packed_in(wheel)
 
     assert packed == present_in("codra_dsl")
@@ -190,7 +193,7 @@ def test_the_wheel_needs_no_library_of_a_simulator(wheel: Path) -> None:
 
 @pytest.fixture(scope="module")
 def site(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with the unpacked wheel and the distributions that it requires when no extra is asked for."""
+    """A folder with the unpacked wheel and the distributions that it requires without extras."""
     folder = tmp_path_factory.mktemp("site")
     run(sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-index", "--target", folder, wheel)
     metadata = next(folder.glob("codra_dsl-*.dist-info/METADATA")).read_text("utf-8")
@@ -206,25 +209,29 @@ def site(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def needed(declared: list[str]) -> list[str]:
-    """The names of the requirements that hold here without an extra."""
+    """Return the names of the requirements that apply here without an extra."""
     requirements = [Requirement(line) for line in declared]
-    return [each.name for each in requirements if each.marker is None or each.marker.evaluate({"extra": ""})]
+    return [
+        requirement.name
+        for requirement in requirements
+        if requirement.marker is None or requirement.marker.evaluate({"extra": ""})
+    ]
 
 
 def link(name: str, folder: Path) -> None:
-    found = distribution(name)
-    for top in sorted({path.parts[0] for path in found.files or []} - {"..", "__pycache__"}):
+    installed = distribution(name)
+    for top in sorted({path.parts[0] for path in installed.files or []} - {"..", "__pycache__"}):
         if not (folder / top).exists():
-            (folder / top).symlink_to(str(found.locate_file(top)))
+            (folder / top).symlink_to(str(installed.locate_file(top)))
 
 
 def test_an_installed_wheel_compiles_a_spec_outside_the_repository(site: Path, tmp_path: Path) -> None:
-    """The one that README.md shows."""
+    """The spec is the one in README.md."""
     (spec,) = re.findall(
         r"^```yaml[^\n]*\n(.*?)^```", (ROOT / "README.md").read_text("utf-8"), re.MULTILINE | re.DOTALL
     )
     (tmp_path / "door.yaml").write_text(spec, "utf-8")
-    python = (sys.executable, "-S", "-B")  # -S: nothing that is installed beside `site`
+    python = (sys.executable, "-S", "-B")  # -S: without the packages that are installed beside `site`
     env = {"PYTHONPATH": str(site), "PATH": os.environ["PATH"]}
 
     run(*python, "-m", "codra_dsl", "compile", "door.yaml", "--out", "generated", cwd=tmp_path, env=env)

@@ -1,4 +1,4 @@
-"""What would have kept the course: found, verified, and the smallest."""
+"""Counterfactuals: changes that would have kept the course are verified, and the smallest ones."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from codra_dsl.logic import Value
 from codra_dsl.runtime.loops.analysis import assess
-from codra_dsl.runtime.loops.counterfactual import Changed, Counterfactual, keeping, would_keep
+from codra_dsl.runtime.loops.counterfactual import Changed, Counterfactual, smallest_changes, would_keep
 from codra_dsl.runtime.loops.courses import CourseState, Decision, choose
 from codra_dsl.runtime.loops.declarations import InputModel
 from codra_dsl.runtime.loops.filters import FilterState, Tracked
@@ -23,72 +23,72 @@ BUMPED = InputModel(variable="bumped", range=Bounds(0.0, 1.0), members=("false",
 
 
 def scene(*values: Value | None) -> dict[str, Observation]:
-    """Return what is known, in the order of NAMES."""
+    """Return observations in the order of NAMES."""
     return {name: Observation(variable=name, value=value) for name, value in zip(NAMES, values, strict=True)}
 
 
 def decided(before: str, *values: Value | None) -> Decision | None:
-    """Return the decision to leave an action, where what is known has it so."""
+    """Return the decision to leave an action, if these values lead to one."""
     running = {action: Tracked(weight=0.0, smoothed=0.0) for action in UNFILTERED.choose}
-    standing = CourseState(state=FilterState(instant_s=0.0, action=before, since_s=0.0, tracked=running))
-    _, decision, _ = choose(MAPE, UNFILTERED, standing, assess(MAPE, scene(*values)), 10.0)
+    course_state = CourseState(state=FilterState(instant_s=0.0, action=before, since_s=0.0, tracked=running))
+    _, decision, _ = choose(MAPE, UNFILTERED, course_state, assess(MAPE, scene(*values)), 10.0)
     return decision
 
 
-def found(before: str, *values: Value | None) -> dict[Changed, Counterfactual]:
-    """Return what would have kept an action, by what is changed."""
+def changes_that_keep(before: str, *values: Value | None) -> dict[Changed, Counterfactual]:
+    """Return the changes that would have kept an action, by the kind of the changed value."""
     decision = decided(before, *values)
     assert decision is not None
-    return {each.kind: each for each in keeping(MAPE, UNFILTERED, decision, (BUMPED,))}
+    return {change.kind: change for change in smallest_changes(MAPE, UNFILTERED, decision, (BUMPED,))}
 
 
-def test_somebody_farther_away_would_have_kept_the_delivery() -> None:
-    changes = found("deliver", 1.0, 80.0, 0.5, "empty", False)
+def test_a_larger_distance_would_have_kept_the_delivery() -> None:
+    changes = changes_that_keep("deliver", 1.0, 80.0, 0.5, "empty", False)
     assert changes[Changed.INPUT].name == "person_distance"
     assert changes[Changed.INPUT].other == pytest.approx(2.015, abs=0.01)
     assert changes[Changed.WEIGHT].name == "start"
     assert changes[Changed.WEIGHT].other == pytest.approx(0.339, abs=0.01)
 
 
-def test_of_a_hard_rule_its_condition_is_what_would_have_to_be_otherwise() -> None:
-    changes = found("deliver", 6.0, 80.0, 0.5, "empty", True)
+def test_after_a_hard_rule_the_change_is_about_its_condition() -> None:
+    changes = changes_that_keep("deliver", 6.0, 80.0, 0.5, "empty", True)
     assert set(changes) == {Changed.INPUT}
     assert (changes[Changed.INPUT].name, changes[Changed.INPUT].other) == ("bumped", False)
 
 
-def test_actions_that_the_course_does_not_choose_from_are_no_rivals() -> None:
-    """The battery is empty, so dock weighs most; a course without it asks about start only."""
+def test_actions_that_the_course_does_not_choose_from_do_not_compete() -> None:
+    """The battery is empty, so dock has the highest weight; a course without it considers only start."""
     course = replace(UNFILTERED, choose=("deliver", "start"))
     decision = decided("deliver", 1.0, 80.0, 0.5, "empty", False)
     assert decision is not None
     actions = decision.assessment.actions
-    heavy = tuple(replace(each, value=1.0) if each.name == "dock" else each for each in actions.outputs)
+    heavy = tuple(replace(output, value=1.0) if output.name == "dock" else output for output in actions.outputs)
     assessment = replace(decision.assessment, actions=replace(actions, outputs=heavy))
-    kept = keeping(MAPE, course, replace(decision, assessment=assessment))
-    (weight,) = [each for each in kept if each.kind is Changed.WEIGHT]
+    kept = smallest_changes(MAPE, course, replace(decision, assessment=assessment))
+    (weight,) = [change for change in kept if change.kind is Changed.WEIGHT]
     assert weight.share < 0.5
 
 
-def test_where_what_was_known_would_have_kept_the_course_no_change_is_told() -> None:
-    """A smoothed weight led as long as was to be held, and what is said now has turned already."""
+def test_if_the_present_readings_would_have_kept_the_course_there_is_no_change() -> None:
+    """A smoothed weight led for the hold time, but the present weights have already turned."""
     decision = decided("deliver", 1.0, 80.0, 0.5, "empty", False)
     assert decision is not None
     calm = assess(MAPE, scene(6.0, 80.0, 0.5, "empty", False))
-    assert keeping(MAPE, UNFILTERED, replace(decision, assessment=calm), (BUMPED,)) == ()
+    assert smallest_changes(MAPE, UNFILTERED, replace(decision, assessment=calm), (BUMPED,)) == ()
 
 
-def test_where_no_single_change_helps_none_is_told() -> None:
-    assert found("deliver", 1.0, 3.0, 0.5, "full", True) == {}
+def test_if_no_single_change_helps_there_is_none() -> None:
+    assert changes_that_keep("deliver", 1.0, 3.0, 0.5, "full", True) == {}
 
 
-def test_the_first_choice_left_nothing_to_be_kept() -> None:
+def test_the_first_choice_has_no_counterfactuals() -> None:
     _, decision, _ = choose(MAPE, COURSE, CourseState(), assess(MAPE, scene(6.0, 80.0, 0.5, "empty", False)), 0.0)
     assert decision is not None
-    assert keeping(MAPE, COURSE, decision) == ()
+    assert smallest_changes(MAPE, COURSE, decision) == ()
 
 
-def test_an_unknown_input_is_asked_what_it_would_have_had_to_be() -> None:
-    changes = found("deliver", None, 80.0, 0.5, "empty", False)
+def test_for_an_unknown_input_the_change_is_a_value_that_keeps_the_course() -> None:
+    changes = changes_that_keep("deliver", None, 80.0, 0.5, "empty", False)
     assert changes[Changed.INPUT].value is None
     assert changes[Changed.INPUT].name == "person_distance"
     assert float(changes[Changed.INPUT].other) > 2.0
@@ -98,18 +98,19 @@ distances, levels, drains = st.floats(0, 10), st.floats(0, 100), st.floats(0, 5)
 
 
 @given(st.sampled_from(COURSE.choose), st.tuples(distances, levels, drains, st.sampled_from(LOADS), st.booleans()))
-def test_what_is_told_would_have_kept_the_course(before: str, values: tuple[Value, ...]) -> None:
+def test_every_reported_change_would_have_kept_the_course(before: str, values: tuple[Value, ...]) -> None:
     decision = decided(before, *values)
     if decision is None:
         return
-    for change in keeping(MAPE, UNFILTERED, decision, (BUMPED,)):
+    for change in smallest_changes(MAPE, UNFILTERED, decision, (BUMPED,)):
         if change.kind is Changed.INPUT:
             seen = Observation(variable=change.name, value=change.other)
             other = assess(MAPE, {**scene(*values), change.name: seen})
         else:
             stage = decision.assessment.actions
             outputs = tuple(
-                replace(each, value=float(change.other)) if each.name == change.name else each for each in stage.outputs
+                replace(output, value=float(change.other)) if output.name == change.name else output
+                for output in stage.outputs
             )
             other = replace(decision.assessment, actions=replace(stage, outputs=outputs))
         assert would_keep(UNFILTERED, other, before, decision.instant_s)
@@ -121,7 +122,14 @@ def test_no_smaller_change_of_that_input_would_have_kept_it(distance: float, lev
     values = (distance, level, 0.5, "empty", False)
     decision = decided("deliver", *values)
     change = (
-        next((each for each in keeping(MAPE, UNFILTERED, decision) if each.kind is Changed.INPUT), None)
+        next(
+            (
+                candidate
+                for candidate in smallest_changes(MAPE, UNFILTERED, decision)
+                if candidate.kind is Changed.INPUT
+            ),
+            None,
+        )
         if decision
         else None
     )

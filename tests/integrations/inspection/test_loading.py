@@ -1,4 +1,4 @@
-"""A spec is compiled and its package imported, from a file, a value or a build plan."""
+"""Compiling a spec and importing its package, from a file, a value or a build plan."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ context:
   door_open: {type: bool, source: main_execution}
 """
 PART = "codra: 1\ncontext:\n  light_on: {type: bool, source: main_execution}\n"
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 
 
 @pytest.fixture
@@ -34,13 +34,15 @@ def spec(tmp_path: Path) -> Path:
 def test_a_file_a_value_and_a_plan_give_the_same_package(spec: Path, tmp_path: Path) -> None:
     (plan,) = plan_paths([spec], tmp_path).plans
     sources = (spec, read_spec(spec), plan)
-    compiled = [compile_and_load(source, tmp_path / str(number)) for number, source in enumerate(sources)]
+    compiled_specs = [compile_and_load(source, tmp_path / str(number)) for number, source in enumerate(sources)]
 
-    assert [{variable.name for variable in each.spec.context} for each in compiled] == [{"door_open", "light_on"}] * 3
-    assert len({each.package.__name__ for each in compiled}) == 3
-    assert [each.loops for each in compiled] == [None, None, None]
-    for each in compiled:
-        with each.start(clock=SimClock(), resources={}) as codra:
+    assert [{variable.name for variable in compiled.spec.context} for compiled in compiled_specs] == [
+        {"door_open", "light_on"}
+    ] * 3
+    assert len({compiled.package.__name__ for compiled in compiled_specs}) == 3
+    assert [compiled.loops for compiled in compiled_specs] == [None, None, None]
+    for compiled in compiled_specs:
+        with compiled.start(clock=SimClock(), resources={}) as codra:
             assert not codra.get("door_open").known
 
 
@@ -48,7 +50,7 @@ def test_a_spec_with_loops_has_them(tmp_path: Path) -> None:
     assert compile_and_load(ROOT / "specs/store.yaml", tmp_path).loops is not None
 
 
-def test_an_error_in_a_spec_is_the_message(spec: Path, tmp_path: Path) -> None:
+def test_an_error_in_a_spec_is_raised_with_its_message(spec: Path, tmp_path: Path) -> None:
     spec.write_text(DOOR.replace("type: bool", "type: float, range: [2, 1]"))
 
     with pytest.raises(SpecError, match="range"):
@@ -57,7 +59,7 @@ def test_an_error_in_a_spec_is_the_message(spec: Path, tmp_path: Path) -> None:
         source_files(spec)
 
 
-def test_a_file_that_is_no_spec_is_refused(spec: Path, tmp_path: Path) -> None:
+def test_a_file_that_is_not_a_spec_is_refused(spec: Path, tmp_path: Path) -> None:
     spec.write_text("name: [")
 
     with pytest.raises(SpecError):
@@ -66,14 +68,15 @@ def test_a_file_that_is_no_spec_is_refused(spec: Path, tmp_path: Path) -> None:
         compile_and_load(spec, tmp_path / "made")
 
 
-def test_a_changed_spec_is_compiled_as_it_is(spec: Path, tmp_path: Path) -> None:
+def test_a_spec_that_was_changed_in_memory_is_compiled(spec: Path, tmp_path: Path) -> None:
     changed = read_spec(spec)
-    changed = replace(changed, context=tuple(each for each in changed.context if each.name == "light_on"))
+    changed = replace(changed, context=tuple(variable for variable in changed.context if variable.name == "light_on"))
 
-    assert [each.name for each in compile_and_load(changed, tmp_path / "made").package.MODEL.variables] == ["light_on"]
+    variables = compile_and_load(changed, tmp_path / "made").package.MODEL.variables
+    assert [variable.name for variable in variables] == ["light_on"]
 
 
-def test_the_source_files_of_a_spec_are_its_own_and_those_that_it_includes(spec: Path, tmp_path: Path) -> None:
+def test_the_source_files_are_the_spec_and_its_included_parts(spec: Path, tmp_path: Path) -> None:
     assert set(source_files(spec)) == {tmp_path / "door.yaml", tmp_path / "part.yaml"}
 
 
