@@ -204,6 +204,8 @@ def _marked(line: str, span: Span) -> tuple[str, int, int]:
 
 def visible(text: str) -> str:
     """Return text in a form for one line: tabs as blanks, without control, format and surrogate characters."""
+    if text.isprintable():  # nearly every text, and a look at each character of a large report takes seconds
+        return text
     return "".join(_TAB if letter == "\t" else letter if letter.isprintable() else _REPLACEMENT for letter in text)
 
 

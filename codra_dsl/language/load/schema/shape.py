@@ -53,9 +53,11 @@ def explain(definition: str, node: YamlNode, subject: Subject, findings: Finding
         mean any absent key, so all of these count as unreadable.
     """
     explanation = _Explanation(subject, node, findings)
-    for mapping, corrections in explanation.unknown_keys(errors_of(definition, node.data, ())):
+    errors = tuple(errors_of(definition, node.data, ()))
+    unknown_keys = explanation.unknown_keys(errors)
+    for mapping, corrections in unknown_keys:
         _rename(mapping, corrections)
-    explanation.report(tuple(errors_of(definition, node.data, ())))
+    explanation.report(tuple(errors_of(definition, node.data, ())) if unknown_keys else errors)
     return frozenset(explanation.damaged)
 
 
