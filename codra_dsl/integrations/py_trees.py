@@ -110,7 +110,7 @@ class Decide(Decorator):
         child: Behaviour,
         variable: str,
         *,
-        found: Callable[[], object],
+        result: Callable[[], object],
         holds: Callable[[Any], bool] | None = None,
         unknown: Status = Status.FAILURE,
         wait_up_to_s: float = 0.0,
@@ -123,7 +123,7 @@ class Decide(Decorator):
             name: the name of the node.
             child: the subtree that looks; it ends in SUCCESS if it could look.
             variable: the context-variable of the decision.
-            found: returns the value that the child saw, or None; called after the child succeeded.
+            result: returns the value that the child saw, or None; called after the child succeeded.
             holds: returns whether a value satisfies the decision; by default, whether it is true.
             unknown: the status if neither context nor the child knows the value.
             wait_up_to_s: how long it waits for observers before the child looks.
@@ -132,7 +132,7 @@ class Decide(Decorator):
         """
         super().__init__(name, child)
         self._variable = variable
-        self._found = found
+        self._result = result
         self._holds = holds or _is_true
         self._unknown = unknown
         self._wait_up_to_s = wait_up_to_s
@@ -175,7 +175,7 @@ class Decide(Decorator):
     def update(self) -> Status:
         """Answer, wait, or continue to look."""
         assert self._pending is not None
-        match self._pending.step:
+        match self._pending.state:
             case DecisionState.WAITING:
                 self.feedback_message = "waiting for observers"
                 return Status.RUNNING
@@ -184,8 +184,8 @@ class Decide(Decorator):
         if self.decorated.status is Status.RUNNING:
             self.feedback_message = "looking"
             return Status.RUNNING
-        result = self._found() if self.decorated.status is Status.SUCCESS else None
-        self._pending.found(result)
+        result = self._result() if self.decorated.status is Status.SUCCESS else None
+        self._pending.record_result(result)
         return self._answer(result, "from looking")
 
     def terminate(self, new_status: Status) -> None:  # noqa: ARG002 - the same for every status

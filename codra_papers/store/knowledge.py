@@ -48,7 +48,7 @@ FARTHEST_M = 10.0
 """Largest value of distances. They have this value if no object is seen."""
 
 
-def named_stands() -> dict[str, Pose2D]:
+def named_floor_poses() -> dict[str, Pose2D]:
     """Return the named poses of the map, by name (P2, Figure 8)."""
     poses = {"start": START, "dock": DOCK}
     for area in AREAS.values():
@@ -64,7 +64,7 @@ def pose_of(place: Pose2D) -> Pose:
     return Pose.about((0.0, 0.0, 1.0), wrapped(place.heading_rad), (place.x_m, place.y_m, 0.0))
 
 
-def stand_of(pose: Pose) -> Pose2D:
+def floor_pose_of(pose: Pose) -> Pose2D:
     """Return a pose in space as a pose on the floor."""
     x_m, y_m, _ = pose.translation_m
     east, north, _ = Pose((0.0, 0.0, 0.0), pose.rotation).apply((1.0, 0.0, 0.0))
@@ -186,13 +186,13 @@ def _nodes() -> tuple[NodeModel, ...]:
     areas = [NodeModel(name=name, type="picking_area") for name in PICKING_AREAS]
     depots = [NodeModel(name=name, type="depot") for name in DEPOTS]
     lasers = [NodeModel(name=f"laser_{side}", type="laser") for side in Side]
-    poses = [NodeModel(name=name, type="pose") for name in named_stands()]
+    poses = [NodeModel(name=name, type="pose") for name in named_floor_poses()]
     return (*(NodeModel(name=name, type=name) for name in named), *areas, *depots, *lasers, *poses)
 
 
 def _fixed() -> Iterator[tuple[EdgeTypeModel, EdgeModel]]:
     """Yield the static transforms: named poses in the map, sensors on the robot."""
-    for name, place in named_stands().items():
+    for name, place in named_floor_poses().items():
         yield _static_transform("world", name, pose_of(place))
     optical = Pose.about((0, 0, 1), -pi / 2) @ Pose.about((1, 0, 0), -pi / 2)
     yield _static_transform("robot", "camera", Pose.of((CAMERA_AT.x_m, CAMERA_AT.y_m, 0.0), optical.rotation))

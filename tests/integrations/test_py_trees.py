@@ -227,7 +227,7 @@ def test_acting_outside_of_a_skill_is_reported_before_the_first_tick() -> None:
 def test_an_expected_skill_is_declared_while_the_robot_still_drives() -> None:
     with started(Door(angle_rad=1.0)) as (manager, clock):
         drive = Expecting("then open", Takes("drive", clock, 4.0), "open_door")
-        decide = Decide("open?", Success("look"), "open", found=lambda: None)
+        decide = Decide("open?", Success("look"), "open", result=lambda: None)
         tree = tree_of(
             Sequence("root", memory=True, children=[drive, DuringSkill("open", decide, "open_door")]), manager, clock
         )
@@ -281,7 +281,7 @@ def test_a_decision_that_context_answers_does_not_tick_the_subtree_that_looks() 
         look, seen_value = looking(clock, door)
         manager.declare("open")
         clock.sleep(5.0)
-        tree = tree_of(Decide("open?", look, "open", found=seen_value), manager, clock)
+        tree = tree_of(Decide("open?", look, "open", result=seen_value), manager, clock)
         tree.tick()
 
         assert (tree.root.status, look.status) == (Status.SUCCESS, Status.INVALID)
@@ -294,7 +294,7 @@ def test_a_decision_that_context_cannot_answer_is_answered_by_the_subtree_and_ke
         look, seen_value = looking(clock, door)
         manager.declare("open")
         begun_s = clock.now_s()
-        tree = tree_of(Decide("open?", look, "open", found=seen_value), manager, clock)
+        tree = tree_of(Decide("open?", look, "open", result=seen_value), manager, clock)
 
         assert ticked(tree, clock) is Status.SUCCESS
         ((what, details),) = decisions(manager)
@@ -309,7 +309,7 @@ def test_a_decision_waits_for_observers_before_the_subtree_looks() -> None:
     with started(door) as (manager, clock):
         look, seen_value = looking(clock, door)
         manager.declare("open")
-        tree = tree_of(Decide("open?", look, "open", found=seen_value, wait_up_to_s=5.0), manager, clock)
+        tree = tree_of(Decide("open?", look, "open", result=seen_value, wait_up_to_s=5.0), manager, clock)
         tree.tick()
         assert (tree.root.status, tree.root.feedback_message) == (Status.RUNNING, "waiting for observers")
 
@@ -323,7 +323,7 @@ def test_if_the_subtree_could_not_look_the_decision_has_the_chosen_status(chosen
     door = Door(markers=0)
     with started(door) as (manager, clock):
         look, seen_value = looking(clock, door, Status.FAILURE)
-        tree = tree_of(Decide("open?", look, "open", found=seen_value, unknown=chosen), manager, clock)
+        tree = tree_of(Decide("open?", look, "open", result=seen_value, unknown=chosen), manager, clock)
 
         assert ticked(tree, clock) is chosen
         assert [(what, details["found"]) for what, details in decisions(manager)] == [("fell_back", None)]
@@ -334,7 +334,7 @@ def test_an_interrupted_decision_is_recorded_and_starts_again() -> None:
     with started(door) as (manager, clock):
         urgent = Urgent()
         look, seen_value = looking(clock, door)
-        decide = Decide("open?", look, "open", found=seen_value)
+        decide = Decide("open?", look, "open", result=seen_value)
         tree = tree_of(Selector("root", memory=False, children=[urgent, decide]), manager, clock)
         tree.tick()
         assert look.status is Status.RUNNING
@@ -353,7 +353,7 @@ def test_in_shadow_mode_the_subtree_always_looks_and_the_event_log_records_wheth
         look, seen_value = looking(clock, door)
         manager.declare("open")
         clock.sleep(5.0)
-        tree = tree_of(Decide("open?", look, "open", found=seen_value, shadow=True), manager, clock)
+        tree = tree_of(Decide("open?", look, "open", result=seen_value, shadow=True), manager, clock)
 
         assert ticked(tree, clock) is Status.SUCCESS
         assert [(what, details["agrees"]) for what, details in decisions(manager)] == [("shadowed", True)]
@@ -365,7 +365,7 @@ def test_after_an_action_a_decision_uses_only_evidence_from_after_its_end() -> N
     with started(door) as (manager, clock):
         look, seen_value = looking(clock, door)
         pull = Takes("pull", clock, 6.0, done=lambda: setattr(door, "angle_rad", 1.0))
-        steps = [Acting("act", pull), Decide("open?", look, "open", found=seen_value, wait_up_to_s=8.0)]
+        steps = [Acting("act", pull), Decide("open?", look, "open", result=seen_value, wait_up_to_s=8.0)]
         skill = DuringSkill("open", Sequence("steps", memory=True, children=list(steps)), "open_door")
         tree = tree_of(skill, manager, clock)
         clock.sleep(3.0)
@@ -447,7 +447,7 @@ def built(shape: Shape, clock: SimClock, urgent: list[Urgent]) -> Behaviour:
         case "acting":
             return Acting("acting", built(rest[0], clock, urgent))
         case "decide":
-            return Decide("decide", built(rest[0], clock, urgent), "open", found=lambda: True, wait_up_to_s=0.2)
+            return Decide("decide", built(rest[0], clock, urgent), "open", result=lambda: True, wait_up_to_s=0.2)
         case "skill drive" | "skill open_door":
             return DuringSkill(what, built(rest[0], clock, urgent), what.removeprefix("skill "))
     children = [built(child, clock, urgent) for child in rest[0]]

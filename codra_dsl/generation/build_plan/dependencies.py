@@ -30,8 +30,8 @@ def dependencies(checked: CheckedSpec, forest: Iterable[Tree]) -> tuple[Edge, ..
     edges = (*knowledge_edges, *chain.from_iterable(parts))
     edges = edges if checked.mape is None else (*edges, *loop_edges(checked.mape))
     needed = {edge.target.name for edge in edges if edge.target.kind is NodeKind.CONTEXT} if checked.poses else ()
-    posed = [edge for name in checked.poses if name in needed for edge in _pose_edges(checked, name)]
-    return edges if checked.mape is None and not posed else tuple(sorted({*edges, *posed}, key=_in_order))
+    pose_edges = [edge for name in checked.poses if name in needed for edge in _pose_edges(checked, name)]
+    return edges if checked.mape is None and not pose_edges else tuple(sorted({*edges, *pose_edges}, key=_in_order))
 
 
 def _in_order(edge: Edge) -> tuple[Node, EdgeKind, Node]:
@@ -61,9 +61,9 @@ def _decides(skill: Skill) -> list[Edge]:
 
 def _pose_edges(checked: CheckedSpec, variable: str) -> list[Edge]:
     """Return the edges to the poses from which a variable may be derived."""
-    posed, knowledge = checked.variables[variable].posed, checked.knowledge
-    asked = () if posed is None else names_in(posed.tree)
-    nodes = [node for name in asked for node in reads_of(name.name)[1:]]
+    pose_condition, knowledge = checked.variables[variable].pose_condition, checked.knowledge
+    readings = () if pose_condition is None else names_in(pose_condition.tree)
+    nodes = [node for reading in readings for node in reads_of(reading.name)[1:]]
     names = [] if knowledge is None else [edge for node in nodes for edge in knowledge.world.climb(node)[1]]
     return _edges(Node(NodeKind.CONTEXT, variable), EdgeKind.READS, NodeKind.EDGE, names)
 

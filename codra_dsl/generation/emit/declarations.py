@@ -33,7 +33,7 @@ DEFAULTS: Mapping[str, Mapping[str, Expression]] = {
         "when_unobservable": '"keep"',
         "refresh": '"periodic"',
         "history": "100",
-        "posed": "None",
+        "pose_condition": "None",
     },
 }
 """The defaults of the runtime, which generated code leaves out."""
@@ -69,7 +69,9 @@ def algorithm(branch: Branch, imports: Imports) -> Expression:
 
 def variable(declared: Variable, poses: Mapping[str, str], imports: Imports) -> Expression:
     """Return the declaration of a context-variable; `poses` has the comparisons of those derived from poses."""
-    posed, words = condition(poses[declared.name]) if declared.posed is not None else ("None", frozenset[str]())
+    pose_condition, words = (
+        condition(poses[declared.name]) if declared.pose_condition is not None else ("None", frozenset[str]())
+    )
     imports.use(*words)
     fields = _non_default(
         "VariableModel",
@@ -82,7 +84,7 @@ def variable(declared: Variable, poses: Mapping[str, str], imports: Imports) -> 
         when_unobservable=text_literal(declared.when_unobservable),
         refresh=text_literal(declared.refresh),
         history=literal(declared.history),
-        posed=posed,
+        pose_condition=pose_condition,
     )
     return call("VariableModel", **fields)
 

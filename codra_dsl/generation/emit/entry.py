@@ -59,7 +59,7 @@ def _values(plan: BuildPlan) -> list[Values]:
     by_type: dict[tuple[Kind, tuple[str, ...]], list[str]] = {}
     enums: set[tuple[str, ...]] = set()
     for variable in plan.checked.variables.values():
-        if variable.posed is not None:
+        if variable.pose_condition is not None:
             continue
         kind, members = variable.type.kind, variable.type.values
         if kind is Kind.ENUM and (members in enums or len(enums) < MOST_ENUMS):

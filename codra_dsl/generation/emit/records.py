@@ -31,7 +31,7 @@ FORMAT_VERSION = 1
 _WITHOUT_MEANING = frozenset({"letters", "place", "places", "tree"})
 # The conduct of agents is digested with the knowledge, and these fields of variables with the loops.
 _DIGESTED_APART = frozenset(
-    {(Agent, "conduct"), *((Variable, name) for name in ("terms", "rate", "is_derived", "posed"))}
+    {(Agent, "conduct"), *((Variable, name) for name in ("terms", "rate", "is_derived", "pose_condition"))}
 )
 # A checked algorithm holds an algorithm's conditions a second time, lowered.
 _CHECKED_TOO = frozenset((Algorithm, name) for name in ("observable_when", "accept_when", "identifies"))

@@ -110,9 +110,9 @@ class Bridge:
             max_age_s: older evidence counts as unknown.
         """
         pending = self._pending_decision(state, variable, wait_up_to_s, max_age_s)
-        if pending.step is DecisionState.ANSWERED:
+        if pending.state is DecisionState.ANSWERED:
             return value_text(pending.value)
-        self._do(lambda: pending.abandon("preempted") if _is_preempted(state) else pending.found(None))
+        self._do(lambda: pending.abandon("preempted") if _is_preempted(state) else pending.record_result(None))
         return None
 
     # For annotated states
@@ -167,7 +167,7 @@ class Bridge:
         state.preempted = False  # an earlier run may have set it; `run` itself begins with this too
         state.state_execution_status = StateExecutionStatus.ACTIVE
         pending = self._pending_decision(state, annotation.decide, annotation.wait_up_to_s, annotation.max_age_s)
-        if pending.step is DecisionState.ANSWERED:
+        if pending.state is DecisionState.ANSWERED:
             self._skip(state, annotation.outcome_of(pending.value))
             return
         if _is_preempted(state):
@@ -176,7 +176,7 @@ class Bridge:
             return
         look()
         seen = self._seen(state, annotation)
-        self._do(lambda: pending.found(seen))
+        self._do(lambda: pending.record_result(seen))
 
     def _seen(self, state: State, annotation: Annotation) -> object:
         """Return the value that the outcome of a state means; None if it means no value."""
@@ -198,7 +198,7 @@ class Bridge:
                 shadow=self._answers is Answers.SHADOW,
             )
         )
-        while pending.step is DecisionState.WAITING and not _is_preempted(state):
+        while pending.state is DecisionState.WAITING and not _is_preempted(state):
             self._do(lambda: pending.wait(_SLICE_S))
         return pending
 

@@ -23,7 +23,7 @@ from codra_dsl.language.check.knowledge.handovers import HANDOVERS
 from codra_dsl.language.check.knowledge.lowered import checked_knowledge
 from codra_dsl.language.check.knowledge.names import KNOWLEDGE_NAMES
 from codra_dsl.language.check.knowledge.owners import OWNERS
-from codra_dsl.language.check.knowledge.posed import POSED, python_of_poses
+from codra_dsl.language.check.knowledge.pose_conditions import POSE_CONDITIONS, python_of_poses
 from codra_dsl.language.check.knowledge.stale import TRUSTED_POSES
 from codra_dsl.language.check.knowledge.triplets import TRIPLETS
 from codra_dsl.language.check.knowledge.unused import KNOWLEDGE_LEFTOVERS
@@ -51,7 +51,7 @@ NO_TREES: Mapping[str, Read] = {}
 PHASES: tuple[tuple[Rule, ...], ...] = (
     (*NAMES, *KNOWLEDGE_NAMES, *LOOP_NAMES, *TREE_FILES),
     (*SOURCES, *OWNERS),
-    (*TYPES, *KNOWLEDGE_TYPES, *POSED, *LOOP_TYPES),
+    (*TYPES, *KNOWLEDGE_TYPES, *POSE_CONDITIONS, *LOOP_TYPES),
     (*GRAPH, *FRAMES, *HANDOVERS, *TRIPLETS, *CHAINS, *LOOP_PARTS, *BRANCHES, *SELF_DEFEATING),
     (*QUALITY, *KNOWLEDGE_LEFTOVERS, *TRUSTED_POSES, *FIRING, *LOOP_LEFTOVERS, *FED_BACK, *LEAVING),
 )

@@ -15,7 +15,7 @@ from codra_dsl.language.load.derived import with_derived
 from codra_dsl.language.load.elements.elements import Elements
 from codra_dsl.language.load.instantiation import Uses
 from codra_dsl.language.load.parts import Parts
-from codra_dsl.language.load.posed import with_posed
+from codra_dsl.language.load.pose_conditions import with_pose_conditions
 from codra_dsl.language.load.schema.document import SECTIONS, Document, read_document, take_section
 from codra_dsl.language.load.yaml.findings import Findings
 from codra_dsl.language.load.yaml.names import MAX_NAME, is_identifier
@@ -117,7 +117,7 @@ def _spec(document: Document, name: ScalarNode | None, parts: Parts, root: Path,
         damaged=damaged,
         damaged_keys=elements.damaged_keys,
     )
-    return with_posed(with_derived(spec, findings))
+    return with_pose_conditions(with_derived(spec, findings))
 
 
 def _declared(elements: Elements) -> Declared:

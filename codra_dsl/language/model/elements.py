@@ -214,17 +214,17 @@ class Rate:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Posed:
+class PoseCondition:
     """A comparison with poses, such as `distance(a, b) < 0.9 m`.
 
     Attributes:
         tree: the comparison; each function of two nodes is one name in it.
-        said: the condition that contains it; the first one if there are several.
+        condition: the condition that contains it; the first one if there are several.
         owner: the section and the name of the element with that condition, and the condition's key.
     """
 
     tree: Node
-    said: Condition
+    condition: Condition
     owner: tuple[str, str, str]
 
 
@@ -240,8 +240,8 @@ class Variable:
         node: the node of the knowledge graph of which it is an attribute (`of`).
         terms: words for its values, for fuzzy rules.
         rate: set if it is the rate of change of another variable.
-        is_derived: whether another element implies it: it holds a metric, a weight, a course or the result of `posed`.
-        posed: the comparison with poses whose result it holds, if any.
+        is_derived: whether another element implies it: it holds a metric, a weight, a course or a result over poses.
+        pose_condition: the comparison with poses whose result it holds, if any.
         places: by key (`valid_for`, `source`, ...); also `name`.
     """
 
@@ -260,7 +260,7 @@ class Variable:
     terms: tuple[FuzzyTerm, ...] = ()
     rate: Rate | None = None
     is_derived: bool = False
-    posed: Posed | None = None
+    pose_condition: PoseCondition | None = None
     places: Mapping[str, Place] = field(default_factory=dict, compare=False, hash=False)
 
 

@@ -6,7 +6,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from codra_dsl.language.diagnostics import Place
-from codra_dsl.language.model.elements import Algorithm, ObserverSetting, Reference, Resource, Skill, Variable
+from codra_dsl.language.model.elements import (
+    Algorithm,
+    ObserverSetting,
+    PoseCondition,
+    Reference,
+    Resource,
+    Skill,
+    Variable,
+)
 from codra_dsl.language.model.knowledge import Agent, EdgeType, NodeElement, NodeType, Task
 from codra_dsl.language.model.mape import Adaptation, Loop, Output, TreeElement
 
@@ -102,6 +110,11 @@ class Spec:
         """Whether it declares any element of MAPE-K loops."""
         rates = any(variable.rate is not None for variable in self.context)
         return bool(self.metrics or self.actions or self.adaptation or self.trees or self.loops or rates)
+
+    @property
+    def pose_conditions(self) -> tuple[PoseCondition, ...]:
+        """The comparisons with poses in its conditions."""
+        return tuple(variable.pose_condition for variable in self.context if variable.pose_condition is not None)
 
     @property
     def knows(self) -> bool:

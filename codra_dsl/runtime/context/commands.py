@@ -191,7 +191,7 @@ class Commands:
             if self._event_writer.takes_inputs:
                 self._event_writer.write_input(writer, "write", variable=name, value=content, evidence_s=evidence_s)
             model = self._store.variables[name]
-            if model.posed is not None:
+            if model.pose_condition is not None:
                 raise NotASourceError(f"{name!r} follows from poses and cannot be written")
             if writer == MAIN and not (MAIN in model.sources or name in self.declarations):
                 raise NotDeclaredError(
@@ -319,7 +319,7 @@ class Commands:
 
     def _may_write(self, name: str) -> bool:
         model = self._store.variables[name]
-        return model.posed is None and (MAIN in model.sources or name in self.declarations)
+        return model.pose_condition is None and (MAIN in model.sources or name in self.declarations)
 
     def _store_reading(
         self,

@@ -92,7 +92,7 @@ class Components:
     def with_knowledge(self, model: KnowledgeModel) -> Knowledge:
         """Return the knowledge graph that shares these variables, steps and journal."""
         context_link = ContextLink(
-            variables=tuple(variable for variable in self.store.variables.values() if variable.posed is None),
+            variables=tuple(variable for variable in self.store.variables.values() if variable.pose_condition is None),
             steps=self.clock,
             event_writer=self.event_writer,
             write=self.store.write,
@@ -105,7 +105,7 @@ class Components:
     def obstacle(self, name: str) -> str:
         """Return what prevents the observation of a variable now, known or not; empty if an algorithm can look."""
         obstacle, variable = self.forest.obstacle(name), self.store.variables[name]
-        if variable.posed is not None:
+        if variable.pose_condition is not None:
             return "it follows from poses"
         return f"for {' or '.join(variable.sources)} to write" if obstacle is None else obstacle
 

@@ -341,7 +341,7 @@ class ContextManager(Generic[VariableName, SkillName]):
         except BaseException as error:
             pending.abandon(type(error).__name__)
             raise
-        pending.found(seen)
+        pending.record_result(seen)
         return seen
 
     def shadow_report(self) -> ShadowReport:

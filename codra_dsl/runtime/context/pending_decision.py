@@ -22,7 +22,7 @@ class DecisionState(StrEnum):
     ANSWERED = "answered"
     """Context has answered: `value` is the answer."""
     LOOKING = "looking"
-    """The main execution looks itself, then calls `found` with the result."""
+    """The main execution looks itself, then calls `record_result`."""
     DONE = "done"
     """The main execution has reported its result."""
 
@@ -52,7 +52,7 @@ class PendingDecision:
             commands: executes the further steps.
             clock: measures the wait.
             read: returns the reading of the variable now; takes no lock.
-            convert: converts a found value to the type of the variable, or raises `NotOfTypeError`.
+            convert: converts a result to the type of the variable, or raises `NotOfTypeError`.
         """
         self._decision = decision
         self._commands = commands
@@ -60,7 +60,7 @@ class PendingDecision:
         self._read = read
         self._convert = convert
         waits = not decision.met and decision.request.wait_up_to_s > 0
-        self.step = DecisionState.WAITING if waits else self._settled()
+        self.state = DecisionState.WAITING if waits else self._settled()
 
     @property
     def number(self) -> int:
@@ -79,16 +79,18 @@ class PendingDecision:
         Raises:
             RuntimeError: if context has not answered.
         """
-        if self.step is not DecisionState.ANSWERED:
-            raise RuntimeError(f"context has not answered {self._decision.request.variable!r}: the step is {self.step}")
+        if self.state is not DecisionState.ANSWERED:
+            raise RuntimeError(
+                f"context has not answered {self._decision.request.variable!r}: the state is {self.state}"
+            )
         return self._decision.reading.content
 
     def poll(self) -> DecisionState:
         """Continue if context can answer now or the wait is over; return the state."""
-        if self.step is DecisionState.WAITING and (self._is_wait_over() or self._left_s() <= 0):
+        if self.state is DecisionState.WAITING and (self._is_wait_over() or self._left_s() <= 0):
             self._commands.resume(self._decision)
-            self.step = self._settled()
-        return self.step
+            self.state = self._settled()
+        return self.state
 
     def wait(self, longest_s: float) -> DecisionState:
         """Wait until the state changes, for at most `longest_s`; return the state."""
@@ -96,29 +98,29 @@ class PendingDecision:
             self._clock.wait_until(self._is_wait_over, min(longest_s, self._left_s()))
         return self.poll()
 
-    def found(self, value: object) -> None:
-        """Report the value that the main execution found; None if it found none.
+    def record_result(self, value: object) -> None:
+        """Report the value that the main execution acquired itself; None if it did not get one.
 
         Raises:
             NotOfTypeError: if it is not a value of the type of the variable.
             RuntimeError: if the state is not `LOOKING`.
         """
-        if self.step is not DecisionState.LOOKING:
+        if self.state is not DecisionState.LOOKING:
             raise RuntimeError(
-                f"no look was requested for {self._decision.request.variable!r}: the step is {self.step}"
+                f"no look was requested for {self._decision.request.variable!r}: the state is {self.state}"
             )
         try:
             content = None if value is None else self._convert(value)
         except NotOfTypeError as error:
             self.abandon(type(error).__name__)
             raise
-        self.step = DecisionState.DONE
+        self.state = DecisionState.DONE
         self._commands.conclude(self._decision, content)
 
     def abandon(self, why: str) -> None:
         """Stop waiting or looking, for example because of a more urgent task; no effect once it is over."""
-        if self.step in (DecisionState.WAITING, DecisionState.LOOKING):
-            self.step = DecisionState.DONE
+        if self.state in (DecisionState.WAITING, DecisionState.LOOKING):
+            self.state = DecisionState.DONE
             self._commands.conclude(self._decision, None, raised=why)
 
     def _settled(self) -> DecisionState:

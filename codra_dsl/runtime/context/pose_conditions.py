@@ -35,12 +35,12 @@ class PoseConditions:
         """
         self._take = knowledge.step_snapshot
         self._conditions = tuple(
-            _PoseCondition(variable.name, variable.posed, self._take, clock, store)
+            _PoseCondition(variable.name, variable.pose_condition, self._take, clock, store)
             for variable in variables
-            if variable.posed is not None
+            if variable.pose_condition is not None
         )
         if self._conditions:
-            knowledge.moved = self._moved
+            knowledge.on_touched = self._moved
         for condition in self._conditions:
             condition.evaluate(self._take())
 

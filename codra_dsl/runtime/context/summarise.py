@@ -61,7 +61,7 @@ def _algorithm_summary(branch: Branch, places: Mapping[str, Place]) -> Algorithm
     key = f"perception/{algorithm.name}"
     identifies = {
         variable: Rule(python=repr(term), place=places.get(f"{key}/identifies/{variable}"))
-        for variable, term in branch.tells.items()
+        for variable, term in branch.value_terms.items()
     }
     return AlgorithmSummary(
         name=algorithm.name,

@@ -84,7 +84,8 @@ class GraphSchema:
         Raises:
             ValueError: if a name is declared twice, or is reserved for tasks.
         """
-        variables = [variable for variable in variables if variable.posed is None]  # the others are computed from poses
+        # The other variables are computed from poses, so they are not attributes.
+        variables = [variable for variable in variables if variable.pose_condition is None]
         self.variables: Mapping[str, str] = nodes_of_variables(model, variables)
         self.nodes_of_context = frozenset(self.variables.values())
         self.model = model = _with_context_node(model, self.variables)
@@ -180,7 +181,9 @@ def nodes_of_variables(model: KnowledgeModel, variables: Sequence[VariableModel]
     """
     owners: tuple[NodeModel | TaskModel, ...] = (*model.nodes, *model.tasks)
     declared = {attribute.name: owner.name for owner in owners for attribute in owner.attributes}
-    return {variable.name: declared.get(variable.name, CONTEXT) for variable in variables if variable.posed is None}
+    return {
+        variable.name: declared.get(variable.name, CONTEXT) for variable in variables if variable.pose_condition is None
+    }
 
 
 def _shared(nodes: Mapping[str, str], variables: Sequence[VariableModel]) -> Mapping[str, Mapping[str, Attribute]]:

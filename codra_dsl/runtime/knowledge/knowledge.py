@@ -88,7 +88,7 @@ class Knowledge:
         self._own_readings: Sequence[Reading[Value]] = ()
         self._audit = Audit()
         self._watches = Watches()
-        self.moved: Callable[[Collection[Touched]], None] | None = None
+        self.on_touched: Callable[[Collection[Touched]], None] | None = None
         self._handles: weakref.WeakValueDictionary[str, AgentHandle] = weakref.WeakValueDictionary()
         self._handles_lock = threading.Lock()
         self._woken: dict[int, AgentHandle] = {}  # handles that a subscription keeps alive
@@ -206,7 +206,7 @@ class Knowledge:
         """Add a refused write of a context-variable to the audit; the context has recorded it already."""
         self._audit.refuse(Refusal(instant_s=self._now_s(), agent=agent, why=why))
 
-    def redo(self, agent: str, plain: Iterable[list[Any]]) -> None:
+    def replay_operations(self, agent: str, plain: Iterable[list[Any]]) -> None:
         """Repeat an agent's operations from a journal, as one change.
 
         Raises:
@@ -418,8 +418,8 @@ class Knowledge:
                 self._own_readings = ()
         for instant_s, handover in change_set.deadlines:
             self._steps.call_at(instant_s, partial(self._expire, handover.task))
-        if self.moved is not None:
-            self.moved(change_set.touched)
+        if self.on_touched is not None:
+            self.on_touched(change_set.touched)
         self._watches.changed(change_set.touched)
         self._clock.notify()
 

@@ -39,11 +39,11 @@ class RuleExecution(Generic[TransactionT_co]):
     """The execution of an agent's rule, from the beginning to the end of a `with` statement.
 
     The `before` patterns are enforced: the action does not begin unless they hold. The `during` and `after` patterns
-    are observed: the result is in `became` and in the journal.
+    are observed: the result is in `state` and in the journal.
 
     Attributes:
         rule: the declaration of the rule.
-        became: the latest state; None before it has begun.
+        state: the latest state; None before it has begun.
     """
 
     def __init__(
@@ -67,7 +67,7 @@ class RuleExecution(Generic[TransactionT_co]):
             subscribe: subscribes to patterns.
         """
         self.rule = rule
-        self.became: RuleState | None = None
+        self.state: RuleState | None = None
         self._begin = begin
         self._transact = transact
         self._take_snapshot = take_snapshot
@@ -79,7 +79,7 @@ class RuleExecution(Generic[TransactionT_co]):
         self._lock = threading.Lock()
 
     def __enter__(self) -> Self:
-        if self.became is not None:
+        if self.state is not None:
             raise RuntimeError("this execution of the rule has already begun: call acting() again for another one")
         self._check_before()
         self._set_state(RuleState.BEGUN, "")
@@ -109,7 +109,7 @@ class RuleExecution(Generic[TransactionT_co]):
     @property
     def may_go_on(self) -> bool:
         """Return whether the rule is unbroken: it breaks if `during` ceases to hold before `after` holds."""
-        return self.became is not RuleState.BROKEN
+        return self.state is not RuleState.BROKEN
 
     def _check_before(self) -> None:
         self._begin(lambda snapshot: lacking(snapshot, self.rule.before))
@@ -122,11 +122,11 @@ class RuleExecution(Generic[TransactionT_co]):
                 return
             missing = lacking(change.snapshot, self.rule.during)
             is_done = not lacking(change.snapshot, self.rule.after)
-            if not is_done and self.became is RuleState.BEGUN:
+            if not is_done and self.state is RuleState.BEGUN:
                 self._set_state(RuleState.BROKEN, missing)
 
     def _set_state(self, state: RuleState, message: str) -> None:
-        self.became = state
+        self.state = state
         self._record(str(state), message)
 
 

@@ -94,7 +94,7 @@ class Branch:
         self.algorithm = algorithm
         self.observer = observer
         self.identifies: list[str] = []
-        self.tells: dict[str, Term] = {}
+        self.value_terms: dict[str, Term] = {}
         self._votes: dict[str, Votes] = {}
         self.accepts: list[tuple[str, Term]] = []
         self.conditions: list[tuple[str, Term]] = []
@@ -127,7 +127,7 @@ class Branch:
     def add_variable(self, variable: str, term: Term) -> None:
         """Add a variable, with the term that computes its value from a result."""
         self.identifies.append(variable)
-        self.tells[variable] = term
+        self.value_terms[variable] = term
         if isinstance(term, Debounced):
             self._votes[variable] = Votes(term.needed, term.among)
 

@@ -54,7 +54,7 @@ class Store:
         if reading.expires_s == FOREVER_S and reading.reason is None:
             expires_s = reading.evidence_s + self.variables[name].valid_for_s
             reading = reading if expires_s == FOREVER_S else replace(reading, expires_s=expires_s)
-        if self.mirror is not None and self.variables[name].posed is None:
+        if self.mirror is not None and self.variables[name].pose_condition is None:
             self.mirror(reading)
         cell = self.cells[name]
         before = cell.reading

@@ -218,7 +218,7 @@ class Session:
 
     def _decide(self, request_id: int | str | None, variable: str, **asked: Any) -> Plain | None:
         pending = self._codra.ask(variable, **asked)
-        if pending.step is not DecisionState.WAITING:
+        if pending.state is not DecisionState.WAITING:
             return self._settled(pending)
         self._waiting[pending.number] = _Wait(
             pending=pending,
@@ -239,11 +239,11 @@ class Session:
             self._send(answer_to(wait.request_id, self._settled(pending)))
 
     def _settled(self, pending: PendingDecision) -> Plain:
-        if pending.step is DecisionState.LOOKING:
+        if pending.state is DecisionState.LOOKING:
             self._looking[pending.number] = pending
             if len(self._looking) > MOST_LOOKING:
                 self._looking.pop(next(iter(self._looking))).abandon("not told")
-        answered = {"decision": pending.number, "answered": pending.step is DecisionState.ANSWERED}
+        answered = {"decision": pending.number, "answered": pending.state is DecisionState.ANSWERED}
         return {**answered, "reading": plain_reading(pending.reading)}
 
     def _found(self, decision: int, value: object = None, raised: str | None = None) -> Plain:
@@ -251,7 +251,7 @@ class Session:
             raise MessageError(f"no decision {decision} waits for an acquired value")
         pending = self._looking.pop(decision)
         if raised is None:
-            pending.found(value)
+            pending.record_result(value)
         else:
             pending.abandon(raised)
         return {}

@@ -119,7 +119,7 @@ class _Player:
                 decision = self._decisions.pop(number)
                 self._commands.conclude(decision, details.get("value"), details.get("raised"))
             case "graph":
-                self._manager.knowledge.redo(event.name, json.loads(details["operations"]))
+                self._manager.knowledge.replay_operations(event.name, json.loads(details["operations"]))
             case "refused":
                 about = (details["subject"], details["message"], details.get("variable", ""), details.get("value"))
                 self._manager.knowledge.replay_refusal(event.name, RefusedWrite(*about))

@@ -172,7 +172,7 @@ class VariableModel:
         when_unobservable: whether the last value is kept when a precondition fails or a result is rejected.
         refresh: whether it is observed periodically, or after events.
         history: the largest number of readings that `ContextManager.history` returns.
-        posed: its condition on poses, over `distance` and `in_view`; None if it does not follow from poses.
+        pose_condition: its condition on poses, over `distance` and `in_view`; None if it does not follow from poses.
     """
 
     name: str
@@ -183,7 +183,7 @@ class VariableModel:
     when_unobservable: Literal["keep", "forget"] = "keep"
     refresh: Literal["periodic", "on_event"] = "periodic"
     history: int = 100
-    posed: Term | None = field(default=None, compare=False)
+    pose_condition: Term | None = field(default=None, compare=False)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -138,7 +138,7 @@ def _read(side: Side) -> Iterator[tuple[str, ValueType]]:
     """Yield the type of each variable, and of the functions of poses in comparisons that are variables."""
     for variable in side.variables.values():
         yield variable.name, variable.type
-        for name in () if variable.posed is None else names_in(variable.posed.tree):
+        for name in () if variable.pose_condition is None else names_in(variable.pose_condition.tree):
             yield name.name, _LENGTH if reads_of(name.name)[0] == "distance" else ValueType(kind=Kind.BOOL)
 
 

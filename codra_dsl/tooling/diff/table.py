@@ -91,7 +91,7 @@ FIELDS: Table = {
         "terms": knowledge.terms,
         "rate": differs(),
         "is_derived": elsewhere,
-        "posed": elsewhere,
+        "pose_condition": elsewhere,
     },
     model.ValueType: dict.fromkeys(("kind", "unit", "range", "values"), elsewhere),
     model.Algorithm: {

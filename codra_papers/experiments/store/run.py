@@ -17,7 +17,7 @@ from codra_dsl.runtime.loops import Mape
 from codra_papers.experiments.limited_time import LimitedClock, TimeIsUp
 from codra_papers.experiments.pacing import Beat, Pace
 from codra_papers.store.mission.agent import Mission
-from codra_papers.store.mission.orders import OrdersByTheBook
+from codra_papers.store.mission.orders import SequentialOrders
 from codra_papers.store.mission.picking import Picking
 from codra_papers.store.simulator.situations import StoreSettings
 from codra_papers.store.simulator.store import Store
@@ -82,7 +82,7 @@ class Compiled:
     """The compiled form of a spec with declarations for everything that the shop's agents write.
 
     Attributes:
-        loops: None if the spec has none; orders are then served by the book.
+        loops: None if the spec has none; orders are then served in the fixed sequence.
     """
 
     start: Start
@@ -95,7 +95,7 @@ class Compiled:
 
 
 def run_store(compiled: Compiled, settings: StoreRunSettings) -> StoreRun:
-    """Let the robot serve orders until time is up, with the loops of its spec or by the book.
+    """Let the robot serve orders until time is up, with the loops of its spec or in the fixed sequence.
 
     Args:
         compiled: the spec.
@@ -123,7 +123,7 @@ def run_store(compiled: Compiled, settings: StoreRunSettings) -> StoreRun:
 def _serving(compiled: Compiled, codra: ContextManager[Any, Any], clock: Clock, stack: ExitStack) -> Callable[[], None]:
     """Return a function that serves orders for ever."""
     if compiled.loops is None:
-        return OrdersByTheBook(codra.knowledge, clock).serve
+        return SequentialOrders(codra.knowledge, clock).serve
     robot = {"mission": Mission(codra.knowledge).leaves(), "picking": Picking(codra.knowledge).leaves()}
     stack.enter_context(compiled.loops(codra, clock=clock, robot=robot))
     return lambda: clock.sleep(math.inf)

@@ -70,8 +70,8 @@ _ACROSS = {
     LAYOUT: "layout: 0 as it is, 1 side by side, 2 turned",
 }
 
-_SIDE_BY_SIDE = LABORATORY.with_standing(PCR_CYCLER, 4.2, 5.2, -pi / 2)
-_TURNED = LABORATORY.with_standing(PCR_CYCLER, 5.3, 1.6, pi).with_standing(CENTRIFUGE, 0.7, 4.0, 0.0)
+_SIDE_BY_SIDE = LABORATORY.with_machine_at(PCR_CYCLER, 4.2, 5.2, -pi / 2)
+_TURNED = LABORATORY.with_machine_at(PCR_CYCLER, 5.3, 1.6, pi).with_machine_at(CENTRIFUGE, 0.7, 4.0, 0.0)
 
 VARIATIONS = (
     *(Variation(axis=TAGS, value=scale, laboratory=LABORATORY.with_tags(scale)) for scale in (0.5, 0.75)),

@@ -134,7 +134,7 @@ class Machine:
         """Return the machine's parts: the base first, then the moving parts."""
         return (Part.BASE, *(joint.part for joint in self.joints))
 
-    def standing(self, x_m: float, y_m: float, heading_rad: float) -> Machine:
+    def at_place(self, x_m: float, y_m: float, heading_rad: float) -> Machine:
         """Return the same machine at another place, with the same table height."""
         height_m = float(self.map_from_base.translation_m[2])
         return replace(self, map_from_base=_on_table(x_m, y_m, heading_rad, height_m))

@@ -103,10 +103,10 @@ class Laboratory:
         """Return this laboratory with all tags scaled by a factor."""
         return replace(self, machines=tuple(machine.with_tags(scale) for machine in self.machines))
 
-    def with_standing(self, name: str, x_m: float, y_m: float, heading_rad: float) -> Laboratory:
+    def with_machine_at(self, name: str, x_m: float, y_m: float, heading_rad: float) -> Laboratory:
         """Return this laboratory with one machine at another place."""
         moved = (
-            machine.standing(x_m, y_m, heading_rad) if machine.name == name else machine for machine in self.machines
+            machine.at_place(x_m, y_m, heading_rad) if machine.name == name else machine for machine in self.machines
         )
         return replace(self, machines=tuple(moved))
 

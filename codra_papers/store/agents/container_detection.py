@@ -11,7 +11,7 @@ from codra_dsl.runtime.knowledge import Knowledge, Snapshot, Transaction
 from codra_papers.store.agents.working import Executor, Rounds
 from codra_papers.store.body import Body, Seen
 from codra_papers.store.geometry import Pose2D
-from codra_papers.store.knowledge import pose_of, stand_of
+from codra_papers.store.knowledge import floor_pose_of, pose_of
 
 PERIOD_S = 0.2
 PICTURES = 12
@@ -90,7 +90,7 @@ class ContainerDetection:
     def _write_containers(self, poses: Sequence[Pose2D]) -> None:
         snapshot = self._knowledge.snapshot()
         known = {
-            node.name: stand_of(snapshot.transform("world", node.name).pose)
+            node.name: floor_pose_of(snapshot.transform("world", node.name).pose)
             for node in snapshot.nodes("roll_container")
             if snapshot.parent(node.name) == "world"
         }

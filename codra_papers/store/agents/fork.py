@@ -7,7 +7,7 @@ from codra_dsl.runtime.knowledge import Knowledge, Snapshot
 from codra_papers.store.agents.working import Executor
 from codra_papers.store.body import Body, Lift, Outcome, Stop
 from codra_papers.store.geometry import Pose2D
-from codra_papers.store.knowledge import stand_of
+from codra_papers.store.knowledge import floor_pose_of
 from codra_papers.store.layout import FORK_M
 
 REACH_M = 0.5
@@ -65,7 +65,7 @@ def _on_fork(snapshot: Snapshot) -> str | None:
     """Return the known container that the fork must have lifted."""
     middle = Pose2D(-FORK_M, 0.0)
     near = {
-        node.name: stand_of(snapshot.transform("robot", node.name).pose).distance_m(middle)
+        node.name: floor_pose_of(snapshot.transform("robot", node.name).pose).distance_m(middle)
         for node in snapshot.nodes("roll_container")
         if snapshot.parent(node.name) == "world"
     }

@@ -16,7 +16,7 @@ from codra_papers.store.agents.surroundings import away, containers_m, obstacles
 from codra_papers.store.agents.working import Executor, Rounds
 from codra_papers.store.body import Body, Outcome, Stop, Way
 from codra_papers.store.geometry import Disc, Point, Pose2D, wrapped
-from codra_papers.store.knowledge import stand_of
+from codra_papers.store.knowledge import floor_pose_of
 from codra_papers.store.layout import CONTAINER_M
 from codra_papers.store.routes import NoRouteError, route
 
@@ -76,7 +76,7 @@ class Navigation:
             self._set_off(snapshot)
 
     def _set_off(self, snapshot: Snapshot) -> None:
-        self._goal = stand_of(snapshot.transform("world", "goal").pose)
+        self._goal = floor_pose_of(snapshot.transform("world", "goal").pose)
         self._tries, self._bumps = 0, 0
         way = snapshot.get("goal", "goal_way")
         if way.known and way.value == Way.BACKWARD:

@@ -10,7 +10,7 @@ import numpy as np
 from codra_dsl.runtime.knowledge import Snapshot
 from codra_papers.store.body import FRONT, Body, Side, Way
 from codra_papers.store.geometry import Disc, Floats, Point
-from codra_papers.store.knowledge import stand_of
+from codra_papers.store.knowledge import floor_pose_of
 from codra_papers.store.layout import BODY_BACK_M, BODY_FRONT_M, BODY_WIDTH_M, FORK_TIP_M
 from codra_papers.store.unmapped_obstacles import PERSON_M, PLACES_M, WITHIN_M, is_strange
 
@@ -27,7 +27,7 @@ KEEP_FREE_M = 0.4
 def containers_m(snapshot: Snapshot) -> list[Point]:
     """Return the places of the known containers."""
     return [
-        stand_of(snapshot.transform("world", node.name).pose).point_m
+        floor_pose_of(snapshot.transform("world", node.name).pose).point_m
         for node in snapshot.nodes("roll_container")
         if snapshot.parent(node.name) == "world"
     ]
@@ -83,7 +83,7 @@ def obstacles(body: Body, known_m: Sequence[Point]) -> tuple[Disc, ...]:
 def people_m(snapshot: Snapshot) -> list[Point]:
     """Return the places of the known people."""
     nodes = (node.name for node in snapshot.nodes("person") if snapshot.parent(node.name) == "world")
-    return [stand_of(snapshot.transform("world", name).pose).point_m for name in nodes]
+    return [floor_pose_of(snapshot.transform("world", name).pose).point_m for name in nodes]
 
 
 def away(body: Body, known_m: Sequence[Point], longest_m: float) -> tuple[Way, float]:

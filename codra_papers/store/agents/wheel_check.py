@@ -16,7 +16,7 @@ from codra_dsl.runtime.knowledge import Knowledge, Snapshot
 from codra_papers.store.agents.working import Executor, Rounds
 from codra_papers.store.body import Body, Scan, Side
 from codra_papers.store.geometry import Point, Pose2D, wrapped
-from codra_papers.store.knowledge import pose_of, stand_of
+from codra_papers.store.knowledge import floor_pose_of, pose_of
 from codra_papers.store.layout import WHEEL_OFFSET_M, WHEEL_RADIUS_M
 
 PERIOD_S = 0.2
@@ -76,7 +76,7 @@ class WheelCheck:
         measured = Pose2D(*robot.out(x_m, y_m), heading_rad)
         snapshot = self._knowledge.snapshot()
         known = {
-            node.name: stand_of(snapshot.transform("world", node.name).pose).distance_m(measured)
+            node.name: floor_pose_of(snapshot.transform("world", node.name).pose).distance_m(measured)
             for node in snapshot.nodes("roll_container")
             if snapshot.parent(node.name) == "world"
         }

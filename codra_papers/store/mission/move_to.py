@@ -9,7 +9,7 @@ from codra_dsl.runtime.geometry import FrameError
 from codra_dsl.runtime.knowledge import AgentHandle, Knowledge
 from codra_papers.store.body import Way
 from codra_papers.store.geometry import Pose2D, wrapped
-from codra_papers.store.knowledge import pose_of, stand_of
+from codra_papers.store.knowledge import floor_pose_of, pose_of
 
 THERE_M = 0.3
 THERE_RAD = 0.2
@@ -84,11 +84,11 @@ class MoveTo(Action):
         return () if self._is_at(last.pose) else (last,)
 
     def _named(self, name: str) -> Pose2D:
-        return stand_of(self._knowledge.transform("world", name).pose)
+        return floor_pose_of(self._knowledge.transform("world", name).pose)
 
     def _is_at(self, pose: Pose2D) -> bool:
         try:
-            robot = stand_of(self._knowledge.transform("world", "robot").pose)
+            robot = floor_pose_of(self._knowledge.transform("world", "robot").pose)
         except FrameError:  # the robot has no pose yet
             return False
         return robot.distance_m(pose) < THERE_M and abs(wrapped(robot.heading_rad - pose.heading_rad)) < THERE_RAD

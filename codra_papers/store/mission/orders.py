@@ -15,7 +15,7 @@ from codra_papers.store.layout import DELIVERY
 from codra_papers.store.mission.trip import AbortedError, Trip, TripError
 
 
-class OrdersByTheBook:
+class SequentialOrders:
     """The agent `mission`: it serves the orders in the graph in the order of arrival."""
 
     def __init__(self, knowledge: Knowledge, clock: Clock) -> None:

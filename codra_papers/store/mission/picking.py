@@ -13,7 +13,7 @@ from codra_dsl.runtime.behavior_trees import Action, Ports, Result, Robot, Task
 from codra_dsl.runtime.knowledge import ConflictError, Knowledge, Request, Stage
 from codra_papers.store.body import Way
 from codra_papers.store.geometry import Pose2D
-from codra_papers.store.knowledge import stand_of
+from codra_papers.store.knowledge import floor_pose_of
 from codra_papers.store.layout import AREAS, approach_to, robot_at
 from codra_papers.store.mission.move_to import Goal, MoveTo
 
@@ -102,7 +102,7 @@ class Picking:
 
     def _nearest_area(self) -> str:
         """Return the area whose first observation pose is nearest to the robot."""
-        robot = stand_of(self._knowledge.transform("world", "robot").pose)
+        robot = floor_pose_of(self._knowledge.transform("world", "robot").pose)
         return min(AREAS, key=lambda name: (robot.distance_m(AREAS[name].observation[0]), name))
 
     def _container(self) -> Pose2D:
@@ -110,7 +110,7 @@ class Picking:
         snapshot = self._knowledge.snapshot()
         middle = AREAS[self._area].delivery
         poses = [
-            stand_of(snapshot.transform("world", node.name).pose)
+            floor_pose_of(snapshot.transform("world", node.name).pose)
             for node in snapshot.nodes("roll_container")
             if snapshot.parent(node.name) == "world"
         ]

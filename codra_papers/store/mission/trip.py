@@ -11,7 +11,7 @@ from codra_dsl.runtime.clock import Clock
 from codra_dsl.runtime.knowledge import Knowledge, Request, Snapshot, Stage
 from codra_papers.store.body import Way
 from codra_papers.store.geometry import Pose2D
-from codra_papers.store.knowledge import pose_of, stand_of
+from codra_papers.store.knowledge import floor_pose_of, pose_of
 from codra_papers.store.layout import AREAS, approach_to, robot_at
 
 LONGEST_S = 600.0
@@ -120,14 +120,14 @@ class Trip:
         return handover.result
 
     def _named(self, name: str) -> Pose2D:
-        return stand_of(self._knowledge.transform("world", name).pose)
+        return floor_pose_of(self._knowledge.transform("world", name).pose)
 
     def _container(self, area: str) -> Pose2D:
         """Return the pose of the known container that is nearest to an area."""
         snapshot: Snapshot = self._knowledge.snapshot()
         middle = self._named(f"{area}_delivery")
         poses = [
-            stand_of(snapshot.transform("world", node.name).pose)
+            floor_pose_of(snapshot.transform("world", node.name).pose)
             for node in snapshot.nodes("roll_container")
             if snapshot.parent(node.name) == "world"
         ]

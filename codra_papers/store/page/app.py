@@ -147,7 +147,7 @@ class PageApp:
         load = read_load(await _body(request))
 
         def write() -> str:
-            self._pickers.tell_load(load)
+            self._pickers.set_load(load)
             return "robot.container_load"
 
         return await self._written(write)

@@ -10,7 +10,7 @@ from math import degrees
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from codra_papers.store.geometry import Box, Pose2D
-from codra_papers.store.knowledge import named_stands
+from codra_papers.store.knowledge import named_floor_poses
 from codra_papers.store.layout import (
     AREAS,
     BODY_BACK_M,
@@ -57,7 +57,9 @@ def page_html() -> str:
         box=f"{-MARGIN_M} {-DEPTH_M - MARGIN_M} {LENGTH_M + 2 * MARGIN_M} {DEPTH_M + 2 * MARGIN_M}",
         shelves=[_points(box) for box in FIXED],
         places=[_points(Box(place, CONTAINER_M, CONTAINER_M)) for area in AREAS.values() for place in area.places],
-        stands=[_pose_mark(name, pose) for name, pose in named_stands().items() if "_pose_" in name or "_" not in name],
+        poses=[
+            _pose_mark(name, pose) for name, pose in named_floor_poses().items() if "_pose_" in name or "_" not in name
+        ],
         names=[(spoken(area.name), *_at(_label(area))) for area in AREAS.values()],
         body=(BODY_BACK_M, -BODY_WIDTH_M / 2, BODY_FRONT_M - BODY_BACK_M, BODY_WIDTH_M),
         fork=(FORK_TIP_M, -FORK_WIDTH_M / 2, BODY_BACK_M - FORK_TIP_M, FORK_WIDTH_M),

@@ -14,7 +14,7 @@ from typing import Any
 from codra_dsl.runtime import Reading, ValueType, VariableModel
 from codra_dsl.runtime.geometry import FrameError
 from codra_dsl.runtime.knowledge import Knowledge, KnowledgeModel, Phase, Refusal, Snapshot, nodes_of_variables
-from codra_papers.store.knowledge import stand_of
+from codra_papers.store.knowledge import floor_pose_of
 
 View = Mapping[str, Any]
 
@@ -142,7 +142,7 @@ def _placed(snapshot: Snapshot, name: str) -> View | None:
         transform = snapshot.transform("world", name)
     except FrameError:
         return None
-    place = stand_of(transform.pose)
+    place = floor_pose_of(transform.pose)
     return {
         "name": name,
         "x_m": _number(place.x_m),

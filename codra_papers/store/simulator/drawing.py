@@ -13,7 +13,7 @@ from matplotlib.patches import Circle, Polygon, Wedge
 
 from codra_papers.store.body import CAMERA_AT, CAMERA_FARTHEST_M, CAMERA_VIEW_RAD
 from codra_papers.store.geometry import Box, Point, Pose2D
-from codra_papers.store.knowledge import named_stands
+from codra_papers.store.knowledge import named_floor_poses
 from codra_papers.store.layout import AREAS, DEPTH_M, FIXED, LENGTH_M
 from codra_papers.store.simulator.people import PERSON_RADIUS_M
 from codra_papers.store.simulator.state import Load, StoreState
@@ -68,7 +68,7 @@ def _draw_box(axes: Axes, box: Box, colour: str, edge: str) -> None:
 
 
 def _draw_poses(axes: Axes) -> None:
-    for name, pose in named_stands().items():
+    for name, pose in named_floor_poses().items():
         if name.endswith("_approach"):
             continue
         way = (0.45 * cos(pose.heading_rad), 0.45 * sin(pose.heading_rad))

@@ -51,7 +51,7 @@ class Page(Protocol):
         """Order to bring a container from one area to another, and return the name of the order."""
         ...
 
-    def tell_load(self, load: Load) -> None:
+    def set_load(self, load: Load) -> None:
         """Set the load of the container that the robot serves."""
         ...
 
@@ -174,7 +174,7 @@ class Pickers:
         self._page.order(OrderKind.PROVIDE, SUPPLY.name, self._settings.area)
 
     def _collect(self) -> None:
-        self._page.tell_load(Load.FULL)
+        self._page.set_load(Load.FULL)
         self._page.order(OrderKind.COLLECT, self._settings.area, DELIVERY.name)
 
     def _order_on(self, _: StoreState) -> None:
@@ -184,7 +184,7 @@ class Pickers:
         container = state.carried() or container_at(state, AREAS[self._settings.area].places[0])
         if container is not None:
             self._world.set_load(container.name, load)
-            self._page.tell_load(load)
+            self._page.set_load(load)
 
     def _cross(self, _: StoreState) -> None:
         area = AREAS[self._settings.area]

@@ -39,7 +39,7 @@ class PickerPage:
 
     def _taken_up(self, state: Reading[str]) -> None:
         if state.known and state.value == "open":
-            self.tell_load(Load.EMPTY)
+            self.set_load(Load.EMPTY)
 
     def cancel(self, order: str) -> None:
         """Take an order back. A closed order stays unchanged.
@@ -49,7 +49,7 @@ class PickerPage:
         """
         self._handle.set(order, "cancelled", True)
 
-    def tell_load(self, load: Load) -> None:
+    def set_load(self, load: Load) -> None:
         """Write the load of the container that the robot serves."""
         self._handle.set("robot", "container_load", load)
 

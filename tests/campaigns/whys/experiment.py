@@ -104,7 +104,7 @@ def _looks(run: Run, name: str) -> bool | None:
     )
     if observer is None:
         return None
-    algorithms = {branch.algorithm.name for branch in observer.branches if name in branch.tells}
+    algorithms = {branch.algorithm.name for branch in observer.branches if name in branch.value_terms}
     from_s, until_s = run.clock.now_s(), run.clock.now_s() + WATCHED_S
     while run.clock.now_s() < until_s:
         if any(event.name in algorithms and event.instant_s >= from_s for event in run.manager.record.of(Kind.JOB)):

@@ -28,7 +28,7 @@ from codra_papers.lab.simulator.camera import ArmCamera, FrameSource
 from codra_papers.lab.simulator.durations import DURATIONS, Phase
 from codra_papers.lab.simulator.geometric_camera import GeometricCamera
 from codra_papers.lab.simulator.world import LabWorld
-from tests.papers.lab.perception.posed import SteadyHand
+from tests.papers.lab.perception.placing import SteadyHand
 
 ROOT = Path(__file__).parents[3]
 CENTRIFUGE, PCR_CYCLER = "centrifuge", "pcr_cycler"

@@ -23,7 +23,7 @@ from codra_papers.lab.simulator.geometric_camera import GeometricCamera
 from codra_papers.lab.simulator.scene import ARM_LENGTH_M, shoulder_to_wrist_m
 from codra_papers.lab.simulator.truth import GroundTruth, truth_at
 from codra_papers.lab.simulator.world import HOME, JointKey, LabWorld, Quantity
-from tests.papers.lab.perception.posed import SteadyHand, put, set_joint
+from tests.papers.lab.perception.placing import SteadyHand, put, set_joint
 
 CENTRIFUGE, PCR_CYCLER = "centrifuge", "pcr_cycler"
 LOOK_TAKES_S = LOCALIZE_LID_S

@@ -10,13 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from codra_papers.store.geometry import Disc, Pose2D
-from codra_papers.store.knowledge import named_stands
+from codra_papers.store.knowledge import named_floor_poses
 from codra_papers.store.layout import AREAS, CORRIDORS_X_M, DEPTH_M, FIXED, LENGTH_M, PICKING_AREAS, START
 from codra_papers.store.routes import LANE_M, TURNING_ROOM_M, NoRouteError, clearance_m, has_room, route
 from codra_papers.store.simulator.sensors import SMALLEST_SHARE, visible_share
 from codra_papers.store.simulator.state import Container, RobotState, StoreState
 
-OPEN = sorted(name for name in named_stands() if not name.endswith("_delivery"))
+OPEN = sorted(name for name in named_floor_poses() if not name.endswith("_delivery"))
 
 
 def test_the_shop_has_300_square_metres_and_corridors_of_two_metres() -> None:
@@ -42,7 +42,7 @@ def test_from_each_observation_pose_one_of_the_places_is_in_sight(name: str, pos
 @settings(max_examples=60, deadline=None)
 @given(st.sampled_from(OPEN), st.sampled_from(OPEN))
 def test_a_route_leads_there_and_leaves_room_to_turn_all_along(start: str, goal: str) -> None:
-    poses = named_stands()
+    poses = named_floor_poses()
     points = [poses[start].point_m, *route(poses[start], poses[goal])]
 
     assert points[-1] == poses[goal].point_m

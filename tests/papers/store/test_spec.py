@@ -14,7 +14,7 @@ from codra_dsl.runtime import SimClock
 from codra_dsl.runtime.geometry import Pose
 from codra_dsl.runtime.knowledge import AttributeModel, Knowledge, KnowledgeModel
 from codra_dsl.runtime.knowledge.declarations import TASK
-from codra_papers.store.knowledge import named_stands, pose_of, stand_of, store_knowledge
+from codra_papers.store.knowledge import floor_pose_of, named_floor_poses, pose_of, store_knowledge
 
 PATH = Path(__file__).parents[3] / "specs" / "store.yaml"
 MODEL = store_knowledge()
@@ -105,10 +105,10 @@ def test_every_agent_has_a_handle_and_the_graph_opens() -> None:
     assert {node.name for node in knowledge.snapshot().nodes(TASK)} == {task.name for task in MODEL.tasks}
 
 
-@pytest.mark.parametrize("name", named_stands())
+@pytest.mark.parametrize("name", named_floor_poses())
 def test_a_floor_pose_survives_the_conversion_to_a_pose_and_back(name: str) -> None:
-    place = named_stands()[name]
-    back = stand_of(pose_of(place))
+    place = named_floor_poses()[name]
+    back = floor_pose_of(pose_of(place))
 
     assert back.distance_m(place) < 1e-9
     assert abs(back.turned(-place.heading_rad).heading_rad) < 1e-9

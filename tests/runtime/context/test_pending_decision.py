@@ -20,10 +20,10 @@ def in_steps(manager: Manager, clock: SimClock, seen: bool | None, wait_s: float
     pending = manager.ask("open", wait_up_to_s=wait_s, shadow=shadow)
     while pending.poll() is DecisionState.WAITING:
         pending.wait(0.3)
-    if pending.step is DecisionState.ANSWERED:
+    if pending.state is DecisionState.ANSWERED:
         return pending.value
     clock.sleep(2.0)
-    pending.found(seen)
+    pending.record_result(seen)
     return seen
 
 
@@ -62,7 +62,7 @@ def test_a_result_of_another_type_is_refused_and_recorded() -> None:
     with started(Door()) as (manager, _):
         pending = manager.ask("open")
         with pytest.raises(NotOfTypeError):
-            pending.found("wide")
+            pending.record_result("wide")
 
         (event,) = manager.record.of(Kind.DECISION)
         assert (event.what, event.details["raised"]) == ("fell_back", "NotOfTypeError")
@@ -74,7 +74,7 @@ def test_a_result_is_refused_if_no_look_was_requested() -> None:
         pending = manager.ask("open")
         assert pending.value is True
         with pytest.raises(RuntimeError, match="no look was requested"):
-            pending.found(False)
+            pending.record_result(False)
         with pytest.raises(RuntimeError, match="has not answered"):
             _ = manager.ask("open", since_s=math.inf).value
 

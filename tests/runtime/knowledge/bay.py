@@ -78,10 +78,12 @@ MODEL = ContextModel(
     name="bay",
     variables=(
         VariableModel(name="lid_open", type=boolean(), when_unobservable="forget"),
-        VariableModel(name=NEAR, type=boolean(), sources=(POSES,), posed=distance("robot", "machine") < 0.9),
-        VariableModel(name=IN_VIEW, type=boolean(), sources=(POSES,), posed=in_view("cup", "eye")),
-        VariableModel(name=CUP_NEAR, type=boolean(), sources=(POSES,), posed=distance("cup", "machine") <= 1.7),
-        VariableModel(name=ASKED, type=boolean(), sources=(POSES,), posed=known("distance(cup, machine)")),
+        VariableModel(name=NEAR, type=boolean(), sources=(POSES,), pose_condition=distance("robot", "machine") < 0.9),
+        VariableModel(name=IN_VIEW, type=boolean(), sources=(POSES,), pose_condition=in_view("cup", "eye")),
+        VariableModel(
+            name=CUP_NEAR, type=boolean(), sources=(POSES,), pose_condition=distance("cup", "machine") <= 1.7
+        ),
+        VariableModel(name=ASKED, type=boolean(), sources=(POSES,), pose_condition=known("distance(cup, machine)")),
     ),
     observers=(ObserverModel(name="look", identifies=("lid_open",), build=look_at_lid),),
     resources=(ResourceModel(name="lid"),),

@@ -124,7 +124,7 @@ def test_a_woken_agent_executes_its_rule_and_the_journal_records_it(tmp_path: Pa
                 detection.insert_node("box", "roll_container")
                 detection.place("world", "container_pose", "box", Pose.of((3.0, 0.0, 0.0)))
                 detection.finish(request, "ok")
-            assert acting.became is RuleState.FULFILLED
+            assert acting.state is RuleState.FULFILLED
 
         detection.on_wake(detect)
         clock.sleep(1.0)
@@ -231,7 +231,7 @@ def test_a_broken_during_pattern_is_noticed_while_the_action_continues() -> None
             picking.abort(request)
             clock.sleep(1.0)
             assert not acting.may_go_on
-        assert acting.became is RuleState.UNFULFILLED
+        assert acting.state is RuleState.UNFULFILLED
         events = codra.record.of(Kind.KNOWLEDGE, "container_detection.detect")
         assert [event.what for event in events] == ["begun", "broken", "unfulfilled"]
         assert events[1].details["message"] == "robot -is-> detecting does not hold"

@@ -208,7 +208,8 @@ def test_a_replay_with_another_threshold_differs_at_the_comparison(tmp_path: Pat
     run(tmp_path / "run.mcap")
     head, events = read(tmp_path / "run.mcap")
     nearer = replace(
-        next(variable for variable in MODEL.variables if variable.name == NEAR), posed=distance("robot", "machine") < 9
+        next(variable for variable in MODEL.variables if variable.name == NEAR),
+        pose_condition=distance("robot", "machine") < 9,
     )
     model = replace(
         MODEL, variables=tuple(nearer if variable.name == NEAR else variable for variable in MODEL.variables)

@@ -34,7 +34,7 @@ AS_ONE_VALUE = {
     "Method": "the way to a number is compared as one value",
     "Motion": "the motion of an edge is compared as one value, but for `valid_for`",
     "Phrase": "the rules of a metric are compared together",
-    "Posed": "guards are compared with what they ask of poses",
+    "PoseCondition": "guards are compared with what they ask of poses",
     "Rate": "a rate is compared as one value",
     "Reference": "references are compared by name",
     "StartingPose": "a pose is compared as one value",
@@ -47,7 +47,7 @@ NOT_COMPARED = {
     "Condition": "by meaning only",
     "DeclaredTemplate": "see above",
     "Letters": "only places",
-    "Posed": "see above",
+    "PoseCondition": "see above",
     "Use": "see above",
     "Writer": "by name and order only",
 }

@@ -99,7 +99,7 @@ class DeclaredGraph:
     @cached_property
     def variables(self) -> Mapping[str, Variable]:
         """The context-variables that are attributes of nodes, by name: all except those that follow from poses."""
-        return _by_name(variable for variable in self.spec.context if variable.posed is None)
+        return _by_name(variable for variable in self.spec.context if variable.pose_condition is None)
 
     @cached_property
     def type_names(self) -> frozenset[str]:

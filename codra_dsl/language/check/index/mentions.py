@@ -57,7 +57,7 @@ def resource_mentions(scope: SpecIndex) -> Iterator[Mention]:
 def source_mentions(scope: SpecIndex) -> Iterator[Mention]:
     """Yield every source that must be an agent."""
     for variable in scope.spec.context:
-        for source in variable.sources if variable.posed is None else ():
+        for source in variable.sources if variable.pose_condition is None else ():
             if source.name not in (OBSERVER, MAIN_EXECUTION):
                 yield mention_of(source, "context", variable.name, "source")
     for writer, section, name in _writers(scope):

@@ -193,7 +193,7 @@ class SpecIndex:
     @cached_property
     def _sections(self) -> Mapping[str, frozenset[str]]:
         return {
-            "context": frozenset(name for name, variable in self.variables.items() if variable.posed is None),
+            "context": frozenset(name for name, variable in self.variables.items() if variable.pose_condition is None),
             "resources": frozenset(self.resources),
             "agents": frozenset(self.agents),
             **self.world.sections,
@@ -284,8 +284,8 @@ class SpecIndex:
     @cached_property
     def context_types(self) -> Types:
         """The type of each context-variable and of each reading of poses; None if its declaration is wrong."""
-        posed = (variable.posed.tree for variable in self.spec.context if variable.posed is not None)
-        readings = {name.name: self.world.read_type(name.name) for tree in posed for name in names_in(tree)}
+        trees = (condition.tree for condition in self.spec.pose_conditions)
+        readings = {name.name: self.world.read_type(name.name) for tree in trees for name in names_in(tree)}
         unread = dict.fromkeys(sorted(self.spec.damaged.get("context", ())), None)
         return (
             unread

@@ -9,7 +9,7 @@ from codra_dsl.language.check.conditions.conditions import Role
 from codra_dsl.language.check.index.mentions import Mention, mention_of, user_of
 from codra_dsl.language.check.index.spec_index import SpecIndex
 from codra_dsl.language.expression import EdgeTerm, Name, Node, NodeTerm, Path, names_in, reads_of, walk
-from codra_dsl.language.model import Agent, AgentRule, Condition, Posed
+from codra_dsl.language.model import Agent, AgentRule, Condition, PoseCondition
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,8 +111,8 @@ def node_mentions(scope: SpecIndex) -> Iterator[Mention]:
         if "of" in variable.places:
             place = variable.places["of"]
             yield Mention(variable.node, place, user_of("context", variable.name), f"context.{variable.name}.of")
-        if variable.posed is not None:
-            yield from _nodes_with_poses(variable.posed)
+        if variable.pose_condition is not None:
+            yield from _nodes_with_poses(variable.pose_condition)
     for task in scope.spec.tasks:
         if task.origin.name:
             yield mention_of(task.origin, "tasks", task.name, "from")
@@ -129,12 +129,14 @@ def node_mentions(scope: SpecIndex) -> Iterator[Mention]:
                 yield mention(pattern, first, node)
 
 
-def _nodes_with_poses(posed: Posed) -> Iterator[Mention]:
+def _nodes_with_poses(pose_condition: PoseCondition) -> Iterator[Mention]:
     """Yield the nodes whose poses a comparison reads."""
-    section, element, _ = posed.owner
-    for name in names_in(posed.tree):
+    section, element, _ = pose_condition.owner
+    for name in names_in(pose_condition.tree):
         for node in reads_of(name.name)[1:]:
-            yield Mention(node, posed.said.place_of(name), user_of(section, element), ".".join(posed.owner))
+            yield Mention(
+                node, pose_condition.condition.place_of(name), user_of(section, element), ".".join(pose_condition.owner)
+            )
 
 
 def end_mentions(scope: SpecIndex) -> Iterator[Mention]:

@@ -68,7 +68,7 @@ def unknown_types(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
 
 def unknown_nodes(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
     """Every node that something names is declared; patterns name other nodes by their type."""
-    if not scope.spec.knows and all(variable.posed is None for variable in scope.spec.context):
+    if not scope.spec.knows and not scope.spec.pose_conditions:
         return
     world, known = scope.world, scope.world.node_names
     undeclared = (

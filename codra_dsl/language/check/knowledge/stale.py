@@ -39,10 +39,10 @@ def unnoticed_poses(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
 
 def _pose_readings(scope: SpecIndex) -> Iterator[tuple[str, str, Place]]:
     """Yield the readings of poses in conditions: the user, the name, and the place."""
-    for posed in (variable.posed for variable in scope.spec.context if variable.posed is not None):
-        section, element, _ = posed.owner
-        for name in names_in(posed.tree):
-            yield user_of(section, element), name.name, posed.said.place_of(name)
+    for pose_condition in scope.spec.pose_conditions:
+        section, element, _ = pose_condition.owner
+        for name in names_in(pose_condition.tree):
+            yield user_of(section, element), name.name, pose_condition.condition.place_of(name)
     for pattern in patterns(scope):
         for name in names_read(pattern):
             if reads_of(name.name)[0]:

@@ -33,7 +33,7 @@ def unreached_variables(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnost
     for variable in scope.variables.values():
         name = variable.name
         is_exempt = name in scope.read_by_loops or any(source.name in (ADAPTER, ANALYST) for source in variable.sources)
-        is_exempt = is_exempt or variable.posed is not None or name in of_observers
+        is_exempt = is_exempt or variable.pose_condition is not None or name in of_observers
         is_exempt = is_exempt or name in scope.spec.damaged.get("context", ())
         is_exempt = is_exempt or (name in of_agents and name not in scope.producers)
         if name not in scope.reached and not is_exempt and faults.sound("context", name):

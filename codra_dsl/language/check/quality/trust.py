@@ -64,7 +64,7 @@ def _trusting(scope: SpecIndex) -> Mapping[str, tuple[Algorithm, Callable[[], Pl
 
 def _goes_stale(scope: SpecIndex, variable: Variable) -> bool:
     """Return whether a variable becomes unknown by itself, or whether this is undecided."""
-    if variable.states_validity or variable.posed is not None:  # a comparison of poses expires with them
+    if variable.states_validity or variable.pose_condition is not None:  # a comparison of poses expires with them
         return True
     forgets = variable.when_unobservable is WhenUnobservable.FORGET and _can_be_forgotten(scope, variable)
     return forgets or not (_others_write(variable) or variable.name in scope.producers)

@@ -27,7 +27,7 @@ def export_dsr(knowledge: Knowledge, beside: DsrImport | None = None, *, unit_m:
         unit_m: the unit of translations, in metres; ignored if `beside` is given, whose unit is used.
     """
     start = beside or DsrImport(
-        model=knowledge.model, document=DsrGraph(), foreign=(), taken=frozenset(), unit_m=unit_m
+        model=knowledge.model, document=DsrGraph(), skipped=(), imported=frozenset(), unit_m=unit_m
     )
     export = _Export(knowledge, start)
     return DsrGraph(
@@ -51,10 +51,10 @@ class _Export:
             (names[edge.origin], edge.label, names[edge.target]): edge for edge in start.document.edges
         }
         self._numbers = self._numbered(names)
-        left = (key for key in self._edges_before if key not in start.taken and self._is_kept(key))
+        left = (key for key in self._edges_before if key not in start.imported and self._is_kept(key))
         placed = [*left, *(edge.key for edge in self._seen.edges())]
         self._parents = {key[2]: key[0] for key in placed if key[1] == RT}
-        read = sorted(self._edges_before, key=start.taken.__contains__)  # edges that the graph holds take precedence
+        read = sorted(self._edges_before, key=start.imported.__contains__)  # edges that the graph holds take precedence
         self._parents_before = {key[2]: key[0] for key in read if key[1] == RT}
 
     def nodes(self) -> Iterator[DsrNode]:
@@ -72,7 +72,7 @@ class _Export:
         for key, edge in self._edges_before.items():
             if key in present:
                 yield self._edge(present[key], edge)
-            elif key not in self._start.taken and self._is_kept(key):
+            elif key not in self._start.imported and self._is_kept(key):
                 yield edge
         for key, mine in present.items():
             if key not in self._edges_before:
@@ -81,7 +81,7 @@ class _Export:
     def _numbered(self, names: Mapping[int, str]) -> dict[str, int]:
         """Return the numbers of all nodes; new nodes get unused numbers."""
         numbers = {
-            name: number for number, name in names.items() if name in self._seen or (name,) not in self._start.taken
+            name: number for number, name in names.items() if name in self._seen or (name,) not in self._start.imported
         }
         free = (number for number in range(1, 2**64) if number not in names)
         for node in self._seen.nodes():
@@ -119,7 +119,7 @@ class _Export:
 
     def _kept(self, attributes: Mapping[str, DsrValue], owner: Subject) -> dict[str, DsrValue]:
         """Return the imported attributes of a node or edge that the graph does not hold."""
-        return {name: value for name, value in attributes.items() if (*owner, name) not in self._start.taken}
+        return {name: value for name, value in attributes.items() if (*owner, name) not in self._start.imported}
 
     def _posed(self, edge: Edge, attributes: dict[str, DsrValue]) -> dict[str, DsrValue]:
         pose = self._seen.transform(edge.origin, edge.target).pose

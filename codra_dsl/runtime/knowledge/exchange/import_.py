@@ -48,16 +48,16 @@ class DsrImport:
     Attributes:
         model: the declarations, with all imported nodes, edges and values; `Knowledge` begins with it.
         document: the DSR graph.
-        foreign: the parts that the knowledge graph does not hold. `export_dsr` writes them again while their node or
+        skipped: the parts that the knowledge graph does not hold. `export_dsr` writes them again while their node or
             edge exists.
-        taken: the imported parts.
+        imported: the imported parts.
         unit_m: the unit of translations, in metres.
     """
 
     model: KnowledgeModel
     document: DsrGraph
-    foreign: tuple[SkippedPart, ...]
-    taken: frozenset[Subject]
+    skipped: tuple[SkippedPart, ...]
+    imported: frozenset[Subject]
     unit_m: float = MILLIMETRE_M
 
 
@@ -69,14 +69,14 @@ def import_dsr(model: KnowledgeModel, document: DsrGraph, *, unit_m: float = MIL
         document: the DSR graph.
         unit_m: the unit of its translations, in metres.
     """
-    taking = _Import(model, document, unit_m)
-    taking.take_nodes()
-    taking.take_edges()
+    importer = _Import(model, document, unit_m)
+    importer.import_nodes()
+    importer.import_edges()
     return DsrImport(
-        model=replace(model, nodes=tuple(taking.nodes.values()), edges=tuple(taking.edges.values())),
+        model=replace(model, nodes=tuple(importer.nodes.values()), edges=tuple(importer.edges.values())),
         document=document,
-        foreign=tuple(taking.foreign),
-        taken=frozenset(taking.taken),
+        skipped=tuple(importer.skipped),
+        imported=frozenset(importer.imported),
         unit_m=unit_m,
     )
 
@@ -87,8 +87,8 @@ class _Import:
     Attributes:
         nodes: the nodes of the start, by name.
         edges: the edges of the start, by origin, label and target.
-        foreign: the parts that could not be imported so far.
-        taken: the imported parts so far.
+        skipped: the parts that could not be imported so far.
+        imported: the imported parts so far.
     """
 
     def __init__(self, model: KnowledgeModel, document: DsrGraph, unit_m: float) -> None:
@@ -98,30 +98,30 @@ class _Import:
         self.nodes = {node.name: node for node in model.nodes}
         self.edges = {(edge.origin, self._schema.edge_type(edge.type).label, edge.target): edge for edge in model.edges}
         self._above = {target: origin for origin, label, target in self.edges if label == RT}
-        self.foreign: list[SkippedPart] = []
-        self.taken: set[Subject] = set()
+        self.skipped: list[SkippedPart] = []
+        self.imported: set[Subject] = set()
 
-    def take_nodes(self) -> None:
+    def import_nodes(self) -> None:
         """Import the nodes with declared types, with their declared attributes."""
         for node in self._document.nodes:
             why = self._why_not(node)
             if why:
                 self._skip(f"node {node.name!r}", why)
                 continue
-            self.taken.add((node.name,))
+            self.imported.add((node.name,))
             begun = self.nodes.get(node.name) or NodeModel(name=node.name, type=node.type)
             declared = self._schema.of_node(_as_node(node.name, node.type))
             values = dict(self._values(declared, (node.name,), node.name, node.attributes, DERIVED))
             self.nodes[node.name] = replace(begun, values={**begun.values, **values})
 
-    def take_edges(self) -> None:
+    def import_edges(self) -> None:
         """Import the edges with declared types between imported nodes."""
         names = {node.number: node.name for node in self._document.nodes}
         types = {node.name: node.type for node in self._document.nodes}
         for edge in self._document.edges:
             origin, target = names[edge.origin], names[edge.target]
             subject = f"edge {origin} -{edge.label}-> {target}"
-            if (origin,) not in self.taken or (target,) not in self.taken:
+            if (origin,) not in self.imported or (target,) not in self.imported:
                 self._skip(subject, "one of its nodes is not in the graph")
                 continue
             kind = self._type_of(edge, _as_node(origin, types[origin]), _as_node(target, types[target]))
@@ -129,11 +129,11 @@ class _Import:
             if isinstance(kind, str) or why:
                 self._skip(subject, why)
             else:
-                self._take_edge(edge, kind, origin, target)
+                self._import_edge(edge, kind, origin, target)
 
-    def _take_edge(self, edge: DsrEdge, kind: EdgeType, origin: str, target: str) -> None:
+    def _import_edge(self, edge: DsrEdge, kind: EdgeType, origin: str, target: str) -> None:
         key = (origin, edge.label, target)
-        self.taken.add(key)
+        self.imported.add(key)
         understood = (EDGE_TYPE, *(OF_RING if kind.model.motion is not None else ()))
         begun = self.edges.get(key)
         values = dict(begun.values) if begun is not None and begun.type == kind.model.name else {}
@@ -179,7 +179,7 @@ class _Import:
             if content is None:
                 self._skip(f"{subject}.{name}", "NaN is not a value")
                 continue
-            self.taken.add((*owner, name))
+            self.imported.add((*owner, name))
             yield name, content
 
     def _type_of(self, edge: DsrEdge, origin: Node, target: Node) -> EdgeType | str:
@@ -214,7 +214,7 @@ class _Import:
         return pose_of(edge.attributes, self._unit_m)
 
     def _skip(self, subject: str, why: str) -> None:
-        self.foreign.append(SkippedPart(subject=subject, why=why))
+        self.skipped.append(SkippedPart(subject=subject, why=why))
 
 
 def _as_node(name: str, type_name: str) -> Node:

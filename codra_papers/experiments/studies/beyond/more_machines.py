@@ -21,10 +21,10 @@ _CENTRIFUGE, _PCR_CYCLER = LABORATORY.machines
 
 FURTHER: tuple[Machine, ...] = (
     shaker(5.3, 1.6, pi),
-    _PCR_CYCLER.named("second_cycler", 40).standing(3.5, 5.2, -pi / 2),
-    _CENTRIFUGE.named("second_centrifuge", 50).standing(5.3, 5.2, -pi / 2),
+    _PCR_CYCLER.named("second_cycler", 40).at_place(3.5, 5.2, -pi / 2),
+    _CENTRIFUGE.named("second_centrifuge", 50).at_place(5.3, 5.2, -pi / 2),
     shaker(0.7, 3.8, 0.0).named("left_shaker", 60),
-    _PCR_CYCLER.named("third_cycler", 70).standing(5.8, 3.3, pi),
+    _PCR_CYCLER.named("third_cycler", 70).at_place(5.8, 3.3, pi),
     shaker(0.7, 1.5, 0.0).named("door_shaker", 80),
 )
 """Machines for free places of the protocol's laboratory, besides its own two."""

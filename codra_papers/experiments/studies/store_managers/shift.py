@@ -124,10 +124,10 @@ class Staging:
 
     def _load(self, load: Load) -> None:
         self._store.world.set_load(_FIRST, load)
-        self._store.page.tell_load(load)
+        self._store.page.set_load(load)
 
     def _collect(self, area: str) -> None:
-        self._store.page.tell_load(Load.FULL)
+        self._store.page.set_load(Load.FULL)
         self._store.page.order(OrderKind.COLLECT, area, DELIVERY.name)
 
     def _let_in(self, number: int, visit: Visit) -> None:

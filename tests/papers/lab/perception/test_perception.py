@@ -26,7 +26,7 @@ from codra_papers.lab.simulator.camera import FrameSource, GreyFrameSource
 from codra_papers.lab.simulator.geometric_camera import GeometricCamera, TagInView
 from codra_papers.lab.simulator.world import LabWorld, Quantity
 from tests.papers.lab.asked import Computing, FixedBase, RecordedJob, Still
-from tests.papers.lab.perception.posed import place_robot_before, put, set_joint
+from tests.papers.lab.perception.placing import place_robot_before, put, set_joint
 from tests.papers.lab.stored import perceived, store
 
 ROOT = Path(__file__).parents[4]

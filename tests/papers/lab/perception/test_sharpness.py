@@ -17,7 +17,7 @@ from codra_papers.lab.simulator.camera import FrameSource, GreyFrameSource
 from codra_papers.lab.simulator.geometric_camera import GeometricCamera
 from codra_papers.lab.simulator.world import LabWorld, Quantity
 from tests.papers.lab.perception.painted import cluttered_wall, frame_of, painted
-from tests.papers.lab.perception.posed import place_robot_before, put, set_joint
+from tests.papers.lab.perception.placing import place_robot_before, put, set_joint
 
 ENOUGH = 0.5
 """The threshold in the `accept_when` of the spec."""

@@ -23,7 +23,7 @@ from codra_papers.lab.simulator.geometric_camera import GeometricCamera
 from codra_papers.lab.simulator.laboratory import NOISE_GREYS
 from codra_papers.lab.simulator.scene import CAMERA_NAME, Stage
 from codra_papers.lab.simulator.world import JointKey, LabWorld, Quantity
-from tests.papers.lab.perception.posed import place_robot_before, put, set_joint
+from tests.papers.lab.perception.placing import place_robot_before, put, set_joint
 
 SEED = 5
 OVERVIEW = observation_gaze("pcr_cycler", Part.LID)

@@ -24,7 +24,7 @@ from codra_papers.lab.simulator.laboratory import LABORATORY, Laboratory, LidMov
 from codra_papers.lab.simulator.scene import mjcf, textures
 from codra_papers.lab.simulator.truth import GroundTruth, truth_at
 from codra_papers.lab.simulator.world import JointKey, LabState, LabWorld
-from tests.papers.lab.perception.posed import SteadyHand
+from tests.papers.lab.perception.placing import SteadyHand
 
 LID = "pcr_cycler_open"
 LID_KEY = JointKey("pcr_cycler", Part.LID)
@@ -132,7 +132,7 @@ def test_a_third_machine_of_another_shape_shows_all_its_tags() -> None:
 
 
 def test_another_machine_of_the_same_shape_is_another_machine() -> None:
-    second = LABORATORY.machine("pcr_cycler").named("second", 40).standing(5.3, 1.6, pi)
+    second = LABORATORY.machine("pcr_cycler").named("second", 40).at_place(5.3, 1.6, pi)
     laboratory = LABORATORY.with_machines(second)
     detected, _ = seen(laboratory, "second", Part.LID)
 
@@ -146,7 +146,7 @@ def test_small_tags_are_not_detected_from_the_waiting_pose() -> None:
 
 
 def test_a_moved_machine_is_tended_at_its_new_place() -> None:
-    laboratory = LABORATORY.with_standing("pcr_cycler", 5.3, 1.6, pi)
+    laboratory = LABORATORY.with_machine_at("pcr_cycler", 5.3, 1.6, pi)
     detected, _ = seen(laboratory, "pcr_cycler", Part.LID)
 
     assert set(range(20, 28)) <= detected

@@ -17,7 +17,7 @@ from codra_papers.lab.simulator import gl
 from codra_papers.lab.simulator.camera import FrameSource
 from codra_papers.lab.simulator.scene import Stage
 from codra_papers.lab.simulator.world import LabWorld, Quantity
-from tests.papers.lab.perception.posed import place_robot_before, put, set_joint
+from tests.papers.lab.perception.placing import place_robot_before, put, set_joint
 
 OPEN_RAD = 1.35
 UNLOCKED_RAD = 1.0

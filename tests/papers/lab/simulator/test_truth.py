@@ -19,7 +19,7 @@ from codra_papers.lab.perception.layout import Part
 from codra_papers.lab.robot import Robot, Station
 from codra_papers.lab.simulator.truth import SAMPLES_PER_S, GroundTruth, truth_at
 from codra_papers.lab.simulator.world import LabWorld, Quantity
-from tests.papers.lab.perception.posed import SteadyHand, place_robot_before, put, set_joint
+from tests.papers.lab.perception.placing import SteadyHand, place_robot_before, put, set_joint
 
 SPECS = Path(__file__).parents[4] / "specs"
 OVERVIEW = observation_gaze("pcr_cycler", Part.LID)

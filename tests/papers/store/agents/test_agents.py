@@ -13,7 +13,7 @@ from codra_papers.store.agents import start_agents
 from codra_papers.store.agents.wheel_check import container_behind
 from codra_papers.store.body import Side, Way
 from codra_papers.store.geometry import Point, Pose2D
-from codra_papers.store.knowledge import pose_of, stand_of, store_knowledge
+from codra_papers.store.knowledge import floor_pose_of, pose_of, store_knowledge
 from codra_papers.store.layout import AREAS, DOCK, ROW_WIDTH_M, ROWS_WEST_M, START, approach_to, robot_at
 from codra_papers.store.simulator.people import crossing
 from codra_papers.store.simulator.state import Container
@@ -50,7 +50,7 @@ class Bench:
         self.world.add_person(crossing(at_m, [at_m], 1, at_m))
 
     def pose_on_floor(self, name: str) -> Pose2D:
-        return stand_of(self.knowledge.transform("world", name).pose)
+        return floor_pose_of(self.knowledge.transform("world", name).pose)
 
 
 def box(at: Pose2D = PLACE) -> Container:

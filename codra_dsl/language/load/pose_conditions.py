@@ -10,19 +10,21 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from codra_dsl.language.expression import names_in
-from codra_dsl.language.model import POSES, Condition, Course, Kind, Posed, Reference, Spec, ValueType, Variable
+from codra_dsl.language.model import POSES, Condition, Course, Kind, PoseCondition, Reference, Spec, ValueType, Variable
 
 _TRUTH = ValueType(kind=Kind.BOOL)
 
 
-def with_posed(spec: Spec) -> Spec:
+def with_pose_conditions(spec: Spec) -> Spec:
     """Return a spec with the context-variables that its comparisons with poses imply."""
     derived: dict[str, Variable] = {}
     origins = dict(spec.origins)
     for owner, condition in _over_context(spec):
         for name in () if condition.tree is None else names_in(condition.tree):
             if name.asks is not None and name.name not in derived:
-                derived[name.name] = _variable(name.name, Posed(tree=name.asks, said=condition, owner=owner))
+                derived[name.name] = _variable(
+                    name.name, PoseCondition(tree=name.asks, condition=condition, owner=owner)
+                )
                 origins["context", name.name] = spec.origins[owner[0], owner[1]]
     return replace(spec, context=(*spec.context, *derived.values()), origins=origins) if derived else spec
 
@@ -40,7 +42,9 @@ def _over_context(spec: Spec) -> Iterator[tuple[tuple[str, str, str], Condition]
             yield ("adaptation", name, "value"), does.value
 
 
-def _variable(name: str, posed: Posed) -> Variable:
-    place = posed.said.place_of(posed.tree)
+def _variable(name: str, pose_condition: PoseCondition) -> Variable:
+    place = pose_condition.condition.place_of(pose_condition.tree)
     sources = (Reference(name=POSES, place=place),)
-    return Variable(name=name, type=_TRUTH, place=place, label=name, sources=sources, is_derived=True, posed=posed)
+    return Variable(
+        name=name, type=_TRUTH, place=place, label=name, sources=sources, is_derived=True, pose_condition=pose_condition
+    )
