@@ -201,7 +201,7 @@ class _WorstCases:
         ]
 
     def _spared_s(self, last: str, variable: str, crowds: Sequence[_Crowd]) -> float:
-        """Return the time that a crowd does not add: a rival of the last look would also have given the value."""
+        """Return the time that crowds do not add to a path: a rival of its last look, if it ran, gave the value too."""
         rivals = [
             self._looks[name].timeout_s
             for name in self._rivals[last]

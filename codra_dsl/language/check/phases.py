@@ -85,7 +85,7 @@ def check(spec: Spec, forests: Mapping[str, Read] = NO_TREES) -> tuple[CheckedSp
 def _with_corrected_members(
     scope: SpecIndex, faults: Silenced, phase: Sequence[Rule], diagnostics: list[Diagnostic]
 ) -> tuple[SpecIndex, list[Diagnostic]]:
-    """Return the findings of a phase after wrong declarations of members are reported and corrected."""
+    """Report wrong declarations of members there, and return what a phase finds once they are corrected."""
     reported = list(members_to_blame(scope))
     if not reported:
         return scope, diagnostics

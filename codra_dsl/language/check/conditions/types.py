@@ -290,9 +290,7 @@ class _Inference:
         unit = left.unit / right.unit if node.operator == "/" else left.unit * right.unit
         far = any(abs(exponent) > _MAX_EXPONENT for exponent in unit.dimension.exponents)
         if far or not 1 / _MAX_FACTOR < unit.factor < _MAX_FACTOR:
-            self.problems.append(
-                Problem("wrong-operand", node, "the unit of this is too large or too small", "simplify it")
-            )
+            self.problems.append(Problem("wrong-operand", node, "the unit of this is out of bounds", "simplify it"))
             return None
         is_int = node.operator == "*" and left.kind is right.kind is Kind.INT
         return Type(Kind.INT if is_int else Kind.FLOAT, unit, fixed=left.fixed and right.fixed)
@@ -368,7 +366,7 @@ class _Inference:
             message, help = "two ages cannot be compared", "compare each age with a duration"
             self._report("misplaced-age", right, message, help)
         elif ages and operator in _NO_OTHERS:
-            message = f"an age cannot be compared with '{operator}'"
+            message = f"an age cannot be compared with '{operator}', since it changes continuously"
             self._report("misplaced-age", ages[0], message, "compare it with '<' or '>='")
         elif self._go_together(left, right) and operator not in _NO_OTHERS:
             self._check_order(operator, left)

@@ -28,7 +28,7 @@ MAX_WAITING = 5
 
 
 def cycles(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
-    """Yield a finding for each variable that can only become known once it is known; one per cause."""
+    """No variable must be known before it can become known; one finding per cause."""
     if scope.lost("perception", "identifies"):
         return
     search = _Search(scope, faults)
@@ -62,7 +62,7 @@ def feedback(scope: SpecIndex) -> Mapping[str, tuple[str, ...]]:
 
 
 def _without_ends(needs: Mapping[str, Sequence[str]]) -> Mapping[str, Sequence[str]]:
-    """Return a graph without the names that are on no cycle because they need no remaining name."""
+    """Return a graph without the names that need no remaining name: they are on no cycle."""
     open_needs = {name: sum(need in needs for need in wanted) for name, wanted in needs.items()}
     users: dict[str, list[str]] = {}
     for name, wanted in needs.items():
@@ -130,7 +130,7 @@ class _Search:
         self.blocked: dict[str, Algorithm] = {}
 
     def _from_elsewhere(self, name: str) -> bool:
-        """Return whether another source may write a variable, or whether this cannot be decided."""
+        """Return whether something else than its algorithms may write a variable, or this cannot be decided."""
         others = any(source.name != OBSERVER for source in self._scope.variables[name].sources)
         sound = self._faults.sound("context", name) and self._scope.readable("context", name, "source")
         return others or name not in self._scope.producers or not sound
@@ -241,7 +241,7 @@ def _cycle(scope: SpecIndex, search: _Search, path: tuple[str, ...]) -> Diagnost
     shown = " -> ".join((*path, path[0]))
     if len(path) == 1:
         message = f"context-variable '{path[0]}' waits for itself: {shown}"
-        help = f"identify it without itself, e.g. when 'not known({path[0]}) or age({path[0]}) > 10 s'"
+        help = f"identify it with an algorithm that does not wait for it, e.g. when 'not known({path[0]}) or age({path[0]}) > 10 s'"
     else:
         message = f"context-variables wait for each other: {shown}"
         help = "identify one of them without the others, or name another writer of it under 'source'"

@@ -155,11 +155,11 @@ class DeclaredGraph:
         return tuple(edge for edge in self.edges.values() if edge.label == word)
 
     def edges_between(self, origin: NodeTerm, word: str, target: NodeTerm) -> tuple[EdgeType, ...]:
-        """Return the edges that a word names and that can connect two terms."""
+        """Return the edges that a word names and that can lead from `origin` to `target`."""
         return tuple(edge for edge in self.edges_named(word) if self.leads(edge, origin, target))
 
     def leads(self, edge: EdgeType, origin: NodeTerm, target: NodeTerm) -> bool:
-        """Return whether an edge can connect two terms."""
+        """Return whether an edge can lead from `origin` to `target`."""
         return any(self.fits(origin, self.end(end.name)) for end in edge.origins) and any(
             self.fits(target, self.end(end.name)) for end in edge.targets
         )
@@ -181,7 +181,7 @@ class DeclaredGraph:
         return frozenset(terms), frozenset(edges)
 
     def _above(self, term: NodeTerm) -> tuple[EdgeType, ...]:
-        """Return the edges with poses that may lead to a node."""
+        """Return the edges with poses that may end at a term."""
         rigid = (edge for edge in self.edges.values() if is_rigid(edge))
         return tuple(edge for edge in rigid if any(self.fits(term, self.end(target.name)) for target in edge.targets))
 
@@ -193,7 +193,7 @@ class DeclaredGraph:
     def between(self, one: str, other: str) -> tuple[str, ...]:
         """Return the edges that may contribute to the relative pose of two nodes, in file order.
 
-        Edges above a certain common ancestor are left out, since they move both nodes together.
+        Edges above a frame that contains both nodes in every case are left out, since they move both together.
         """
         edges = self.climb(one, self._always_in(other))[1] | self.climb(other, self._always_in(one))[1]
         return tuple(name for name in self.edges if name in edges)
@@ -305,7 +305,7 @@ class DeclaredGraph:
         return claims
 
     def writers(self, element: KnowledgeElement) -> tuple[Writer, ...]:
-        """Return the writers of an element, each once: first those under `source`, then those with `owns`."""
+        """Return the writers of an element, each once: first those that its declaration names, then those with `owns`."""
         claimed = self._claims.get(element, ())
         stated = self._stated(element)
         names = {writer.name for writer in stated}

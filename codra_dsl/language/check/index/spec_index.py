@@ -334,7 +334,7 @@ class SpecIndex:
 
     @cached_property
     def trees(self) -> Mapping[str, tuple[str, ...]]:
-        """For each variable with algorithms: the variables in force with it, which its tree identifies or needs."""
+        """For each variable with algorithms: the variables in force with it: those that its tree identifies or needs."""
         in_force: dict[str, tuple[str, ...]] = {}
         for group in self.groups:
             needs = dict.fromkeys(name for algorithm in group.algorithms for name in self.needs[algorithm.name])

@@ -216,7 +216,7 @@ class _Search:
         return declared is not None and self._values[key] != UNKNOWN and (several or declared.kind is Kind.INT)
 
     def _contested_pairs(self) -> tuple[Mapping[tuple[int, int], Pair], Mapping[str, tuple[Node, Node, Pair]]]:
-        """Return the pairs of numbers whose difference occurs twice or is 0, and the sides of those that occur twice.
+        """Return the pairs of numbers whose difference occurs more than once or is 0, and the sides of the former.
 
         Numbers that depend on one name are left out, since the range of that name is cut where its comparisons change.
         They are included if they are curved, because then there are no such cuts.
@@ -273,7 +273,7 @@ class _Search:
         return cuts(key, ((left, right) for left, right, on in self._links if on == own))
 
     def _step(self, key: str) -> Fraction | None:
-        """Return the number, in base units, of which an int is always a multiple; None for other types."""
+        """Return the number, in base units, of which each value of an int is a multiple; None for other types."""
         declared = self._types.get(key)
         step = in_base(1, declared.unit) if declared is not None and declared.kind is Kind.INT else None
         return step if isinstance(step, Fraction) else None

@@ -47,9 +47,9 @@ def stated(condition: Condition, tree: Node) -> Stated:
 
 
 def contradiction(conditions: Sequence[Stated], types: Types) -> tuple[Stated, ...]:
-    """Return a smallest set of the conditions that can never be true together, in their order; () if all can.
+    """Return conditions that can never be true together, as few as were found, in their order; () if all can.
 
-    If the set has several conditions, each `and` in it is narrowed down to the parts that are needed.
+    If several conditions are needed, each `and` among them is narrowed down to the parts that are needed.
     """
     if can_hold([condition.tree for condition in conditions], (), types):
         return ()

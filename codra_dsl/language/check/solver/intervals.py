@@ -48,7 +48,7 @@ def point(number: Number) -> Interval:
 
 
 def in_base(value: float, unit: Unit) -> Number:
-    """Return a value in base units, exactly as its decimal text."""
+    """Return a value in base units, computed exactly from its decimal text."""
     if isinstance(value, float) and not math.isfinite(value):
         return value
     exact = Fraction(value if isinstance(value, int) else repr(value)) * unit.factor
@@ -132,7 +132,7 @@ def can_be_equal(one: Interval, other: Interval) -> bool:
 
 
 def pieces(interval: Interval, points: Iterable[Number], step: Fraction | None) -> tuple[Interval, ...]:
-    """Return an interval cut at some points: these points, and the open intervals between them.
+    """Return an interval cut at some points: these points, and the intervals between them.
 
     Args:
         interval: the interval to cut.

@@ -25,7 +25,7 @@ class Pair:
 
 
 def pair(left: Node, right: Node) -> Pair:
-    """Return two numbers as a pair; comparisons of the same number with another constant have the same key."""
+    """Return two numbers as a pair; comparisons of one number with different constants have the same key."""
     difference = _sum(left).plus(_sum(right), Fraction(-1))
     factor = difference.lead
     key = difference.times(1 / factor).key if any(difference.parts.values()) else ""

@@ -49,7 +49,7 @@ def implies(stronger: Sequence[Node], weaker: Sequence[Node], types: Types) -> b
     Args:
         stronger: the conditions that are all true.
         weaker: the conditions that must all follow.
-        types: the type of each name in either, from `declared_type`; missing names can have any value.
+        types: the type of each name in either, from `declared_type`; nothing follows from missing names.
     """
     claims = conjuncts(weaker)
     names = names_of((*stronger, *claims))

@@ -61,7 +61,7 @@ class Context:
     Attributes:
         values: the possible values of each name, and, by `age_key`, `known_key` and the keys of pairs, of its age, of
             whether it is known, and of the difference of two numbers.
-        pairs: by the identity of the two sides, the pairs whose difference the search splits.
+        pairs: by the identity of the two sides, the pairs whose difference occurs more than once or is 0.
     """
 
     values: Mapping[str, Values]
