@@ -117,7 +117,7 @@ def user_of(section: str, element: str) -> str:
     return f"{USERS[section]} '{element}'"
 
 
-def unknown(scope: SpecIndex, section: str, mentions: Iterable[Mention]) -> Iterator[list[Mention]]:
+def unknown_mentions(scope: SpecIndex, section: str, mentions: Iterable[Mention]) -> Iterator[list[Mention]]:
     """Yield the mentions of each name that a section does not declare, in the order of their places."""
     groups: dict[str, list[Mention]] = {}
     for mention in mentions:
