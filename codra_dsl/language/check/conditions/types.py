@@ -334,7 +334,8 @@ class _Inference:
             return self._texts_go_together(left, right)
         if left.type.kind is right.type.kind:
             return True
-        self._report("mismatched-types", right, _mismatch_message(left, right), _mismatch_help(left, right))
+        message = f"{to_text(left.node)} is {left.type}, but {to_text(right.node)} is {right.type}"
+        self._report("mismatched-types", right, message, _mismatch_help(left, right))
         return False
 
     def _texts_go_together(self, left: Typed, right: Typed) -> bool:
@@ -360,7 +361,7 @@ class _Inference:
         An age is one complete side of an ordering comparison, so that the runtime can compute the instant at which the
         comparison changes its result.
         """
-        return self._age(node) if is_age(node) and isinstance(node, Call) else self.infer(node)
+        return self._known_or_age(node, _SECONDS) if is_age(node) and isinstance(node, Call) else self.infer(node)
 
     def _check_link(self, operator: Comparison, left: Typed, right: Typed) -> None:
         ages = [side for side in (left, right) if is_age(side.node)]
@@ -401,9 +402,6 @@ class _Inference:
         arguments = tuple(self._quantity(argument) for argument in node.arguments)
         return Typed(node, self._common(arguments), arguments)
 
-    def _age(self, node: Call) -> Typed:
-        return self._known_or_age(node, _SECONDS)
-
     def _known_or_age(self, node: Call, result: Type | None) -> Typed:
         """Return a call of `known` or `age`, which are only allowed in conditions over context."""
         if not self._known:
@@ -436,10 +434,6 @@ def _missing_unit(bare: Typed, other: str, unit: Unit) -> Problem:
     else:
         help = "state its unit where it is declared"
     return Problem("missing-unit", bare.node, f"{shown} has no unit, but {other} is in {unit}", help)
-
-
-def _mismatch_message(left: Typed, right: Typed) -> str:
-    return f"{to_text(left.node)} is {left.type}, but {to_text(right.node)} is {right.type}"
 
 
 def _mismatch_help(left: Typed, right: Typed) -> str:

@@ -154,10 +154,9 @@ def observers_that_split(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnos
         observer_names = {reference.name for reference in setting.identifies}
         for group in groups:
             missing_names = [name for name in group.variables if name not in observer_names and name in scope.variables]
-            later_names = [
-                name for name in missing_names if name in scope.claims and _comes_later(scope, name, setting)
-            ]
-            if missing_names and not later_names:
+            other_claims = [scope.claims[name][0] for name in missing_names if name in scope.claims]
+            is_claimed_later = any(other.place.span > setting.place.span for other in other_claims)
+            if missing_names and not is_claimed_later:
                 yield _split(scope, setting, group, missing_names[0])
 
 
@@ -297,7 +296,3 @@ def _guards(algorithm: Algorithm) -> frozenset[object]:
     """Return the preconditions of an algorithm as a set; conditions with equal syntax trees are equal."""
     conditions = {condition.tree for condition in algorithm.observable_when}
     return frozenset(conditions) | {reference.name for reference in algorithm.given}
-
-
-def _comes_later(scope: SpecIndex, name: str, setting: ObserverSetting) -> bool:
-    return scope.claims[name][0].place.span > setting.place.span

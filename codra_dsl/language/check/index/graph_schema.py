@@ -355,10 +355,10 @@ class DeclaredGraph:
             "tasks": self.tasks,
         }
         declaration = tables[element.section].get(element.name)
-        return declaration.place if declaration is not None else self._first_node(element.name).place
-
-    def _first_node(self, kind: str) -> NodeElement:
-        return next(node for node in self.spec.nodes if node.type.name == kind)
+        if declaration is not None:
+            return declaration.place
+        # only nodes name this type
+        return next(node.place for node in self.spec.nodes if node.type.name == element.name)
 
     def is_there(self, path: Path) -> bool:
         """Return whether every edge of a path exists from the start and has no writer that could remove it."""
