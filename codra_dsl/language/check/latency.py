@@ -73,7 +73,9 @@ def _look(spec: Spec, checked: CheckedAlgorithm) -> _Look:
     timeout_s = algorithm.timeout_s
     if needed > 1:
         periods = [
-            setting.period_s for setting in spec.observers if {one.name for one in setting.identifies} & {*identifies}
+            setting.period_s
+            for setting in spec.observers
+            if {variable.name for variable in setting.identifies} & {*identifies}
         ]
         pause_s = max(algorithm.min_interval_s, timeout_s, *(periods or [DEFAULT_PERIOD_S]))
         timeout_s += (needed - 1) * pause_s
@@ -125,27 +127,27 @@ class _WorstCases:
         self._looks = looks
         self._producers = producers
         self._slots = {resource.name: resource.slots for resource in spec.resources if resource.slots is not None}
-        self._rivals = _connected(looks, producers.values())
+        self._rivals = _connected_names(looks, producers.values())
         named = [self._producers_of(reference.name for reference in one.identifies) for one in spec.observers]
-        self._observer_of = _connected(looks, [*self._rivals.values(), *named])
+        self._observer_of = _connected_names(looks, [*self._rivals.values(), *named])
         self._started_with = {
             name: (*self._producers_of(look.needs), *self._observer_of[name]) for name, look in looks.items()
         }
         self._before = {name: self._producers_of(look.waits_for) for name, look in looks.items()}
-        self._parts = _in_order(self._before)
+        self._parts = _topological_parts(self._before)
         self._position = {name: position for position, part in enumerate(self._parts) for name in part}
         self._everything = _Crowd(tuple(looks), 1, sum(look.timeout_s for look in looks.values()))
         self._steps = 0
 
     def of_variables(self) -> dict[str, float]:
         """Return the bound for each variable, observer by observer: the same looks run for all variables of one."""
-        free, held_up = self._paths(self._parts, ()), self._held_up()
+        free_paths, delayed_looks = self._paths(self._parts, ()), self._delayed_looks()
         bounds: dict[str, float] = {}
         for observer in dict.fromkeys(self._observer_of.values()):
-            paths, crowds = (free, ()) if held_up.isdisjoint(observer) else self._crowded(observer)
+            paths, crowds = (free_paths, ()) if delayed_looks.isdisjoint(observer) else self._crowded_paths(observer)
             for variable in dict.fromkeys(variable for name in observer for variable in self._looks[name].identifies):
                 candidates_s = (
-                    _longest(paths[name], crowds) - self._spared_s(name, variable, crowds)
+                    _longest_s(paths[name], crowds) - self._spared_s(name, variable, crowds)
                     for name in self._producers[variable]
                 )
                 bounds[variable] = round(max(candidates_s), _DIGITS)
@@ -154,16 +156,16 @@ class _WorstCases:
     def _producers_of(self, variables: Iterable[str]) -> _Names:
         return tuple(dict.fromkeys(name for variable in variables for name in self._producers.get(variable, ())))
 
-    def _held_up(self) -> frozenset[str]:
+    def _delayed_looks(self) -> frozenset[str]:
         """Return the looks that run together with a crowd, or would if all observers ran."""
         starters: dict[str, list[str]] = {}
         for name, started in self._started_with.items():
             for other in started:
                 starters.setdefault(other, []).append(name)
-        crowded = sorted(name for crowd in self._crowds(self._looks) for name in crowd.members)
-        return frozenset(graph.closure(starters, crowded))
+        crowded_looks = sorted(name for crowd in self._crowds(self._looks) for name in crowd.members)
+        return frozenset(graph.closure(starters, crowded_looks))
 
-    def _crowded(self, observer: _Names) -> tuple[Mapping[str, _Paths], Sequence[_Crowd]]:
+    def _crowded_paths(self, observer: _Names) -> tuple[Mapping[str, _Paths], Sequence[_Crowd]]:
         """Return the paths to the looks of an observer, and the crowds among the looks that run because of it."""
         if self._steps > MAX_STEPS:
             return {name: {frozenset({0}): 0.0} for name in observer}, [self._everything]
@@ -181,16 +183,16 @@ class _WorstCases:
             rivals.setdefault(self._rivals[name], []).append(name)
             for slot in self._looks[name].slots:
                 users.setdefault(slot, []).append(name)
-        limits = [(names, self._slots[slot]) for slot, names in users.items() if slot in self._slots]
+        slot_groups = [(names, self._slots[slot]) for slot, names in users.items() if slot in self._slots]
         groups = [
-            (names, many)
-            for names, many in (*((rival_names, 1) for rival_names in rivals.values()), *limits)
-            if len(names) > many
+            (names, limit)
+            for names, limit in (*((rival_names, 1) for rival_names in rivals.values()), *slot_groups)
+            if len(names) > limit
         ]
-        members = _connected([name for names, _ in groups for name in names], [names for names, _ in groups])
+        members = _connected_names([name for names, _ in groups for name in names], [names for names, _ in groups])
         capacities: dict[_Names, list[int]] = {}
-        for names, many in groups:
-            capacities.setdefault(members[names[0]], []).append(many)
+        for names, limit in groups:
+            capacities.setdefault(members[names[0]], []).append(limit)
         return [
             _Crowd(
                 crowd,
@@ -201,7 +203,7 @@ class _WorstCases:
         ]
 
     def _spared_s(self, last: str, variable: str, crowds: Sequence[_Crowd]) -> float:
-        """Return the time that a crowd does not add: a rival of the last look would also have given the value."""
+        """Return the time that crowds do not add to a path: a rival of its last look, if it ran, gave the value too."""
         rivals = [
             self._looks[name].timeout_s
             for name in self._rivals[last]
@@ -218,24 +220,24 @@ class _WorstCases:
         crowd_of = {name: index for index, crowd in enumerate(crowds) for name in crowd.members}
         ends: dict[str, _Paths] = {}
         for part in parts:
-            before = dict.fromkeys(name for member in part for name in self._before[member] if name not in part)
-            reached = _merged(ends[name] for name in before) or {frozenset(): 0.0}
-            met = frozenset(crowd_of[name] for name in part if name in crowd_of)
+            earlier_looks = dict.fromkeys(name for member in part for name in self._before[member] if name not in part)
+            earlier_paths = _merge_paths(ends[name] for name in earlier_looks) or {frozenset(): 0.0}
+            crowds_met = frozenset(crowd_of[name] for name in part if name in crowd_of)
             spent_s = sum(
                 self._looks[name].timeout_s * (crowds[crowd_of[name]].share if name in crowd_of else 1.0)
                 for name in part
             )
-            through = ({path | met: longest_s + spent_s} for path, longest_s in reached.items())
-            paths = _fewer(_merged(through))
+            paths_through_part = ({path | crowds_met: longest_s + spent_s} for path, longest_s in earlier_paths.items())
+            paths = _reduce_paths(_merge_paths(paths_through_part))
             ends |= dict.fromkeys(part, paths)
         return ends
 
 
-def _longest(paths: _Paths, crowds: Sequence[_Crowd]) -> float:
+def _longest_s(paths: _Paths, crowds: Sequence[_Crowd]) -> float:
     return max(spent_s + sum(crowds[index].delay_s for index in sorted(met)) for met, spent_s in paths.items())
 
 
-def _merged(several: Iterable[_Paths]) -> _Paths:
+def _merge_paths(several: Iterable[_Paths]) -> _Paths:
     merged: _Paths = {}
     for paths in several:
         for met, spent_s in paths.items():
@@ -243,7 +245,7 @@ def _merged(several: Iterable[_Paths]) -> _Paths:
     return merged
 
 
-def _fewer(paths: _Paths) -> _Paths:
+def _reduce_paths(paths: _Paths) -> _Paths:
     """Return the paths without those that another path exceeds in every respect."""
     if len(paths) > MAX_PATHS:
         return {frozenset().union(*paths): max(paths.values())}
@@ -254,22 +256,22 @@ def _fewer(paths: _Paths) -> _Paths:
     }
 
 
-def _connected(names: Iterable[str], groups: Iterable[Sequence[str]]) -> dict[str, _Names]:
+def _connected_names(names: Iterable[str], groups: Iterable[Sequence[str]]) -> dict[str, _Names]:
     """Return, for each name, the names connected to it by groups with a common member, itself included."""
     links: dict[str, list[str]] = {name: [] for name in names}
     for group in groups:
         for one, other in pairwise(group):
             links[one].append(other)
             links[other].append(one)
-    connected: dict[str, _Names] = {}
+    names_of_groups: dict[str, _Names] = {}
     for name in links:
-        if name not in connected:
+        if name not in names_of_groups:
             members = graph.closure(links, [name])
-            connected |= dict.fromkeys(members, members)
-    return connected
+            names_of_groups |= dict.fromkeys(members, members)
+    return names_of_groups
 
 
-def _in_order(before: Mapping[str, _Names]) -> Sequence[_Names]:
+def _topological_parts(before: Mapping[str, _Names]) -> Sequence[_Names]:
     """Return the names in topological order; names on a cycle form one part."""
     part_of: dict[str, _Names] = {name: (name,) for name in before}
     part_of |= {name: part for part in graph.strong_components(before) for name in part}

@@ -14,7 +14,7 @@ from codra_dsl.language.check.conditions.lowering import python_text
 from codra_dsl.language.check.conditions.types import Type
 from codra_dsl.language.check.graph.cycles import GRAPH, feedback
 from codra_dsl.language.check.graph.sources import SOURCES
-from codra_dsl.language.check.index.corrections import corrected
+from codra_dsl.language.check.index.corrections import apply_corrections
 from codra_dsl.language.check.index.spec_index import Silenced, SpecIndex
 from codra_dsl.language.check.knowledge.chains import CHAINS
 from codra_dsl.language.check.knowledge.ends import KNOWLEDGE_TYPES
@@ -72,25 +72,27 @@ def check(spec: Spec, forests: Mapping[str, Read] = NO_TREES) -> tuple[CheckedSp
     for phase in PHASES:
         diagnostics = [diagnostic for rule in phase for diagnostic in rule(scope, faults)]
         if any(diagnostic.rule.name == "unknown-member" for diagnostic in diagnostics):
-            scope, diagnostics = _with_corrected_members(scope, faults, phase, diagnostics)
+            scope, diagnostics = _correct_members(scope, faults, phase, diagnostics)
         findings += diagnostics
-        faults = Silenced(faults.elements | _elements(diagnostics), scope.suggested)
+        faults = Silenced(faults.elements | _elements(diagnostics), scope.suggested_variables)
         if scope.corrections:
-            scope = SpecIndex(corrected(scope.spec, scope.corrections), forests)
+            scope = SpecIndex(apply_corrections(scope.spec, scope.corrections), forests)
     findings_in_order = in_file_order(once_per_template(findings))
-    damaged = any(spec.damaged.values()) or any(forests.get(tree.name, UNREAD)[0] is None for tree in spec.trees)
-    return (None if damaged or has_binding_errors(findings) else _checked(scope)), findings_in_order
+    is_damaged = any(spec.damaged.values()) or any(forests.get(tree.name, UNREAD)[0] is None for tree in spec.trees)
+    return (None if is_damaged or has_binding_errors(findings) else _checked(scope)), findings_in_order
 
 
-def _with_corrected_members(
+def _correct_members(
     scope: SpecIndex, faults: Silenced, phase: Sequence[Rule], diagnostics: list[Diagnostic]
 ) -> tuple[SpecIndex, list[Diagnostic]]:
-    """Return the findings of a phase after wrong declarations of members are reported and corrected."""
-    reported = list(members_to_blame(scope))
-    if not reported:
+    """Report wrong declarations of members there, and return what a phase finds once they are corrected."""
+    member_findings = list(members_to_blame(scope))
+    if not member_findings:
         return scope, diagnostics
-    corrected_scope = SpecIndex(corrected(scope.spec, scope.corrections), scope.forests)
-    return corrected_scope, reported + [diagnostic for rule in phase for diagnostic in rule(corrected_scope, faults)]
+    corrected_scope = SpecIndex(apply_corrections(scope.spec, scope.corrections), scope.forests)
+    return corrected_scope, member_findings + [
+        diagnostic for rule in phase for diagnostic in rule(corrected_scope, faults)
+    ]
 
 
 def _elements(diagnostics: Iterable[Diagnostic]) -> frozenset[tuple[str, str]]:
@@ -100,14 +102,14 @@ def _elements(diagnostics: Iterable[Diagnostic]) -> frozenset[tuple[str, str]]:
         for diagnostic in diagnostics
         if diagnostic.severity is Severity.ERROR
     )
-    errors = (path.split(".") for path in paths if "." in path)
-    return frozenset((section, name) for section, name, *_ in errors)
+    paths_of_errors = (path.split(".") for path in paths if "." in path)
+    return frozenset((section, name) for section, name, *_ in paths_of_errors)
 
 
 def _checked(scope: SpecIndex) -> CheckedSpec:
-    fed_back = feedback(scope)
+    feedback_names = feedback(scope)
     algorithms = {
-        name: _checked_algorithm(scope, algorithm, fed_back.get(name, ()))
+        name: _checked_algorithm(scope, algorithm, feedback_names.get(name, ()))
         for name, algorithm in scope.algorithms.items()
     }
     return CheckedSpec(
@@ -143,7 +145,7 @@ def _expectation_text(expectation: Expectation, condition: Condition) -> str:
     return f"{name} {expectation.expected} {value}{within}"
 
 
-def _checked_algorithm(scope: SpecIndex, algorithm: Algorithm, fed_back: Sequence[str]) -> CheckedAlgorithm:
+def _checked_algorithm(scope: SpecIndex, algorithm: Algorithm, feedback_names: Sequence[str]) -> CheckedAlgorithm:
     return CheckedAlgorithm(
         algorithm=algorithm,
         observable_when=tuple(_checked_condition(scope, condition) for condition in algorithm.observable_when),
@@ -151,8 +153,8 @@ def _checked_algorithm(scope: SpecIndex, algorithm: Algorithm, fed_back: Sequenc
         identifies=tuple(
             (entry.variable.name, _checked_identification(scope, entry)) for entry in algorithm.identifies
         ),
-        waits_for=tuple(sorted(set(scope.needs[algorithm.name]) - set(fed_back))),
-        feedback=tuple(fed_back),
+        waits_for=tuple(sorted(set(scope.needs[algorithm.name]) - set(feedback_names))),
+        feedback=tuple(feedback_names),
     )
 
 

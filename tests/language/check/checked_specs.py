@@ -73,10 +73,7 @@ class Pi:
 
     def checked(self) -> CheckedAlgorithm:
         needs = tuple(need if isinstance(need, CheckedCondition) else condition(need) for need in self.needs)
-        pairs = [
-            (identified, "value('seen')") if isinstance(identified, str) else identified
-            for identified in self.identifies
-        ]
+        pairs = [(entry, "value('seen')") if isinstance(entry, str) else entry for entry in self.identifies]
         read = {name for need in needs for name in need.variables} | set(self.given)
         algorithm = Algorithm(
             name=self.name,
@@ -104,10 +101,11 @@ class Pi:
 
 
 def skill(name: str, preview: Sequence[str], monitor: Sequence[str] = ()) -> Skill:
-    watched = (
-        Expectation(variable=reference(monitored), expected=Expected.WATCHED, place=place()) for monitored in monitor
+    expectations = (
+        Expectation(variable=reference(variable_name), expected=Expected.WATCHED, place=place())
+        for variable_name in monitor
     )
-    return Skill(name=name, place=place(), preview=tuple(map(reference, preview)), monitor=tuple(watched))
+    return Skill(name=name, place=place(), preview=tuple(map(reference, preview)), monitor=tuple(expectations))
 
 
 def setting(name: str, *variables: str, period_s: float = 1.0, priority: int = 0) -> ObserverSetting:
@@ -131,47 +129,58 @@ def checked_spec(
     Undeclared variables are bools: with `observer` as source if an algorithm identifies them, else with the main
     execution as source.
     """
-    by_name = {algorithm.name: algorithm.checked() for algorithm in algorithms}
-    declared = _variables(by_name, variables, skills)
-    makers: dict[str, list[str]] = {}
-    for maker, algorithm in by_name.items():
-        for identified, _ in algorithm.identifies:
-            makers.setdefault(identified, []).append(maker)
+    checked_algorithms = {algorithm.name: algorithm.checked() for algorithm in algorithms}
+    declared_variables = _variables(checked_algorithms, variables, skills)
+    algorithms_of: dict[str, list[str]] = {}
+    for algorithm_name, algorithm in checked_algorithms.items():
+        for variable_name, _ in algorithm.identifies:
+            algorithms_of.setdefault(variable_name, []).append(algorithm_name)
     producers = {
-        declared_name: tuple(sorted(makers[declared_name], key=lambda maker: (by_name[maker].algorithm.rank, maker)))
-        for declared_name in declared
-        if declared_name in makers
+        declared_name: tuple(
+            sorted(
+                algorithms_of[declared_name],
+                key=lambda algorithm_name: (checked_algorithms[algorithm_name].algorithm.rank, algorithm_name),
+            )
+        )
+        for declared_name in declared_variables
+        if declared_name in algorithms_of
     }
-    decided = [watched.name for one in skills for watched in (*one.preview, *(seen.variable for seen in one.monitor))]
-    homes = {("context", variable_name): "lab" for variable_name in declared}
-    homes |= {("perception", algorithm_name): "lab" for algorithm_name in by_name}
+    decision_names = [
+        watched.name for one in skills for watched in (*one.preview, *(seen.variable for seen in one.monitor))
+    ]
+    homes = {("context", variable_name): "lab" for variable_name in declared_variables}
+    homes |= {("perception", algorithm_name): "lab" for algorithm_name in checked_algorithms}
     homes |= {("skills", one.name): "lab" for one in skills}
     spec = Spec(
         name=name,
         place=place(),
         file=FILE,
         files=(FILE,),
-        context=tuple(declared.values()),
-        perception=tuple(checked.algorithm for checked in by_name.values()),
+        context=tuple(declared_variables.values()),
+        perception=tuple(checked.algorithm for checked in checked_algorithms.values()),
         skills=tuple(skills),
         observers=tuple(observers),
         resources=tuple(resources),
         uses=tuple(uses),
         origins=homes | dict(origins or {}),
     )
-    decisions = tuple(dict.fromkeys(decided if skills else producers))
-    return CheckedSpec(spec=spec, variables=declared, algorithms=by_name, producers=producers, decisions=decisions)
+    decisions = tuple(dict.fromkeys(decision_names if skills else producers))
+    return CheckedSpec(
+        spec=spec, variables=declared_variables, algorithms=checked_algorithms, producers=producers, decisions=decisions
+    )
 
 
 def _variables(
     algorithms: Mapping[str, CheckedAlgorithm], variables: Iterable[Variable], skills: Sequence[Skill]
 ) -> dict[str, Variable]:
-    declared = {known.name: known for known in variables}
+    variables_by_name = {variable_.name: variable_ for variable_ in variables}
     for algorithm in algorithms.values():
         for name, _ in algorithm.identifies:
-            declared.setdefault(name, variable(name))
-    wanted = [name for algorithm in algorithms.values() for name in algorithm.needs]
-    wanted += [watched.name for one in skills for watched in (*one.preview, *(seen.variable for seen in one.monitor))]
-    for name in wanted:
-        declared.setdefault(name, variable(name, sources=(reference("main_execution"),)))
-    return declared
+            variables_by_name.setdefault(name, variable(name))
+    needed_names = [name for algorithm in algorithms.values() for name in algorithm.needs]
+    needed_names += [
+        watched.name for one in skills for watched in (*one.preview, *(seen.variable for seen in one.monitor))
+    ]
+    for name in needed_names:
+        variables_by_name.setdefault(name, variable(name, sources=(reference("main_execution"),)))
+    return variables_by_name

@@ -97,6 +97,6 @@ def marked(text: str, finding: Diagnostic) -> str:
     return text.splitlines()[span.line - 1][span.column - 1 : span.end_column - 1]
 
 
-def reported(text: str) -> list[tuple[str, str, str, str]]:
+def finding_texts(text: str) -> list[tuple[str, str, str, str]]:
     """Return the rule, the marked text, the message and the help of each finding."""
     return [(finding.rule.name, marked(text, finding), finding.message, finding.help) for finding in findings(text)]

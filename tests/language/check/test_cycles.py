@@ -131,7 +131,9 @@ def test_the_shortest_of_several_cycles_is_shown() -> None:
 def test_a_variable_that_needs_itself_is_a_cycle_of_one() -> None:
     finding = only(loop(("see_a", "a", when("a"))))
     assert finding.message == "context-variable 'a' waits for itself: a -> a"
-    assert finding.help == "identify it without itself, e.g. when 'not known(a) or age(a) > 10 s'"
+    assert finding.help == (
+        "identify it with an algorithm that does not wait for it, e.g. when 'not known(a) or age(a) > 10 s'"
+    )
 
 
 @pytest.mark.parametrize(

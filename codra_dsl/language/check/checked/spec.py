@@ -84,7 +84,8 @@ class CheckedSpec:
         algorithms: by name, in file order.
         producers: for each variable that has algorithms: their names by `rank`, then name.
         decisions: the variables that Algorithm 2 starts from (its line 3), in order: those that skills preview and
-            monitor, or, if no skill is declared, every variable that has an algorithm.
+            monitor, then those with an algorithm that loops read or that wake agents; if no skill is declared, every
+            variable that has an algorithm.
         expectations: by skill, its expectations about the variables that it monitors.
         poses: by the name of each variable that follows from poses, the expression that builds its comparison.
         knowledge: None if the spec declares none; likewise `mape`, its loops.

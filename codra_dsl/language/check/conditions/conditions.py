@@ -100,13 +100,13 @@ class Judgement:
 def sites(spec: Spec) -> Iterator[Site]:
     """Yield every condition of a spec that could be read."""
     surveyor = _Surveyor()
-    by_element = (
+    sites_of_elements = (
         *map(surveyor.of_algorithm, spec.perception),
         *map(surveyor.of_skill, spec.skills),
         *map(surveyor.of_agent, spec.agents),
         *map(surveyor.of_adaptation, spec.adaptation),
     )
-    return (site for sites in by_element for site in sites if site is not None)
+    return (site for sites in sites_of_elements for site in sites if site is not None)
 
 
 class _Surveyor:
@@ -118,15 +118,17 @@ class _Surveyor:
     def of_algorithm(self, algorithm: Algorithm) -> list[Site | None]:
         """Return the conditions of an algorithm."""
         owner = ("perception", algorithm.name)
-        result_sites = [self._site(Role.OBSERVABLE_WHEN, owner, condition) for condition in algorithm.observable_when]
-        result_sites += [self._site(Role.ACCEPT_WHEN, owner, condition) for condition in algorithm.accept_when]
+        algorithm_sites = [
+            self._site(Role.OBSERVABLE_WHEN, owner, condition) for condition in algorithm.observable_when
+        ]
+        algorithm_sites += [self._site(Role.ACCEPT_WHEN, owner, condition) for condition in algorithm.accept_when]
         for entry in algorithm.identifies:
             result = Result.VALUE if isinstance(entry.by, Condition) else Result.TRUTH
             name = entry.variable.name
-            result_sites += [
+            algorithm_sites += [
                 self._site(Role.IDENTIFIES, owner, condition, name, result) for condition in parts_of(entry)
             ]
-        return result_sites
+        return algorithm_sites
 
     def of_skill(self, skill: Skill) -> list[Site | None]:
         """Return the conditions of a skill."""
@@ -183,9 +185,9 @@ def _mentions(tree: Node) -> tuple[tuple[Name, ...], tuple[Name, ...]]:
         return (tree,), (tree,)
     parts = tuple(walk(tree))
     calls = (part for part in parts if isinstance(part, Call) and part.function in ("known", "age"))
-    in_calls = {id(call.arguments[0]) for call in calls}
+    argument_ids = {id(call.arguments[0]) for call in calls}
     names = tuple(part for part in parts if isinstance(part, Name))
-    return names, tuple(name for name in names if id(name) not in in_calls) if in_calls else names
+    return names, tuple(name for name in names if id(name) not in argument_ids) if argument_ids else names
 
 
 def parts_of(entry: Identification) -> tuple[Condition, ...]:

@@ -141,8 +141,8 @@ def _common_unit(left: Typed, right: Typed) -> Unit:
     """Return the unit of a comparison: seconds for an age, else that of the first side that is not a literal."""
     if is_age(left.node) or is_age(right.node):
         return UNITS["s"]
-    types = [side for side in (left.type, right.type) if side is not None and side.numeric and not side.zero]
-    return next((side.unit for side in types if not side.fixed), types[0].unit if types else ONE)
+    types = [type_ for type_ in (left.type, right.type) if type_ is not None and type_.numeric and not type_.zero]
+    return next((type_.unit for type_ in types if not type_.fixed), types[0].unit if types else ONE)
 
 
 def _binary(
@@ -157,14 +157,14 @@ def _binary(
 
 def _in(typed: Typed, _: Unit) -> Lowered:
     assert isinstance(typed.node, In)
-    tested, *options = typed.parts
-    unit = next((_common_unit(tested, option) for option in options if _common_unit(tested, option) != ONE), ONE)
+    left, *options = typed.parts
+    unit = next((_common_unit(left, option) for option in options if _common_unit(left, option) != ONE), ONE)
     lowered = [_lower(option, unit) for option in options]
     if all(option.constant for option in lowered):
-        listed = ", ".join(option.text for option in lowered)
-        membership = Lowered(f"{_lower(tested, unit).term().at(Power.ATOM)}.is_in({listed})")
+        option_texts = ", ".join(option.text for option in lowered)
+        membership = Lowered(f"{_lower(left, unit).term().at(Power.ATOM)}.is_in({option_texts})")
     else:
-        membership = Lowered(" | ".join(_link("==", tested, option).at(Power.SUM) for option in options), Power.OR)
+        membership = Lowered(" | ".join(_link("==", left, option).at(Power.SUM) for option in options), Power.OR)
     return Lowered(f"~{membership.at(Power.ATOM)}", Power.UNARY) if typed.node.negated else membership
 
 

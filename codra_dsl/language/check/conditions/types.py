@@ -159,16 +159,16 @@ def fit(value: Typed, wanted: Type, name: str) -> Iterator[Problem]:
         inference.check_members(value, wanted, f"'{name}'")
         yield from inference.problems
     elif wanted.kind is Kind.ENUM and given.kind is Kind.ENUM:
-        unknown = [member for member in given.values if member not in wanted.values]
-        if unknown:
+        unknown_members = [member for member in given.values if member not in wanted.values]
+        if unknown_members:
             help = f"map them: {{{wanted.values[0]}: CONDITION, ...}}"
-            message = f"'{unknown[0]}' of {to_text(value.node)} is not a value of '{name}'"
+            message = f"'{unknown_members[0]}' of {to_text(value.node)} is not a value of '{name}'"
             yield Problem("unknown-member", value.node, message, help)
     elif wanted.numeric and given.numeric:
         yield from _number_fits(value, given, wanted, name)
     elif wanted.kind != given.kind and (wanted.kind, given.kind) != (Kind.STR, Kind.ENUM):
         message = f"{to_text(value.node)} is {given}, but '{name}' is {wanted}"
-        yield Problem("wrong-value-identified", value.node, message, _cure(given, wanted))
+        yield Problem("wrong-value-identified", value.node, message, _conversion_help(given, wanted))
 
 
 def _number_fits(value: Typed, given: Type, wanted: Type, name: str) -> Iterator[Problem]:
@@ -187,7 +187,7 @@ def _number_fits(value: Typed, given: Type, wanted: Type, name: str) -> Iterator
         yield Problem("wrong-value-identified", value.node, message, f"make '{name}' a float")
 
 
-def _cure(given: Type, wanted: Type) -> str:
+def _conversion_help(given: Type, wanted: Type) -> str:
     if wanted.kind is Kind.BOOL:
         return f"compare the value, e.g. with {_comparisons(given)}"
     if wanted.kind is Kind.ENUM:
@@ -217,11 +217,11 @@ class _Inference:
             self.check_members(value.parts[0], wanted, owner)
             self.check_members(value.parts[2], wanted, owner)
         elif isinstance(value.node, Text) and value.node.value not in wanted.values:
-            near = suggest(value.node.value, wanted.values)
-            listed = ", ".join(f'"{member}"' for member in wanted.values[:10])
-            help = f'did you mean "{near}"?' if near else f"members are {listed}"
+            nearest = suggest(value.node.value, wanted.values)
+            member_texts = ", ".join(f'"{member}"' for member in wanted.values[:10])
+            help = f'did you mean "{nearest}"?' if nearest else f"members are {member_texts}"
             message = f'"{value.node.value}" is not a value of {owner}'
-            self.problems.append(Problem("unknown-member", value.node, message, help, near, wanted.values))
+            self.problems.append(Problem("unknown-member", value.node, message, help, nearest, wanted.values))
 
     def _report(self, rule: str, at: Typed, message: str, help: str) -> None:
         self.problems.append(Problem(rule, at.node, message, help))
@@ -288,11 +288,9 @@ class _Inference:
 
     def _product(self, node: Arithmetic, left: Type, right: Type) -> Type | None:
         unit = left.unit / right.unit if node.operator == "/" else left.unit * right.unit
-        far = any(abs(exponent) > _MAX_EXPONENT for exponent in unit.dimension.exponents)
-        if far or not 1 / _MAX_FACTOR < unit.factor < _MAX_FACTOR:
-            self.problems.append(
-                Problem("wrong-operand", node, "the unit of this is too large or too small", "simplify it")
-            )
+        has_large_exponent = any(abs(exponent) > _MAX_EXPONENT for exponent in unit.dimension.exponents)
+        if has_large_exponent or not 1 / _MAX_FACTOR < unit.factor < _MAX_FACTOR:
+            self.problems.append(Problem("wrong-operand", node, "the unit of this is out of bounds", "simplify it"))
             return None
         is_int = node.operator == "*" and left.kind is right.kind is Kind.INT
         return Type(Kind.INT if is_int else Kind.FLOAT, unit, fixed=left.fixed and right.fixed)
@@ -305,11 +303,13 @@ class _Inference:
         types = [value.type for value in values if value.type is not None]
         if len(types) < len(values) or not types[0].numeric:
             return self._joined(types) if len(types) == len(values) else None
-        measured = [type_ for type_ in types if not type_.zero] or types
-        lead = next((type_ for type_ in measured if not type_.fixed), measured[0])
-        is_int = all(type_.kind is Kind.INT and (type_.zero or type_.unit == lead.unit) for type_ in types)
+        types_with_unit = [type_ for type_ in types if not type_.zero] or types
+        leader = next((type_ for type_ in types_with_unit if not type_.fixed), types_with_unit[0])
+        is_int = all(type_.kind is Kind.INT and (type_.zero or type_.unit == leader.unit) for type_ in types)
         fixed = all(type_.fixed for type_ in types)
-        return Type(Kind.INT if is_int else Kind.FLOAT, lead.unit, fixed=fixed, zero=all(type_.zero for type_ in types))
+        return Type(
+            Kind.INT if is_int else Kind.FLOAT, leader.unit, fixed=fixed, zero=all(type_.zero for type_ in types)
+        )
 
     def _joined(self, types: list[Type]) -> Type:
         """Return the type of a choice between values that are not numbers."""
@@ -326,7 +326,7 @@ class _Inference:
         if left.type is None or right.type is None:
             return False
         if left.type.numeric and right.type.numeric:
-            problem = None if left.type.zero or right.type.zero else _units_differ(left, right)
+            problem = None if left.type.zero or right.type.zero else _unit_problem(left, right)
             self.problems += [problem] if problem else []
             return problem is None
         texts = {Kind.STR, Kind.ENUM}
@@ -334,7 +334,8 @@ class _Inference:
             return self._texts_go_together(left, right)
         if left.type.kind is right.type.kind:
             return True
-        self._report("mismatched-types", right, _mismatch(left, right), _mismatch_cure(left, right))
+        message = f"{to_text(left.node)} is {left.type}, but {to_text(right.node)} is {right.type}"
+        self._report("mismatched-types", right, message, _mismatch_help(left, right))
         return False
 
     def _texts_go_together(self, left: Typed, right: Typed) -> bool:
@@ -360,7 +361,7 @@ class _Inference:
         An age is one complete side of an ordering comparison, so that the runtime can compute the instant at which the
         comparison changes its result.
         """
-        return self._age(node) if is_age(node) and isinstance(node, Call) else self.infer(node)
+        return self._known_or_age(node, _SECONDS) if is_age(node) and isinstance(node, Call) else self.infer(node)
 
     def _check_link(self, operator: Comparison, left: Typed, right: Typed) -> None:
         ages = [side for side in (left, right) if is_age(side.node)]
@@ -368,7 +369,7 @@ class _Inference:
             message, help = "two ages cannot be compared", "compare each age with a duration"
             self._report("misplaced-age", right, message, help)
         elif ages and operator in _NO_OTHERS:
-            message = f"an age cannot be compared with '{operator}'"
+            message = f"an age cannot be compared with '{operator}', since it changes continuously"
             self._report("misplaced-age", ages[0], message, "compare it with '<' or '>='")
         elif self._go_together(left, right) and operator not in _NO_OTHERS:
             self._check_order(operator, left)
@@ -379,11 +380,11 @@ class _Inference:
             self._report("wrong-operand", left, message, "compare it with '==' or '!='")
 
     def _in(self, node: In) -> Typed:
-        tested = self.infer(node.item)
+        left = self.infer(node.item)
         options = tuple(self.infer(option) for option in node.options)
         for option in options:
-            self._go_together(tested, option)
-        return Typed(node, BOOL, (tested, *options))
+            self._go_together(left, option)
+        return Typed(node, BOOL, (left, *options))
 
     def _choice(self, node: Choice) -> Typed:
         then, condition, otherwise = self.infer(node.then), self.condition(node.condition), self.infer(node.otherwise)
@@ -401,9 +402,6 @@ class _Inference:
         arguments = tuple(self._quantity(argument) for argument in node.arguments)
         return Typed(node, self._common(arguments), arguments)
 
-    def _age(self, node: Call) -> Typed:
-        return self._known_or_age(node, _SECONDS)
-
     def _known_or_age(self, node: Call, result: Type | None) -> Typed:
         """Return a call of `known` or `age`, which are only allowed in conditions over context."""
         if not self._known:
@@ -418,7 +416,7 @@ def is_age(node: Node) -> bool:
     return isinstance(node, Call) and node.function == "age"
 
 
-def _units_differ(left: Typed, right: Typed) -> Problem | None:
+def _unit_problem(left: Typed, right: Typed) -> Problem | None:
     """Return the problem if the units of two numbers do not match; None if they do."""
     if left.type is None or right.type is None or left.type.unit.dimension == right.type.unit.dimension:
         return None
@@ -438,11 +436,7 @@ def _missing_unit(bare: Typed, other: str, unit: Unit) -> Problem:
     return Problem("missing-unit", bare.node, f"{shown} has no unit, but {other} is in {unit}", help)
 
 
-def _mismatch(left: Typed, right: Typed) -> str:
-    return f"{to_text(left.node)} is {left.type}, but {to_text(right.node)} is {right.type}"
-
-
-def _mismatch_cure(left: Typed, right: Typed) -> str:
+def _mismatch_help(left: Typed, right: Typed) -> str:
     for side, other in ((left, right), (right, left)):
         if isinstance(side.node, Text) and other.type is not None:
             if other.type.kind is Kind.BOOL and side.node.value in ("true", "false"):

@@ -28,16 +28,16 @@ MAX_WAITING = 5
 
 
 def cycles(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
-    """Yield a finding for each variable that can only become known once it is known; one per cause."""
+    """No variable must be known before it can become known; one finding per cause."""
     if scope.lost("perception", "identifies"):
         return
     search = _Search(scope, faults)
     search.run(scope.algorithms)
     while search.blocked:
-        never = [name for name in search.blocked if not search.could_run(name)]
-        if never:
-            yield from (_never_runs(scope, search, name) for name in never)
-            search.let_run(never)
+        never_running_names = [name for name in search.blocked if not search.could_run(name)]
+        if never_running_names:
+            yield from (_never_runs(scope, search, name) for name in never_running_names)
+            search.let_run(never_running_names)
             continue
         waits = search.waits()
         for component in _innermost(waits):
@@ -51,18 +51,20 @@ def feedback(scope: SpecIndex) -> Mapping[str, tuple[str, ...]]:
         name: [need for producer in producers for need in scope.needs[producer]]
         for name, producers in scope.producers.items()
     }
-    circles = graph.strong_components(_without_ends(needs))
-    circle_of = {name: index for index, circle in enumerate(circles) for name in circle}
-    without_waiting: dict[str, tuple[str, ...]] = {}
-    for algorithm in scope.algorithms.values() if circles else ():
-        own = {circle_of.get(entry.variable.name) for entry in algorithm.identifies} - {None}
-        near = [need for need in scope.needs[algorithm.name] if circle_of.get(need) in own]
-        without_waiting[algorithm.name] = tuple(sorted(need for need in near if _runs_without(scope, algorithm, need)))
-    return without_waiting
+    components = graph.strong_components(_without_ends(needs))
+    component_of = {name: index for index, component in enumerate(components) for name in component}
+    feedback_names: dict[str, tuple[str, ...]] = {}
+    for algorithm in scope.algorithms.values() if components else ():
+        own_components = {component_of.get(entry.variable.name) for entry in algorithm.identifies} - {None}
+        cycle_needs = [need for need in scope.needs[algorithm.name] if component_of.get(need) in own_components]
+        feedback_names[algorithm.name] = tuple(
+            sorted(need for need in cycle_needs if _runs_without(scope, algorithm, need))
+        )
+    return feedback_names
 
 
 def _without_ends(needs: Mapping[str, Sequence[str]]) -> Mapping[str, Sequence[str]]:
-    """Return a graph without the names that are on no cycle because they need no remaining name."""
+    """Return a graph without the names that need no remaining name: they are on no cycle."""
     open_needs = {name: sum(need in needs for need in wanted) for name, wanted in needs.items()}
     users: dict[str, list[str]] = {}
     for name, wanted in needs.items():
@@ -93,8 +95,8 @@ class _Requirement:
     @property
     def names(self) -> frozenset[str]:
         """Return the names that it reads."""
-        read = frozenset(name.name for condition in self.conditions for name in names_in(condition))
-        return read if self.given is None else read | {self.given}
+        condition_names = frozenset(name.name for condition in self.conditions for name in names_in(condition))
+        return condition_names if self.given is None else condition_names | {self.given}
 
 
 def _requirements(scope: SpecIndex, algorithm: Algorithm) -> Iterator[_Requirement]:
@@ -130,7 +132,7 @@ class _Search:
         self.blocked: dict[str, Algorithm] = {}
 
     def _from_elsewhere(self, name: str) -> bool:
-        """Return whether another source may write a variable, or whether this cannot be decided."""
+        """Return whether something else than its algorithms may write a variable, or this cannot be decided."""
         others = any(source.name != OBSERVER for source in self._scope.variables[name].sources)
         sound = self._faults.sound("context", name) and self._scope.readable("context", name, "source")
         return others or name not in self._scope.producers or not sound
@@ -213,11 +215,11 @@ def _holds(scope: SpecIndex, requirements: Sequence[_Requirement], unknown: froz
     if any(requirement.given in unknown for requirement in requirements):
         return False
     conditions = [condition for requirement in requirements for condition in requirement.conditions]
-    read = {name for requirement in requirements if requirement.given is None for name in requirement.names}
+    names_read = {name for requirement in requirements if requirement.given is None for name in requirement.names}
     conditions += [
         known(requirement.given)
         for requirement in requirements
-        if requirement.given is not None and requirement.given in read
+        if requirement.given is not None and requirement.given in names_read
     ]
     return can_hold(
         conditions, unknown & {name for requirement in requirements for name in requirement.names}, scope.context_types
@@ -238,12 +240,13 @@ def _innermost(waits: Mapping[str, tuple[str, ...]]) -> Iterator[tuple[str, ...]
 
 def _cycle(scope: SpecIndex, search: _Search, path: tuple[str, ...]) -> Diagnostic:
     edges = [_edge(scope, search, name, need) for name, need in pairwise((*path, path[0]))]
-    shown = " -> ".join((*path, path[0]))
+    cycle_text = " -> ".join((*path, path[0]))
     if len(path) == 1:
-        message = f"context-variable '{path[0]}' waits for itself: {shown}"
-        help = f"identify it without itself, e.g. when 'not known({path[0]}) or age({path[0]}) > 10 s'"
+        message = f"context-variable '{path[0]}' waits for itself: {cycle_text}"
+        example = f"not known({path[0]}) or age({path[0]}) > 10 s"
+        help = f"identify it with an algorithm that does not wait for it, e.g. when '{example}'"
     else:
-        message = f"context-variables wait for each other: {shown}"
+        message = f"context-variables wait for each other: {cycle_text}"
         help = "identify one of them without the others, or name another writer of it under 'source'"
     return finding(
         "cycle",
@@ -276,10 +279,10 @@ def _place_of_need(algorithm: Algorithm, need: str) -> tuple[Place, str]:
 def _never_runs(scope: SpecIndex, search: _Search, name: str) -> Diagnostic:
     algorithm = scope.algorithms[name]
     conditions = [stated(condition, tree) for condition, tree in _sound_conditions(scope, algorithm)]
-    given = [
+    given_values = [
         Stated(known(reference.name), f"given: {reference.name}", reference.place) for reference in algorithm.given
     ]
-    core = contradiction((*given, *conditions), scope.context_types)
+    core = contradiction((*given_values, *conditions), scope.context_types)
     variables = [
         scope.variables[name.name]
         for condition in core

@@ -14,26 +14,27 @@ def unidentified_variables(scope: SpecIndex, faults: Silenced) -> Iterator[Diagn
     """Every variable is identified by an algorithm or names another writer under `source`."""
     if scope.lost("perception", "identifies"):
         return
-    unidentified = [
+    unidentified_names = [
         name for name, variable in scope.variables.items() if name not in scope.producers and not variable.sources
     ]
-    undeclared = [name for name in scope.producers if not scope.declares("context", name)]
+    undeclared_names = [name for name in scope.producers if not scope.declares("context", name)]
     for variable in scope.variables.values():
         name = variable.name
-        if name in unidentified and len(unidentified) <= len(undeclared):  # an unknown name may be intended for it
+        # an unknown name may be intended for it
+        if name in unidentified_names and len(unidentified_names) <= len(undeclared_names):
             continue
-        observed = [source for source in variable.sources if source.name == OBSERVER]
-        others = len(variable.sources) - len(observed)
+        observer_sources = [source for source in variable.sources if source.name == OBSERVER]
+        other_count = len(variable.sources) - len(observer_sources)
         if (
             name in scope.producers
             or name in faults.suggested
             or not (faults.sound("context", name) and scope.readable("context", name, "source"))
-            or (others and not observed)
+            or (other_count and not observer_sources)
         ):
             continue
-        if others:
+        if other_count:
             message = f"source 'observer' of context-variable '{name}', which no algorithm identifies"
-            place, help = observed[0].place, "remove 'observer', or add an algorithm that identifies it"
+            place, help = observer_sources[0].place, "remove 'observer', or add an algorithm that identifies it"
         else:
             message = f"nothing identifies context-variable '{name}'"
             place, help = (
@@ -71,19 +72,19 @@ def same_rank(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
     """Alternatives have different ranks, which define the order in which they are tried."""
     for group in scope.groups:
         for rank in sorted({algorithm.rank for algorithm in group.algorithms}):
-            tied = sorted(
+            tied_algorithms = sorted(
                 (algorithm for algorithm in group.algorithms if algorithm.rank == rank),
                 key=lambda algorithm: algorithm.place.span,
             )
-            if len(tied) > 1 and _declared(scope, group) and _readable(scope, tied, "rank"):
-                yield _tie(group, tied, rank)
+            if len(tied_algorithms) > 1 and _declared(scope, group) and _readable(scope, tied_algorithms, "rank"):
+                yield _tie(group, tied_algorithms, rank)
 
 
 def incomplete_first_alternative(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
     """The first of several alternatives identifies every variable of their tree."""
     for group in scope.groups:
-        is_complete = _declared(scope, group) and _readable(scope, group.algorithms, "rank", "identifies")
-        if group.beyond_first and group.settled and is_complete:
+        is_sound = _declared(scope, group) and _readable(scope, group.algorithms, "rank", "identifies")
+        if group.beyond_first and group.settled and is_sound:
             first, missing = group.algorithms[0], group.beyond_first[0]
             other = next(algorithm for algorithm in group.algorithms if _has(algorithm, missing))
             yield finding(
@@ -136,10 +137,10 @@ def observers_that_mix(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnosti
     """Trees of different algorithms are joined only if they have the same set of conditions."""
     for setting in scope.spec.observers:
         groups = _groups(scope, setting)
-        others = (group for group in groups[1:] if not _joinable(groups[0], group))
-        incompatible = next(others, None)
-        if incompatible is not None and _in_order(scope, faults, setting, groups):
-            yield _mixed(setting, groups[0], incompatible)
+        incompatible_groups = (group for group in groups[1:] if not _joinable(groups[0], group))
+        incompatible_group = next(incompatible_groups, None)
+        if incompatible_group is not None and _in_order(scope, faults, setting, groups):
+            yield _mixed(setting, groups[0], incompatible_group)
 
 
 def observers_that_split(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
@@ -150,25 +151,26 @@ def observers_that_split(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnos
             not _joinable(groups[0], group) for group in groups[1:]
         ):
             continue
-        named = {reference.name for reference in setting.identifies}
+        observer_names = {reference.name for reference in setting.identifies}
         for group in groups:
-            missing = [name for name in group.variables if name not in named and name in scope.variables]
-            later = [name for name in missing if name in scope.claims and _comes_later(scope, name, setting)]
-            if missing and not later:
-                yield _split(scope, setting, group, missing[0])
+            missing_names = [name for name in group.variables if name not in observer_names and name in scope.variables]
+            other_claims = [scope.claims[name][0] for name in missing_names if name in scope.claims]
+            is_claimed_later = any(other.place.span > setting.place.span for other in other_claims)
+            if missing_names and not is_claimed_later:
+                yield _split(scope, setting, group, missing_names[0])
 
 
 def observer_names_taken(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
     """No observer has the name that another tree gets from its first algorithm."""
     if scope.lost("observers", "identifies"):
         return
-    unnamed = {
+    first_of_unnamed_trees = {
         group.algorithms[0].name.casefold(): group.algorithms[0]
         for group in scope.groups
         if not any(name in scope.claims for name in group.variables)
     }
     for setting in scope.spec.observers:
-        other = unnamed.get(setting.name.casefold())
+        other = first_of_unnamed_trees.get(setting.name.casefold())
         if other is not None:
             message = f"observer '{setting.name}' has the name of the tree of algorithm '{other.name}'"
             yield finding(
@@ -195,13 +197,13 @@ SOURCES = (
 """The rules of this phase."""
 
 
-def _tie(group: Group, tied: list[Algorithm], rank: int) -> Diagnostic:
-    first, second, *rest = tied
-    named = " and ".join(f"'{algorithm.name}'" for algorithm in tied)
-    shared = max(group.variables, key=lambda name: sum(_has(algorithm, name) for algorithm in tied))
+def _tie(group: Group, tied_algorithms: list[Algorithm], rank: int) -> Diagnostic:
+    first, second, *rest = tied_algorithms
+    names_text = " and ".join(f"'{algorithm.name}'" for algorithm in tied_algorithms)
+    shared = max(group.variables, key=lambda name: sum(_has(algorithm, name) for algorithm in tied_algorithms))
     return finding(
         "same-rank",
-        f"algorithms {named} are alternatives for '{shared}' and share rank {rank}",
+        f"algorithms {names_text} are alternatives for '{shared}' and share rank {rank}",
         second.places.get("rank", second.place),
         path=f"perception.{second.name}.rank",
         help="give each a 'rank' of its own: the smallest is tried first",
@@ -294,7 +296,3 @@ def _guards(algorithm: Algorithm) -> frozenset[object]:
     """Return the preconditions of an algorithm as a set; conditions with equal syntax trees are equal."""
     conditions = {condition.tree for condition in algorithm.observable_when}
     return frozenset(conditions) | {reference.name for reference in algorithm.given}
-
-
-def _comes_later(scope: SpecIndex, name: str, setting: ObserverSetting) -> bool:
-    return scope.claims[name][0].place.span > setting.place.span

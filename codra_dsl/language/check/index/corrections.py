@@ -57,11 +57,11 @@ class Corrections:
     used: dict[Owner, dict[str, str]] = field(default_factory=dict)
     members: dict[tuple[Owner, str], tuple[str, ...]] = field(default_factory=dict)
 
-    def declaration(self, owner: Owner, written: str, intended: str) -> None:
+    def add_declaration(self, owner: Owner, written: str, intended: str) -> None:
         """Record a misspelt declaration."""
         self.declared.setdefault(owner, {})[written] = intended
 
-    def use(self, owner: Owner, written: str, intended: str) -> None:
+    def add_reference(self, owner: Owner, written: str, intended: str) -> None:
         """Record a misspelt reference."""
         self.used.setdefault(owner, {})[written] = intended
 
@@ -70,12 +70,12 @@ class Corrections:
         return bool(self.declared or self.used or self.members)
 
 
-def corrected(spec: Spec, corrections: Corrections) -> Spec:
+def apply_corrections(spec: Spec, corrections: Corrections) -> Spec:
     """Return a spec with the intended names instead of the misspelt ones; places stay."""
-    return _Reading(corrections).spec(spec)
+    return _Corrector(corrections).spec(spec)
 
 
-class _Reading:
+class _Corrector:
     """Corrects names, element by element; an element without a misspelt name stays as it is."""
 
     def __init__(self, corrections: Corrections) -> None:
@@ -126,7 +126,7 @@ class _Reading:
         return replace(typed, type=declared)
 
     def _algorithm(self, algorithm: Algorithm) -> Algorithm:
-        seen = self._corrections.used.get((algorithm.name,), _NONE)
+        returned_names = self._corrections.used.get((algorithm.name,), _NONE)
         resources = self._corrections.used.get("resources", _NONE)
         returns = self._declared((algorithm.name,), algorithm.returns)
         return replace(
@@ -135,19 +135,21 @@ class _Reading:
             given=self._references(algorithm.given, self._context),
             returns=tuple(self._with_members(returned, (algorithm.name,)) for returned in returns),
             observable_when=tuple(_condition(condition, self._context) for condition in algorithm.observable_when),
-            accept_when=tuple(_condition(condition, seen) for condition in algorithm.accept_when),
-            identifies=tuple(self._identification(entry, seen) for entry in algorithm.identifies),
+            accept_when=tuple(_condition(condition, returned_names) for condition in algorithm.accept_when),
+            identifies=tuple(self._identification(entry, returned_names) for entry in algorithm.identifies),
         )
 
-    def _identification(self, entry: Identification, seen: Names) -> Identification:
+    def _identification(self, entry: Identification, returned_names: Names) -> Identification:
         by = entry.by
         if isinstance(by, Members):
-            by = replace(by, cases=tuple((member, _condition(condition, seen)) for member, condition in by.cases))
+            by = replace(
+                by, cases=tuple((member, _condition(condition, returned_names)) for member, condition in by.cases)
+            )
         elif isinstance(by, Hysteresis):
-            leave = None if by.leave is None else _condition(by.leave, seen)
-            by = replace(by, enter=_condition(by.enter, seen), leave=leave)
+            leave = None if by.leave is None else _condition(by.leave, returned_names)
+            by = replace(by, enter=_condition(by.enter, returned_names), leave=leave)
         else:
-            by = _condition(by, seen)
+            by = _condition(by, returned_names)
         return Identification(variable=_reference(entry.variable, self._context), by=by)
 
     def _skill(self, skill: Skill) -> Skill:

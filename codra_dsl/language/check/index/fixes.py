@@ -51,9 +51,11 @@ def member(written: str, intended: str, members: Iterable[str], place: Place, me
 
 def _replacing(written: str, intended: str, places: Iterable[Place], *, safe: bool) -> Fix | None:
     spans = [place.span for place in dict.fromkeys(places) if place.use is None]
-    literal = [span for span in spans if span.line == span.end_line and span.end_column - span.column == len(written)]
-    if len(literal) < len(set(places)):
+    literal_spans = [
+        span for span in spans if span.line == span.end_line and span.end_column - span.column == len(written)
+    ]
+    if len(literal_spans) < len(set(places)):
         return None
     applicability = Applicability.SAFE if safe else Applicability.SUGGESTED
-    edits = tuple(Edit(span, intended) for span in literal)
+    edits = tuple(Edit(span, intended) for span in literal_spans)
     return Fix(message=f"Replace '{written}' by '{intended}'", edits=edits, applicability=applicability)

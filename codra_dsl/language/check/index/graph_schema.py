@@ -155,11 +155,11 @@ class DeclaredGraph:
         return tuple(edge for edge in self.edges.values() if edge.label == word)
 
     def edges_between(self, origin: NodeTerm, word: str, target: NodeTerm) -> tuple[EdgeType, ...]:
-        """Return the edges that a word names and that can connect two terms."""
+        """Return the edges that a word names and that can lead from `origin` to `target`."""
         return tuple(edge for edge in self.edges_named(word) if self.leads(edge, origin, target))
 
     def leads(self, edge: EdgeType, origin: NodeTerm, target: NodeTerm) -> bool:
-        """Return whether an edge can connect two terms."""
+        """Return whether an edge can lead from `origin` to `target`."""
         return any(self.fits(origin, self.end(end.name)) for end in edge.origins) and any(
             self.fits(target, self.end(end.name)) for end in edge.targets
         )
@@ -169,19 +169,19 @@ class DeclaredGraph:
 
         The search stops at the frames in `until`.
         """
-        pending = [NodeTerm(start=0, end=0, name=name)]
-        terms, edges = set(pending), set[str]()
-        while pending:
-            term = pending.pop()
+        pending_terms = [NodeTerm(start=0, end=0, name=name)]
+        terms, edges = set(pending_terms), set[str]()
+        while pending_terms:
+            term = pending_terms.pop()
             for edge in self._above(term) if term not in until else ():
                 edges.add(edge.name)
-                more = {self._term(origin.name) for origin in edge.origins} - terms
-                terms |= more
-                pending.extend(more)
+                origins = {self._term(origin.name) for origin in edge.origins} - terms
+                terms |= origins
+                pending_terms.extend(origins)
         return frozenset(terms), frozenset(edges)
 
     def _above(self, term: NodeTerm) -> tuple[EdgeType, ...]:
-        """Return the edges with poses that may lead to a node."""
+        """Return the edges with poses that may end at a term."""
         rigid = (edge for edge in self.edges.values() if is_rigid(edge))
         return tuple(edge for edge in rigid if any(self.fits(term, self.end(target.name)) for target in edge.targets))
 
@@ -193,7 +193,7 @@ class DeclaredGraph:
     def between(self, one: str, other: str) -> tuple[str, ...]:
         """Return the edges that may contribute to the relative pose of two nodes, in file order.
 
-        Edges above a certain common ancestor are left out, since they move both nodes together.
+        Edges above a frame that contains both nodes in every case are left out, since they move both together.
         """
         edges = self.climb(one, self._always_in(other))[1] | self.climb(other, self._always_in(one))[1]
         return tuple(name for name in self.edges if name in edges)
@@ -201,9 +201,9 @@ class DeclaredGraph:
     def _always_in(self, name: str) -> frozenset[NodeTerm]:
         """Return the single nodes, including itself, that are on every path from a node to a root frame."""
         frames = self.climb(name)[0]
-        tops = {frame for frame in frames if not self._above(frame)}
-        singles = (frame for frame in frames if frame.name)
-        return frozenset(frame for frame in singles if not tops & (self.climb(name, frozenset({frame}))[0] - {frame}))
+        roots = {frame for frame in frames if not self._above(frame)}
+        nodes = (frame for frame in frames if frame.name)
+        return frozenset(frame for frame in nodes if not roots & (self.climb(name, frozenset({frame}))[0] - {frame}))
 
     def _term(self, name: str) -> NodeTerm:
         """Return the meaning of a name at an end of an edge as a term of a pattern."""
@@ -244,8 +244,8 @@ class DeclaredGraph:
             return None
         if not first:
             return KnowledgeElement("context", second) if second in self.variables else None
-        attribute = self.attributes_of(first).get(second) if first in self.node_names else None
-        return None if attribute is None else attribute[0]
+        entry = self.attributes_of(first).get(second) if first in self.node_names else None
+        return None if entry is None else entry[0]
 
     @cached_property
     def _types_read(self) -> dict[str, Type | None]:
@@ -264,8 +264,8 @@ class DeclaredGraph:
         if not first:
             variable = self.variables.get(second)
             return None if variable is None else declared_type(variable.type, variable.valid_for_s)
-        attribute = self.attributes_of(first).get(second) if first in self.node_names else None
-        return None if attribute is None else declared_type(attribute[1])
+        entry = self.attributes_of(first).get(second) if first in self.node_names else None
+        return None if entry is None else declared_type(entry[1])
 
     def named(self, name: str) -> KnowledgeElement | None:
         """Return the meaning of a name under `owns` or `reads`: a variable, type, edge, task or attribute."""
@@ -278,7 +278,7 @@ class DeclaredGraph:
     def _attribute_named(self, holder: str, attribute: str) -> KnowledgeElement | None:
         kind, edge = self.types.get(holder), self.edges.get(holder)
         for section, element in (("types", kind), ("edges", edge)):
-            if element is not None and any(declared.name == attribute for declared in element.attributes):
+            if element is not None and any(candidate.name == attribute for candidate in element.attributes):
                 return KnowledgeElement(section, holder, attribute)
         entry = self.attributes_of(holder).get(attribute) if holder in self.node_names else None
         return None if entry is None else entry[0]
@@ -305,13 +305,13 @@ class DeclaredGraph:
         return claims
 
     def writers(self, element: KnowledgeElement) -> tuple[Writer, ...]:
-        """Return the writers of an element, each once: first those under `source`, then those with `owns`."""
-        claimed = self._claims.get(element, ())
-        stated = self._stated(element)
-        names = {writer.name for writer in stated}
-        return (*stated, *(writer for writer in claimed if writer.name not in names))
+        """Return the writers of an element, each once: those of its declaration, then those with `owns`."""
+        owners = self._claims.get(element, ())
+        stated_writers = self._stated_writers(element)
+        names = {writer.name for writer in stated_writers}
+        return (*stated_writers, *(writer for writer in owners if writer.name not in names))
 
-    def _stated(self, element: KnowledgeElement) -> tuple[Writer, ...]:
+    def _stated_writers(self, element: KnowledgeElement) -> tuple[Writer, ...]:
         if element.section == "context":
             return tuple(_writer(source) for source in self.variables[element.name].sources)
         if element.section == "tasks":
@@ -321,7 +321,7 @@ class DeclaredGraph:
             return ()
         if not element.attribute:
             return declaration.sources
-        attribute = next(declared for declared in declaration.attributes if declared.name == element.attribute)
+        attribute = next(candidate for candidate in declaration.attributes if candidate.name == element.attribute)
         return attribute.sources or self.writers(KnowledgeElement(element.section, element.name))
 
     def attribute(self, element: KnowledgeElement) -> Attribute:
@@ -329,16 +329,16 @@ class DeclaredGraph:
         declaration: NodeType | EdgeType = (
             self.types[element.name] if element.section == "types" else self.edges[element.name]
         )
-        return next(attribute for attribute in declaration.attributes if attribute.name == element.attribute)
+        return next(candidate for candidate in declaration.attributes if candidate.name == element.attribute)
 
     @cached_property
     def owned(self) -> Mapping[str, tuple[KnowledgeElement, ...]]:
         """By the name of each writer, the elements that it may write, in file order."""
-        owned: dict[str, dict[KnowledgeElement, None]] = {}
+        elements_of_writers: dict[str, dict[KnowledgeElement, None]] = {}
         for element in self.elements():
             for writer in self.writers(element):
-                owned.setdefault(writer.name, {})[element] = None
-        return {name: tuple(elements) for name, elements in owned.items()}
+                elements_of_writers.setdefault(writer.name, {})[element] = None
+        return {name: tuple(elements) for name, elements in elements_of_writers.items()}
 
     def owns(self, agent: str, element: KnowledgeElement) -> bool:
         """Return whether an agent may write an element."""
@@ -355,10 +355,10 @@ class DeclaredGraph:
             "tasks": self.tasks,
         }
         declaration = tables[element.section].get(element.name)
-        return declaration.place if declaration is not None else self._first_node(element.name).place
-
-    def _first_node(self, kind: str) -> NodeElement:
-        return next(node for node in self.spec.nodes if node.type.name == kind)
+        if declaration is not None:
+            return declaration.place
+        # only nodes name this type
+        return next(node.place for node in self.spec.nodes if node.type.name == element.name)
 
     def is_there(self, path: Path) -> bool:
         """Return whether every edge of a path exists from the start and has no writer that could remove it."""
@@ -380,10 +380,10 @@ _Named = TypeVar("_Named", NodeType, NodeElement, EdgeType, Task, Agent, Variabl
 
 
 def _by_name(elements: Iterable[_Named]) -> Mapping[str, _Named]:
-    by_name: dict[str, _Named] = {}
+    elements_by_name: dict[str, _Named] = {}
     for element in elements:
-        by_name.setdefault(element.name, element)
-    return by_name
+        elements_by_name.setdefault(element.name, element)
+    return elements_by_name
 
 
 def _writer(reference: Reference) -> Writer:

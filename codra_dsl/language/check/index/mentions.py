@@ -15,7 +15,12 @@ from codra_dsl.language.model import Parameter, Reference, Writer
 
 @dataclass(frozen=True, slots=True)
 class Mention:
-    """A use of a name; `user` is the using element as messages name it. `site` is the condition that contains it."""
+    """A use of a name.
+
+    Attributes:
+        user: the using element, as messages name it.
+        site: the condition that contains it, if it occurs in one.
+    """
 
     name: str
     place: Place
@@ -88,7 +93,7 @@ def used_variables(scope: SpecIndex) -> Iterator[str]:
 
 
 def mentions_in_preconditions(scope: SpecIndex) -> Iterator[Mention]:
-    """Yield every plain name in a precondition or a pattern that is not a context-variable; not `node.attribute`."""
+    """Yield every name in a condition over context that is not a context-variable, without names with parts."""
     for site in scope.sites:
         if site.role in OVER_CONTEXT:
             names = [name for name in site.names if not scope.declares("context", name.name) and is_name(name.name)]
@@ -112,7 +117,7 @@ def user_of(section: str, element: str) -> str:
     return f"{USERS[section]} '{element}'"
 
 
-def unknown(scope: SpecIndex, section: str, mentions: Iterable[Mention]) -> Iterator[list[Mention]]:
+def unknown_mentions(scope: SpecIndex, section: str, mentions: Iterable[Mention]) -> Iterator[list[Mention]]:
     """Yield the mentions of each name that a section does not declare, in the order of their places."""
     groups: dict[str, list[Mention]] = {}
     for mention in mentions:

@@ -81,9 +81,9 @@ class ParsedRules:
 
     def named(self, section: str, output: str) -> tuple[str, ...]:
         """Return the variables in the rules of an output, in order."""
-        read = (rule.rule for rule in self.rules[section, output] if rule.rule is not None)
+        rules = (rule.rule for rule in self.rules[section, output] if rule.rule is not None)
         return tuple(
-            dict.fromkeys(proposition.variable for rule in read for proposition in propositions(rule.antecedent))
+            dict.fromkeys(proposition.variable for rule in rules for proposition in propositions(rule.antecedent))
         )
 
     @cached_property
@@ -93,9 +93,9 @@ class ParsedRules:
 
     def followed(self, names: Iterable[str]) -> frozenset[str]:
         """Return these names and all that the rules read; for a rate also the variable that it is computed from."""
-        read = {*names, *(name for key in self.rules for name in self.named(*key))}
-        rates = (self.variables[name].rate for name in read if name in self.variables)
-        return frozenset(read | {rate.of.name for rate in rates if rate is not None})
+        names_read = {*names, *(name for key in self.rules for name in self.named(*key))}
+        rates = (self.variables[name].rate for name in names_read if name in self.variables)
+        return frozenset(names_read | {rate.of.name for rate in rates if rate is not None})
 
     def seen(self, section: str) -> Iterator[Variable]:
         """Yield the variables for rules of metrics, or of actions: context, courses, and for actions also metrics."""

@@ -169,12 +169,12 @@ class SpecIndex:
             for one, other in pairwise(names):
                 shares[one].append(other)
                 shares[other].append(one)
-        group_by_name: dict[str, Group] = {}
+        group_of_algorithm: dict[str, Group] = {}
         for name in self.algorithms:
-            if name not in group_by_name:
+            if name not in group_of_algorithm:
                 names = graph.closure(shares, [name])
-                group_by_name |= dict.fromkeys(names, self._group(names))
-        return tuple(dict.fromkeys(group_by_name.values()))
+                group_of_algorithm |= dict.fromkeys(names, self._group(names))
+        return tuple(dict.fromkeys(group_of_algorithm.values()))
 
     @cached_property
     def group_of(self) -> Mapping[str, Group]:
@@ -236,14 +236,14 @@ class SpecIndex:
     @cached_property
     def undeclared_names(self) -> frozenset[str]:
         """The undeclared names that algorithms identify or need, or that skills and observers name."""
-        named = [entry.variable for algorithm in self.spec.perception for entry in algorithm.identifies]
-        named += [reference for algorithm in self.spec.perception for reference in algorithm.given]
-        named += [reference for setting in self.spec.observers for reference in setting.identifies]
-        referenced = {reference.name for reference in named}
-        referenced.update(name for skill in self.spec.skills for name in watched_by(skill))
-        referenced.update(name for names in self.needs.values() for name in names)
+        references = [entry.variable for algorithm in self.spec.perception for entry in algorithm.identifies]
+        references += [reference for algorithm in self.spec.perception for reference in algorithm.given]
+        references += [reference for setting in self.spec.observers for reference in setting.identifies]
+        referenced_names = {reference.name for reference in references}
+        referenced_names.update(name for skill in self.spec.skills for name in watched_by(skill))
+        referenced_names.update(name for names in self.needs.values() for name in names)
         return frozenset(
-            name for name in referenced if name not in self.variables and not self.declares("context", name)
+            name for name in referenced_names if name not in self.variables and not self.declares("context", name)
         )
 
     @cached_property
@@ -264,11 +264,11 @@ class SpecIndex:
     @cached_property
     def used_values(self) -> Mapping[str, frozenset[str]]:
         """For each algorithm, the names in all conditions over its returned values."""
-        used: dict[str, set[str]] = {name: set() for name in self.algorithms}
+        names_by_algorithm: dict[str, set[str]] = {name: set() for name in self.algorithms}
         for site in self.sites:
             if site.role in (Role.ACCEPT_WHEN, Role.IDENTIFIES):
-                used[site.owner[1]].update(name.name for name in site.names)
-        return {name: frozenset(names) for name, names in used.items()}
+                names_by_algorithm[site.owner[1]].update(name.name for name in site.names)
+        return {name: frozenset(names) for name, names in names_by_algorithm.items()}
 
     def other_kind(self, name: str, wanted: str) -> str | None:
         """Return the kind of element that has a name in another section than `wanted`; None if there is none."""
@@ -277,19 +277,19 @@ class SpecIndex:
     def nearest(self, name: str, kind: str, candidates: Iterable[str]) -> str | None:
         """Return the most likely candidate for an unknown name; `kind` is the key of the set of candidates."""
         if (name, kind) not in self._near:
-            limited = len(self._near) >= MAX_SUGGESTIONS
-            self._near[name, kind] = None if limited else suggest(name, candidates)
+            is_limit_reached = len(self._near) >= MAX_SUGGESTIONS
+            self._near[name, kind] = None if is_limit_reached else suggest(name, candidates)
         return self._near[name, kind]
 
     @cached_property
     def context_types(self) -> Types:
         """The type of each context-variable and of each reading of poses; None if its declaration is wrong."""
         trees = (condition.tree for condition in self.spec.pose_conditions)
-        readings = {name.name: self.world.read_type(name.name) for tree in trees for name in names_in(tree)}
-        unread = dict.fromkeys(sorted(self.spec.damaged.get("context", ())), None)
+        pose_types = {name.name: self.world.read_type(name.name) for tree in trees for name in names_in(tree)}
+        damaged_types = dict.fromkeys(sorted(self.spec.damaged.get("context", ())), None)
         return (
-            unread
-            | readings
+            damaged_types
+            | pose_types
             | {
                 name: declared_type(variable.type, variable.valid_for_s)
                 if self.readable("context", name, *TYPE_KEYS)
@@ -303,7 +303,7 @@ class SpecIndex:
         """For each algorithm, the type of each value that it returns; None if its declaration is wrong."""
         types_of: dict[str, Types] = {}
         # equal types share one mapping, so that conditions over the same types can be compared by identity
-        alike: dict[tuple[object, ...], Types] = {}
+        shared_types: dict[tuple[object, ...], Types] = {}
         for name, algorithm in self.algorithms.items():
             types = {
                 returned.name: declared_type(returned.type)
@@ -311,7 +311,7 @@ class SpecIndex:
                 else None
                 for returned in algorithm.returns
             }
-            types_of[name] = alike.setdefault(
+            types_of[name] = shared_types.setdefault(
                 tuple((returned, id(declared)) for returned, declared in types.items()), types
             )
         return types_of
@@ -324,25 +324,27 @@ class SpecIndex:
     @cached_property
     def needs(self) -> Mapping[str, tuple[str, ...]]:
         """For each algorithm, C_Oi: the context-variables that it reads before it starts, each once, in order."""
-        names_needed: dict[str, list[str]] = {name: [] for name in self.algorithms}
+        names_by_algorithm: dict[str, list[str]] = {name: [] for name in self.algorithms}
         for site in self.sites:
             if site.role is Role.OBSERVABLE_WHEN:
-                names_needed[site.owner[1]] += (name.name for name in site.names)
+                names_by_algorithm[site.owner[1]] += (name.name for name in site.names)
         for name, algorithm in self.algorithms.items():
-            names_needed[name] += (reference.name for reference in algorithm.given)
-        return {name: tuple(dict.fromkeys(names)) for name, names in names_needed.items()}
+            names_by_algorithm[name] += (reference.name for reference in algorithm.given)
+        return {name: tuple(dict.fromkeys(names)) for name, names in names_by_algorithm.items()}
 
     @cached_property
     def trees(self) -> Mapping[str, tuple[str, ...]]:
-        """For each variable with algorithms: the variables in force with it, which its tree identifies or needs."""
-        in_force: dict[str, tuple[str, ...]] = {}
+        """For each variable with algorithms, all variables in force with it: its tree identifies or needs them."""
+        names_in_force: dict[str, tuple[str, ...]] = {}
         for group in self.groups:
             needs = dict.fromkeys(name for algorithm in group.algorithms for name in self.needs[algorithm.name])
-            in_force |= dict.fromkeys(group.variables, (*group.variables, *needs))
+            names_in_force |= dict.fromkeys(group.variables, (*group.variables, *needs))
         for setting in self.spec.observers:
-            joined = tuple(reference.name for reference in setting.identifies)
-            in_force |= {name: (*in_force[name], *joined) for name in joined if name in in_force}
-        return in_force
+            joined_names = tuple(reference.name for reference in setting.identifies)
+            names_in_force |= {
+                name: (*names_in_force[name], *joined_names) for name in joined_names if name in names_in_force
+            }
+        return names_in_force
 
     @cached_property
     def decisions(self) -> tuple[str, ...]:
@@ -363,41 +365,41 @@ class SpecIndex:
     def waking(self) -> frozenset[str]:
         """The variables that wake agents."""
         names = (name.name for site in self.sites if site.role is Role.WAKES for name in site.names)
-        read = (self.world.read(name) for name in names)
-        return frozenset(element.name for element in read if element is not None and element.section == "context")
+        elements = (self.world.read(name) for name in names)
+        return frozenset(element.name for element in elements if element is not None and element.section == "context")
 
     @cached_property
     def reached(self) -> frozenset[str]:
         """The variables in force when all decisions are declared. Use it only after all names are checked."""
-        return frozenset(graph.closure(self.trees, (*self.decisions, *sorted(self.suggested))))
+        return frozenset(graph.closure(self.trees, (*self.decisions, *sorted(self.suggested_variables))))
 
     @cached_property
     def mentioned(self) -> frozenset[str]:
         """Every name and quoted text that something refers to: a declaration with such a name is rarely misspelt."""
-        mentioned = {source.name for variable in self.spec.context for source in variable.sources}
+        mentioned_words = {source.name for variable in self.spec.context for source in variable.sources}
         for algorithm in self.spec.perception:
-            mentioned.update(usage.resource.name for usage in algorithm.uses)
-            mentioned.update(reference.name for reference in algorithm.given)
-            mentioned.update(entry.variable.name for entry in algorithm.identifies)
+            mentioned_words.update(usage.resource.name for usage in algorithm.uses)
+            mentioned_words.update(reference.name for reference in algorithm.given)
+            mentioned_words.update(entry.variable.name for entry in algorithm.identifies)
             cases = (entry.by.cases for entry in algorithm.identifies if isinstance(entry.by, Members))
-            mentioned.update(member.name for several in cases for member, _ in several)
+            mentioned_words.update(member.name for several in cases for member, _ in several)
         for skill in self.spec.skills:
-            mentioned.update(name for name in watched_by(skill))
-            mentioned.update(reference.name for reference in skill.changes)
+            mentioned_words.update(name for name in watched_by(skill))
+            mentioned_words.update(reference.name for reference in skill.changes)
         for observer in self.spec.observers:
-            mentioned.update(reference.name for reference in observer.identifies)
+            mentioned_words.update(reference.name for reference in observer.identifies)
         for tree in (site.condition.tree for site in self.sites):
             parts = walk(tree) if tree is not None else ()
-            mentioned.update(
+            mentioned_words.update(
                 part.name if isinstance(part, Name) else part.value for part in parts if isinstance(part, Name | Text)
             )
-        return frozenset(mentioned)
+        return frozenset(mentioned_words)
 
     @cached_property
     def judgements(self) -> Mapping[int, Judgement]:
         """The judgement of each condition, by the identity of the condition."""
-        judged: dict[tuple[object, ...], Judgement] = {}
-        return {id(site.condition): self._judge(site, judged) for site in self.sites}
+        sound_judgements: dict[tuple[object, ...], Judgement] = {}
+        return {id(site.condition): self._judge(site, sound_judgements) for site in self.sites}
 
     def shape_over_results(self, algorithm: Algorithm, faults: Silenced) -> object:
         """Return a key for how an algorithm uses its result, without names and places: equal if the use is equal.
@@ -405,8 +407,8 @@ class SpecIndex:
         Trees and types are compared by identity: conditions with the same text share their tree, and equal declarations
         share their type.
         """
-        accepted = tuple([id(condition.tree) for condition in algorithm.accept_when])
-        identified = tuple(
+        accept_ids = tuple([id(condition.tree) for condition in algorithm.accept_when])
+        identify_keys = tuple(
             [
                 (
                     type(entry.by),
@@ -417,8 +419,8 @@ class SpecIndex:
                 for entry in algorithm.identifies
             ]
         )
-        optional = tuple([returned.optional for returned in algorithm.returns])
-        return id(self.returned_types[algorithm.name]), accepted, identified, optional
+        optional_flags = tuple([returned.optional for returned in algorithm.returns])
+        return id(self.returned_types[algorithm.name]), accept_ids, identify_keys, optional_flags
 
     def python(self, condition: Condition, wanted: Type | None) -> str:
         """Return a sound condition as Python text, a number in the unit of the variable that gets it."""
@@ -437,38 +439,38 @@ class SpecIndex:
         return None if site.variable is None else self.context_types.get(site.variable)
 
     @property
-    def suggested(self) -> frozenset[str]:
+    def suggested_variables(self) -> frozenset[str]:
         """The context-variables suggested so far for unknown names."""
         return frozenset(near for (_, kind), near in self._near.items() if near is not None and kind == "context")
 
     def _group(self, names: Iterable[str]) -> Group:
         algorithms = (self.algorithms[name] for name in names)
-        ranked = tuple(sorted(algorithms, key=lambda algorithm: (algorithm.rank, algorithm.name)))
-        entries = (entry for algorithm in ranked for entry in algorithm.identifies)
-        return Group(ranked, tuple(dict.fromkeys(entry.variable.name for entry in entries)))
+        ranked_algorithms = tuple(sorted(algorithms, key=lambda algorithm: (algorithm.rank, algorithm.name)))
+        identifications = (entry for algorithm in ranked_algorithms for entry in algorithm.identifies)
+        return Group(ranked_algorithms, tuple(dict.fromkeys(entry.variable.name for entry in identifications)))
 
-    def _judge(self, site: Site, judged: dict[tuple[object, ...], Judgement]) -> Judgement:
+    def _judge(self, site: Site, sound_judgements: dict[tuple[object, ...], Judgement]) -> Judgement:
         """Return the judgement of a condition; `judged` caches sound ones by tree and types."""
         tree = site.condition.tree
         assert tree is not None
         wanted = self.wanted(site)
         if site.role is Role.OBSERVABLE_WHEN or site.role in OF_LOOPS:
-            seen = self.context_types
+            readable_types = self.context_types
         elif site.role in OVER_KNOWLEDGE:
             context_types, read_type = self.context_types, self.world.read_type
-            seen = {name.name: context_types.get(name.name, read_type(name.name)) for name in site.names}
+            readable_types = {name.name: context_types.get(name.name, read_type(name.name)) for name in site.names}
         elif site.role is Role.MONITOR and site.variable is not None:
-            seen = {site.variable: wanted}
+            readable_types = {site.variable: wanted}
         else:
-            seen = self.returned_types[site.owner[1]]
-        types = (id(seen.get(name.name)) for name in site.names)
+            readable_types = self.returned_types[site.owner[1]]
+        types = (id(readable_types.get(name.name)) for name in site.names)
         key = (id(tree), site.role, site.result, id(wanted), *types)
-        sound = judged.get(key)
-        if sound is not None:
-            return Judgement(site, sound.typed, ())
-        judgement = judge(site, tree, seen, wanted)
+        sound_judgement = sound_judgements.get(key)
+        if sound_judgement is not None:
+            return Judgement(site, sound_judgement.typed, ())
+        judgement = judge(site, tree, readable_types, wanted)
         if not judgement.problems:
-            judged[key] = judgement
+            sound_judgements[key] = judgement
         return judgement
 
 
@@ -480,10 +482,10 @@ def watched_by(skill: Skill) -> Iterator[str]:
 
 def _by_name(elements: Iterable[Named]) -> Mapping[str, Named]:
     """Return elements by name; the first one if a name is declared twice, which `load` reports."""
-    by_name: dict[str, Named] = {}
+    elements_by_name: dict[str, Named] = {}
     for element in elements:
-        by_name.setdefault(element.name, element)
-    return by_name
+        elements_by_name.setdefault(element.name, element)
+    return elements_by_name
 
 
 def _texts(spec: Spec) -> Iterator[str]:

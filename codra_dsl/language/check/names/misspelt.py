@@ -12,20 +12,20 @@ from codra_dsl.language.diagnostics import Diagnostic, Place, Related, replacing
 from codra_dsl.language.load.schema.misspelt import misspelt_declarations
 
 
-def blamed(
+def find_misspelt_declarations(
     scope: SpecIndex, unknown: Iterable[Sequence[Mention]], declared: Iterable[str], used: Iterable[str]
 ) -> dict[str, str]:
     """Return the misspelt declaration for unknown names; `unknown` has the mentions of each, `used` all used names."""
-    compared = (mentions for mentions, _ in zip(unknown, range(MAX_SUGGESTIONS), strict=False))
-    uses = {mentions[0].name: len(_written(mentions)) for mentions in compared}
+    compared_mentions = (mentions for mentions, _ in zip(unknown, range(MAX_SUGGESTIONS), strict=False))
+    uses = {mentions[0].name: len(_first_mentions(mentions)) for mentions in compared_mentions}
     if not uses:
         return {}
-    named, known = frozenset(used), list(declared)
-    unused = [name for name in known if name not in named]
-    return misspelt_declarations(uses, unused, known, scope.vocabulary, suggest) if unused else {}
+    used_names, declared_names = frozenset(used), list(declared)
+    unused_names = [name for name in declared_names if name not in used_names]
+    return misspelt_declarations(uses, unused_names, declared_names, scope.vocabulary, suggest) if unused_names else {}
 
 
-def blame(
+def misspelt_finding(
     scope: SpecIndex,
     owner: Owner,
     declared: str,
@@ -38,20 +38,22 @@ def blame(
 ) -> Diagnostic:
     """Return the finding about a misspelt declaration, and record its correction."""
     name = mentions[0].name
-    scope.corrections.declaration(owner, declared, name)
-    written = _written(mentions)
-    times = f", used {len(written)} times," if len(written) > 1 else f", which {mentions[0].user} uses,"
+    scope.corrections.add_declaration(owner, declared, name)
+    first_mentions = _first_mentions(mentions)
+    uses_text = (
+        f", used {len(first_mentions)} times," if len(first_mentions) > 1 else f", which {mentions[0].user} uses,"
+    )
     return finding(
         rule,
-        f"{noun} '{declared}' is used nowhere, and '{name}'{times} is not declared",
+        f"{noun} '{declared}' is used nowhere, and '{name}'{uses_text} is not declared",
         place,
         path=path,
         help=f"did you mean '{name}'?",
-        related=tuple(Related(f"in {mention.user}", mention.place) for mention in written),
+        related=tuple(Related(f"in {mention.user}", mention.place) for mention in first_mentions),
         fix=replacing(place, declared, name, safe=False),
     )
 
 
-def _written(mentions: Iterable[Mention]) -> tuple[Mention, ...]:
+def _first_mentions(mentions: Iterable[Mention]) -> tuple[Mention, ...]:
     """Return the first mention at each place: a mention in a template counts once, however often it is used."""
     return tuple({mention.place.span: mention for mention in reversed(list(mentions))}.values())[::-1]

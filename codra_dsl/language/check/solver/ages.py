@@ -10,7 +10,7 @@ from codra_dsl.language.check.solver.values import Context, links, outcomes
 from codra_dsl.language.expression import And, Call, Compare, Name, Node, Not, Or, names_in
 from codra_dsl.language.model import Condition
 
-_TURNED = {"<": ">", "<=": ">=", ">": "<", ">=": "<="}
+_MIRRORED = {"<": ">", "<=": ">=", ">": "<", ">=": "<="}
 _NEGATED = {"<": ">=", "<=": ">", ">": "<=", ">=": "<"}
 
 
@@ -31,30 +31,30 @@ class Bound:
 
 def upper_bounds(condition: Condition) -> Iterator[Bound]:
     """Yield the bounds on ages that a condition requires: `age(x) < 2 s`, but not inside an `or`."""
-    waiting = [] if condition.tree is None else [(condition.tree, condition.tree, False)]
-    while waiting:
-        node, outermost, is_denied = waiting.pop()
+    pending_nodes = [] if condition.tree is None else [(condition.tree, condition.tree, False)]
+    while pending_nodes:
+        node, outermost_node, is_denied = pending_nodes.pop()
         if isinstance(node, Not):
-            waiting.append((node.operand, outermost, not is_denied))
+            pending_nodes.append((node.operand, outermost_node, not is_denied))
         elif (isinstance(node, And) and not is_denied) or (isinstance(node, Or) and is_denied):
-            waiting.extend(
-                (operand, outermost if is_denied else operand, is_denied) for operand in reversed(node.operands)
+            pending_nodes.extend(
+                (operand, outermost_node if is_denied else operand, is_denied) for operand in reversed(node.operands)
             )
         elif isinstance(node, Compare) and (not is_denied or len(node.rest) == 1):
             for operator, left, right in links(node):
-                yield from _bound(_NEGATED.get(operator, "") if is_denied else operator, left, right, outermost)
+                yield from _bound(_NEGATED.get(operator, "") if is_denied else operator, left, right, outermost_node)
 
 
-def _bound(operator: str, left: Node, right: Node, outermost: Node) -> Iterator[Bound]:
-    for aging, limit, read in ((left, right, operator), (right, left, _TURNED.get(operator, ""))):
-        if isinstance(aging, Call) and aging.function == "age" and read in ("<", "<="):
+def _bound(operator: str, left: Node, right: Node, outermost_node: Node) -> Iterator[Bound]:
+    for aging, limit, direction in ((left, right, operator), (right, left, _MIRRORED.get(operator, ""))):
+        if isinstance(aging, Call) and aging.function == "age" and direction in ("<", "<="):
             (argument,) = aging.arguments
             assert isinstance(argument, Name)
-            yield Bound(argument.name, outermost, _seconds(limit))
+            yield Bound(argument.name, outermost_node, _limit_s(limit))
 
 
-def _seconds(limit: Node) -> float | None:
+def _limit_s(limit: Node) -> float | None:
     if names_in(limit):
         return None
-    (limit_s, *others) = outcomes(limit, Context({}))
-    return float(limit_s.low) if not others and isinstance(limit_s, Interval) and limit_s.is_point else None
+    (value, *others) = outcomes(limit, Context({}))
+    return float(value.low) if not others and isinstance(value, Interval) and value.is_point else None

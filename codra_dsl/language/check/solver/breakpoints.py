@@ -27,15 +27,15 @@ MAX_RIVALS = 8
 def subjects(node: Node) -> frozenset[str]:
     """Return the keys of a context that a value depends on: names and ages."""
     keys: set[str] = set()
-    waiting = [node]
-    while waiting:
-        part = waiting.pop()
+    pending_nodes = [node]
+    while pending_nodes:
+        part = pending_nodes.pop()
         if isinstance(part, Name):
             keys.add(part.name)
         elif isinstance(part, Call) and part.function == "age" and isinstance(part.arguments[0], Name):
             keys.add(age_key(part.arguments[0].name))
         else:
-            waiting.extend(parts(part))
+            pending_nodes.extend(parts(part))
     return frozenset(keys)
 
 
@@ -91,7 +91,7 @@ def _rivals(part: Node) -> Iterable[tuple[Node, Node | None]]:
     elif isinstance(part, Call) and part.function in ("min", "max"):
         yield from combinations(part.arguments, 2)
     elif isinstance(part, Choice):
-        yield from ((left, right) for condition in walk(part.condition) for _, left, right in links(condition))
+        yield from ((left, right) for node in walk(part.condition) for _, left, right in links(node))
 
 
 def _difference(left: Node, right: Node | None, key: str) -> Function:

@@ -53,15 +53,15 @@ def is_case(required: Sequence[Node], claim: Node | None, values: Mapping[str, V
         values: the possible values of each name in them, with None if it can be unknown.
         types: the type of each name.
     """
-    wanted = conjuncts(required)
+    required_parts = conjuncts(required)
     context = Context(values)
-    if any(True not in outcomes(condition, context) for condition in wanted):
+    if any(True not in outcomes(condition, context) for condition in required_parts):
         return False
     if claim is not None and outcomes(claim, context) == _TRUE:
         return False
-    if _are_settled(wanted if claim is None else (*wanted, claim), types):
+    if _are_settled(required_parts if claim is None else (*required_parts, claim), types):
         return True
-    return all(_Search(group, values, types).finds_case() for group in _groups(wanted, claim))
+    return all(_Search(group, values, types).finds_case() for group in _groups(required_parts, claim))
 
 
 def _are_settled(conditions: Iterable[Node], types: Types) -> bool:
@@ -81,16 +81,16 @@ def _are_settled(conditions: Iterable[Node], types: Types) -> bool:
 
 def conjuncts(conditions: Iterable[Node]) -> tuple[Node, ...]:
     """Return conditions with each `and` split into its operands."""
-    parts_of_and: list[Node] = []
+    operands: list[Node] = []
     for condition in conditions:
-        parts_of_and += conjuncts(condition.operands) if isinstance(condition, And) else [condition]
-    return tuple(parts_of_and)
+        operands += conjuncts(condition.operands) if isinstance(condition, And) else [condition]
+    return tuple(operands)
 
 
 def names_of(conditions: Iterable[Node]) -> tuple[str, ...]:
     """Return the names that conditions mention, each once."""
-    parts_of_all = (part for condition in conditions for part in walk(condition))
-    return tuple(dict.fromkeys(part.name for part in parts_of_all if isinstance(part, Name)))
+    nodes = (part for condition in conditions for part in walk(condition))
+    return tuple(dict.fromkeys(part.name for part in nodes if isinstance(part, Name)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,9 +157,9 @@ class _Mentions:
 
     def add(self, condition: Node) -> None:
         """Add a condition. The middle of a chain, and the left side of `in`, count several times."""
-        waiting = [(condition, 1)]
-        while waiting:
-            node, times = waiting.pop()
+        pending_nodes = [(condition, 1)]
+        while pending_nodes:
+            node, times = pending_nodes.pop()
             self.size += 1
             self.links += ((left, right) for _, left, right in links(node))
             if isinstance(node, Name):
@@ -170,8 +170,8 @@ class _Mentions:
             elif isinstance(node, Call) and node.function in ("age", "known") and isinstance(node.arguments[0], Name):
                 key = age_key if node.function == "age" else known_key
                 self.counts[key(node.arguments[0].name)] += times
-            several = isinstance(node, In) or (isinstance(node, Compare) and len(node.rest) > 1)
-            waiting += ((part, 2 if several else times) for part in parts(node))
+            counts_twice = isinstance(node, In) or (isinstance(node, Compare) and len(node.rest) > 1)
+            pending_nodes += ((part, 2 if counts_twice else times) for part in parts(node))
 
 
 class _Search:
@@ -191,50 +191,50 @@ class _Search:
         """Return whether there may be such a case: split cases until one is certain or none is left."""
         keys = [key for key in self._mentions.counts if self._is_contested(key)]
         keys += self._sides
-        left = max(1, min(MAX_CASES, MAX_WORK // self._mentions.size))
-        waiting: list[tuple[Mapping[str, Values], int]] = [(self._values, 0)]
-        while waiting and left > 0:
-            left -= 1
-            values, index = waiting.pop()
+        remaining_cases = max(1, min(MAX_CASES, MAX_WORK // self._mentions.size))
+        pending_cases: list[tuple[Mapping[str, Values], int]] = [(self._values, 0)]
+        while pending_cases and remaining_cases > 0:
+            remaining_cases -= 1
+            values, index = pending_cases.pop()
             context = Context(values, self._pairs)
-            held = [outcomes(condition, context) for condition in self._group.required]
-            claimed = _FALSE if self._group.claim is None else outcomes(self._group.claim, context)
-            if any(True not in values_held for values_held in held) or claimed == _TRUE:
+            required_truths = [outcomes(condition, context) for condition in self._group.required]
+            claim_truths = _FALSE if self._group.claim is None else outcomes(self._group.claim, context)
+            if any(True not in truths for truths in required_truths) or claim_truths == _TRUE:
                 continue
-            if index == len(keys) or (True not in claimed and all(values_held == _TRUE for values_held in held)):
+            if index == len(keys) or (True not in claim_truths and all(truths == _TRUE for truths in required_truths)):
                 return True
             cells = self._cells(keys[index], context)
-            waiting += (({**values, keys[index]: cell}, index + 1) for cell in reversed(cells))
-        return bool(waiting)
+            pending_cases += (({**values, keys[index]: cell}, index + 1) for cell in reversed(cells))
+        return bool(pending_cases)
 
     def _is_contested(self, key: str) -> bool:
         """Return whether the search splits by the values of a key: of a name, of an age, or of whether it is known."""
-        several = self._mentions.counts[key] > 1
+        occurs_often = self._mentions.counts[key] > 1
         if key not in self._mentions.names:
-            return several and (key in self._values or not key.startswith("known("))
+            return occurs_often and (key in self._values or not key.startswith("known("))
         declared = self._types.get(key)
-        return declared is not None and self._values[key] != UNKNOWN and (several or declared.kind is Kind.INT)
+        return declared is not None and self._values[key] != UNKNOWN and (occurs_often or declared.kind is Kind.INT)
 
     def _contested_pairs(self) -> tuple[Mapping[tuple[int, int], Pair], Mapping[str, tuple[Node, Node, Pair]]]:
-        """Return the pairs of numbers whose difference occurs twice or is 0, and the sides of those that occur twice.
+        """Return the pairs of numbers whose difference occurs more than once or is 0, and the sides of the former.
 
         Numbers that depend on one name are left out, since the range of that name is cut where its comparisons change.
         They are included if they are curved, because then there are no such cuts.
         """
-        several = [
+        compared_numbers = [
             (left, right, pair(left, right))
             for left, right, on in self._links
             if on and self._is_number(left) and self._is_number(right)
         ]
-        counts = Counter(number.key for _, _, number in several)
-        contested = [
-            (left, right, number)
-            for left, right, number in several
-            if not number.key
-            or (counts[number.key] > 1 and (len(subjects(left) | subjects(right)) > 1 or is_curved(left, right)))
+        counts = Counter(pair_.key for _, _, pair_ in compared_numbers)
+        contested_numbers = [
+            (left, right, pair_)
+            for left, right, pair_ in compared_numbers
+            if not pair_.key
+            or (counts[pair_.key] > 1 and (len(subjects(left) | subjects(right)) > 1 or is_curved(left, right)))
         ]
-        pairs = {(id(left), id(right)): number for left, right, number in contested}
-        return pairs, {number.key: (left, right, number) for left, right, number in contested if number.key}
+        pairs = {(id(left), id(right)): pair_ for left, right, pair_ in contested_numbers}
+        return pairs, {pair_.key: (left, right, pair_) for left, right, pair_ in contested_numbers if pair_.key}
 
     def _is_number(self, node: Node) -> bool:
         values = outcomes(node, Context(self._values)) - UNKNOWN
@@ -243,7 +243,7 @@ class _Search:
     def _cells(self, key: str, context: Context) -> Sequence[Values]:
         """Return the possible values of a name, or of the difference of two numbers, in sets that need no split."""
         if key in self._sides:
-            return self._numbers(key, context)
+            return self._difference_cells(key, context)
         cells: list[Value] = []
         for value in sorted(context.values.get(key, AGES), key=str):
             if isinstance(value, Interval):
@@ -254,26 +254,29 @@ class _Search:
                 cells.append(value)
         return tuple(frozenset({cell}) for cell in cells)
 
-    def _numbers(self, key: str, context: Context) -> Sequence[Values]:
+    def _difference_cells(self, key: str, context: Context) -> Sequence[Values]:
         """Return the pieces of the possible differences of two numbers, with UNKNOWN if the difference can be that."""
-        left, right, two = self._sides[key]
+        left, right, own_pair = self._sides[key]
         limits = [other_pair.limit for other_pair in self._pairs.values() if other_pair.key == key]
-        numbers: list[Interval] = []
+        differences: list[Interval] = []
         cells: list[Values] = []
         for one, other in product(outcomes(left, context), outcomes(right, context)):
             if isinstance(one, Interval) and isinstance(other, Interval):
-                scaled = quotient(total(one, negative(other)), point(two.factor))
-                numbers.append(total(scaled, point(two.limit)))
+                scaled = quotient(total(one, negative(other)), point(own_pair.factor))
+                differences.append(total(scaled, point(own_pair.limit)))
             else:
                 cells = [UNKNOWN]
-        return (*cells, *(frozenset({number}) for number in (pieces(hull(numbers), limits, None) if numbers else ())))
+        return (
+            *cells,
+            *(frozenset({part}) for part in (pieces(hull(differences), limits, None) if differences else ())),
+        )
 
     def _cuts(self, key: str) -> frozenset[Fraction]:
         own = frozenset({key})
         return cuts(key, ((left, right) for left, right, on in self._links if on == own))
 
     def _step(self, key: str) -> Fraction | None:
-        """Return the number, in base units, of which an int is always a multiple; None for other types."""
+        """Return the number, in base units, of which each value of an int is a multiple; None for other types."""
         declared = self._types.get(key)
         step = in_base(1, declared.unit) if declared is not None and declared.kind is Kind.INT else None
         return step if isinstance(step, Fraction) else None

@@ -47,26 +47,28 @@ def stated(condition: Condition, tree: Node) -> Stated:
 
 
 def contradiction(conditions: Sequence[Stated], types: Types) -> tuple[Stated, ...]:
-    """Return a smallest set of the conditions that can never be true together, in their order; () if all can.
+    """Return conditions that can never be true together, as few as were found, in their order; () if all can.
 
-    If the set has several conditions, each `and` in it is narrowed down to the parts that are needed.
+    If several conditions are needed, each `and` among them is narrowed down to the parts that are needed.
     """
     if can_hold([condition.tree for condition in conditions], (), types):
         return ()
-    alone = next((condition for condition in conditions if not can_hold([condition.tree], (), types)), None)
-    if alone is not None:
-        return (alone,)
+    impossible_condition = next(
+        (condition for condition in conditions if not can_hold([condition.tree], (), types)), None
+    )
+    if impossible_condition is not None:
+        return (impossible_condition,)
     needed = _needed(conditions, types)
     return _needed([part for condition in needed for part in condition.parts or (condition,)], types)
 
 
 def _needed(conditions: Sequence[Stated], types: Types) -> tuple[Stated, ...]:
-    kept = list(conditions)
+    needed = list(conditions)
     for condition in conditions if len(conditions) <= MAX_CONDITIONS else ():
-        fewer = [other for other in kept if other is not condition]
-        if not can_hold([other.tree for other in fewer], (), types):
-            kept = fewer
-    return tuple(kept)
+        fewer_conditions = [other for other in needed if other is not condition]
+        if not can_hold([other.tree for other in fewer_conditions], (), types):
+            needed = fewer_conditions
+    return tuple(needed)
 
 
 def never_true(core: Sequence[Stated]) -> str:
@@ -76,10 +78,10 @@ def never_true(core: Sequence[Stated]) -> str:
         return f"'{last.text}' is never true"
     if len(core) > MAX_CONDITIONS:
         return "its conditions are never true together"
-    quoted = " and ".join(f"'{other.text}'" for other in others[:MAX_QUOTED])
+    quoted_text = " and ".join(f"'{other.text}'" for other in others[:MAX_QUOTED])
     if len(others) > MAX_QUOTED:
-        quoted += f" and {len(others) - MAX_QUOTED} others"
-    return f"'{last.text}' is never true together with {quoted}"
+        quoted_text += f" and {len(others) - MAX_QUOTED} others"
+    return f"'{last.text}' is never true together with {quoted_text}"
 
 
 def related_to(core: Sequence[Stated], types: Types, declared: Iterable[Variable | Returned]) -> Iterator[Related]:
@@ -94,9 +96,9 @@ def related_to(core: Sequence[Stated], types: Types, declared: Iterable[Variable
 def without_ranges(types: Types, trees: Iterable[Node]) -> Types:
     """Return the types of the names in some conditions, without ranges and validity."""
     names = dict.fromkeys(name.name for tree in trees for name in names_in(tree))
-    declared = {name: types.get(name) for name in names}
+    types_of_names = {name: types.get(name) for name in names}
     unlimited = (
-        (name, type_ and replace(type_, range=None, valid_for_s=FOREVER_S)) for name, type_ in declared.items()
+        (name, type_ and replace(type_, range=None, valid_for_s=FOREVER_S)) for name, type_ in types_of_names.items()
     )
     return dict(unlimited)
 

@@ -48,7 +48,7 @@ def point(number: Number) -> Interval:
 
 
 def in_base(value: float, unit: Unit) -> Number:
-    """Return a value in base units, exactly as its decimal text."""
+    """Return a value in base units, computed exactly from its decimal text."""
     if isinstance(value, float) and not math.isfinite(value):
         return value
     exact = Fraction(value if isinstance(value, int) else repr(value)) * unit.factor
@@ -63,7 +63,7 @@ def hull(intervals: Iterable[Interval]) -> Interval:
     return Interval(low, high, low_open, not high_closed)
 
 
-def common(one: Interval, other: Interval) -> Interval:
+def intersection(one: Interval, other: Interval) -> Interval:
     """Return the intersection of two intervals."""
     low, low_open = max((interval.low, interval.low_open) for interval in (one, other))
     high, high_closed = min((interval.high, not interval.high_open) for interval in (one, other))
@@ -128,11 +128,11 @@ def can_be_less(one: Interval, other: Interval) -> bool:
 
 def can_be_equal(one: Interval, other: Interval) -> bool:
     """Return whether two intervals have a number in common."""
-    return not common(one, other).is_empty
+    return not intersection(one, other).is_empty
 
 
 def pieces(interval: Interval, points: Iterable[Number], step: Fraction | None) -> tuple[Interval, ...]:
-    """Return an interval cut at some points: these points, and the open intervals between them.
+    """Return an interval cut at some points: these points, and the intervals between them.
 
     Args:
         interval: the interval to cut.
@@ -146,8 +146,8 @@ def pieces(interval: Interval, points: Iterable[Number], step: Fraction | None) 
             parts += (Interval(low, cut, low_open, True), point(cut))
             low, low_open = cut, True
     parts.append(Interval(low, interval.high, low_open, interval.high_open))
-    kept = parts if step is None else [_multiples(part, step) for part in parts]
-    return tuple(part for part in kept if not part.is_empty)
+    narrowed_parts = parts if step is None else [_multiples(part, step) for part in parts]
+    return tuple(part for part in narrowed_parts if not part.is_empty)
 
 
 def _multiples(one: Interval, step: Fraction) -> Interval:

@@ -25,7 +25,7 @@ class Pair:
 
 
 def pair(left: Node, right: Node) -> Pair:
-    """Return two numbers as a pair; comparisons of the same number with another constant have the same key."""
+    """Return two numbers as a pair; comparisons of one number with different constants have the same key."""
     difference = _sum(left).plus(_sum(right), Fraction(-1))
     factor = difference.lead
     key = difference.times(1 / factor).key if any(difference.parts.values()) else ""
@@ -60,45 +60,45 @@ class _Sum:
         return _Sum({key: own_factor * factor for key, own_factor in self.parts.items()}, self.constant * factor)
 
     def plus(self, other: _Sum, factor: Fraction = Fraction(1)) -> _Sum:
-        added = other.times(factor)
+        addend = other.times(factor)
         none = Fraction(0)
-        parts = {key: self.parts.get(key, none) + added.parts.get(key, none) for key in (*self.parts, *added.parts)}
-        return _Sum(parts, self.constant + added.constant)
+        parts = {key: self.parts.get(key, none) + addend.parts.get(key, none) for key in (*self.parts, *addend.parts)}
+        return _Sum(parts, self.constant + addend.constant)
 
 
 def _sum(node: Node) -> _Sum:
     match node:
         case Number(value=value, unit=unit):
-            parsed = ONE if unit is None else parse_unit(unit)
-            exact = None if parsed is None else in_base(value, parsed)
-            return _Sum({}, exact) if isinstance(exact, Fraction) else _single(to_text(node))
+            parsed_unit = ONE if unit is None else parse_unit(unit)
+            base_value = None if parsed_unit is None else in_base(value, parsed_unit)
+            return _Sum({}, base_value) if isinstance(base_value, Fraction) else _single_summand(to_text(node))
         case Name(name=name):
-            return _single(name)
+            return _single_summand(name)
         case Negative(operand=operand):
             return _sum(operand).times(Fraction(-1))
         case Arithmetic(operator=operator, left=left, right=right):
-            return _calculated(operator, _sum(left), _sum(right))
+            return _calculate(operator, _sum(left), _sum(right))
         case Call(function="abs", arguments=(operand,)):
             inner = _sum(operand)
             positive = inner.times(Fraction(-1)) if inner.lead < 0 else inner
-            return _single(f"abs{positive.text()}") if inner.parts else _Sum({}, abs(inner.constant))
+            return _single_summand(f"abs{positive.text()}") if inner.parts else _Sum({}, abs(inner.constant))
         case Call(function="min" | "max" as function, arguments=arguments):
             keys = sorted({_sum(argument).text() for argument in arguments})
-            return _single(f"{function}({', '.join(keys)})") if len(keys) > 1 else _sum(arguments[0])
-    return _single(to_text(node))
+            return _single_summand(f"{function}({', '.join(keys)})") if len(keys) > 1 else _sum(arguments[0])
+    return _single_summand(to_text(node))
 
 
-def _single(key: str) -> _Sum:
+def _single_summand(key: str) -> _Sum:
     return _Sum({key: Fraction(1)})
 
 
-def _calculated(operator: str, left: _Sum, right: _Sum) -> _Sum:
+def _calculate(operator: str, left: _Sum, right: _Sum) -> _Sum:
     if operator in "+-":
         return left.plus(right, Fraction(1 if operator == "+" else -1))
     if operator == "/":
         is_constant = not right.parts and right.constant
-        return left.times(1 / right.constant) if is_constant else _single(f"{left.text()} / {right.text()}")
+        return left.times(1 / right.constant) if is_constant else _single_summand(f"{left.text()} / {right.text()}")
     for one, other in ((left, right), (right, left)):
         if not one.parts:
             return other.times(one.constant)
-    return _single(" * ".join(sorted((left.text(), right.text()))))
+    return _single_summand(" * ".join(sorted((left.text(), right.text()))))

@@ -29,11 +29,11 @@ def can_hold(conditions: Sequence[Node], unknown: Iterable[str], types: Types) -
         unknown: names that are certainly unknown; every other name can have any value of its type or be unknown.
         types: the type of each name.
     """
-    hidden = frozenset(unknown)
+    unknown_names = frozenset(unknown)
     if all(type(condition) is Name for condition in conditions):  # as in most preconditions
-        return not any(condition.name in hidden for condition in conditions if isinstance(condition, Name))
+        return not any(condition.name in unknown_names for condition in conditions if isinstance(condition, Name))
     names = names_of(conditions)
-    values = {name: UNKNOWN if name in hidden else known_values(types.get(name)) | UNKNOWN for name in names}
+    values = {name: UNKNOWN if name in unknown_names else known_values(types.get(name)) | UNKNOWN for name in names}
     values |= _ages(names, types)
     return is_case(conditions, None, values, types)
 
@@ -49,7 +49,7 @@ def implies(stronger: Sequence[Node], weaker: Sequence[Node], types: Types) -> b
     Args:
         stronger: the conditions that are all true.
         weaker: the conditions that must all follow.
-        types: the type of each name in either, from `declared_type`; missing names can have any value.
+        types: the type of each name in either, from `declared_type`; nothing follows from missing names.
     """
     claims = conjuncts(weaker)
     names = names_of((*stronger, *claims))
@@ -67,9 +67,9 @@ def always_holds(condition: Node, types: Types, *, absent: Iterable[str] = ()) -
         types: the type of each name in it.
         absent: names that may be unknown nevertheless.
     """
-    may_lack = frozenset(absent)
+    absent_names = frozenset(absent)
     values = {
-        name: known_values(types.get(name)) | (UNKNOWN if name in may_lack else _NO_VALUES)
+        name: known_values(types.get(name)) | (UNKNOWN if name in absent_names else _NO_VALUES)
         for name in names_of([condition])
     }
     for part in walk(condition):

@@ -61,7 +61,7 @@ class Context:
     Attributes:
         values: the possible values of each name, and, by `age_key`, `known_key` and the keys of pairs, of its age, of
             whether it is known, and of the difference of two numbers.
-        pairs: by the identity of the two sides, the pairs whose difference the search splits.
+        pairs: by the identity of the two sides, the pairs whose difference occurs more than once or is 0.
     """
 
     values: Mapping[str, Values]
@@ -73,14 +73,14 @@ _TRUE: Values = frozenset({True})
 _FALSE: Values = frozenset({False})
 EITHER: Values = frozenset({True, False})
 _NUMBERS: Values = frozenset({FULL})
-_UNJUDGED: Values = frozenset({True, False, FULL, None})
+_ANY_VALUES: Values = frozenset({True, False, FULL, None})
 AGES: Values = frozenset({Interval(Fraction(0), FULL.high)})
 
 
 def known_values(declared: Type | None) -> Values:
     """Return the possible values of a name of some type while it is known."""
     if declared is None:  # a wrong declaration causes no findings about its readers
-        return _UNJUDGED
+        return _ANY_VALUES
     if declared.kind is Kind.BOOL:
         return EITHER
     if declared.kind is Kind.ENUM:
@@ -90,7 +90,7 @@ def known_values(declared: Type | None) -> Values:
     if declared.range is None:
         return _NUMBERS
     low, high = (in_base(end, declared.unit) for end in declared.range)
-    return frozenset({Interval(low, high)}) if low <= high else _UNJUDGED
+    return frozenset({Interval(low, high)}) if low <= high else _ANY_VALUES
 
 
 def age_key(name: str) -> str:
@@ -130,8 +130,8 @@ def _literal(node: Node, _: Context) -> Values:
 
 @lru_cache(maxsize=4096)
 def _quantity(value: float, unit: str | None) -> Values:
-    parsed = ONE if unit is None else parse_unit(unit)
-    return frozenset({FULL if parsed is None else point(in_base(value, parsed))})
+    parsed_unit = ONE if unit is None else parse_unit(unit)
+    return frozenset({FULL if parsed_unit is None else point(in_base(value, parsed_unit))})
 
 
 def _number(node: Node, _: Context) -> Values:
@@ -181,26 +181,26 @@ def _kleene_or(one: Value, other: Value) -> bool | None:
 
 
 def _compare(node: Node, context: Context) -> Values:
-    return _conjunction(compared(*link, context) for link in links(node))
+    return _conjunction(compare_values(*link, context) for link in links(node))
 
 
 def _in(node: Node, context: Context) -> Values:
     assert isinstance(node, In)
-    truths = _disjunction(compared(*link, context) for link in links(node))
+    truths = _disjunction(compare_values(*link, context) for link in links(node))
     return frozenset(None if value is None else value is not node.negated for value in truths)
 
 
-def compared(operator: str, left: Node, right: Node, context: Context) -> Values:
+def compare_values(operator: str, left: Node, right: Node, context: Context) -> Values:
     """Return the possible results of a comparison; if the context has the difference of the sides, it decides."""
     ones, others = outcomes(left, context), outcomes(right, context)
     truths = frozenset(truth for one in ones for other in others for truth in _judge(operator, one, other))
-    two = context.pairs.get((id(left), id(right))) if context.pairs else None
-    numbers = None if two is None else context.values.get(two.key)
-    if two is None or numbers is None or truths == UNKNOWN:
+    pair = context.pairs.get((id(left), id(right))) if context.pairs else None
+    numbers = None if pair is None else context.values.get(pair.key)
+    if pair is None or numbers is None or truths == UNKNOWN:
         return truths
-    sense = operator if two.factor > 0 else _MIRRORED[operator]
-    certain = frozenset(truth for number in numbers for truth in _judge(sense, number, point(two.limit)))
-    return certain | UNKNOWN if None in truths and not two.key else certain
+    pair_operator = operator if pair.factor > 0 else _MIRRORED[operator]
+    exact_truths = frozenset(truth for number in numbers for truth in _judge(pair_operator, number, point(pair.limit)))
+    return exact_truths | UNKNOWN if None in truths and not pair.key else exact_truths
 
 
 def _judge(operator: str, one: Value, other: Value) -> Values:
@@ -208,8 +208,8 @@ def _judge(operator: str, one: Value, other: Value) -> Values:
         return UNKNOWN
     if isinstance(one, Interval) and isinstance(other, Interval):
         return _COMPARISONS[operator](one, other)
-    plain = isinstance(one, (bool, str)) and type(one) is type(other)
-    if operator not in ("==", "!=") or not (plain or Other.UNMENTIONED in (one, other)):
+    is_plain = isinstance(one, (bool, str)) and type(one) is type(other)
+    if operator not in ("==", "!=") or not (is_plain or Other.UNMENTIONED in (one, other)):
         return EITHER
     return (
         EITHER
@@ -223,28 +223,28 @@ def _truth(value: bool) -> Values:
 
 
 def _less(one: Interval, other: Interval) -> Values:
-    return _judged(intervals.can_be_less(one, other), _can_be_at_least(one, other))
+    return _possible_truths(intervals.can_be_less(one, other), _can_be_at_least(one, other))
 
 
 def _at_most(one: Interval, other: Interval) -> Values:
-    return _judged(_can_be_at_least(other, one), intervals.can_be_less(other, one))
+    return _possible_truths(_can_be_at_least(other, one), intervals.can_be_less(other, one))
 
 
 def _equal(one: Interval, other: Interval) -> Values:
-    same = one.is_point and other.is_point and one.low == other.low
-    return _judged(intervals.can_be_equal(one, other), not same)
+    is_same = one.is_point and other.is_point and one.low == other.low
+    return _possible_truths(intervals.can_be_equal(one, other), not is_same)
 
 
 def _unequal(one: Interval, other: Interval) -> Values:
-    same = one.is_point and other.is_point and one.low == other.low
-    return _judged(not same, intervals.can_be_equal(one, other))
+    is_same = one.is_point and other.is_point and one.low == other.low
+    return _possible_truths(not is_same, intervals.can_be_equal(one, other))
 
 
 def _can_be_at_least(one: Interval, other: Interval) -> bool:
     return intervals.can_be_less(other, one) or intervals.can_be_equal(one, other)
 
 
-def _judged(can_hold: bool, can_fail: bool) -> Values:
+def _possible_truths(can_hold: bool, can_fail: bool) -> Values:
     if can_hold and can_fail:
         return EITHER
     return _TRUE if can_hold else _FALSE
@@ -265,7 +265,7 @@ _MIRRORED: Mapping[str, str] = {"<": ">", "<=": ">=", ">": "<", ">=": "<=", "=="
 
 def _negative(node: Node, context: Context) -> Values:
     assert isinstance(node, Negative)
-    return _calculated(intervals.negative, outcomes(node.operand, context))
+    return _calculate(intervals.negative, outcomes(node.operand, context))
 
 
 def _arithmetic(node: Node, context: Context) -> Values:
@@ -274,10 +274,10 @@ def _arithmetic(node: Node, context: Context) -> Values:
     left, right = outcomes(node.left, context), outcomes(node.right, context)
     if node.operator == "/" and all(map(_is_no_divisor, right)):
         return UNKNOWN
-    quotients = _calculated(_OPERATIONS[node.operator], left, right)
-    if node.operator != "/" or quotients == UNKNOWN or not any(_holds_zero(value) for value in right):
-        return quotients
-    return quotients | UNKNOWN
+    results = _calculate(_OPERATIONS[node.operator], left, right)
+    if node.operator != "/" or results == UNKNOWN or not any(_holds_zero(value) for value in right):
+        return results
+    return results | UNKNOWN
 
 
 def _is_no_divisor(value: Value) -> bool:
@@ -288,13 +288,13 @@ def _holds_zero(value: Value) -> bool:
     return not isinstance(value, Interval) or intervals.can_be_equal(value, _ZERO)
 
 
-def _calculated(operation: Callable[..., Interval], *operands: Values) -> Values:
+def _calculate(operation: Callable[..., Interval], *operands: Values) -> Values:
     """Return the possible results of an operation on numbers; unknown if an operand is unknown."""
     if any(values == UNKNOWN for values in operands):
         return UNKNOWN
     numbers = [[value if isinstance(value, Interval) else FULL for value in values - UNKNOWN] for values in operands]
-    calculated = [operation(*combination) for combination in product(*numbers)]
-    results: Values = frozenset(calculated if len(calculated) <= MAX_PIECES else [intervals.hull(calculated)])
+    ranges = [operation(*combination) for combination in product(*numbers)]
+    results: Values = frozenset(ranges if len(ranges) <= MAX_PIECES else [intervals.hull(ranges)])
     return results | UNKNOWN if any(None in values for values in operands) else results
 
 
@@ -316,14 +316,14 @@ def _call(node: Node, context: Context) -> Values:
         assert isinstance(argument, Name)
         return _known(argument.name, context) if node.function == "known" else _age(argument.name, context)
     if node.function == "abs":
-        return _calculated(intervals.magnitude, outcomes(node.arguments[0], context))
+        return _calculate(intervals.magnitude, outcomes(node.arguments[0], context))
     operation = _OPERATIONS[node.function]
-    return reduce(partial(_calculated, operation), (outcomes(argument, context) for argument in node.arguments))
+    return reduce(partial(_calculate, operation), (outcomes(argument, context) for argument in node.arguments))
 
 
 def _known(name: str, context: Context) -> Values:
-    stated = context.values.get(known_key(name))
-    return frozenset(value is not None for value in context.values[name]) if stated is None else stated
+    known_truths = context.values.get(known_key(name))
+    return frozenset(value is not None for value in context.values[name]) if known_truths is None else known_truths
 
 
 def _age(name: str, context: Context) -> Values:
@@ -341,19 +341,19 @@ def _choice(node: Node, context: Context) -> Values:
     values: set[Value] = set()
     for held in outcomes(node.condition, context):
         if held is None:
-            values |= {value for one in then for other in otherwise for value in _agreed(one, other)}
+            values |= {value for one in then for other in otherwise for value in _agreement(one, other)}
         else:
             values |= then if held else otherwise
     return frozenset(values)
 
 
-def _agreed(one: Value, other: Value) -> Values:
+def _agreement(one: Value, other: Value) -> Values:
     """Return the possible values of a choice with an unknown condition: known only if both sides agree."""
     if one is None or other is None:
         return UNKNOWN
     if isinstance(one, Interval) and isinstance(other, Interval):
-        shared = intervals.common(one, other)
-        return UNKNOWN if shared.is_empty else frozenset({shared, None})
+        shared_interval = intervals.intersection(one, other)
+        return UNKNOWN if shared_interval.is_empty else frozenset({shared_interval, None})
     if isinstance(one, (bool, str)) and isinstance(other, (bool, str)):
         return frozenset({one}) if one == other else UNKNOWN
     return frozenset({one, other, None})
