@@ -270,7 +270,7 @@ def _beside_label(name: str) -> str:
 
 
 def _labelled(read: networkx.Graph[Any]) -> networkx.Graph[Any]:
-    """Return a graph that was read from GraphML, with the labels of edges as keys."""
+    """Return a graph that was read from GraphML, with the labels of those edges that have one as keys."""
     if not read.is_directed():
         return read
     made: networkx.MultiDiGraph[Any] = networkx.MultiDiGraph()

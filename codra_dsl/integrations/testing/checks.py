@@ -154,7 +154,7 @@ def _failure_of_decision(
         return None
     expected = f"by {instant(at_s)} the decision on {check.variable} should be {_OUTCOME_TEXTS[check.how]}"
     if not decisions:
-        return Failure(check.place, f"{expected}, but there was no such decision")
+        return Failure(check.place, f"{expected}, but there was no decision on it")
     then_s = decisions[-1].instant_s
     why = str(codra.why(check.variable, at_s=then_s))
     return Failure(

@@ -76,7 +76,8 @@ class Package:
 def load_package(root: Path, name: str) -> Package:
     """Import a compiled spec like programs in the project's root: `from generated import NAME`.
 
-    This happens once per process. The spec is compiled once more for it, to make sure that the package is up to date.
+    This happens once per process. The spec is compiled once more for it, to make sure that the package
+    contains the model of the spec; the generated files are not compared.
 
     Args:
         root: the root of the project; Python searches modules there from now on.
@@ -108,7 +109,7 @@ def _require(root: Path, name: str) -> None:
 
 
 def _require_fresh(root: Path, name: str) -> None:
-    """Require that the package is up to date with the spec, if the spec exists."""
+    """Require that the package was compiled from the model that the spec has now, if the spec exists."""
     manifest = manifest_of(root / FOLDER / name)
     file = root / str(manifest.get("spec", ""))
     if not file.is_file():
@@ -117,7 +118,7 @@ def _require_fresh(root: Path, name: str) -> None:
     if not plans:
         raise PackageError(f"'{manifest['spec']}' has errors", f"see: codra lint {manifest['spec']}")
     if model_digest(plans[0]) != manifest.get("model"):
-        message = f"'{FOLDER}/{name}' is out of date: '{manifest['spec']}' has changed"
+        message = f"'{FOLDER}/{name}' is out of date: it does not match '{manifest['spec']}'"
         raise PackageError(message, f"compile it: codra compile {manifest['spec']}")
 
 

@@ -129,7 +129,7 @@ class _JobWithEvidence:
         self._has_evidence = True
 
     def delay(self, late_s: float) -> None:
-        """Delay the result, with the evidence of the time without the delay."""
+        """Delay the result; its evidence keeps the times that it would have without the delay."""
         if late_s > 0:
             if not self._has_evidence:
                 self.evidence(self._start_s, self._job.now_s())

@@ -102,7 +102,7 @@ class Verb(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Asked:
-    """The arguments of a decision; `otherwise` is the value that the robot itself sees; `since_s` counts from 0 s."""
+    """The arguments of a decision; `otherwise` is the value that the robot itself sees; `since_s` counts from the start of the story."""
 
     otherwise: Literal | None = None
     max_age_s: float = math.inf
@@ -186,7 +186,7 @@ class Moment:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Story:
-    """A sequence of moments; the first one is the common beginning of all stories, if the timeline has one."""
+    """A sequence of moments; the first one is the common `start` of all stories, if the timeline has it."""
 
     name: str
     place: Place

@@ -31,7 +31,7 @@ from codra_dsl.runtime.values.model import SkillModel, VariableModel
 
 
 class NotDeclaredError(PermissionError):
-    """The main execution wrote a variable of another source that it has not declared."""
+    """The main execution wrote a variable of which it is not a source, and which is not declared."""
 
 
 class Commands:
@@ -106,7 +106,7 @@ class Commands:
             self.declarations.remove(party, name)
 
     def expect(self, skills: Iterable[str], party: str = MAIN) -> None:
-        """Set the skills that a main execution expects next."""
+        """Set the skills that a main execution expects next; all others are no longer expected."""
         with self._clock:
             self._check_open()
             expected = list(skills)
@@ -182,8 +182,8 @@ class Commands:
         """Write a variable as the main execution or an agent.
 
         Raises:
-            NotDeclaredError: if the variable has other sources and is not declared.
-            NotASourceError: if the agent is not a source of the variable.
+            NotDeclaredError: if the main execution is not a source of the variable, and it is not declared.
+            NotASourceError: if the agent is not a source of the variable, or the variable follows from poses.
             ValueError: if the evidence lies in the future.
         """
         evidence_s = None if evidence_s is None else float(evidence_s)
@@ -245,7 +245,8 @@ class Commands:
     def conclude(self, decision: Decision, content: Value | None, raised: str | None = None) -> None:
         """Take the value that the main execution found itself, or the name of the error that its look raised.
 
-        The value is kept as evidence of the main execution, if the main execution may write the variable.
+        The value is kept as evidence of the main execution if the main execution may write the variable, the decision
+        is not in shadow mode, and no skill has made the variable unknown since the look began.
         """
         name, shadow = decision.request.variable, decision.request.shadow
         with self._clock:

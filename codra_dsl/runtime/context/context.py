@@ -1,4 +1,4 @@
-"""The context manager M (P1, sections 3.2 and 3.3): it declares, stores and returns context."""
+"""The context manager M (P1, sections 3.2 and 3.3): the one place where context is declared, stored and read."""
 
 from __future__ import annotations
 
@@ -250,10 +250,11 @@ class ContextManager(Generic[VariableName, SkillName]):
         Args:
             name: the variable.
             value: its value.
-            evidence_s: when the evidence was taken; now, if None. A value with newer evidence is kept.
+            evidence_s: when the evidence was taken; now, if None. If the variable has a value with newer evidence, that value
+                is kept.
 
         Raises:
-            NotDeclaredError: if it has other sources and is not declared.
+            NotDeclaredError: if the main execution is not a source of it, and it is not declared.
             NotOfTypeError: if the value does not have the declared type.
             ValueError: if the evidence lies in the future.
         """
@@ -372,7 +373,7 @@ class ContextManager(Generic[VariableName, SkillName]):
             return self._subscriptions.follow(name, callback)
 
     def wait_for(self, condition: VariableName | Term, timeout_s: float) -> bool:
-        """Wait until a variable is known, or a condition over variables holds; return whether it does.
+        """Wait until a variable is known, or a condition over variables holds; return whether that came true.
 
         Args:
             condition: a variable, or a condition built with `codra_dsl.runtime.values.conditions`.

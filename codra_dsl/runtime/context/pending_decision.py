@@ -24,7 +24,7 @@ class DecisionState(StrEnum):
     LOOKING = "looking"
     """The main execution looks itself, then calls `record_result`."""
     DONE = "done"
-    """The main execution has reported its result."""
+    """The main execution has reported its result, or has abandoned the decision."""
 
 
 class PendingDecision:
@@ -33,7 +33,7 @@ class PendingDecision:
     `ContextManager.ask` creates it. Only one thread at a time may use it.
 
     Attributes:
-        step: its state.
+        state: its state.
     """
 
     def __init__(

@@ -22,15 +22,15 @@ from codra_dsl.runtime.values.model import VariableModel
 
 
 class PoseConditions:
-    """Computes the variables that follow from poses. Callers are within a step."""
+    """Computes the variables that follow from poses. Its methods are called only within a step of `LockedClock`."""
 
     def __init__(self, variables: Iterable[VariableModel], knowledge: Knowledge, clock: Clock, store: Store) -> None:
-        """Compute all of them, and again whenever the graph or time may change them.
+        """Compute the variables now, and again whenever a change of the graph or the passing of time may change them.
 
         Args:
             variables: the variables of the context.
             knowledge: the graph.
-            clock: a clock whose events are steps.
+            clock: a clock that runs each of its timers as a step.
             store: stores the readings.
         """
         self._take = knowledge.step_snapshot
@@ -55,12 +55,12 @@ class PoseConditions:
 
 
 class _Dependence(NamedTuple):
-    """The inputs of a condition.
+    """The inputs of a condition, and the reason if it is unknown.
 
     Attributes:
-        frames: the frames whose poses can change it; None if any frame can.
-        next_s: when it is to be computed again without a change of the graph.
-        reason: why it may be unknown.
+        frames: the frames whose poses can change the condition; None if any frame can.
+        next_s: when the condition is to be computed again even if the graph does not change.
+        reason: why the condition is unknown, if it is.
     """
 
     frames: frozenset[str] | None
@@ -82,11 +82,11 @@ class _PoseCondition:
         self._timer: Timer | None = None
 
     def depends_on(self, frames: frozenset[str]) -> bool:
-        """Return whether the poses of some frames can change it."""
+        """Return whether the poses of some frames can change the condition."""
         return self._frames is None or not self._frames.isdisjoint(frames)
 
     def evaluate(self, snapshot: Snapshot, moved: frozenset[str] = frozenset()) -> None:
-        """Compute it, and store a reading if it has changed.
+        """Compute the condition, and store a reading if its value or reason has changed.
 
         Args:
             snapshot: the snapshot of the present step.
@@ -114,12 +114,15 @@ class _PoseCondition:
         self._wake_at(dependence.next_s)
 
     def _evidence_s(self, snapshot: Snapshot, moved: frozenset[str]) -> float:
-        """Return the instant of the newest measurement that it depends on; now, if only time has changed it."""
+        """Return the instant of the newest measurement among the moved frames of the condition; now, without one."""
         inputs = moved & self._frames if self._frames is not None else frozenset[str]()
         return max((snapshot.measured_s(name) for name in inputs), default=snapshot.instant_s)
 
     def _wake_at(self, instant_s: float) -> None:
-        """Compute it again at an instant, unless an earlier timer exists, which sets the next one itself."""
+        """Compute the condition again at an instant.
+
+        A timer for this or an earlier instant is kept: when it ends, the condition is computed and the next timer is set.
+        """
         if instant_s == FOREVER_S or (self._timer is not None and self._timer.instant_s <= instant_s):
             return
         if self._timer is not None:
@@ -155,6 +158,6 @@ def _dependence(snapshot: Snapshot, term: Term) -> _Dependence:
 
 
 def _reason(before: Reading[Any], dependence: _Dependence) -> Reason:
-    """Return why a condition is unknown: one that was never known was never observed, not forgotten."""
+    """Return why a condition is unknown: `NEVER_OBSERVED` instead of `FORGOTTEN` if it was never known."""
     was_never = before.reason is Reason.NEVER_OBSERVED and dependence.reason is Reason.FORGOTTEN
     return Reason.NEVER_OBSERVED if was_never else dependence.reason

@@ -86,7 +86,7 @@ def _condition_rules(branch: Branch, key: str, places: Mapping[str, Place]) -> t
 
 
 def _rules(conditions: Sequence[tuple[str, Term]], key: str, places: Mapping[str, Place]) -> tuple[Rule, ...]:
-    """Return conditions with their places, unless the number of places differs from the number of conditions."""
+    """Return conditions with their places; without places if there are places for more conditions than these."""
     own = [places.get(f"{key}/{number}") for number in range(len(conditions))]
     if f"{key}/{len(conditions)}" in places:
         own = [None] * len(conditions)

@@ -20,7 +20,7 @@ SHORTEST_PERIOD_S = 0.01
 """The shortest period: an algorithm that takes no time and may look again at once still lets time pass."""
 
 INSTANT_S = 1e-6
-"""The time after the start of acting from which a look shows the effects of the action."""
+"""A look that begins this long after the start of acting sees what the action changes."""
 
 
 class ObserverSchedule(Protocol):
@@ -138,7 +138,7 @@ class Branch:
             votes.clear()
 
     def next_start_s(self) -> float:
-        """Return when the next job is due; infinity if all its variables are known and it looks on events only."""
+        """Return when the next job is due; infinity if it looks on events only and none of its due variables is needed."""
         if self.is_on_event:
             return self._next_on_event_s()
         return self._next_in_period_s()
@@ -377,7 +377,11 @@ class Branch:
         return start_s
 
     def _still_counts(self, variable: str, before: Vote, now: Vote) -> bool:
-        """Return whether an earlier result still counts for a variable."""
+        """Return whether an earlier result still counts for a variable.
+
+        It does not if it is from before the last action that changed the variable, if it is no longer valid, or if the
+        variable forgets and could not be observed for a moment since then.
+        """
         services = self.observer.services
         model, cells = services.variables[variable], services.cells
         if before.start_s <= cells[variable].invalidated_s or before.stamp_s + model.valid_for_s <= now.stamp_s:

@@ -10,7 +10,10 @@ from codra_dsl.runtime.values.cell import BEFORE_ALL_S, Reading
 
 
 class EventTriggers:
-    """The variables that skills monitor and change while acting, and the last end of acting. Writers hold the lock."""
+    """The variables that skills under way monitor, those that acting skills change, and the last end of acting.
+
+    Callers that change it hold the lock.
+    """
 
     def __init__(self) -> None:
         self._monitored: Counter[str] = Counter()

@@ -117,7 +117,8 @@ class _Watched:
 
 
 class Expectations:
-    """The expectations of skills under way. Callers hold the context manager's lock, except for `verification`.
+    """The expectations of skills under way. Callers hold the context manager's lock, except for
+    `is_settled` and `verification`.
 
     An expectation is judged by the context alone, from the start of acting, when the context changes and when the time
     of the expectation is over: so outcomes follow from the journal. A variable that the skill changes is unknown at the
@@ -133,8 +134,8 @@ class Expectations:
         Args:
             store: holds the variables.
             clock: the clock for the deadlines.
-            event_writer: records watched outcome.
-            on_verdict: called with the number of the skill and watched outcome.
+            event_writer: records each outcome.
+            on_verdict: called with the number of the skill and each verdict.
         """
         self._store = store
         self._clock = clock
@@ -162,7 +163,7 @@ class Expectations:
                 self._judge(number, watched, at_end=True)
 
     def finish(self, number: int) -> None:
-        """End the skill; its open expectations end as `NOT_SEEN`."""
+        """End the skill; its open expectations end as `NOT_SEEN`, and no later observation changes an outcome."""
         for watched in self._of_skill.pop(number, ()):
             if watched.outcome is None:
                 self._conclude(number, watched, Outcome.NOT_SEEN)

@@ -11,12 +11,12 @@ from codra_dsl.runtime.values.cell import Reading, Reason
 
 @dataclass(frozen=True, slots=True)
 class FailedLook:
-    """The failure of an algorithm to deliver a value for a variable.
+    """Why an algorithm delivered no value for a variable.
 
     Attributes:
         reason: why the variable may become unknown.
-        since_s: when the failed look took its evidence.
-        algorithm: the algorithm that failed.
+        since_s: the instant of the look, to be compared with the times of evidence.
+        algorithm: the algorithm that looked.
     """
 
     reason: Reason
@@ -29,7 +29,7 @@ def decisive(reading: Reading[Value], failed_looks: Iterable[FailedLook], *, for
     """Return the failed look that makes a variable unknown, or gives a new reason for it, or None.
 
     It is called once no alternative has delivered. A failure makes the variable unknown only if the failed algorithm
-    wrote its value. A rejection makes it unknown only if the variable `forgets`. A variable that is unknown already
+    wrote its value: a newer value of another writer stays. A rejection makes it unknown only if the variable `forgets`. A variable that is unknown already
     takes the latest reason.
     """
     latest: FailedLook | None = None

@@ -94,7 +94,10 @@ class Forest:
         return observer.obstacle(variable) if observer.wanted else f"{observer.name} does not run: declare {variable}"
 
     def declare(self, variable: str) -> None:
-        """Start the observers for a variable that enters C_E(t) (P1, Algorithm 1); if one runs already, tick it."""
+        """Start the observers for a variable that enters C_E(t) (P1, Algorithm 1).
+
+        If its observer runs already, for others that need it on events, it may be due only now: it is ticked.
+        """
         self._activation.declare(variable)
         if variable in self._needing and variable in self._observer_of:
             self.touch(self._observer_of[variable])
@@ -182,7 +185,7 @@ class Forest:
         return readings
 
     def _wake_at(self, observer: Observer, instant_s: float | None) -> None:
-        """Tick an observer at an instant; an earlier tick sets the next instant itself."""
+        """Tick an observer at an instant; an earlier tick stays and sets the next one itself."""
         timer = self._timers.get(observer.name)
         if instant_s is not None and (timer is None or timer.instant_s > instant_s):
             if timer is not None:

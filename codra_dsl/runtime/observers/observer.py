@@ -89,7 +89,10 @@ class Observer:
         return tuple(sorted({*self.needs(), *self.on_event}))
 
     def needs_age_of(self) -> tuple[str, ...]:
-        """Return the context-variables whose age it reads, for which newer evidence always matters; sorted."""
+        """Return the context-variables whose age it reads, sorted.
+
+        Newer evidence for them may matter even if the value stays the same.
+        """
         return tuple(sorted({name for term in self._aging for name in term.variables()}))
 
     def observable(self, variable: str) -> Term | None:
@@ -147,7 +150,7 @@ class Observer:
     def next_in_turn(self, branch: Branch) -> Branch | None:
         """Return the one of a branch and its rivals that may start a job now, or None.
 
-        An algorithm is needed if no algorithm of better rank serves one of its variables. Of the needed ones, the one
+        An algorithm is needed if at least one of its variables is not served by any algorithm of better rank. Of the needed ones, the one
         that has not run for the longest time goes first, so that none starves another; then rank decides.
         """
         if any(rival.busy for rival in branch.rivals):
@@ -239,7 +242,7 @@ class Observer:
         return any(branch.algorithm.name == reading.source for branch in self._branches)
 
     def _settle(self, variable: str) -> None:
-        """Decide whether a tick makes a variable unknown."""
+        """Decide whether a tick makes a variable unknown, or gives a new reason for an unknown one."""
         forgets = self._forgets(variable)
         if variable in self._failed_looks and not self._concluded and not self._alternative_is_busy(variable):
             failed_look = decisive(self._reading(variable), self._failed_looks.pop(variable, ()), forgets=forgets)

@@ -173,7 +173,7 @@ def test_a_timeline_of_a_spec_that_was_not_compiled_again_is_reported(project: P
     done = run("-m", "pytest", "-q", cwd=project)
 
     assert done.returncode == 2
-    assert "'generated/gate' is out of date: 'specs/gate.yaml' has changed" in done.stdout
+    assert "'generated/gate' is out of date: it does not match 'specs/gate.yaml'" in done.stdout
     assert "compile it: codra compile specs/gate.yaml" in done.stdout
 
 

@@ -83,7 +83,7 @@ tests/case.timeline.yaml:14:31: at 140 s fridge_open should be true, but it is u
         ),
         (
             "decided: {kettle_state: fell_back}",
-            "by 2 s the decision on kettle_state should be made by looking, but there was no such decision",
+            "by 2 s the decision on kettle_state should be made by looking, but there was no decision on it",
         ),
         (
             "believes: {fridge_angle: {is: 30 deg, within: 5 deg}}",
