@@ -102,7 +102,12 @@ class Verb(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Asked:
-    """The arguments of a decision; `otherwise` is the value that the robot itself sees; `since_s` counts from the start of the story."""
+    """The arguments of a decision.
+
+    Attributes:
+        otherwise: the value that the robot itself sees; None if it sees none.
+        since_s: counted from the start of the story.
+    """
 
     otherwise: Literal | None = None
     max_age_s: float = math.inf

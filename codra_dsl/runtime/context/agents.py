@@ -89,7 +89,8 @@ class Agent(Generic[VariableName_contra, GraphT_co]):
         Args:
             name: the variable.
             value: its value.
-            evidence_s: when the evidence was taken; now, if None. If the variable has a value with newer evidence, that value is kept.
+            evidence_s: when the evidence was taken; now, if None. A value that the variable has from
+                newer evidence is kept.
 
         Raises:
             NotASourceError: if the variable does not name the agent as `source`.

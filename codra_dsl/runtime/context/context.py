@@ -250,8 +250,8 @@ class ContextManager(Generic[VariableName, SkillName]):
         Args:
             name: the variable.
             value: its value.
-            evidence_s: when the evidence was taken; now, if None. If the variable has a value with newer evidence, that value
-                is kept.
+            evidence_s: when the evidence was taken; now, if None. A value that the variable has from
+                newer evidence is kept.
 
         Raises:
             NotDeclaredError: if the main execution is not a source of it, and it is not declared.

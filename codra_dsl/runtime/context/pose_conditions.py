@@ -121,7 +121,7 @@ class _PoseCondition:
     def _wake_at(self, instant_s: float) -> None:
         """Compute the condition again at an instant.
 
-        A timer for this or an earlier instant is kept: when it ends, the condition is computed and the next timer is set.
+        A timer for this or an earlier instant is kept: when it ends, the condition is computed, and the next timer set.
         """
         if instant_s == FOREVER_S or (self._timer is not None and self._timer.instant_s <= instant_s):
             return

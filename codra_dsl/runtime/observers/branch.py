@@ -138,7 +138,7 @@ class Branch:
             votes.clear()
 
     def next_start_s(self) -> float:
-        """Return when the next job is due; infinity if it looks on events only and none of its due variables is needed."""
+        """Return when the next job is due; infinity if it looks on events only, and not for any due variable now."""
         if self.is_on_event:
             return self._next_on_event_s()
         return self._next_in_period_s()

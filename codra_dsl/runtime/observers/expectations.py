@@ -117,8 +117,9 @@ class _Watched:
 
 
 class Expectations:
-    """The expectations of skills under way. Callers hold the context manager's lock, except for
-    `is_settled` and `verification`.
+    """The expectations of skills under way.
+
+    Callers hold the context manager's lock, except for `is_settled` and `verification`.
 
     An expectation is judged by the context alone, from the start of acting, when the context changes and when the time
     of the expectation is over: so outcomes follow from the journal. A variable that the skill changes is unknown at the

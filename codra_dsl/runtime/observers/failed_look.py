@@ -29,8 +29,8 @@ def decisive(reading: Reading[Value], failed_looks: Iterable[FailedLook], *, for
     """Return the failed look that makes a variable unknown, or gives a new reason for it, or None.
 
     It is called once no alternative has delivered. A failure makes the variable unknown only if the failed algorithm
-    wrote its value: a newer value of another writer stays. A rejection makes it unknown only if the variable `forgets`. A variable that is unknown already
-    takes the latest reason.
+    wrote its value: a newer value of another writer stays. A rejection makes it unknown only if the variable `forgets`.
+    A variable that is unknown already takes the latest reason.
     """
     latest: FailedLook | None = None
     for failed_look in failed_looks:

@@ -150,8 +150,9 @@ class Observer:
     def next_in_turn(self, branch: Branch) -> Branch | None:
         """Return the one of a branch and its rivals that may start a job now, or None.
 
-        An algorithm is needed if at least one of its variables is not served by any algorithm of better rank. Of the needed ones, the one
-        that has not run for the longest time goes first, so that none starves another; then rank decides.
+        An algorithm is needed if at least one of its variables is not served by any algorithm of better rank.
+        Of the needed ones, the one that has not run for the longest time goes first, so that none starves another; then
+        rank decides.
         """
         if any(rival.busy for rival in branch.rivals):
             return None

@@ -99,7 +99,7 @@ class Store:
 
 
 def _is_same_state(before: Reading[Value], reading: Reading[Value]) -> bool:
-    """Return whether the first of two readings with the same content was known, or unknown, like the second until now."""
+    """Return whether the first of two readings of the same content was known, or unknown, like the second until now."""
     if before.reason is not None and reading.reason is not None:
         # evidence from before a value went stale changes the history
         return before.reason is not Reason.STALE or before.identified_s <= reading.evidence_s
