@@ -88,7 +88,7 @@ def source_files(spec: Path) -> tuple[Path, ...]:
     Raises:
         SpecError: if the spec has errors.
     """
-    planned = _planned(spec)
+    planned = _plan_valid(spec)
     return tuple(planned.root / name for name in (*planned.files, *planned.modules))
 
 
@@ -104,7 +104,7 @@ def _plan_of(source: Path | Spec) -> BuildPlan:
     return planned.plans[0]
 
 
-def _planned(spec: Path) -> Planned:
+def _plan_valid(spec: Path) -> Planned:
     planned = plan_paths([spec.absolute()], root_of(spec))
     if has_errors(planned.diagnostics):
         raise _spec_error(planned.diagnostics)

@@ -34,10 +34,10 @@ class PackageError(Exception):
         help: how to fix it.
     """
 
-    def __init__(self, message: str, help: str) -> None:
-        super().__init__(f"{message}: {help}")
+    def __init__(self, message: str, help_text: str) -> None:
+        super().__init__(f"{message}: {help_text}")
         self.message = message
-        self.help = help
+        self.help = help_text
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,11 +101,11 @@ def load_package(root: Path, name: str) -> Package:
 
 
 def _require(root: Path, name: str) -> None:
-    present = sorted(manifest.parent.name for manifest in (root / FOLDER).glob("*/manifest.json"))
-    if name not in present:
-        near = suggest(name, present)
-        help = f"did you mean '{near}'?" if near else "compile the spec first: codra compile"
-        raise PackageError(f"there is no compiled spec '{FOLDER}/{name}'", help)
+    compiled_names = sorted(manifest.parent.name for manifest in (root / FOLDER).glob("*/manifest.json"))
+    if name not in compiled_names:
+        near = suggest(name, compiled_names)
+        help_text = f"did you mean '{near}'?" if near else "compile the spec first: codra compile"
+        raise PackageError(f"there is no compiled spec '{FOLDER}/{name}'", help_text)
 
 
 def _require_fresh(root: Path, name: str) -> None:
@@ -128,7 +128,7 @@ def _package(module: ModuleType) -> Package:
     classes = [
         value for value in vars(module).values() if isinstance(value, type) and issubclass(value, ContextManager)
     ]
-    build = next(class_ for class_ in classes if class_ is not ContextManager)
+    build = next(manager_class for manager_class in classes if manager_class is not ContextManager)
     algorithms: dict[str, Algorithm] = {}
 
     def add(algorithm: Algorithm) -> Callable[..., object]:

@@ -101,7 +101,7 @@ class Verb(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Asked:
+class DecisionArguments:
     """The arguments of a decision.
 
     Attributes:
@@ -123,14 +123,14 @@ class Step:
     Attributes:
         names: the names of variables or skills.
         value: the value that it sets.
-        asked: the arguments of its decision.
+        decision_arguments: the arguments of its decision.
     """
 
     verb: Verb
     names: tuple[str, ...]
     place: Place
     value: Literal | None = None
-    asked: Asked = field(default_factory=Asked)
+    decision_arguments: DecisionArguments = field(default_factory=DecisionArguments)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -203,7 +203,7 @@ class Story:
         return self.moments[-1].at_s
 
     @property
-    def scripted(self) -> frozenset[str]:
+    def scripted_algorithms(self) -> frozenset[str]:
         """Return the algorithms that the story scripts; others are called."""
         changes = (change for moment in self.moments for change in moment.changes)
         return frozenset(

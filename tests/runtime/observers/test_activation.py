@@ -156,7 +156,7 @@ def check_against_the_paper(seed: int, steps: Sequence[Step]) -> int:
             assert manager.declared() == run.declared()
             assert manager.running() == running == running_by_record(manager)
             assert manager.in_force() == context
-            assert {name for name, observer_ in manager._forest.observers.items() if observer_.wanted} == running
+            assert {name for name, observer_ in manager._forest.observers.items() if observer_.is_wanted} == running
             most = max(most, len(running))
     assert running_by_record(manager) == set()
     return most
