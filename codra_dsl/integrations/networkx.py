@@ -226,13 +226,9 @@ def _dsr_attributes(
             continue
         name = key[:-1] if isinstance(key, str) and key.rstrip("_") in _RESERVED else str(key)
         try:
-            yield name, _value(value, dsr_data.codes.get(name), dsr_data.extras.get(name))
+            yield name, encode_value(value, dsr_data.codes.get(name), dsr_data.extras.get(name))
         except (ValueError, OverflowError) as error:
             raise ExchangeError(f"{subject}.{name}: {error}") from None
-
-
-def _value(value: object, code: int | None, extra: Mapping[str, object] | None) -> DsrValue:
-    return encode_value(value, code, extra)
 
 
 def _edges(graph: networkx.Graph[Any], numbers: Mapping[Any, int]) -> Iterator[DsrEdge]:

@@ -281,7 +281,7 @@ class Commands:
         with self._clock:
             self._record("request", resources=list(resources))
             self._slot_request_count += 1
-            self._tickets[self._slot_request_count] = self._slots.request(resources, _first, grant)
+            self._tickets[self._slot_request_count] = self._slots.request(resources, lambda: (MAIN_EXECUTION, 0), grant)
             return self._slot_request_count
 
     def release_slots(self, number: int) -> None:
@@ -371,10 +371,6 @@ class Commands:
         if self._skills_under_way:  # the last skill that began
             about["skill"] = next(reversed(self._skills_under_way.values()))[1].name
         self._event_writer.write(Kind.DECISION, reading.name, what, **about, **details)
-
-
-def _first() -> tuple[float, int]:
-    return MAIN_EXECUTION, 0
 
 
 def _request_fields(request: DecisionRequest) -> dict[str, object]:

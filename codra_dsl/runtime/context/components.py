@@ -117,9 +117,9 @@ class Components:
 
     def notify_readers(self, name: str, is_renewed: bool) -> None:
         """Notify all readers of a variable of another reading."""
-        self.forest.notify_readers(name, is_renewed)
-        self.expectations.notify_readers(name)
-        self.subscriptions.notify_readers(name, self.store.reading)
+        self.forest.changed(name, is_renewed)
+        self.expectations.changed(name)
+        self.subscriptions.changed(name, self.store.reading)
         self.time.notify()
 
     def forget_variables_of(self, observer: Observer) -> None:

@@ -126,11 +126,8 @@ class PendingDecision:
     def _settled_state(self) -> DecisionState:
         return DecisionState.ANSWERED if self._decision.is_answered else DecisionState.LOOKING
 
-    def _is_met(self) -> bool:
-        return self._decision.request.is_met(self._read(), self._clock.now_s())
-
     def _is_wait_over(self) -> bool:
-        return self._commands.is_closed or self._is_met()
+        return self._commands.is_closed or self._decision.request.is_met(self._read(), self._clock.now_s())
 
     def _remaining_s(self) -> float:
         return self._decision.asked_s + self._decision.request.wait_up_to_s - self._clock.now_s()

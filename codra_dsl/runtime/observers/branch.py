@@ -366,9 +366,7 @@ class Branch:
         votes.take(vote, lambda before: self._still_counts(variable, before, vote))
         start_s = votes.start_s(content)
         if start_s is None:
-            detail = (
-                f"{votes.count(content)} of {votes.needed} needed among the last {votes.among} for {_shown(content)}"
-            )
+            detail = f"{votes.count(content)} of {votes.needed} needed among the last {votes.among} for {_value_text(content)}"
             self._record_refusal((variable,), Reason.UNCONFIRMED, detail)
             reading = self.observer.services.cells[variable].reading.at(self.observer.now_s)
             if not reading.known or votes.count(reading.content) < votes.needed:
@@ -406,5 +404,5 @@ class Branch:
             self.observer.add_failed_look(variable, FailedLook(reason, detail, since_s, self.algorithm.name))
 
 
-def _shown(content: Value) -> str:
+def _value_text(content: Value) -> str:
     return str(content).lower() if isinstance(content, bool) else str(content)

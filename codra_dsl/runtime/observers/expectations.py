@@ -11,7 +11,6 @@ from codra_dsl.logic import Value
 from codra_dsl.runtime.clock import Clock, Timer
 from codra_dsl.runtime.journal import EventWriter, Kind
 from codra_dsl.runtime.observers.store import Store
-from codra_dsl.runtime.values.cell import Reading
 from codra_dsl.runtime.values.evidence import ContextNow
 from codra_dsl.runtime.values.model import ExpectationModel, SkillModel
 
@@ -222,7 +221,10 @@ class Expectations:
             skill=watched.skill,
             expected=verdict.expected,
             acting_s=watched.since_s,
-            **_reading_details(reading),
+            value=reading.content,
+            reason=reading.reason,
+            detail=reading.detail,
+            source=reading.source,
         )
         self._on_verdict(number, verdict)
 
@@ -235,10 +237,6 @@ class Expectations:
             instant_s=self._clock.now_s(),
             value=self._store.reading(watched.model.variable).content,
         )
-
-
-def _reading_details(reading: Reading[Value]) -> dict[str, object]:
-    return {"value": reading.content, "reason": reading.reason, "detail": reading.detail, "source": reading.source}
 
 
 def unseen_variables(verification: Verification) -> Iterable[str]:

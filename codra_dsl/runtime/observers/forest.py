@@ -205,9 +205,8 @@ class Forest:
             self._timers[observer.name] = self._clock.call_at(instant_s, lambda: self._wake(observer))
 
     def _wake(self, observer: Observer) -> None:
-        self._timers.pop(
-            observer.name, None
-        )  # a timer that fires while it is replaced removes the entry of the new one
+        # A timer that fires while it is replaced removes the entry of the new one.
+        self._timers.pop(observer.name, None)
         self.touch(observer)
 
     def _start(self, name: str) -> None:
