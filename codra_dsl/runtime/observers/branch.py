@@ -366,7 +366,8 @@ class Branch:
         votes.take(vote, lambda before: self._still_counts(variable, before, vote))
         start_s = votes.start_s(content)
         if start_s is None:
-            detail = f"{votes.count(content)} of {votes.needed} needed among the last {votes.among} for {_value_text(content)}"
+            count_text = f"{votes.count(content)} of {votes.needed} needed among the last {votes.among}"
+            detail = f"{count_text} for {_value_text(content)}"
             self._record_refusal((variable,), Reason.UNCONFIRMED, detail)
             reading = self.observer.services.cells[variable].reading.at(self.observer.now_s)
             if not reading.known or votes.count(reading.content) < votes.needed:
