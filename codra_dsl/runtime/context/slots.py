@@ -67,7 +67,7 @@ class MainExecutionSlots:
 
     def _held_resources(self) -> dict[str, None]:
         """Return the resources whose slots this thread has."""
-        if not hasattr(self._thread_state, "held"):
+        if not hasattr(self._thread_state, "held_resources"):
             self._thread_state.held_resources = {}
         held_resources: dict[str, None] = self._thread_state.held_resources
         return held_resources
