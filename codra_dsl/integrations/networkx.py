@@ -29,17 +29,17 @@ DSR = "dsr"
 LABEL = "label"
 _RESERVED = (TYPE, DSR)
 _DEFAULT_TYPE = "node"
-_QUOTED = "json"
+_JSON_KINDS = "json"
 """The GraphML attribute that lists attributes written as JSON, because XML or networkx would lose their types."""
 
-_SAFE = re.compile(r"[\t\n\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]+")
+_XML_TEXT = re.compile(r"[\t\n\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]+")
 """The texts that XML can write and return unchanged."""
 
-_BROKEN = (ParseError, networkx.NetworkXError, LookupError, TypeError, ValueError, AttributeError, Warning)
+_READ_ERRORS = (ParseError, networkx.NetworkXError, LookupError, TypeError, ValueError, AttributeError, Warning)
 """The exceptions of networkx for files that are not GraphML."""
 
 
-class _Beside(NamedTuple):
+class _DsrData(NamedTuple):
     """The contents of the attribute `dsr`."""
 
     codes: Mapping[str, int]
@@ -50,20 +50,20 @@ class _Beside(NamedTuple):
 
 def to_networkx(graph: DsrGraph) -> networkx.MultiDiGraph[str]:
     """Return a graph as a graph of networkx. `from_networkx` converts it back without losses."""
-    made: networkx.MultiDiGraph[str] = networkx.MultiDiGraph()
-    made.graph[DSR] = {"extra": dict(graph.extra), "model_extra": dict(graph.model_extra)}
+    converted: networkx.MultiDiGraph[str] = networkx.MultiDiGraph()
+    converted.graph[DSR] = {"extra": dict(graph.extra), "model_extra": dict(graph.model_extra)}
     names = {node.number: node.name for node in graph.nodes}
     for node in graph.nodes:
-        beside = {**_beside(node.attributes, node.extra), "number": node.number}
-        made.add_node(node.name, **{TYPE: node.type, **_flat(node.attributes), DSR: beside})
+        dsr_attribute = {**_dsr_attribute(node.attributes, node.extra), "number": node.number}
+        converted.add_node(node.name, **{TYPE: node.type, **_plain_values(node.attributes), DSR: dsr_attribute})
     for edge in graph.edges:
-        data = {**_flat(edge.attributes), DSR: _beside(edge.attributes, edge.extra)}
-        made.add_edge(names[edge.origin], names[edge.target], key=edge.label)
-        made.edges[names[edge.origin], names[edge.target], edge.label].update(data)
-    return made
+        data = {**_plain_values(edge.attributes), DSR: _dsr_attribute(edge.attributes, edge.extra)}
+        converted.add_edge(names[edge.origin], names[edge.target], key=edge.label)
+        converted.edges[names[edge.origin], names[edge.target], edge.label].update(data)
+    return converted
 
 
-def from_networkx(given: networkx.Graph[Any]) -> DsrGraph:
+def from_networkx(graph: networkx.Graph[Any]) -> DsrGraph:
     """Return the DSR graph of any directed graph of networkx.
 
     Nodes without a number get one. Nodes without a type have the type `node`. The label of an edge is its key, or its
@@ -72,30 +72,30 @@ def from_networkx(given: networkx.Graph[Any]) -> DsrGraph:
     Raises:
         ExchangeError: if the graph is not directed, or contains a value without a DSR type.
     """
-    if not given.is_directed():
+    if not graph.is_directed():
         raise ExchangeError("the graph is not directed: convert it with to_directed()")
-    besides = {name: _beside_of(data, f"node {name!r}") for name, data in given.nodes(data=True)}
-    numbers = _numbers(besides)
+    dsr_data_of_nodes = {name: _read_dsr_data(data, f"node {name!r}") for name, data in graph.nodes(data=True)}
+    numbers = _numbers(dsr_data_of_nodes)
     nodes = [
         DsrNode(
             number=numbers[name],
             name=str(name),
             type=str(data.get(TYPE) or _DEFAULT_TYPE),
-            attributes=dict(_coded(data, besides[name], f"node {name!r}")),
-            extra=besides[name].extra,
+            attributes=dict(_dsr_attributes(data, dsr_data_of_nodes[name], f"node {name!r}")),
+            extra=dsr_data_of_nodes[name].extra,
         )
-        for name, data in given.nodes(data=True)
+        for name, data in graph.nodes(data=True)
     ]
     if len({node.name for node in nodes}) < len(nodes):
         raise ExchangeError("two nodes have the same name as text: node names must be unique")
     if not all(node.name for node in nodes):
         raise ExchangeError("a node has no name: give it a non-empty text")
-    extras = _mapping(given.graph.get(DSR, {}), "the graph")
+    extras = _require_mapping(graph.graph.get(DSR, {}), "the graph")
     return DsrGraph(
         nodes=tuple(nodes),
-        edges=tuple(_edges(given, numbers)),
-        extra=_mapping(extras.get("extra", {}), "the graph"),
-        model_extra=_mapping(extras.get("model_extra", {}), "the graph"),
+        edges=tuple(_edges(graph, numbers)),
+        extra=_require_mapping(extras.get("extra", {}), "the graph"),
+        model_extra=_require_mapping(extras.get("model_extra", {}), "the graph"),
     )
 
 
@@ -123,18 +123,20 @@ def graphml_text(graph: DsrGraph) -> str:
     Raises:
         ExchangeError: if it contains a name that XML cannot write.
     """
-    made, quoted = to_networkx(graph), cast("networkx.MultiDiGraph[str]", networkx.MultiDiGraph())
-    quoted.graph.update(_xml_of(made.graph, "the graph"))
-    for name, data in made.nodes(data=True):
-        quoted.add_node(_word(name), **_xml_of(data, f"node {name!r}"))
-    for at, (origin, target, label, data) in enumerate(made.edges(keys=True, data=True)):
-        attributes = {_beside_label(key): value for key, value in data.items()}
-        quoted.add_edge(origin, target, key=f"e{at}")  # identifiers are unique in a GraphML file
-        quoted.edges[origin, target, f"e{at}"].update(_xml_of(attributes, f"edge {origin} -{label}-> {target}"))
-        quoted.edges[origin, target, f"e{at}"][LABEL] = _word(label)
-    written = io.BytesIO()
-    networkx.write_graphml_xml(quoted, written, edge_id_from_attribute=None)
-    return written.getvalue().decode("utf-8")
+    converted, xml_graph = to_networkx(graph), cast("networkx.MultiDiGraph[str]", networkx.MultiDiGraph())
+    xml_graph.graph.update(_xml_attributes(converted.graph, "the graph"))
+    for name, data in converted.nodes(data=True):
+        xml_graph.add_node(_xml_name(name), **_xml_attributes(data, f"node {name!r}"))
+    for index, (origin, target, label, data) in enumerate(converted.edges(keys=True, data=True)):
+        attributes = {_name_beside_label(key): value for key, value in data.items()}
+        xml_graph.add_edge(origin, target, key=f"e{index}")  # identifiers are unique in a GraphML file
+        xml_graph.edges[origin, target, f"e{index}"].update(
+            _xml_attributes(attributes, f"edge {origin} -{label}-> {target}")
+        )
+        xml_graph.edges[origin, target, f"e{index}"][LABEL] = _xml_name(label)
+    output = io.BytesIO()
+    networkx.write_graphml_xml(xml_graph, output, edge_id_from_attribute=None)
+    return output.getvalue().decode("utf-8")
 
 
 def parse_graphml(text: str, source: str = "<text>") -> DsrGraph:
@@ -152,51 +154,51 @@ def parse_graphml(text: str, source: str = "<text>") -> DsrGraph:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")  # networkx warns when it only guesses: then data would be lost
-            read = networkx.read_graphml(io.BytesIO(text.encode("utf-8", "replace")), force_multigraph=True)
+            parsed_graph = networkx.read_graphml(io.BytesIO(text.encode("utf-8", "replace")), force_multigraph=True)
         for data in (
-            read.graph,
-            *(data for _, data in read.nodes(data=True)),
-            *(edge[2] for edge in read.edges.data()),
+            parsed_graph.graph,
+            *(data for _, data in parsed_graph.nodes(data=True)),
+            *(edge[2] for edge in parsed_graph.edges.data()),
         ):
-            _unquote(data)
-        return from_networkx(_labelled(read))
+            _decode_json(data)
+        return from_networkx(_with_label_keys(parsed_graph))
     except ParseError as error:
         line, column = error.position
         raise ExchangeError(f"{source}:{line}:{column + 1}: this is not XML: {error.msg.split(':')[0]}") from None
     except ExchangeError as error:
         raise ExchangeError(f"{source}: {error}") from None
-    except _BROKEN as error:
+    except _READ_ERRORS as error:
         raise ExchangeError(f"{source}: this is not GraphML: {error}") from None
 
 
 # networkx
 
 
-def _flat(attributes: Mapping[str, DsrValue]) -> dict[str, object]:
-    return {_renamed(name): value.value for name, value in attributes.items()}
+def _plain_values(attributes: Mapping[str, DsrValue]) -> dict[str, object]:
+    return {_unreserved_name(name): value.value for name, value in attributes.items()}
 
 
-def _renamed(name: str) -> str:
+def _unreserved_name(name: str) -> str:
     """Return a name that is not reserved: `type` becomes `type_`, and `type_` becomes `type__`."""
     return f"{name}_" if name.rstrip("_") in _RESERVED else name
 
 
-def _beside(attributes: Mapping[str, DsrValue], extra: Mapping[str, object]) -> dict[str, object]:
+def _dsr_attribute(attributes: Mapping[str, DsrValue], extra: Mapping[str, object]) -> dict[str, object]:
     codes = {name: int(value.code) for name, value in attributes.items()}
     extras = {name: dict(value.extra) for name, value in attributes.items() if value.extra}
     return {"codes": codes, "extras": extras, "extra": dict(extra)}
 
 
-def _beside_of(data: Mapping[str, object], subject: str) -> _Beside:
-    dsr_data = _mapping(data.get(DSR, {}), subject)
-    codes, extras, extra = (_mapping(dsr_data.get(key, {}), subject) for key in ("codes", "extras", "extra"))
-    number = dsr_data.get("number")
+def _read_dsr_data(data: Mapping[str, object], subject: str) -> _DsrData:
+    content = _require_mapping(data.get(DSR, {}), subject)
+    codes, extras, extra = (_require_mapping(content.get(key, {}), subject) for key in ("codes", "extras", "extra"))
+    number = content.get("number")
     is_number = isinstance(number, int) and not isinstance(number, bool) and 0 <= number <= MOST_NUMBER
     if not (number is None or is_number) or not all(type(code) is int for code in codes.values()):
         raise ExchangeError(f"{subject}: {DSR!r} holds no valid number and codes: remove it")
     for name, value_extra in extras.items():
-        _mapping(value_extra, f"{subject}.{name}")
-    return _Beside(
+        _require_mapping(value_extra, f"{subject}.{name}")
+    return _DsrData(
         cast("Mapping[str, int]", codes),
         cast("Mapping[str, Mapping[str, object]]", extras),
         extra,
@@ -204,104 +206,105 @@ def _beside_of(data: Mapping[str, object], subject: str) -> _Beside:
     )
 
 
-def _numbers(besides: Mapping[Any, _Beside]) -> dict[Any, int]:
-    given = [beside.number for beside in besides.values() if beside.number is not None]
-    if len(set(given)) < len(given):
+def _numbers(dsr_data_of_nodes: Mapping[Any, _DsrData]) -> dict[Any, int]:
+    given_numbers = [dsr_data.number for dsr_data in dsr_data_of_nodes.values() if dsr_data.number is not None]
+    if len(set(given_numbers)) < len(given_numbers):
         raise ExchangeError("two nodes have the same number: remove one of them under 'dsr'")
-    taken = set(given)
-    free = (number for number in range(1, MOST_NUMBER) if number not in taken)
-    return {name: next(free) if beside.number is None else beside.number for name, beside in besides.items()}
+    used_numbers = set(given_numbers)
+    free_numbers = (number for number in range(1, MOST_NUMBER) if number not in used_numbers)
+    return {
+        name: next(free_numbers) if dsr_data.number is None else dsr_data.number
+        for name, dsr_data in dsr_data_of_nodes.items()
+    }
 
 
-def _coded(data: Mapping[str, object], beside: _Beside, subject: str, *ours: str) -> Iterator[tuple[str, DsrValue]]:
+def _dsr_attributes(
+    data: Mapping[str, object], dsr_data: _DsrData, subject: str, *ignored_keys: str
+) -> Iterator[tuple[str, DsrValue]]:
     for key, value in data.items():
-        if key in _RESERVED or key in ours:
+        if key in _RESERVED or key in ignored_keys:
             continue
         name = key[:-1] if isinstance(key, str) and key.rstrip("_") in _RESERVED else str(key)
         try:
-            yield name, _value(value, beside.codes.get(name), beside.extras.get(name))
+            yield name, encode_value(value, dsr_data.codes.get(name), dsr_data.extras.get(name))
         except (ValueError, OverflowError) as error:
             raise ExchangeError(f"{subject}.{name}: {error}") from None
 
 
-def _value(value: object, code: int | None, extra: Mapping[str, object] | None) -> DsrValue:
-    return encode_value(value, code, extra)
-
-
-def _edges(given: networkx.Graph[Any], numbers: Mapping[Any, int]) -> Iterator[DsrEdge]:
-    seen: set[tuple[int, str, int]] = set()
-    for origin, target, key, data in _keyed(given):
+def _edges(graph: networkx.Graph[Any], numbers: Mapping[Any, int]) -> Iterator[DsrEdge]:
+    edge_keys: set[tuple[int, str, int]] = set()
+    for origin, target, key, data in _edges_with_keys(graph):
         label = key if isinstance(key, str) and key else str(data.get(LABEL) or "edge")
         subject = f"edge {origin} -{label}-> {target}"
-        beside = _beside_of(data, subject)
-        own = () if label == key else (LABEL,)
+        dsr_data = _read_dsr_data(data, subject)
+        label_keys = () if label == key else (LABEL,)
         edge = DsrEdge(
             origin=numbers[origin],
             label=label,
             target=numbers[target],
-            attributes=dict(_coded(data, beside, subject, *own)),
-            extra=beside.extra,
+            attributes=dict(_dsr_attributes(data, dsr_data, subject, *label_keys)),
+            extra=dsr_data.extra,
         )
-        if edge.key in seen:
+        if edge.key in edge_keys:
             raise ExchangeError(f"{subject}: there are two: give them their labels as keys")
-        seen.add(edge.key)
+        edge_keys.add(edge.key)
         yield edge
 
 
-def _keyed(given: networkx.Graph[Any]) -> Iterator[tuple[Any, Any, object, dict[str, object]]]:
-    if isinstance(given, networkx.MultiDiGraph):
-        yield from given.edges(keys=True, data=True)
+def _edges_with_keys(graph: networkx.Graph[Any]) -> Iterator[tuple[Any, Any, object, dict[str, object]]]:
+    if isinstance(graph, networkx.MultiDiGraph):
+        yield from graph.edges(keys=True, data=True)
     else:
-        for origin, target, data in given.edges(data=True):
+        for origin, target, data in graph.edges(data=True):
             yield origin, target, None, data
 
 
-def _mapping(given: object, subject: str) -> Mapping[str, object]:
-    if isinstance(given, dict) and all(isinstance(key, str) for key in given):
-        return given
+def _require_mapping(content: object, subject: str) -> Mapping[str, object]:
+    if isinstance(content, dict) and all(isinstance(key, str) for key in content):
+        return content
     raise ExchangeError(f"{subject}: {DSR!r} holds unexpected contents: remove it")
 
 
 # GraphML
 
 
-def _beside_label(name: str) -> str:
+def _name_beside_label(name: str) -> str:
     return f"{name}_" if name.rstrip("_") == LABEL else name
 
 
-def _labelled(read: networkx.Graph[Any]) -> networkx.Graph[Any]:
-    """Return a graph that was read from GraphML, with the labels of edges as keys."""
-    if not read.is_directed():
-        return read
-    made: networkx.MultiDiGraph[Any] = networkx.MultiDiGraph()
-    made.graph.update(read.graph)
-    made.add_nodes_from(read.nodes(data=True))
-    for origin, target, key, data in _keyed(read):
+def _with_label_keys(parsed_graph: networkx.Graph[Any]) -> networkx.Graph[Any]:
+    """Return a graph that was read from GraphML, with the labels of those edges that have one as keys."""
+    if not parsed_graph.is_directed():
+        return parsed_graph
+    labelled_graph: networkx.MultiDiGraph[Any] = networkx.MultiDiGraph()
+    labelled_graph.graph.update(parsed_graph.graph)
+    labelled_graph.add_nodes_from(parsed_graph.nodes(data=True))
+    for origin, target, key, data in _edges_with_keys(parsed_graph):
         label = str(data.pop(LABEL, None) or key)
-        if made.has_edge(origin, target, label):
+        if labelled_graph.has_edge(origin, target, label):
             raise ExchangeError(f"edge {origin} -{label}-> {target}: there are two: labels must differ")
         is_ours = DSR in data
-        made.add_edge(origin, target, key=label)
-        made.edges[origin, target, label].update(
+        labelled_graph.add_edge(origin, target, key=label)
+        labelled_graph.edges[origin, target, label].update(
             {(key[:-1] if is_ours and key.rstrip("_") == LABEL else key): value for key, value in data.items()}
         )
-    return made
+    return labelled_graph
 
 
-def _xml_of(data: Mapping[str, object], subject: str) -> dict[str, object]:
+def _xml_attributes(data: Mapping[str, object], subject: str) -> dict[str, object]:
     """Return attributes for XML: plain values unchanged, other values as JSON, and the list of the latter."""
-    written: dict[str, object] = {}
-    quoted: dict[str, str] = {}
+    xml_attributes: dict[str, object] = {}
+    json_kinds: dict[str, str] = {}
     for key, value in data.items():
         if _is_plain(value):
-            written[_word(key)] = value
+            xml_attributes[_xml_name(key)] = value
         else:
             kind, json_form = _json_form(value)
             check_json(json_form, subject)
-            written[_word(key)], quoted[key] = json.dumps(json_form), kind
-    if _QUOTED in data:
-        raise ExchangeError(f"{subject}.{_QUOTED}: this name is reserved in GraphML: write DSR's JSON instead")
-    return {**written, _QUOTED: json.dumps(quoted)} if quoted else written
+            xml_attributes[_xml_name(key)], json_kinds[key] = json.dumps(json_form), kind
+    if _JSON_KINDS in data:
+        raise ExchangeError(f"{subject}.{_JSON_KINDS}: this name is reserved in GraphML: write DSR's JSON instead")
+    return {**xml_attributes, _JSON_KINDS: json.dumps(json_kinds)} if json_kinds else xml_attributes
 
 
 def _json_form(value: object) -> tuple[str, object]:
@@ -324,18 +327,18 @@ _FROM_JSON_FORM: Mapping[str, Callable[[Any], object]] = {
 
 def _is_plain(value: object) -> bool:
     if isinstance(value, str):
-        return _SAFE.fullmatch(value) is not None
+        return _XML_TEXT.fullmatch(value) is not None
     return isinstance(value, (bool, int)) or (isinstance(value, float) and value == value)
 
 
-def _word(name: str) -> str:
-    if _SAFE.fullmatch(name) is None:
+def _xml_name(name: str) -> str:
+    if _XML_TEXT.fullmatch(name) is None:
         raise ExchangeError(f"the name {name!r:.60} cannot be written in XML: write DSR's JSON instead")
     return name
 
 
-def _unquote(data: dict[str, Any]) -> None:
-    quoted = data.pop(_QUOTED, None)
-    kinds = json.loads(quoted) if isinstance(quoted, str) else {}
+def _decode_json(data: dict[str, Any]) -> None:
+    kinds_text = data.pop(_JSON_KINDS, None)
+    kinds = json.loads(kinds_text) if isinstance(kinds_text, str) else {}
     for key, kind in kinds.items():
         data[key] = _FROM_JSON_FORM[kind](json.loads(data[key]))

@@ -27,7 +27,7 @@ Manager = ContextManager[Any, Any]
 
 
 @dataclass(frozen=True, slots=True)
-class _Running:
+class _SetupArguments:
     """The arguments of `setup`."""
 
     codra: Manager
@@ -68,7 +68,7 @@ class ContextIs(Behaviour):
         self._wait_up_to_s = wait_up_to_s
         self._max_age_s = max_age_s
         self._asked_s = -math.inf
-        self._running: _Running | None = None
+        self._setup_arguments: _SetupArguments | None = None
 
     def setup(self, **kwargs: Any) -> None:
         """Take `codra` and `clock`.
@@ -77,22 +77,22 @@ class ContextIs(Behaviour):
             TypeError: if one of them is missing.
             UnknownNameError: if the spec has no such variable.
         """
-        self._running = _setup_of(self, kwargs)
-        self._running.codra.get(self._variable)
+        self._setup_arguments = _read_setup(self, kwargs)
+        self._setup_arguments.codra.get(self._variable)
 
     def initialise(self) -> None:
         """Start the wait."""
-        self._asked_s = _of(self, self._running).clock.now_s()
+        self._asked_s = _require_setup(self, self._setup_arguments).clock.now_s()
 
     def update(self) -> Status:
         """Read the variable."""
-        running = _of(self, self._running)
-        now_s, reading = running.clock.now_s(), running.codra.get(self._variable)
+        setup_arguments = _require_setup(self, self._setup_arguments)
+        now_s, reading = setup_arguments.clock.now_s(), setup_arguments.codra.get(self._variable)
         is_fresh = reading.known and reading.age_s(now_s) <= self._max_age_s
         if is_fresh and reading.start_s >= _acted_s(self, self._variable):
             self.feedback_message = f"{reading.value!r}"
             return _status(self._holds(reading.value))
-        self.feedback_message = _unknown(reading)
+        self.feedback_message = _unknown_text(reading)
         return Status.RUNNING if now_s < self._asked_s + self._wait_up_to_s else self._unknown
 
 
@@ -132,14 +132,14 @@ class Decide(Decorator):
         """
         super().__init__(name, child)
         self._variable = variable
-        self._result = result
+        self._read_result = result
         self._holds = holds or _is_true
         self._unknown = unknown
         self._wait_up_to_s = wait_up_to_s
         self._max_age_s = max_age_s
         self._shadow = shadow
-        self._pending: PendingDecision | None = None
-        self._running: _Running | None = None
+        self._pending_decision: PendingDecision | None = None
+        self._setup_arguments: _SetupArguments | None = None
 
     def setup(self, **kwargs: Any) -> None:
         """Take `codra` and `clock`.
@@ -148,13 +148,13 @@ class Decide(Decorator):
             TypeError: if one of them is missing.
             UnknownNameError: if the spec has no such variable.
         """
-        self._running = _setup_of(self, kwargs)
-        self._running.codra.get(self._variable)
+        self._setup_arguments = _read_setup(self, kwargs)
+        self._setup_arguments.codra.get(self._variable)
 
     def initialise(self) -> None:
         """Start the decision, unless it is already pending."""
-        if self._pending is None:
-            self._pending = _of(self, self._running).codra.ask(
+        if self._pending_decision is None:
+            self._pending_decision = _require_setup(self, self._setup_arguments).codra.ask(
                 self._variable,
                 max_age_s=self._max_age_s,
                 since_s=_acted_s(self, self._variable),
@@ -166,39 +166,39 @@ class Decide(Decorator):
         """Tick the subtree only if it must look."""
         if self.status is not Status.RUNNING:
             self.initialise()
-        assert self._pending is not None
-        if self._pending.poll() is DecisionState.LOOKING:
+        assert self._pending_decision is not None
+        if self._pending_decision.poll() is DecisionState.LOOKING:
             yield from super().tick()
         else:
             yield from Behaviour.tick(self)
 
     def update(self) -> Status:
         """Answer, wait, or continue to look."""
-        assert self._pending is not None
-        match self._pending.state:
+        assert self._pending_decision is not None
+        match self._pending_decision.state:
             case DecisionState.WAITING:
                 self.feedback_message = "waiting for observers"
                 return Status.RUNNING
             case DecisionState.ANSWERED:
-                return self._answer(self._pending.value, "from context")
+                return self._answer(self._pending_decision.value, "from context")
         if self.decorated.status is Status.RUNNING:
             self.feedback_message = "looking"
             return Status.RUNNING
-        result = self._result() if self.decorated.status is Status.SUCCESS else None
-        self._pending.record_result(result)
+        result = self._read_result() if self.decorated.status is Status.SUCCESS else None
+        self._pending_decision.record_result(result)
         return self._answer(result, "from looking")
 
     def terminate(self, new_status: Status) -> None:  # noqa: ARG002 - the same for every status
         """Discard the pending decision; one without an answer is abandoned."""
-        if self._pending is not None:
-            self._pending.abandon("interrupted")
-            self._pending = None
+        if self._pending_decision is not None:
+            self._pending_decision.abandon("interrupted")
+            self._pending_decision = None
 
-    def _answer(self, value: object, how: str) -> Status:
+    def _answer(self, value: object, answer_source: str) -> Status:
         if value is None:
             self.feedback_message = "unknown: looking gave no value"
             return self._unknown
-        self.feedback_message = f"{value!r}, {how}"
+        self.feedback_message = f"{value!r}, {answer_source}"
         return _status(self._holds(value))
 
 
@@ -213,7 +213,7 @@ class DuringSkill(Decorator):
         self._acted_s = -math.inf
         self._stack = ExitStack()
         self._begun: Skill | None = None
-        self._running: _Running | None = None
+        self._setup_arguments: _SetupArguments | None = None
 
     def setup(self, **kwargs: Any) -> None:
         """Take `codra` and `clock`.
@@ -222,14 +222,14 @@ class DuringSkill(Decorator):
             TypeError: if one of them is missing.
             UnknownNameError: if the spec has no such skill.
         """
-        self._running = _setup_of(self, kwargs)
-        self._changes = frozenset(_skill_of(self._running.codra, self._skill).changes)
+        self._setup_arguments = _read_setup(self, kwargs)
+        self._changes = frozenset(_skill_of(self._setup_arguments.codra, self._skill).changes)
 
     def initialise(self) -> None:
         """Begin the skill."""
         self._stack.close()  # a tick that raised did not end it
         self._acted_s = -math.inf
-        self._begun = self._stack.enter_context(_of(self, self._running).codra.skill(self._skill))
+        self._begun = self._stack.enter_context(_require_setup(self, self._setup_arguments).codra.skill(self._skill))
 
     def update(self) -> Status:
         """Return the status of the subtree."""
@@ -272,8 +272,8 @@ class Acting(Decorator):
         """Make the subtree the acting part of the `DuringSkill` above it."""
         super().__init__(name, child)
         self._stack = ExitStack()
-        self._during: DuringSkill | None = None
-        self._running: _Running | None = None
+        self._skill_node: DuringSkill | None = None
+        self._setup_arguments: _SetupArguments | None = None
 
     def setup(self, **kwargs: Any) -> None:
         """Take `codra` and `clock`, and find the skill.
@@ -281,16 +281,16 @@ class Acting(Decorator):
         Raises:
             TypeError: if one of them is missing, or no `DuringSkill` is above.
         """
-        self._running = _setup_of(self, kwargs)
-        self._during = next(_skills_above(self), None)
-        if self._during is None:
+        self._setup_arguments = _read_setup(self, kwargs)
+        self._skill_node = next(_skills_above(self), None)
+        if self._skill_node is None:
             raise TypeError(f"{self.name!r} acts outside of a skill: put a DuringSkill around it")
 
     def initialise(self) -> None:
         """Begin the action."""
-        assert self._during is not None
+        assert self._skill_node is not None
         self._stack.close()
-        self._stack.enter_context(self._during.begun.acting())
+        self._stack.enter_context(self._skill_node.begun.acting())
         self._stack.callback(self._end)
 
     def update(self) -> Status:
@@ -304,8 +304,8 @@ class Acting(Decorator):
         self._stack.close()
 
     def _end(self) -> None:
-        assert self._during is not None
-        self._during.note_action(_of(self, self._running).clock.now_s())
+        assert self._skill_node is not None
+        self._skill_node.note_action(_require_setup(self, self._setup_arguments).clock.now_s())
 
 
 class Expecting(Decorator):
@@ -320,7 +320,7 @@ class Expecting(Decorator):
         super().__init__(name, child)
         self._skills = skills
         self._was_last = False
-        self._running: _Running | None = None
+        self._setup_arguments: _SetupArguments | None = None
 
     def setup(self, **kwargs: Any) -> None:
         """Take `codra` and `clock`.
@@ -329,16 +329,16 @@ class Expecting(Decorator):
             TypeError: if one of them is missing.
             UnknownNameError: if the spec has no such skill.
         """
-        self._running = _setup_of(self, kwargs)
+        self._setup_arguments = _read_setup(self, kwargs)
         for skill in self._skills:
-            _skill_of(self._running.codra, skill)
+            _skill_of(self._setup_arguments.codra, skill)
 
     def initialise(self) -> None:
         """Expect the skills."""
         for node in _root(self).iterate():
             if isinstance(node, Expecting):
                 node._was_last = node is self
-        _of(self, self._running).codra.expect(*self._skills)
+        _require_setup(self, self._setup_arguments).codra.expect(*self._skills)
 
     def update(self) -> Status:
         """Return the status of the subtree."""
@@ -348,20 +348,20 @@ class Expecting(Decorator):
         """Withdraw the expectation, unless the subtree succeeded or a later node expects skills."""
         if new_status is not Status.SUCCESS and self._was_last:
             self._was_last = False
-            _of(self, self._running).codra.expect()
+            _require_setup(self, self._setup_arguments).codra.expect()
 
 
-def _setup_of(node: Behaviour, kwargs: dict[str, Any]) -> _Running:
-    missing = [name for name in ("codra", "clock") if name not in kwargs]
-    if missing:
-        raise TypeError(f"{node.name!r} needs {' and '.join(missing)}: call tree.setup(codra=codra, clock=clock)")
-    return _Running(kwargs["codra"], kwargs["clock"])
+def _read_setup(node: Behaviour, kwargs: dict[str, Any]) -> _SetupArguments:
+    missing_names = [name for name in ("codra", "clock") if name not in kwargs]
+    if missing_names:
+        raise TypeError(f"{node.name!r} needs {' and '.join(missing_names)}: call tree.setup(codra=codra, clock=clock)")
+    return _SetupArguments(kwargs["codra"], kwargs["clock"])
 
 
-def _of(node: Behaviour, running: _Running | None) -> _Running:
-    if running is None:
+def _require_setup(node: Behaviour, setup_arguments: _SetupArguments | None) -> _SetupArguments:
+    if setup_arguments is None:
         raise RuntimeError(f"{node.name!r} was not set up: call tree.setup(codra=codra, clock=clock) first")
-    return running
+    return setup_arguments
 
 
 def _skill_of(codra: Manager, name: str) -> Any:
@@ -377,11 +377,11 @@ def _root(node: Behaviour) -> Behaviour:
 
 def _skills_above(node: Behaviour) -> Iterator[DuringSkill]:
     """Yield the skills that contain a node, the innermost first."""
-    above = node.parent
-    while above is not None:
-        if isinstance(above, DuringSkill):
-            yield above
-        above = above.parent
+    ancestor = node.parent
+    while ancestor is not None:
+        if isinstance(ancestor, DuringSkill):
+            yield ancestor
+        ancestor = ancestor.parent
 
 
 def _acted_s(node: Behaviour, variable: str) -> float:
@@ -399,7 +399,7 @@ def _status(holds: bool) -> Status:
     return Status.SUCCESS if holds else Status.FAILURE
 
 
-def _unknown(reading: Reading[Any]) -> str:
+def _unknown_text(reading: Reading[Any]) -> str:
     if reading.known:
         return "unknown: its evidence is too old"
     return f"unknown: {reading.reason}" + (f" ({reading.detail})" if reading.detail else "")

@@ -138,7 +138,7 @@ def digraph(*nodes: tuple[object, dict[str, Any]], edges: Any = ()) -> Any:
     return made
 
 
-WRONG = {
+WRONG_GRAPHS = {
     "the graph is not directed: convert it": networkx.Graph([(1, 2)]),
     "node 'a'.pose: DSR has no type for object": digraph(("a", {"pose": object()})),
     "node 'a'.pose: DSR has no type for tuple": digraph(("a", {"pose": (1.0, "x")})),
@@ -151,10 +151,10 @@ WRONG = {
 }
 
 
-@pytest.mark.parametrize("message", WRONG)
+@pytest.mark.parametrize("message", WRONG_GRAPHS)
 def test_a_graph_that_cannot_be_converted_is_refused_with_a_message(message: str) -> None:
     with pytest.raises(ExchangeError) as raised:
-        from_networkx(WRONG[message])
+        from_networkx(WRONG_GRAPHS[message])
     assert str(raised.value).startswith(message)
 
 
@@ -182,11 +182,11 @@ def test_text_that_is_not_graphml_is_refused_with_its_place(message: str) -> Non
 @given(data=some.data())
 def test_damaged_graphml_is_read_or_refused_but_never_raises_another_exception(data: some.DataObject) -> None:
     values = {"x": DsrValue(code=3, value=(1.0, math.inf)), "y": DsrValue(code=0, value="")}
-    nodes = tuple(DsrNode(number=at, name=f"n{at}", type="t", attributes=values) for at in range(2))
+    nodes = tuple(DsrNode(number=index, name=f"n{index}", type="t", attributes=values) for index in range(2))
     text = graphml_text(DsrGraph(nodes=nodes, edges=(DsrEdge(origin=0, label="l", target=1, attributes=values),)))
     for _ in range(data.draw(some.integers(1, 3))):
-        at = data.draw(some.integers(0, len(text) - 1))
-        text = text[:at] + data.draw(some.text(max_size=3)) + text[at + data.draw(some.integers(0, 3)) :]
+        index = data.draw(some.integers(0, len(text) - 1))
+        text = text[:index] + data.draw(some.text(max_size=3)) + text[index + data.draw(some.integers(0, 3)) :]
     try:
         parse_graphml(text, "f")
     except ExchangeError as error:

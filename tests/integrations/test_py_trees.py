@@ -67,7 +67,7 @@ def tree_of(root: Behaviour, manager: Manager, clock: SimClock) -> BehaviourTree
     return tree
 
 
-def ticked(tree: BehaviourTree, clock: SimClock, longest_s: float = 20.0) -> Status:
+def tick_until_end(tree: BehaviourTree, clock: SimClock, longest_s: float = 20.0) -> Status:
     """Tick until the tree has ended, and return its status."""
     end_s = clock.now_s() + longest_s
     while clock.now_s() < end_s:
@@ -91,7 +91,7 @@ def test_a_condition_succeeds_or_fails_by_the_known_value(angle_rad: float, stat
         manager.declare("open")
         clock.sleep(5.0)
 
-        assert ticked(tree_of(ContextIs("open?", "open"), manager, clock), clock) is status
+        assert tick_until_end(tree_of(ContextIs("open?", "open"), manager, clock), clock) is status
         assert decisions(manager) == []
 
 
@@ -103,7 +103,7 @@ def test_a_condition_runs_while_the_variable_is_unknown_and_ends_when_it_is_seen
 
         assert tree.root.status is Status.RUNNING
         assert "never_observed" in tree.root.feedback_message
-        assert ticked(tree, clock) is Status.SUCCESS
+        assert tick_until_end(tree, clock) is Status.SUCCESS
 
 
 @pytest.mark.parametrize("chosen", [Status.SUCCESS, Status.FAILURE])
@@ -113,7 +113,7 @@ def test_a_condition_that_stays_unknown_ends_after_its_wait_with_the_chosen_stat
         begun_s = clock.now_s()
         tree = tree_of(ContextIs("open?", "open", wait_up_to_s=3.0, unknown=chosen), manager, clock)
 
-        assert ticked(tree, clock) is chosen
+        assert tick_until_end(tree, clock) is chosen
         assert clock.now_s() - begun_s == pytest.approx(3.0)
         assert tree.root.feedback_message.startswith("unknown")
 
@@ -124,8 +124,10 @@ def test_for_a_condition_old_evidence_counts_as_unknown() -> None:
         manager.withdraw("open")
         clock.sleep(5.0)
 
-        assert ticked(tree_of(ContextIs("open?", "open"), manager, clock), clock) is Status.SUCCESS
-        assert ticked(tree_of(ContextIs("open?", "open", max_age_s=4.0), manager, clock), clock) is Status.FAILURE
+        assert tick_until_end(tree_of(ContextIs("open?", "open"), manager, clock), clock) is Status.SUCCESS
+        assert (
+            tick_until_end(tree_of(ContextIs("open?", "open", max_age_s=4.0), manager, clock), clock) is Status.FAILURE
+        )
 
 
 def test_a_condition_on_a_number_needs_a_predicate() -> None:
@@ -135,7 +137,7 @@ def test_a_condition_on_a_number_needs_a_predicate() -> None:
     with ContextManager[str, str](model, clock=clock, resources={}) as manager:
         manager.set("gap", 0.4)
         tree = tree_of(ContextIs("wide?", "gap", holds=lambda gap: gap > 0.3), manager, clock)
-        assert ticked(tree, clock) is Status.SUCCESS
+        assert tick_until_end(tree, clock) is Status.SUCCESS
 
         with pytest.raises(TypeError, match="holds=lambda value"):
             tree_of(ContextIs("wide?", "gap"), manager, clock).tick()
@@ -146,7 +148,7 @@ def test_a_condition_may_have_a_predicate_for_its_value() -> None:
         manager.declare("open", value=True)
         tree = tree_of(ContextIs("open?", "open", holds=lambda value: value is False), manager, clock)
 
-        assert ticked(tree, clock) is Status.FAILURE
+        assert tick_until_end(tree, clock) is Status.FAILURE
 
 
 # Skills
@@ -159,7 +161,7 @@ def test_a_skill_is_declared_while_its_subtree_runs_and_no_longer() -> None:
         assert manager.declared() == frozenset()
         tree.tick()
         assert manager.declared() == {"open", "near"}
-        assert ticked(tree, clock) is Status.SUCCESS
+        assert tick_until_end(tree, clock) is Status.SUCCESS
         assert manager.declared() == frozenset()
 
 
@@ -167,7 +169,7 @@ def test_a_skill_that_fails_is_withdrawn() -> None:
     with started(Door()) as (manager, clock):
         tree = tree_of(DuringSkill("open", Takes("pull", clock, 1.0, Status.FAILURE), "open_door"), manager, clock)
 
-        assert ticked(tree, clock) is Status.FAILURE
+        assert tick_until_end(tree, clock) is Status.FAILURE
         assert manager.declared() == frozenset()
         assert manager.running() == frozenset()
 
@@ -186,7 +188,7 @@ def test_a_higher_priority_withdraws_what_a_skill_declared_and_it_can_run_again(
         urgent.holds = False
         tree.tick()
         assert manager.declared() == {"open", "near"}
-        assert ticked(tree, clock) is Status.SUCCESS
+        assert tick_until_end(tree, clock) is Status.SUCCESS
         assert manager.declared() == frozenset()
 
 
@@ -234,7 +236,7 @@ def test_an_expected_skill_is_declared_while_the_robot_still_drives() -> None:
         tree.tick()
         assert manager.declared() == {"open"}
 
-        assert ticked(tree, clock) is Status.SUCCESS
+        assert tick_until_end(tree, clock) is Status.SUCCESS
         assert [what for what, _ in decisions(manager)] == ["answered"]
         assert manager.declared() == frozenset()
 
@@ -250,7 +252,7 @@ def test_an_expectation_is_withdrawn_if_the_subtree(how: str) -> None:
         assert manager.declared() == {"open"}
         urgent.holds = how != "fails"
 
-        ticked(tree, clock)
+        tick_until_end(tree, clock)
         assert manager.declared() == frozenset()
 
 
@@ -259,7 +261,7 @@ def test_a_reset_node_does_not_withdraw_the_expectation_of_another() -> None:
         first = Expecting("then open", Success("drive"), "open_door")
         second = Expecting("then drive", Success("wait"), "drive")
         root = Sequence("root", memory=True, children=[first, second])
-        assert ticked(tree_of(root, manager, clock), clock) is Status.SUCCESS
+        assert tick_until_end(tree_of(root, manager, clock), clock) is Status.SUCCESS
 
         first.stop(Status.INVALID)
         assert manager.declared() == {"near"}
@@ -268,7 +270,9 @@ def test_a_reset_node_does_not_withdraw_the_expectation_of_another() -> None:
 # Decisions
 
 
-def looking(clock: SimClock, door: Door, ends: Status = Status.SUCCESS) -> tuple[Behaviour, Callable[[], object]]:
+def perception_subtree(
+    clock: SimClock, door: Door, ends: Status = Status.SUCCESS
+) -> tuple[Behaviour, Callable[[], object]]:
     """Return the robot's own perception as a subtree of three seconds, and a function that returns its result."""
     seen: list[bool] = []
     look = Takes("look", clock, 3.0, ends, lambda: seen.append((door.angle_rad or 0.0) > 0.6))
@@ -278,10 +282,10 @@ def looking(clock: SimClock, door: Door, ends: Status = Status.SUCCESS) -> tuple
 def test_a_decision_that_context_answers_does_not_tick_the_subtree_that_looks() -> None:
     door = Door(angle_rad=1.0)
     with started(door) as (manager, clock):
-        look, seen_value = looking(clock, door)
+        look, read_seen_value = perception_subtree(clock, door)
         manager.declare("open")
         clock.sleep(5.0)
-        tree = tree_of(Decide("open?", look, "open", result=seen_value), manager, clock)
+        tree = tree_of(Decide("open?", look, "open", result=read_seen_value), manager, clock)
         tree.tick()
 
         assert (tree.root.status, look.status) == (Status.SUCCESS, Status.INVALID)
@@ -291,12 +295,12 @@ def test_a_decision_that_context_answers_does_not_tick_the_subtree_that_looks() 
 def test_a_decision_that_context_cannot_answer_is_answered_by_the_subtree_and_kept() -> None:
     door = Door(angle_rad=1.0, markers=0)
     with started(door) as (manager, clock):
-        look, seen_value = looking(clock, door)
+        look, read_seen_value = perception_subtree(clock, door)
         manager.declare("open")
         begun_s = clock.now_s()
-        tree = tree_of(Decide("open?", look, "open", result=seen_value), manager, clock)
+        tree = tree_of(Decide("open?", look, "open", result=read_seen_value), manager, clock)
 
-        assert ticked(tree, clock) is Status.SUCCESS
+        assert tick_until_end(tree, clock) is Status.SUCCESS
         ((what, details),) = decisions(manager)
         assert (what, details["found"], details["kept"]) == ("fell_back", True, True)
         assert details["asked_s"] == begun_s
@@ -307,13 +311,13 @@ def test_a_decision_that_context_cannot_answer_is_answered_by_the_subtree_and_ke
 def test_a_decision_waits_for_observers_before_the_subtree_looks() -> None:
     door = Door(angle_rad=1.0)
     with started(door) as (manager, clock):
-        look, seen_value = looking(clock, door)
+        look, read_seen_value = perception_subtree(clock, door)
         manager.declare("open")
-        tree = tree_of(Decide("open?", look, "open", result=seen_value, wait_up_to_s=5.0), manager, clock)
+        tree = tree_of(Decide("open?", look, "open", result=read_seen_value, wait_up_to_s=5.0), manager, clock)
         tree.tick()
         assert (tree.root.status, tree.root.feedback_message) == (Status.RUNNING, "waiting for observers")
 
-        assert ticked(tree, clock) is Status.SUCCESS
+        assert tick_until_end(tree, clock) is Status.SUCCESS
         assert [what for what, _ in decisions(manager)] == ["answered"]
         assert look.status is Status.INVALID
 
@@ -322,10 +326,10 @@ def test_a_decision_waits_for_observers_before_the_subtree_looks() -> None:
 def test_if_the_subtree_could_not_look_the_decision_has_the_chosen_status(chosen: Status) -> None:
     door = Door(markers=0)
     with started(door) as (manager, clock):
-        look, seen_value = looking(clock, door, Status.FAILURE)
-        tree = tree_of(Decide("open?", look, "open", result=seen_value, unknown=chosen), manager, clock)
+        look, read_seen_value = perception_subtree(clock, door, Status.FAILURE)
+        tree = tree_of(Decide("open?", look, "open", result=read_seen_value, unknown=chosen), manager, clock)
 
-        assert ticked(tree, clock) is chosen
+        assert tick_until_end(tree, clock) is chosen
         assert [(what, details["found"]) for what, details in decisions(manager)] == [("fell_back", None)]
 
 
@@ -333,8 +337,8 @@ def test_an_interrupted_decision_is_recorded_and_starts_again() -> None:
     door = Door(angle_rad=1.0, markers=0)
     with started(door) as (manager, clock):
         urgent = Urgent()
-        look, seen_value = looking(clock, door)
-        decide = Decide("open?", look, "open", result=seen_value)
+        look, read_seen_value = perception_subtree(clock, door)
+        decide = Decide("open?", look, "open", result=read_seen_value)
         tree = tree_of(Selector("root", memory=False, children=[urgent, decide]), manager, clock)
         tree.tick()
         assert look.status is Status.RUNNING
@@ -343,19 +347,19 @@ def test_an_interrupted_decision_is_recorded_and_starts_again() -> None:
         urgent.holds = False
 
         assert look.status is Status.INVALID
-        assert ticked(tree, clock) is Status.SUCCESS
+        assert tick_until_end(tree, clock) is Status.SUCCESS
         assert [details.get("raised") for _, details in decisions(manager)] == ["interrupted", None]
 
 
 def test_in_shadow_mode_the_subtree_always_looks_and_the_event_log_records_whether_context_agrees() -> None:
     door = Door(angle_rad=1.0)
     with started(door) as (manager, clock):
-        look, seen_value = looking(clock, door)
+        look, read_seen_value = perception_subtree(clock, door)
         manager.declare("open")
         clock.sleep(5.0)
-        tree = tree_of(Decide("open?", look, "open", result=seen_value, shadow=True), manager, clock)
+        tree = tree_of(Decide("open?", look, "open", result=read_seen_value, shadow=True), manager, clock)
 
-        assert ticked(tree, clock) is Status.SUCCESS
+        assert tick_until_end(tree, clock) is Status.SUCCESS
         assert [(what, details["agrees"]) for what, details in decisions(manager)] == [("shadowed", True)]
 
 
@@ -363,14 +367,14 @@ def test_after_an_action_a_decision_uses_only_evidence_from_after_its_end() -> N
     """The lid moves at the end of the action: an observer that looked during the action has seen it closed."""
     door = Door(angle_rad=0.0)
     with started(door) as (manager, clock):
-        look, seen_value = looking(clock, door)
+        look, read_seen_value = perception_subtree(clock, door)
         pull = Takes("pull", clock, 6.0, done=lambda: setattr(door, "angle_rad", 1.0))
-        steps = [Acting("act", pull), Decide("open?", look, "open", result=seen_value, wait_up_to_s=8.0)]
+        steps = [Acting("act", pull), Decide("open?", look, "open", result=read_seen_value, wait_up_to_s=8.0)]
         skill = DuringSkill("open", Sequence("steps", memory=True, children=list(steps)), "open_door")
         tree = tree_of(skill, manager, clock)
         clock.sleep(3.0)
 
-        assert ticked(tree, clock) is Status.SUCCESS
+        assert tick_until_end(tree, clock) is Status.SUCCESS
         ((what, details),) = decisions(manager)
         assert (what, details["value"]) == ("answered", True)
         assert any(reading.content is False for reading in manager.history("open")), (
@@ -390,7 +394,7 @@ def test_two_branches_may_run_different_skills_at_the_same_time() -> None:
         tree.tick()
 
         assert manager.declared() == {"near"}
-        assert ticked(tree, clock) is Status.SUCCESS
+        assert tick_until_end(tree, clock) is Status.SUCCESS
         assert manager.declared() == frozenset()
 
 

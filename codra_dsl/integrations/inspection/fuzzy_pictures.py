@@ -85,14 +85,16 @@ def surface(engine: Engine, output: str, inputs: tuple[str, str], fixed: Mapping
     """Return the values that `draw_surface` draws: one row for each of 61 values of the second input, ascending."""
     infer = load_engine(engine).infer
     index = [variable.name for variable in engine.outputs].index(output)
-    usual = {variable.name: (variable.minimum + variable.maximum) / 2.0 for variable in engine.inputs} | dict(fixed)
-    across, up = ((engine.variable(name).minimum, engine.variable(name).maximum) for name in inputs)
+    default_values = {variable.name: (variable.minimum + variable.maximum) / 2.0 for variable in engine.inputs} | dict(
+        fixed
+    )
+    x_range, y_range = ((engine.variable(name).minimum, engine.variable(name).maximum) for name in inputs)
     rows = [
         [
-            infer(*(usual | dict(zip(inputs, (x, y), strict=True))).values()).values[index]
-            for x in np.linspace(*across, _SIDE).tolist()
+            infer(*(default_values | dict(zip(inputs, (x, y), strict=True))).values()).values[index]
+            for x in np.linspace(*x_range, _SIDE).tolist()
         ]
-        for y in np.linspace(*up, _SIDE).tolist()
+        for y in np.linspace(*y_range, _SIDE).tolist()
     ]
     return np.array(rows)
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, cast
 
-from codra_dsl.compiler import Planned, plan_paths
+from codra_dsl.compiler import plan_paths
 from codra_dsl.generation.algorithm2 import plan
 from codra_dsl.generation.build_plan import BuildPlan
 from codra_dsl.generation.emit import emit
@@ -88,7 +88,9 @@ def source_files(spec: Path) -> tuple[Path, ...]:
     Raises:
         SpecError: if the spec has errors.
     """
-    planned = _planned(spec)
+    planned = plan_paths([spec.absolute()], root_of(spec))
+    if has_errors(planned.diagnostics):
+        raise _spec_error(planned.diagnostics)
     return tuple(planned.root / name for name in (*planned.files, *planned.modules))
 
 
@@ -102,13 +104,6 @@ def _plan_of(source: Path | Spec) -> BuildPlan:
     if len(planned.plans) != 1:
         raise _spec_error(planned.diagnostics, f"'{source}' holds no single spec")
     return planned.plans[0]
-
-
-def _planned(spec: Path) -> Planned:
-    planned = plan_paths([spec.absolute()], root_of(spec))
-    if has_errors(planned.diagnostics):
-        raise _spec_error(planned.diagnostics)
-    return planned
 
 
 def _spec_error(diagnostics: Iterable[Diagnostic], otherwise: str = "") -> SpecError:

@@ -55,12 +55,12 @@ class Axis:
             float(index) if isinstance(value, (str, bool)) else float(value) for index, value in enumerate(self.values)
         ]
 
-    def mark(self, axes: Axes, which: str) -> None:
+    def mark(self, axes: Axes, axis_letter: str) -> None:
         """Write the label, and the values if they are names."""
         if self.has_members:
             names = [str(value).lower() if isinstance(value, bool) else str(value) for value in self.values]
-            getattr(axes, f"set_{which}ticks")(self.places(), names)
-        getattr(axes, f"set_{which}label")(self.label)
+            getattr(axes, f"set_{axis_letter}ticks")(self.places(), names)
+        getattr(axes, f"set_{axis_letter}label")(self.label)
 
 
 def memberships_svg(axes: Sequence[Axis]) -> bytes:

@@ -84,10 +84,10 @@ def subject(plan: BuildPlan, folder: Path, course: str | None = None) -> Subject
     package = load_emitted(emit(plan), spec.name, folder)
     model: MapeModel = importlib.import_module(f"{package.__name__}.{MAPE_MODULE}").MAPE
     model = placed(model, places_in(folder / spec.name, spec.name))
-    chosen = _course(model, course, spec.name)
-    names = dict.fromkeys(_read(mape, "" if chosen is None else chosen.name))
+    course_model = _course(model, course, spec.name)
+    names = dict.fromkeys(_variables_read(mape, "" if course_model is None else course_model.name))
     variables = {variable.name: variable for variable in spec.context}
-    return Subject(name=spec.name, model=model, course=chosen, inputs={name: variables[name] for name in names})
+    return Subject(name=spec.name, model=model, course=course_model, inputs={name: variables[name] for name in names})
 
 
 def _course(model: MapeModel, wanted: str | None, spec: str) -> CourseModel | None:
@@ -101,19 +101,19 @@ def _course(model: MapeModel, wanted: str | None, spec: str) -> CourseModel | No
     return courses[wanted] if wanted is not None else next(iter(courses.values()), None)
 
 
-def _read(mape: CheckedMape, course: str) -> Iterator[str]:
+def _variables_read(mape: CheckedMape, course: str) -> Iterator[str]:
     """Yield the variables that stages and hard rules read, except metrics."""
-    judged = {metric.variable for metric in mape.metrics.outputs} if mape.metrics is not None else set()
+    metric_names = {metric.variable for metric in mape.metrics.outputs} if mape.metrics is not None else set()
     stages: Sequence[CheckedStage | None] = (mape.metrics, mape.actions)
     for stage in stages:
         yield from (
-            (stage_input.variable.name for stage_input in stage.inputs if stage_input.variable.name not in judged)
+            (stage_input.variable.name for stage_input in stage.inputs if stage_input.variable.name not in metric_names)
             if stage
             else ()
         )
     for adaptation in mape.adaptation:
         if adaptation.name == course:
-            yield from (name for name in adaptation.reads if name not in judged)
+            yield from (name for name in adaptation.reads if name not in metric_names)
 
 
 def held(subject: Subject, assignments: Sequence[str]) -> dict[str, Value | None]:
@@ -149,7 +149,7 @@ def varied(subject: Subject, assignment: str, steps: int) -> tuple[Variable, tup
         return variable, _all_values(variable, steps)
     first, dots, last = text.partition("..")
     if dots and variable.type.kind in (Kind.FLOAT, Kind.INT):
-        return variable, _between(variable, _number(variable, first), _number(variable, last), steps)
+        return variable, _values_between(variable, _number(variable, first), _number(variable, last), steps)
     return variable, tuple(value_of(variable, part.strip()) for part in text.split(","))
 
 
@@ -164,10 +164,10 @@ def _all_values(variable: Variable, steps: int) -> tuple[Value, ...]:
         return tuple(value_of(variable, member) for member in members(variable))
     if variable.type.range is None:
         raise SweepError(f"'{variable.name}' has no range: write {variable.name}=FROM..TO")
-    return _between(variable, *variable.type.range, steps)
+    return _values_between(variable, *variable.type.range, steps)
 
 
-def _between(variable: Variable, first: float, last: float, steps: int) -> tuple[Value, ...]:
+def _values_between(variable: Variable, first: float, last: float, steps: int) -> tuple[Value, ...]:
     if variable.type.kind is Kind.INT:
         low, high = sorted((math.ceil(first), math.floor(last)))
         return tuple(range(low, high + 1)) if high - low <= steps else tuple(_spread(low, high, steps))
@@ -219,13 +219,13 @@ def _quantity(variable: Variable, text: str) -> float:
     if bare is not None:
         return float(sign * bare)
     quantity = parse_quantity(text)
-    own = None if variable.type.unit is None else parse_unit(variable.type.unit)
+    own_unit = None if variable.type.unit is None else parse_unit(variable.type.unit)
     if quantity is None:
         raise SweepError(f"'{text}' is not a number: write {variable.name}=1.5, or FROM..TO to vary it")
-    if own is None or quantity.unit.dimension != own.dimension:
-        fitting = f"in {variable.type.unit}" if own is not None else "without a unit"
-        raise SweepError(f"'{variable.name}' is a number {fitting}, not '{text}'")
-    return float(convert(quantity.value, quantity.unit, own))
+    if own_unit is None or quantity.unit.dimension != own_unit.dimension:
+        unit_text = f"in {variable.type.unit}" if own_unit is not None else "without a unit"
+        raise SweepError(f"'{variable.name}' is a number {unit_text}, not '{text}'")
+    return float(convert(quantity.value, quantity.unit, own_unit))
 
 
 def _unit(variable: Variable) -> str:

@@ -91,12 +91,12 @@ def annotated(root: State, codra: ContextManager[Any, Any]) -> list[tuple[State,
 def _read(data: object) -> Annotation:
     if not isinstance(data, Mapping):
         raise AnnotationError(f"'{KEY}' holds keys and values, not {data!r}")
-    unknown = [key for key in data if key not in _KEYS]
-    if unknown:
-        raise AnnotationError(f"unknown key {unknown[0]!r}: there are {', '.join(_KEYS)}")
-    misplaced = [key for key in _OF_DECISIONS if key in data and not data.get("decide")]
-    if misplaced:
-        raise AnnotationError(f"{misplaced[0]!r} is for a state that decides: add 'decide'")
+    unknown_keys = [key for key in data if key not in _KEYS]
+    if unknown_keys:
+        raise AnnotationError(f"unknown key {unknown_keys[0]!r}: there are {', '.join(_KEYS)}")
+    misplaced_keys = [key for key in _OF_DECISIONS if key in data and not data.get("decide")]
+    if misplaced_keys:
+        raise AnnotationError(f"{misplaced_keys[0]!r} is for a state that decides: add 'decide'")
     return Annotation(
         skill=str(data.get("skill", "")),
         acting=str(data.get("acting", "")),
@@ -142,11 +142,13 @@ def _check_decision(state: State, annotation: Annotation, codra: ContextManager[
     if state.output_data_ports:
         names = ", ".join(repr(port.name) for port in state.output_data_ports.values())
         raise AnnotationError(f"it may be skipped, and then its output {names} is missing: decide in another state")
-    named = {outcome.name for outcome in state.outcomes.values()}
-    wanted = tuple(annotation.outcomes.values()) or ("true", "false")
-    missing = [name for name in wanted if name not in named]
-    if missing:
-        raise AnnotationError(f"it has no outcome {missing[0]!r}: add it, or map values to outcomes in 'outcomes'")
+    outcome_names = {outcome.name for outcome in state.outcomes.values()}
+    needed_outcomes = tuple(annotation.outcomes.values()) or ("true", "false")
+    missing_outcomes = [name for name in needed_outcomes if name not in outcome_names]
+    if missing_outcomes:
+        raise AnnotationError(
+            f"it has no outcome {missing_outcomes[0]!r}: add it, or map values to outcomes in 'outcomes'"
+        )
 
 
 def _skills_around(state: State) -> Iterator[str]:

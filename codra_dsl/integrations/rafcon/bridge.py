@@ -67,7 +67,7 @@ class Bridge:
         self._clock = clock
         self._answers = answers
         self._do = do
-        self._begun: dict[str, Skill] = {}
+        self._running_skills: dict[str, Skill] = {}
         self._acted_s: dict[str, float] = {}
 
     @contextmanager
@@ -109,10 +109,14 @@ class Bridge:
             wait_up_to_s: how long it waits for observers.
             max_age_s: older evidence counts as unknown.
         """
-        pending = self._pending_decision(state, variable, wait_up_to_s, max_age_s)
-        if pending.state is DecisionState.ANSWERED:
-            return value_text(pending.value)
-        self._do(lambda: pending.abandon("preempted") if _is_preempted(state) else pending.record_result(None))
+        pending_decision = self._wait_for_decision(state, variable, wait_up_to_s, max_age_s)
+        if pending_decision.state is DecisionState.ANSWERED:
+            return value_text(pending_decision.value)
+        self._do(
+            lambda: (
+                pending_decision.abandon("preempted") if _is_preempted(state) else pending_decision.record_result(None)
+            )
+        )
         return None
 
     # For annotated states
@@ -121,7 +125,7 @@ class Bridge:
         """Wrap the `run` of a state, which its thread calls, with the effects of its annotation."""
         run = state.run
 
-        def bridged() -> None:
+        def run_with_context() -> None:
             if state.backward_execution:
                 run()
                 return
@@ -136,7 +140,7 @@ class Bridge:
                 state.output_data["error"] = error
                 self._finish(state, _ABORTED)
 
-        state.run = bridged
+        state.run = run_with_context
 
     def _begin(self, annotation: Annotation, stack: ExitStack) -> None:
         if annotation.skill:
@@ -147,49 +151,51 @@ class Bridge:
             self._enter_action(annotation.acting, stack)
 
     def _enter_skill(self, name: str, stack: ExitStack) -> None:
-        under_way = ExitStack()
-        self._begun[name] = self._do(lambda: under_way.enter_context(self._codra.skill(name)))
-        stack.callback(self._do, under_way.close)
+        exit_stack = ExitStack()
+        self._running_skills[name] = self._do(lambda: exit_stack.enter_context(self._codra.skill(name)))
+        stack.callback(self._do, exit_stack.close)
 
     def _enter_action(self, name: str, stack: ExitStack) -> None:
-        if name not in self._begun:
+        if name not in self._running_skills:
             raise RuntimeError(f"skill {name!r} is not running: attach the bridge before it begins")
-        skill, under_way = self._begun[name], ExitStack()
+        skill, exit_stack = self._running_skills[name], ExitStack()
 
         def end() -> None:
-            under_way.close()
+            exit_stack.close()
             self._acted_s.update(dict.fromkeys(skill.model.changes, self._clock.now_s()))
 
-        self._do(lambda: under_way.enter_context(skill.acting()))
+        self._do(lambda: exit_stack.enter_context(skill.acting()))
         stack.callback(self._do, end)
 
     def _run_unless_known(self, state: State, annotation: Annotation, look: Callable[[], None]) -> None:
         state.preempted = False  # an earlier run may have set it; `run` itself begins with this too
         state.state_execution_status = StateExecutionStatus.ACTIVE
-        pending = self._pending_decision(state, annotation.decide, annotation.wait_up_to_s, annotation.max_age_s)
-        if pending.state is DecisionState.ANSWERED:
-            self._skip(state, annotation.outcome_of(pending.value))
+        pending_decision = self._wait_for_decision(
+            state, annotation.decide, annotation.wait_up_to_s, annotation.max_age_s
+        )
+        if pending_decision.state is DecisionState.ANSWERED:
+            self._skip(state, annotation.outcome_of(pending_decision.value))
             return
         if _is_preempted(state):
-            self._do(lambda: pending.abandon("preempted"))
+            self._do(lambda: pending_decision.abandon("preempted"))
             self._finish(state, _PREEMPTED)
             return
         look()
-        seen = self._seen(state, annotation)
-        self._do(lambda: pending.record_result(seen))
+        content = self._value_of_outcome(state, annotation)
+        self._do(lambda: pending_decision.record_result(content))
 
-    def _seen(self, state: State, annotation: Annotation) -> object:
+    def _value_of_outcome(self, state: State, annotation: Annotation) -> object:
         """Return the value that the outcome of a state means; None if it means no value."""
         values = {name: value for value, name in annotation.outcomes.items()} or {"true": "true", "false": "false"}
         text = values.get(state.final_outcome.name)
         return {"true": True, "false": False}.get(text, text) if text is not None else None
 
-    def _pending_decision(self, state: State, variable: str, wait_up_to_s: float, max_age_s: float) -> PendingDecision:
+    def _wait_for_decision(self, state: State, variable: str, wait_up_to_s: float, max_age_s: float) -> PendingDecision:
         """Start a decision and wait for it.
 
         Evidence from before the end of an action that changes the variable does not count.
         """
-        pending: PendingDecision = self._do(
+        pending_decision: PendingDecision = self._do(
             lambda: self._codra.ask(
                 variable,
                 since_s=self._acted_s.get(variable, -math.inf),
@@ -198,9 +204,9 @@ class Bridge:
                 shadow=self._answers is Answers.SHADOW,
             )
         )
-        while pending.state is DecisionState.WAITING and not _is_preempted(state):
-            self._do(lambda: pending.wait(_SLICE_S))
-        return pending
+        while pending_decision.state is DecisionState.WAITING and not _is_preempted(state):
+            self._do(lambda: pending_decision.wait(_SLICE_S))
+        return pending_decision
 
     def _skip(self, state: State, outcome: str) -> None:
         """End a state with an outcome, given by name, as if it had run."""
@@ -222,5 +228,5 @@ class Bridge:
 
 def _is_preempted(state: State) -> bool:
     """Return whether a state or one around it should stop: RAFCON does not notify states that are just starting."""
-    around = state.parent
-    return bool(state.preempted) or (isinstance(around, State) and _is_preempted(around))
+    parent = state.parent
+    return bool(state.preempted) or (isinstance(parent, State) and _is_preempted(parent))

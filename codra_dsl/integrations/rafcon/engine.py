@@ -95,7 +95,7 @@ def run_in_real_time(
         RuntimeError: if another state machine is running: RAFCON has one engine per process.
     """
     _check_idle()
-    with Bridge(codra, clock, answers=answers).attached(machine), _handed(handles or {}):
+    with Bridge(codra, clock, answers=answers).attached(machine), _global_variables(handles or {}):
         state_machine_execution_engine.start(machine.state_machine_id)
         try:
             state_machine_execution_engine.join()
@@ -103,7 +103,7 @@ def run_in_real_time(
             state_machine_execution_engine.stop()
             state_machine_execution_engine.join()
             raise
-    return _ended(machine)
+    return _end_of(machine)
 
 
 def run_in_simulated_time(
@@ -124,14 +124,17 @@ def run_in_simulated_time(
         ValueError: if states of the machine run concurrently.
         RuntimeError: if another state machine is running.
     """
-    concurrent = [state for state in states_within(machine.root_state) if isinstance(state, ConcurrencyState)]
-    if concurrent:
-        path = concurrent[0].get_path()
+    concurrent_states = [state for state in states_within(machine.root_state) if isinstance(state, ConcurrencyState)]
+    if concurrent_states:
+        path = concurrent_states[0].get_path()
         raise ValueError(f"{path} runs states concurrently, but simulated time has one thread: use run_in_real_time")
     _check_idle()
     hand_over = HandOver()
-    handed = {name: hand_over.of(handle) for name, handle in (handles or {}).items()}
-    with Bridge(codra, clock, answers=answers, do=hand_over.call).attached(machine), _handed(handed):
+    handles_in_server = {name: hand_over.of(handle) for name, handle in (handles or {}).items()}
+    with (
+        Bridge(codra, clock, answers=answers, do=hand_over.call).attached(machine),
+        _global_variables(handles_in_server),
+    ):
         state_machine_execution_engine.start(machine.state_machine_id)
         threading.Thread(target=_end_when_done, args=[hand_over], daemon=True).start()
         try:
@@ -141,11 +144,11 @@ def run_in_simulated_time(
             hand_over.refuse()
             state_machine_execution_engine.join()
             raise
-    return _ended(machine)
+    return _end_of(machine)
 
 
 @contextmanager
-def _handed(handles: Mapping[str, object]) -> Iterator[None]:
+def _global_variables(handles: Mapping[str, object]) -> Iterator[None]:
     """Make handles global variables of RAFCON."""
     for name, handle in handles.items():
         global_variable_manager.set_variable(name, handle, per_reference=True)
@@ -168,6 +171,6 @@ def _end_when_done(hand_over: HandOver) -> None:
     hand_over.end()
 
 
-def _ended(machine: StateMachine) -> Ended:
+def _end_of(machine: StateMachine) -> Ended:
     root = machine.root_state
     return Ended(outcome=root.final_outcome.name, error=root.output_data.get("error"))

@@ -94,10 +94,10 @@ class HandOver:
 
     def of(self, handle: object) -> Any:
         """Return a handle whose methods run in the serving thread."""
-        return _Handed(handle, self)
+        return _HandleProxy(handle, self)
 
 
-class _Handed:
+class _HandleProxy:
     """A handle of the serving thread, for use in other threads."""
 
     def __init__(self, handle: object, hand_over: HandOver) -> None:
@@ -108,4 +108,4 @@ class _Handed:
         attribute = self._hand_over.call(lambda: getattr(self._handle, name))
         if not callable(attribute):
             return attribute
-        return lambda *values, **named: self._hand_over.call(lambda: attribute(*values, **named))
+        return lambda *values, **keywords: self._hand_over.call(lambda: attribute(*values, **keywords))

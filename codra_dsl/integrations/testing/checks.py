@@ -57,18 +57,18 @@ def failures_of(
         yield Failure(moment.place, f"the run was over at {instant(now_s)}, before this moment")
         return
     for check in moment.checks:
-        failure = _failure(check, at_s, codra, record)
+        failure = _failure_of(check, at_s, codra, record)
         if failure is not None:
             yield failure
 
 
-def rendered(failures: Sequence[Failure], source: Source) -> str:
+def failures_text(failures: Sequence[Failure], source: Source) -> str:
     """Return failures as text: the place, the line, the expected and the actual state, and the explanation."""
     lines = source.text.splitlines()
-    return "\n\n".join(_rendered(failure, lines) for failure in failures)
+    return "\n\n".join(_failure_text(failure, lines) for failure in failures)
 
 
-def _rendered(failure: Failure, lines: Sequence[str]) -> str:
+def _failure_text(failure: Failure, lines: Sequence[str]) -> str:
     span = failure.place.span
     text = lines[span.line - 1]
     width = (span.end_column if span.end_line == span.line else len(text) + 1) - span.column
@@ -84,14 +84,14 @@ def _rendered(failure: Failure, lines: Sequence[str]) -> str:
     return visible_lines("\n".join(shown_lines))
 
 
-def _failure(check: Check, at_s: float, codra: ContextManager[Any, Any], record: EventLog) -> Failure | None:
+def _failure_of(check: Check, at_s: float, codra: ContextManager[Any, Any], record: EventLog) -> Failure | None:
     match check:
         case Belief():
             why = codra.why(check.variable, at_s=at_s)
-            wanted = _wanted(check, why)
-            if wanted is None:
+            expected_text = _unmet_text(check, why)
+            if expected_text is None:
                 return None
-            message = f"at {instant(at_s)} {check.variable} should be {wanted}, but it is {_state(why)}"
+            message = f"at {instant(at_s)} {check.variable} should be {expected_text}, but it is {_state_text(why)}"
             return Failure(check.place, message, str(why))
         case Running():
             return _failure_of_observer(check, at_s, record)
@@ -99,20 +99,20 @@ def _failure(check: Check, at_s: float, codra: ContextManager[Any, Any], record:
             return _failure_of_decision(check, at_s, codra, record)
 
 
-def _wanted(check: Belief, why: Why) -> str | None:
+def _unmet_text(check: Belief, why: Why) -> str | None:
     """Return the expected state in words, or None if the check passes."""
     if check.is_unknown:
-        wanted = "unknown" if check.reason is None else f"unknown ({check.reason})"
+        expected_text = "unknown" if check.reason is None else f"unknown ({check.reason})"
         fits = not why.known and check.reason in (None, why.reading.reason)
     else:
         within = "" if check.within is None else f" within {shown(check.within)}"
-        wanted = f"{shown(check.value)}{_spaced(why.unit)}{within}" if check.is_stated else "known"
-        wanted += f" from {check.source}" if check.source else ""
+        expected_text = f"{shown(check.value)}{_unit_text(why.unit)}{within}" if check.is_stated else "known"
+        expected_text += f" from {check.source}" if check.source else ""
         fits = why.known and _is_value(check, why) and check.source in ("", why.reading.source)
     if check.because:
-        wanted += f" because of {check.because!r}"
+        expected_text += f" because of {check.because!r}"
         fits = fits and check.because in str(why)
-    return None if fits else wanted
+    return None if fits else expected_text
 
 
 def _is_value(check: Belief, why: Why) -> bool:
@@ -126,22 +126,24 @@ def _is_value(check: Belief, why: Why) -> bool:
     return expected == actual
 
 
-def _state(why: Why) -> str:
+def _state_text(why: Why) -> str:
     reading = why.reading
     if not reading.known:
         return f"unknown ({reading.reason})"
-    return f"{shown(reading.content)}{_spaced(why.unit)} from {reading.source}"
+    return f"{shown(reading.content)}{_unit_text(why.unit)} from {reading.source}"
 
 
 def _failure_of_observer(check: Running, at_s: float, record: EventLog) -> Failure | None:
-    last = record.latest_events(at_s).observers.get(check.observer)
-    if (last is not None and last.what == "started") is check.is_running:
+    last_event = record.latest_events(at_s).observers.get(check.observer)
+    if (last_event is not None and last_event.what == "started") is check.is_running:
         return None
-    wanted = "should run" if check.is_running else "should not run"
-    state = "it has not run" if last is None else f"it {last.what} at {instant(last.instant_s)}"
-    needed = sorted(name for name, event in record.latest_events(at_s).declared.items() if event.what == "declared")
-    why = f"declared: {', '.join(needed) or 'none'}"
-    return Failure(check.place, f"at {instant(at_s)} observer {check.observer} {wanted}, but {state}", why)
+    expected_text = "should run" if check.is_running else "should not run"
+    state = "it has not run" if last_event is None else f"it {last_event.what} at {instant(last_event.instant_s)}"
+    declared_names = sorted(
+        name for name, event in record.latest_events(at_s).declared.items() if event.what == "declared"
+    )
+    why = f"declared: {', '.join(declared_names) or 'none'}"
+    return Failure(check.place, f"at {instant(at_s)} observer {check.observer} {expected_text}, but {state}", why)
 
 
 def _failure_of_decision(
@@ -152,15 +154,15 @@ def _failure_of_decision(
     ]
     if decisions and decisions[-1].what == check.how:
         return None
-    expected = f"by {instant(at_s)} the decision on {check.variable} should be {_OUTCOME_TEXTS[check.how]}"
+    expected_text = f"by {instant(at_s)} the decision on {check.variable} should be {_OUTCOME_TEXTS[check.how]}"
     if not decisions:
-        return Failure(check.place, f"{expected}, but there was no such decision")
+        return Failure(check.place, f"{expected_text}, but there was no decision on it")
     then_s = decisions[-1].instant_s
     why = str(codra.why(check.variable, at_s=then_s))
     return Failure(
-        check.place, f"{expected}, but at {instant(then_s)} it was {_OUTCOME_TEXTS[decisions[-1].what]}", why
+        check.place, f"{expected_text}, but at {instant(then_s)} it was {_OUTCOME_TEXTS[decisions[-1].what]}", why
     )
 
 
-def _spaced(unit: str) -> str:
+def _unit_text(unit: str) -> str:
     return f" {unit}" if unit else ""

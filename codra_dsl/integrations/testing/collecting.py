@@ -67,10 +67,10 @@ def opened(path: Path, story: str | None, *, clock: SimClock, resources: Mapping
     timeline, package, findings = read_timeline(path)
     if timeline is None or package is None:
         raise ValueError(f"\n{_findings_text(findings, path)}")
-    return Run(timeline, package, _chosen(timeline, story), clock=clock, resources=resources)
+    return Run(timeline, package, _choose_story(timeline, story), clock=clock, resources=resources)
 
 
-def _chosen(timeline: Timeline, name: str | None) -> Story:
+def _choose_story(timeline: Timeline, name: str | None) -> Story:
     stories = {candidate.name: candidate for candidate in timeline.stories}
     if name is None and len(stories) == 1:
         return timeline.stories[0]
@@ -78,8 +78,8 @@ def _chosen(timeline: Timeline, name: str | None) -> Story:
         return stories[name]
     near = suggest(name or "", stories)
     hint = f": did you mean {near!r}?" if near else f": there is {', '.join(map(repr, stories))}"
-    asked = "choose a story by its name" if name is None else f"{timeline.source.file} has no story {name!r}"
-    raise ValueError(f"{asked}{hint}")
+    problem = "choose a story by its name" if name is None else f"{timeline.source.file} has no story {name!r}"
+    raise ValueError(f"{problem}{hint}")
 
 
 def _findings_text(findings: Iterable[Diagnostic], path: Path) -> str:

@@ -14,18 +14,18 @@ from codra_dsl.runtime import CallError, Clock
 _PLAIN = (bool, int, float, str, type(None))
 
 
-def made(maker: Maker, clock: Clock) -> object:
+def make_handle(maker: Maker, clock: Clock) -> object:
     """Return the handle that a maker makes.
 
     Raises:
         CallError: if its class or function cannot be imported, or has other parameters.
     """
     try:
-        make = _imported(maker.call)
+        make = _import_callable(maker.call)
         takes_clock = "clock" in inspect.signature(make).parameters and "clock" not in maker.arguments
         return make(**maker.arguments, **({"clock": clock} if takes_clock else {}))
     except Exception as error:
-        raise CallError(f"{_at(maker.place)}: {maker.call!r}: {type(error).__name__}: {error}") from error
+        raise CallError(f"{_place_text(maker.place)}: {maker.call!r}: {type(error).__name__}: {error}") from error
 
 
 def alter(handle: object, change: Alteration) -> None:
@@ -36,11 +36,11 @@ def alter(handle: object, change: Alteration) -> None:
     """
     if handle is None:
         message = f"there is no handle {change.resource!r}: add it under the key `resources` of the file"
-        raise CallError(f"{_at(change.place)}: {message}")
-    _set(handle, change.attributes, f"{_at(change.place)}: {change.resource}")
+        raise CallError(f"{_place_text(change.place)}: {message}")
+    _set(handle, change.attributes, f"{_place_text(change.place)}: {change.resource}")
 
 
-def _imported(call: str) -> Callable[..., object]:
+def _import_callable(call: str) -> Callable[..., object]:
     module, _, path = call.partition(":")
     target: Any = importlib.import_module(module)
     for name in path.split("."):
@@ -63,5 +63,5 @@ def _set(target: object, attributes: Mapping[str, object], path: str) -> None:
             setattr(target, name, value)
 
 
-def _at(place: Place) -> str:
+def _place_text(place: Place) -> str:
     return f"{place.span.file}:{place.span.line}"

@@ -9,11 +9,11 @@ from typing import Any
 from codra_dsl.integrations.testing.package import Package
 from codra_dsl.integrations.testing.timeline import (
     Alteration,
-    Asked,
     Behaviour,
     Belief,
     Change,
     Check,
+    DecisionArguments,
     Fault,
     Moment,
     Outcome,
@@ -42,7 +42,7 @@ class MomentReader:
 
     def __init__(self, package: Package, subject: Subject, findings: Findings) -> None:
         """Read moments for a compiled spec; findings refer to `subject`."""
-        self._no = f"spec {shown(package.model.name)} has no"
+        self._missing_prefix = f"spec {shown(package.model.name)} has no"
         self._package = package
         self._subject = subject
         self._findings = findings
@@ -52,30 +52,30 @@ class MomentReader:
         """Return the readable parts of a moment; `steps` is its path in the file."""
         sections = {name: value for name, (_, value) in node.entries.items()} if isinstance(node, MappingNode) else {}
 
-        def of(name: str, read: Callable[..., Iterable[Any]]) -> tuple[Any, ...]:
+        def read_section(name: str, read: Callable[..., Iterable[Any]]) -> tuple[Any, ...]:
             return tuple(read(sections[name], (*steps, name))) if name in sections else ()
 
         return Moment(
             at_s=at_s,
             place=self._place(key),
             changes=(
-                *of("resources", self._alterations),
-                *of("agents", self._sayings),
-                *of("perception", self._behaviours),
+                *read_section("resources", self._alterations),
+                *read_section("agents", self._sayings),
+                *read_section("perception", self._behaviours),
             ),
-            steps=of("main_execution", self._steps),
+            steps=read_section("main_execution", self._steps),
             checks=(
-                *of("believes", self._beliefs),
-                *of("running", lambda node, way: self._running(node, way, is_running=True)),
-                *of("stopped", lambda node, way: self._running(node, way, is_running=False)),
-                *of("decided", self._outcomes),
+                *read_section("believes", self._beliefs),
+                *read_section("running", lambda node, path: self._observer_checks(node, path, is_running=True)),
+                *read_section("stopped", lambda node, path: self._observer_checks(node, path, is_running=False)),
+                *read_section("decided", self._outcomes),
             ),
         )
 
     # Changes of the world
 
     def _alterations(self, node: YamlNode, steps: tuple[str, ...]) -> Iterator[Change]:
-        for key, value in self._known(node, self._package.handles, f"{self._no} handle", steps):
+        for key, value in self._known_entries(node, self._package.handles, f"{self._missing_prefix} handle", steps):
             if isinstance(value, MappingNode):
                 reader = self._reader(value)
                 attributes = {
@@ -85,7 +85,7 @@ class MomentReader:
                 yield Alteration(resource=key.text, attributes=attributes, place=self._place(key))
 
     def _sayings(self, node: YamlNode, steps: tuple[str, ...]) -> Iterator[Change]:
-        for key, value in self._known(node, self._package.agents, f"{self._no} agent", steps):
+        for key, value in self._known_entries(node, self._package.agents, f"{self._missing_prefix} agent", steps):
             if isinstance(value, MappingNode):
                 names = [name for name, variable in self._package.variables.items() if key.text in variable.sources]
                 problem = f"agent '{key.text}' is not a source of"
@@ -94,10 +94,10 @@ class MomentReader:
                 yield Saying(agent=key.text, values=None)
 
     def _behaviours(self, node: YamlNode, steps: tuple[str, ...]) -> Iterator[Change]:
-        for key, value in self._known(
+        for key, value in self._known_entries(
             node, self._package.algorithms, f"no observer of spec {shown(self._package.model.name)} runs", steps
         ):
-            way = (*steps, key.text)
+            value_steps = (*steps, key.text)
             if not isinstance(value, MappingNode):
                 if not value.reported:
                     yield Behaviour(algorithm=key.text, place=self._place(key))
@@ -107,38 +107,40 @@ class MomentReader:
             yield Behaviour(
                 algorithm=key.text,
                 place=self._place(key),
-                returns=self._returned(key.text, value.value("returns"), way),
+                returns=self._returned_values(key.text, value.value("returns"), value_steps),
                 takes_s=takes_s,
-                evidence_s=self._evidence(reader, value.value("evidence"), way),
-                fault=self._fault(reader, value, way),
+                evidence_s=self._evidence(reader, value.value("evidence"), value_steps),
+                fault=self._fault(reader, value, value_steps),
             )
 
-    def _returned(
+    def _returned_values(
         self, algorithm: str, node: YamlNode | None, steps: tuple[str, ...]
     ) -> Mapping[str, Literal | None] | None:
         if not isinstance(node, MappingNode):
             return None
-        declared = self._package.algorithms[algorithm].returns
-        returned: dict[str, Literal | None] = {}
-        for key, value in self._known(node, declared, f"'{algorithm}' returns no", (*steps, "returns")):
+        declared_types = self._package.algorithms[algorithm].returns
+        returned_values: dict[str, Literal | None] = {}
+        for key, value in self._known_entries(node, declared_types, f"'{algorithm}' returns no", (*steps, "returns")):
             is_absent = isinstance(value, ScalarNode) and value.data is None and not value.reported
-            if is_absent and declared[key.text].optional:
-                returned[key.text] = None
+            if is_absent and declared_types[key.text].optional:
+                returned_values[key.text] = None
             else:
-                returned[key.text] = read_value(self._reader(node), value, declared[key.text], *steps, key.text)
-        return returned
+                returned_values[key.text] = read_value(
+                    self._reader(node), value, declared_types[key.text], *steps, key.text
+                )
+        return returned_values
 
     def _evidence(self, reader: Reader, node: YamlNode | None, steps: tuple[str, ...]) -> tuple[float, float] | None:
         if node is None or node.reported:
             return None
         ends = node.items if isinstance(node, SequenceNode) else [node]
         durations = [parse_duration(end.text) if isinstance(end, ScalarNode) else None for end in ends]
-        wrong = next(
+        wrong_end = next(
             (end for end, end_s in zip(ends, durations, strict=True) if end_s is None or end_s == math.inf), None
         )
         instants = [end_s for end_s in durations if end_s is not None]
-        if wrong is not None:
-            reader.fail("duration", "'evidence' must be durations", wrong, "such as '0 s' or [0 s, 100 ms]", *steps)
+        if wrong_end is not None:
+            reader.fail("duration", "'evidence' must be durations", wrong_end, "such as '0 s' or [0 s, 100 ms]", *steps)
             return None
         if instants[0] > instants[-1]:
             reader.fail("duration", "'evidence' ends before it begins", node, "write the earlier first", *steps)
@@ -168,32 +170,44 @@ class MomentReader:
 
     def _steps(self, node: YamlNode, steps: tuple[str, ...]) -> Iterator[Step]:
         for key, value in entries(node):
-            way = (*steps, key.text)
+            value_steps = (*steps, key.text)
             verb = Verb(key.text)
             if verb is Verb.SET and isinstance(value, MappingNode):
-                for name, content in self._values(value, self._package.variables, f"{self._no} context-variable", way):
+                for name, content in self._values(
+                    value, self._package.variables, f"{self._missing_prefix} context-variable", value_steps
+                ):
                     yield Step(verb=verb, names=(name,), value=content, place=self._place(value.entries[name][0]))
             elif verb is Verb.DECIDE:
-                yield from self._decisions(value, way)
+                yield from self._decisions(value, value_steps)
             elif isinstance(value, SequenceNode):
-                yield self._step(verb, value, way)
+                yield self._step(verb, value, value_steps)
 
     def _step(self, verb: Verb, node: SequenceNode, steps: tuple[str, ...]) -> Step:
         skills = [skill.name for skill in self._package.model.skills]
         names, noun = (skills, "skill") if verb in _OF_SKILLS else (self._package.variables, "context-variable")
-        known = tuple(name.text for name in self._listed(node, names, f"{self._no} {noun}", steps))
-        return Step(verb=verb, names=known, place=self._place(node))
+        known_names = tuple(
+            name.text for name in self._known_names(node, names, f"{self._missing_prefix} {noun}", steps)
+        )
+        return Step(verb=verb, names=known_names, place=self._place(node))
 
     def _decisions(self, node: YamlNode, steps: tuple[str, ...]) -> Iterator[Step]:
-        for key, value in self._known(node, self._package.variables, f"{self._no} context-variable", steps):
-            asked = Asked()
+        for key, value in self._known_entries(
+            node, self._package.variables, f"{self._missing_prefix} context-variable", steps
+        ):
+            decision_arguments = DecisionArguments()
             if isinstance(value, MappingNode):
-                asked = self._asked(self._reader(value), value, self._package.variables[key.text].type, steps)
-            yield Step(verb=Verb.DECIDE, names=(key.text,), asked=asked, place=self._place(key))
+                decision_arguments = self._decision_arguments(
+                    self._reader(value), value, self._package.variables[key.text].type, steps
+                )
+            yield Step(
+                verb=Verb.DECIDE, names=(key.text,), decision_arguments=decision_arguments, place=self._place(key)
+            )
 
-    def _asked(self, reader: Reader, node: MappingNode, type_: ValueType, steps: tuple[str, ...]) -> Asked:
+    def _decision_arguments(
+        self, reader: Reader, node: MappingNode, type_: ValueType, steps: tuple[str, ...]
+    ) -> DecisionArguments:
         otherwise, shadow = node.value("otherwise"), node.value("shadow")
-        return Asked(
+        return DecisionArguments(
             otherwise=None if otherwise is None else read_value(reader, otherwise, type_, *steps, "otherwise"),
             max_age_s=reader.duration_s("max_age", math.inf, least="zero"),
             since_s=reader.duration_s("since", -math.inf, least="zero"),
@@ -204,42 +218,46 @@ class MomentReader:
     # Checks
 
     def _beliefs(self, node: YamlNode, steps: tuple[str, ...]) -> Iterator[Check]:
-        for key, value in self._known(node, self._package.variables, f"{self._no} context-variable", steps):
+        for key, value in self._known_entries(
+            node, self._package.variables, f"{self._missing_prefix} context-variable", steps
+        ):
             type_ = self._package.variables[key.text].type
             if isinstance(value, MappingNode):
                 yield self._belief(key, value, type_, (*steps, key.text))
             else:
                 content = read_value(self._reader_of(key, value), value, type_, *steps, key.text)
-                yield Belief(variable=key.text, is_stated=True, value=content, place=self._at(key, value))
+                yield Belief(variable=key.text, is_stated=True, value=content, place=self._place_of_value(key, value))
 
     def _belief(self, key: ScalarNode, node: MappingNode, type_: ValueType, steps: tuple[str, ...]) -> Belief:
         reader = self._reader(node)
-        stated, within = node.value("is"), node.value("within")
-        unknown = reader.text("unknown", "") if "unknown" in node.entries else None
-        about_value = [key_name for key_name in ("is", "within", "source") if key_name in node.entries]
-        if unknown is not None and about_value:
-            place = reader.origin.of(node.entries[about_value[0]][0])
-            reader.fail("misplaced-key", f"'{about_value[0]}' is about a value, and it is unknown", place, "remove it")
+        value_node, within_node = node.value("is"), node.value("within")
+        reason_text = reader.text("unknown", "") if "unknown" in node.entries else None
+        value_keys = [key_name for key_name in ("is", "within", "source") if key_name in node.entries]
+        if reason_text is not None and value_keys:
+            place = reader.origin.of(node.entries[value_keys[0]][0])
+            reader.fail("misplaced-key", f"'{value_keys[0]}' is about a value, and it is unknown", place, "remove it")
         reasons = {str(reason): reason for reason in Reason}
         return Belief(
             variable=key.text,
-            place=self._at(key, node),
-            is_unknown=unknown is not None,
-            reason=reasons.get(unknown or _ANY),
-            is_stated=stated is not None,
-            value=None if stated is None else read_value(reader, stated, type_, *steps, "is"),
-            within=None if within is None else read_difference(reader, within, type_, *steps, "within"),
+            place=self._place_of_value(key, node),
+            is_unknown=reason_text is not None,
+            reason=reasons.get(reason_text or _ANY),
+            is_stated=value_node is not None,
+            value=None if value_node is None else read_value(reader, value_node, type_, *steps, "is"),
+            within=None if within_node is None else read_difference(reader, within_node, type_, *steps, "within"),
             source=reader.text("source", ""),
             because=reader.text("because", ""),
         )
 
-    def _running(self, node: YamlNode, steps: tuple[str, ...], *, is_running: bool) -> Iterator[Check]:
+    def _observer_checks(self, node: YamlNode, steps: tuple[str, ...], *, is_running: bool) -> Iterator[Check]:
         names = [observer.name for observer in self._package.model.observers]
-        for name in self._listed(node, names, f"{self._no} observer", steps):
+        for name in self._known_names(node, names, f"{self._missing_prefix} observer", steps):
             yield Running(observer=name.text, is_running=is_running, place=self._place(name))
 
     def _outcomes(self, node: YamlNode, steps: tuple[str, ...]) -> Iterator[Check]:
-        for key, value in self._known(node, self._package.variables, f"{self._no} context-variable", steps):
+        for key, value in self._known_entries(
+            node, self._package.variables, f"{self._missing_prefix} context-variable", steps
+        ):
             if isinstance(value, ScalarNode):
                 yield Outcome(variable=key.text, how=value.text, place=self._place(value))
 
@@ -248,11 +266,11 @@ class MomentReader:
     def _values(
         self, node: MappingNode, names: Iterable[str], problem: str, steps: tuple[str, ...]
     ) -> Iterator[tuple[str, Literal | None]]:
-        for key, value in self._known(node, names, problem, steps):
+        for key, value in self._known_entries(node, names, problem, steps):
             type_ = self._package.variables[key.text].type
             yield key.text, read_value(self._reader(node), value, type_, *steps, key.text)
 
-    def _known(
+    def _known_entries(
         self, node: YamlNode, names: Iterable[str], problem: str, steps: tuple[str, ...]
     ) -> Iterator[tuple[ScalarNode, YamlNode]]:
         """Yield the entries whose keys are among the names; report the others."""
@@ -261,9 +279,9 @@ class MomentReader:
             if key.text in allowed:
                 yield key, value
             else:
-                self._unknown("unknown-key", key, allowed, problem, steps)
+                self._report_unknown("unknown-key", key, allowed, problem, steps)
 
-    def _listed(
+    def _known_names(
         self, node: YamlNode, names: Iterable[str], problem: str, steps: tuple[str, ...]
     ) -> Iterator[ScalarNode]:
         """Yield the items that are among the names; report the others."""
@@ -274,16 +292,18 @@ class MomentReader:
             if name_node.text in allowed:
                 yield name_node
             else:
-                self._unknown("unknown-value", name_node, allowed, problem, steps)
+                self._report_unknown("unknown-value", name_node, allowed, problem, steps)
 
-    def _unknown(self, rule: str, node: ScalarNode, names: Iterable[str], problem: str, steps: tuple[str, ...]) -> None:
+    def _report_unknown(
+        self, rule: str, node: ScalarNode, names: Iterable[str], problem: str, steps: tuple[str, ...]
+    ) -> None:
         allowed = list(names)
         near = self._findings.nearest(node.text, allowed)
-        there = f"there is {listed(allowed)}" if allowed else "there is none"
+        allowed_text = f"there is {listed(allowed)}" if allowed else "there is none"
         message = f"{problem} {shown(node.text)}"
-        help = f"did you mean '{near}'?" if near else there
+        help_text = f"did you mean '{near}'?" if near else allowed_text
         path = self._subject.part(*steps, node.text)
-        self._findings.add(rule, message, self._place(node), help=help, path=path)
+        self._findings.add(rule, message, self._place(node), help=help_text, path=path)
 
     def _reader(self, node: MappingNode) -> Reader:
         return Reader(self._subject, node, self._findings)
@@ -293,5 +313,5 @@ class MomentReader:
         holder.put(key, value)
         return self._reader(holder)
 
-    def _at(self, key: ScalarNode, value: YamlNode) -> Any:
+    def _place_of_value(self, key: ScalarNode, value: YamlNode) -> Any:
         return self._subject.origin.of_value(key, value)

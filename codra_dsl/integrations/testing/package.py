@@ -34,10 +34,10 @@ class PackageError(Exception):
         help: how to fix it.
     """
 
-    def __init__(self, message: str, help: str) -> None:
-        super().__init__(f"{message}: {help}")
+    def __init__(self, message: str, help_text: str) -> None:
+        super().__init__(f"{message}: {help_text}")
         self.message = message
-        self.help = help
+        self.help = help_text
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,7 +76,8 @@ class Package:
 def load_package(root: Path, name: str) -> Package:
     """Import a compiled spec like programs in the project's root: `from generated import NAME`.
 
-    This happens once per process. The spec is compiled once more for it, to make sure that the package is up to date.
+    This happens once per process. The spec is compiled once more for it, to make sure that the package
+    contains the model of the spec; the generated files are not compared.
 
     Args:
         root: the root of the project; Python searches modules there from now on.
@@ -100,15 +101,15 @@ def load_package(root: Path, name: str) -> Package:
 
 
 def _require(root: Path, name: str) -> None:
-    present = sorted(manifest.parent.name for manifest in (root / FOLDER).glob("*/manifest.json"))
-    if name not in present:
-        near = suggest(name, present)
-        help = f"did you mean '{near}'?" if near else "compile the spec first: codra compile"
-        raise PackageError(f"there is no compiled spec '{FOLDER}/{name}'", help)
+    compiled_names = sorted(manifest.parent.name for manifest in (root / FOLDER).glob("*/manifest.json"))
+    if name not in compiled_names:
+        near = suggest(name, compiled_names)
+        help_text = f"did you mean '{near}'?" if near else "compile the spec first: codra compile"
+        raise PackageError(f"there is no compiled spec '{FOLDER}/{name}'", help_text)
 
 
 def _require_fresh(root: Path, name: str) -> None:
-    """Require that the package is up to date with the spec, if the spec exists."""
+    """Require that the package was compiled from the model that the spec has now, if the spec exists."""
     manifest = manifest_of(root / FOLDER / name)
     file = root / str(manifest.get("spec", ""))
     if not file.is_file():
@@ -117,7 +118,7 @@ def _require_fresh(root: Path, name: str) -> None:
     if not plans:
         raise PackageError(f"'{manifest['spec']}' has errors", f"see: codra lint {manifest['spec']}")
     if model_digest(plans[0]) != manifest.get("model"):
-        message = f"'{FOLDER}/{name}' is out of date: '{manifest['spec']}' has changed"
+        message = f"'{FOLDER}/{name}' is out of date: it does not match '{manifest['spec']}'"
         raise PackageError(message, f"compile it: codra compile {manifest['spec']}")
 
 
@@ -127,7 +128,7 @@ def _package(module: ModuleType) -> Package:
     classes = [
         value for value in vars(module).values() if isinstance(value, type) and issubclass(value, ContextManager)
     ]
-    build = next(class_ for class_ in classes if class_ is not ContextManager)
+    build = next(manager_class for manager_class in classes if manager_class is not ContextManager)
     algorithms: dict[str, Algorithm] = {}
 
     def add(algorithm: Algorithm) -> Callable[..., object]:

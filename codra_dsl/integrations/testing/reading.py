@@ -43,12 +43,16 @@ def read_timeline(
     node = None if source is None else compose(source, findings)
     if source is None or not isinstance(node, MappingNode) or not node.entries:
         if not len(findings):
-            help = "begin it with 'codra: 1' and 'timeline: NAME'"
-            findings.add("not-a-spec", "the file holds no keys", file_place(relative(path, root)), help=help)
+            help_text = "begin it with 'codra: 1' and 'timeline: NAME'"
+            findings.add("not-a-spec", "the file holds no keys", file_place(relative(path, root)), help=help_text)
         return None, None, findings.all()
     result = _read(source, node, root, findings)
-    ordered = in_file_order(findings.all())
-    return (None, None, ordered) if result is None or has_errors(ordered) else (*result, ordered)
+    ordered_findings = in_file_order(findings.all())
+    return (
+        (None, None, ordered_findings)
+        if result is None or has_errors(ordered_findings)
+        else (*result, ordered_findings)
+    )
 
 
 def _read(source: Source, node: MappingNode, root: Path, findings: Findings) -> tuple[Timeline, Package] | None:
@@ -94,7 +98,7 @@ class _Reading:
         )
 
     def _makers(self) -> Iterator[tuple[str, Maker]]:
-        for key, node in self._named("resources", self._package.handles, "handle"):
+        for key, node in self._known_entries("resources", self._package.handles, "handle"):
             reader = Reader(self._subject, node, self._findings)
             call = reader.scalar("call")
             if call is None:
@@ -110,24 +114,26 @@ class _Reading:
             yield key.text, Maker(call=call.text, arguments=literals, place=self._subject.origin.of(call))
 
     def _speakers(self) -> Iterator[tuple[str, float]]:
-        for key, node in self._named("agents", self._package.agents, "agent"):
+        for key, node in self._known_entries("agents", self._package.agents, "agent"):
             every_s = Reader(self._subject, node, self._findings).duration_s("every", 0.0)
             if every_s > 0:
                 yield key.text, every_s
 
-    def _named(self, section: str, names: tuple[str, ...], noun: str) -> Iterator[tuple[ScalarNode, MappingNode]]:
+    def _known_entries(
+        self, section: str, names: tuple[str, ...], noun: str
+    ) -> Iterator[tuple[ScalarNode, MappingNode]]:
         for key, value in entries(self._node.value(section)):
             if key.text not in names:
                 near = self._findings.nearest(key.text, names)
-                help = f"did you mean '{near}'?" if near else f"there is {listed(names) or 'none'}"
+                help_text = f"did you mean '{near}'?" if near else f"there is {listed(names) or 'none'}"
                 message = f"spec '{self._package.model.name}' has no {noun} {shown(key.text)}"
-                self._findings.add("unknown-key", message, self._subject.origin.of(key), help=help, path=section)
+                self._findings.add("unknown-key", message, self._subject.origin.of(key), help=help_text, path=section)
             elif isinstance(value, MappingNode):
                 yield key, value
 
     def _stories(self) -> Iterator[Story]:
-        beginning = self._node.entries.get("start")
-        first = () if beginning is None else (self._moments.read(0.0, *beginning, "start"),)
+        start_node = self._node.entries.get("start")
+        first = () if start_node is None else (self._moments.read(0.0, *start_node, "start"),)
         for key, node in entries(self._node.value("stories")):
             moments = (*first, *self._moments_of(key.text, node))
             if not moments:
@@ -144,8 +150,8 @@ class _Reading:
             place, path = self._subject.origin.of(key), f"stories.{story}.{key.text}"
             if at_s is None or not 0 <= at_s < math.inf:
                 message = f"{shown(key.text)} is not an instant of a story"
-                help = duration_help(key.text) if at_s is None else "write a duration since its beginning: '12 s'"
-                self._findings.add("duration", message, place, help=help, path=path)
+                help_text = duration_help(key.text) if at_s is None else "write a duration since its beginning: '12 s'"
+                self._findings.add("duration", message, place, help=help_text, path=path)
                 at_s = last_s
             elif at_s < last_s or (last and at_s == last_s):
                 message = f"{shown(key.text)} is not later than {shown(last)}"
@@ -160,12 +166,12 @@ class _Reading:
         for step in (step for moment in story.moments for step in moment.steps):
             for name in step.names if step.verb in (Verb.BEGIN, Verb.ACT, Verb.ACTED, Verb.END) else ():
                 if (name in begun) is (step.verb is Verb.BEGIN):
-                    state, help = (
+                    state, help_text = (
                         ("is already running", "end it first")
                         if name in begun
                         else ("is not running", "begin it first")
                     )
-                    self._findings.add("misplaced-key", f"skill {shown(name)} {state}", step.place, help=help)
+                    self._findings.add("misplaced-key", f"skill {shown(name)} {state}", step.place, help=help_text)
                 if step.verb is Verb.BEGIN:
                     begun.add(name)
                 elif step.verb is Verb.END:
@@ -173,19 +179,23 @@ class _Reading:
 
     def _check_behaviours(self, story: Story) -> None:
         """Report algorithms whose returned values are not stated."""
-        stated: dict[str, set[str]] = {}
+        returned_names: dict[str, set[str]] = {}
         for behaviour in (
             change for moment in story.moments for change in moment.changes if isinstance(change, Behaviour)
         ):
             if behaviour.returns is not None:
-                known = stated.setdefault(behaviour.algorithm, set())
-                known.update(behaviour.returns)
-                declared = self._package.algorithms[behaviour.algorithm].returns
-                missing = [name for name, type_ in declared.items() if not type_.optional and name not in known]
-                if missing:
-                    message = f"{behaviour.algorithm!r} also returns {listed(missing)}"
+                names_of_algorithm = returned_names.setdefault(behaviour.algorithm, set())
+                names_of_algorithm.update(behaviour.returns)
+                declared_types = self._package.algorithms[behaviour.algorithm].returns
+                missing_names = [
+                    name
+                    for name, type_ in declared_types.items()
+                    if not type_.optional and name not in names_of_algorithm
+                ]
+                if missing_names:
+                    message = f"{behaviour.algorithm!r} also returns {listed(missing_names)}"
                     self._findings.add("missing-key", message, behaviour.place, help="add it under 'returns'")
-            elif behaviour.algorithm not in stated and (
+            elif behaviour.algorithm not in returned_names and (
                 behaviour.takes_s is not None or behaviour.evidence_s is not None
             ):
                 message = f"the results of {behaviour.algorithm!r} are not stated, so its own function is called"

@@ -8,14 +8,14 @@ from contextlib import ExitStack
 from functools import partial
 from typing import Any, Protocol, Self
 
-from codra_dsl.integrations.testing.checks import Failure, failures_of, rendered
-from codra_dsl.integrations.testing.handles import alter, made
+from codra_dsl.integrations.testing.checks import Failure, failures_of, failures_text
+from codra_dsl.integrations.testing.handles import alter, make_handle
 from codra_dsl.integrations.testing.package import Package
 from codra_dsl.integrations.testing.script import Script, Speakers
 from codra_dsl.integrations.testing.timeline import (
     Alteration,
-    Asked,
     Behaviour,
+    DecisionArguments,
     Moment,
     Saying,
     Step,
@@ -71,7 +71,7 @@ class Run:
         self._timeline = timeline
         self._package = package
         self._story = story
-        self._script = Script(story.scripted, self.resources)
+        self._script = Script(story.scripted_algorithms, self.resources)
         self._begun_s = math.nan
         self._played_s: dict[int, float] = {}
         self._skills: dict[str, _Skill] = {}
@@ -141,9 +141,11 @@ class Run:
         for index, moment in enumerate(self._story.moments):
             at_s = self._played_s.get(index, self._begun_s + moment.at_s)
             failures += failures_of(moment, at_s, self.clock.now_s(), self.codra, self.record)
-        failures += [_unscripted(self._story.place, name, at_s) for name, at_s in self._script.unscripted.items()]
+        failures += [
+            _unscripted_failure(self._story.place, name, at_s) for name, at_s in self._script.unscripted.items()
+        ]
         if failures:
-            raise StoryFailed(rendered(failures, self._timeline.source))
+            raise StoryFailed(failures_text(failures, self._timeline.source))
 
     def play(self) -> None:
         """Run the story with the main execution that it describes, and make all checks.
@@ -171,7 +173,7 @@ class Run:
         if not math.isnan(self._begun_s):
             raise RuntimeError("this story has been started: open it again")
         self.clock, self.resources, self._begun_s = clock, dict(resources), clock.now_s()
-        self._script = Script(self._story.scripted, self.resources)
+        self._script = Script(self._story.scripted_algorithms, self.resources)
         self.record = EventLog(math.inf) if record is None else record
         self.codra = self._package.build(
             self._package.model,
@@ -195,7 +197,7 @@ class Run:
         """Make the handles that were not passed."""
         for resource, maker in self._timeline.makers.items():
             if resource not in self.resources:
-                self.resources[resource] = made(maker, self.clock)
+                self.resources[resource] = make_handle(maker, self.clock)
 
     def _change(self, moment: Moment, speakers: Speakers) -> None:
         """Apply the changes of the world at a moment."""
@@ -213,7 +215,7 @@ class Run:
         __tracebackhide__ = True
         try:
             if step.verb is Verb.DECIDE:
-                self._decide(step.names[0], step.asked)
+                self._decide(step.names[0], step.decision_arguments)
             elif step.verb is Verb.SET:
                 self.codra.set(step.names[0], step.value)
             elif step.verb is Verb.EXPECT:
@@ -223,7 +225,7 @@ class Run:
                     self._do_with(step.verb, name)
         except Exception as error:
             message = f"'{step.verb}' is not possible: {type(error).__name__}: {error}"
-            raise StoryFailed(rendered([Failure(step.place, message)], self._timeline.source)) from error
+            raise StoryFailed(failures_text([Failure(step.place, message)], self._timeline.source)) from error
 
     def _do_with(self, verb: Verb, name: str) -> None:
         match verb:
@@ -240,14 +242,14 @@ class Run:
             case _:
                 self._skills.pop(name).end()
 
-    def _decide(self, name: str, asked: Asked) -> None:
+    def _decide(self, name: str, arguments: DecisionArguments) -> None:
         self.codra.decide(
             name,
-            otherwise=lambda: asked.otherwise,
-            max_age_s=asked.max_age_s,
-            since_s=self._begun_s + asked.since_s,
-            wait_up_to_s=asked.wait_up_to_s,
-            shadow=asked.shadow,
+            otherwise=lambda: arguments.otherwise,
+            max_age_s=arguments.max_age_s,
+            since_s=self._begun_s + arguments.since_s,
+            wait_up_to_s=arguments.wait_up_to_s,
+            shadow=arguments.shadow,
         )
 
 
@@ -267,6 +269,6 @@ class _Skill:
         self._context.close()
 
 
-def _unscripted(place: Place, algorithm: str, at_s: float) -> Failure:
+def _unscripted_failure(place: Place, algorithm: str, at_s: float) -> Failure:
     message = f"{algorithm} looked at {at_s:g} s, but the values that it returns are not stated"
     return Failure(place, message, "add them under `perception`, or make the handles that it reads under `resources`")

@@ -15,7 +15,7 @@ from codra_dsl.runtime.clock import Timer
 from codra_dsl.runtime.perception import Function, imported
 from codra_dsl.runtime.values.model import Algorithm
 
-_SOUND = Fault()
+_NO_FAULT = Fault()
 
 
 class UnscriptedError(Exception):
@@ -23,7 +23,7 @@ class UnscriptedError(Exception):
 
 
 @dataclass(slots=True)
-class _Part:
+class _AlgorithmState:
     """The present behavior of one algorithm.
 
     Attributes:
@@ -34,20 +34,20 @@ class _Part:
     values: dict[str, Literal | None] = field(default_factory=dict)
     takes_s: float = 0.0
     evidence_s: tuple[float, float] | None = None
-    fault: Fault = _SOUND
+    fault: Fault = _NO_FAULT
     jobs_left: float = 0.0
 
     def change(self, behaviour: Behaviour) -> None:
         self.values.update(behaviour.returns or {})
         self.takes_s = self.takes_s if behaviour.takes_s is None else behaviour.takes_s
         self.evidence_s = behaviour.evidence_s or self.evidence_s
-        self.fault = behaviour.fault or _SOUND
+        self.fault = behaviour.fault or _NO_FAULT
         self.jobs_left = self.fault.jobs
 
     def take_fault(self) -> Fault:
         """Return the fault of the next job."""
         self.jobs_left -= 1
-        return self.fault if self.jobs_left >= 0 else _SOUND
+        return self.fault if self.jobs_left >= 0 else _NO_FAULT
 
 
 class Script:
@@ -62,11 +62,11 @@ class Script:
         self.unscripted: dict[str, float] = {}
         self._scripted = scripted
         self._handles = handles
-        self._parts: dict[str, _Part] = {}
+        self._states: dict[str, _AlgorithmState] = {}
 
     def change(self, behaviour: Behaviour) -> None:
         """Change the behavior of an algorithm from now on."""
-        self._part(behaviour.algorithm).change(behaviour)
+        self._state_of(behaviour.algorithm).change(behaviour)
 
     def function(self, algorithm: Algorithm) -> Function:
         """Return the function or class that runs in place of an algorithm's own.
@@ -74,42 +74,46 @@ class Script:
         Raises:
             CallError: if its own function is needed and cannot be imported.
         """
-        part = self._part(algorithm.name)
+        state = self._state_of(algorithm.name)
         # A scripted algorithm is never imported, so tests also run without its libraries.
         is_called = algorithm.name not in self._scripted and all(name in self._handles for name in algorithm.handles)
-        own = imported(algorithm) if is_called else None
+        own_function = imported(algorithm) if is_called else None
 
-        def around(function: Function | None) -> Function:
+        def with_faults(function: Function | None) -> Function:
             def perceive(*, job: Job, **arguments: Any) -> object:
                 evidence_job = _JobWithEvidence(job)
-                scripted = self._usual(algorithm.name, part, evidence_job)
-                usual = scripted if function is None else lambda: function(**arguments, job=evidence_job)
-                return _with_fault(part.take_fault(), usual, evidence_job)
+                scripted = self._scripted_function(algorithm.name, state, evidence_job)
+                run_without_fault = scripted if function is None else lambda: function(**arguments, job=evidence_job)
+                return _with_fault(state.take_fault(), run_without_fault, evidence_job)
 
             return perceive
 
-        return _class_around(own, around) if isinstance(own, type) else around(own)
+        return (
+            _subclass_with_faults(own_function, with_faults)
+            if isinstance(own_function, type)
+            else with_faults(own_function)
+        )
 
-    def _part(self, name: str) -> _Part:
-        return self._parts.setdefault(name, _Part())
+    def _state_of(self, name: str) -> _AlgorithmState:
+        return self._states.setdefault(name, _AlgorithmState())
 
-    def _usual(self, name: str, part: _Part, job: _JobWithEvidence) -> Callable[[], object]:
-        def say() -> object:
-            if not part.values:
+    def _scripted_function(self, name: str, state: _AlgorithmState, job: _JobWithEvidence) -> Callable[[], object]:
+        def run() -> object:
+            if not state.values:
                 self.unscripted.setdefault(name, job.now_s())
                 raise UnscriptedError("the timeline does not state the values that it returns")
-            return _scripted(part, job)
+            return _run_script(state, job)
 
-        return say
+        return run
 
 
-def _class_around(own: type[Any], around: Callable[[Function], Function]) -> type[Any]:
+def _subclass_with_faults(own_class: type[Any], with_faults: Callable[[Function], Function]) -> type[Any]:
     """Return a subclass whose `perceive` is wrapped with faults; `setup` and `close` stay the same."""
 
     def perceive(self: Any, **arguments: Any) -> object:
-        return around(partial(own.perceive, self))(**arguments)
+        return with_faults(partial(own_class.perceive, self))(**arguments)
 
-    return type(own.__name__, (own,), {"perceive": perceive})
+    return type(own_class.__name__, (own_class,), {"perceive": perceive})
 
 
 class _JobWithEvidence:
@@ -129,18 +133,18 @@ class _JobWithEvidence:
         self._has_evidence = True
 
     def delay(self, late_s: float) -> None:
-        """Delay the result, with the evidence of the time without the delay."""
+        """Delay the result; its evidence keeps the times that it would have without the delay."""
         if late_s > 0:
             if not self._has_evidence:
                 self.evidence(self._start_s, self._job.now_s())
             self._job.sleep(late_s)
 
 
-def _scripted(part: _Part, job: _JobWithEvidence) -> Mapping[str, Literal | None]:
+def _run_script(state: _AlgorithmState, job: _JobWithEvidence) -> Mapping[str, Literal | None]:
     """Run a job as scripted; its evidence is reported as soon as it is taken."""
-    start_s, values, takes_s = job.now_s(), dict(part.values), part.takes_s
-    if part.evidence_s is not None:
-        begun_s, stamp_s = part.evidence_s
+    start_s, values, takes_s = job.now_s(), dict(state.values), state.takes_s
+    if state.evidence_s is not None:
+        begun_s, stamp_s = state.evidence_s
         job.sleep(max(0.0, stamp_s))
         job.evidence(start_s + begun_s, start_s + stamp_s)
         takes_s -= max(0.0, stamp_s)
@@ -148,23 +152,23 @@ def _scripted(part: _Part, job: _JobWithEvidence) -> Mapping[str, Literal | None
     return values
 
 
-def _with_fault(fault: Fault, usual: Callable[[], object], job: _JobWithEvidence) -> object:
+def _with_fault(fault: Fault, run_without_fault: Callable[[], object], job: _JobWithEvidence) -> object:
     if fault.hangs:
         job.sleep(math.inf)
         return None
     if fault.raises is not None:
         job.delay(fault.late_s)
         raise RuntimeError(fault.raises)
-    result = _garbled(fault.garbage[0], usual) if fault.garbage else usual()
+    result = _with_garbage(fault.garbage[0], run_without_fault) if fault.garbage else run_without_fault()
     job.delay(fault.late_s)
     return result
 
 
-def _garbled(garbage: object, usual: Callable[[], object]) -> object:
+def _with_garbage(garbage: object, run_without_fault: Callable[[], object]) -> object:
     """Return garbage; a mapping replaces only its keys in the usual result."""
     if not isinstance(garbage, Mapping):
         return garbage
-    result = usual()
+    result = run_without_fault()
     return {**result, **garbage} if isinstance(result, Mapping) else garbage
 
 
@@ -178,13 +182,13 @@ class Speakers:
         self._clock = clock
         self._every_s = every_s
         self._last_values: dict[str, dict[str, Literal | None]] = {}
-        self._next: dict[str, Timer] = {}
+        self._timers: dict[str, Timer] = {}
 
     def say(self, saying: Saying) -> None:
         """Let an agent write values, or fall silent."""
         agent = saying.agent
-        if agent in self._next:
-            self._next.pop(agent).cancel()
+        if agent in self._timers:
+            self._timers.pop(agent).cancel()
         if saying.values is not None:
             self._last_values.setdefault(agent, {}).update(saying.values)
             self._write(agent, saying.values)
@@ -195,4 +199,4 @@ class Speakers:
             self._codra.commands.write(name, self._types[name].convert(value), agent, None)
         if agent in self._every_s:
             then_s = self._clock.now_s() + self._every_s[agent]
-            self._next[agent] = self._clock.call_at(then_s, lambda: self._write(agent, self._last_values[agent]))
+            self._timers[agent] = self._clock.call_at(then_s, lambda: self._write(agent, self._last_values[agent]))

@@ -101,8 +101,13 @@ class Verb(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Asked:
-    """The arguments of a decision; `otherwise` is the value that the robot itself sees; `since_s` counts from 0 s."""
+class DecisionArguments:
+    """The arguments of a decision.
+
+    Attributes:
+        otherwise: the value that the robot itself sees; None if it sees none.
+        since_s: counted from the start of the story.
+    """
 
     otherwise: Literal | None = None
     max_age_s: float = math.inf
@@ -118,14 +123,14 @@ class Step:
     Attributes:
         names: the names of variables or skills.
         value: the value that it sets.
-        asked: the arguments of its decision.
+        decision_arguments: the arguments of its decision.
     """
 
     verb: Verb
     names: tuple[str, ...]
     place: Place
     value: Literal | None = None
-    asked: Asked = field(default_factory=Asked)
+    decision_arguments: DecisionArguments = field(default_factory=DecisionArguments)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -186,7 +191,7 @@ class Moment:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Story:
-    """A sequence of moments; the first one is the common beginning of all stories, if the timeline has one."""
+    """A sequence of moments; the first one is the common `start` of all stories, if the timeline has it."""
 
     name: str
     place: Place
@@ -198,7 +203,7 @@ class Story:
         return self.moments[-1].at_s
 
     @property
-    def scripted(self) -> frozenset[str]:
+    def scripted_algorithms(self) -> frozenset[str]:
         """Return the algorithms that the story scripts; others are called."""
         changes = (change for moment in self.moments for change in moment.changes)
         return frozenset(

@@ -19,13 +19,13 @@ def read_value(reader: Reader, node: YamlNode, type_: ValueType, *steps: str) ->
     """Return a value of a type, in its unit; None with a finding if it is not such a value."""
     if node.reported or not isinstance(node, ScalarNode):
         return None
-    given = _given(reader, node, type_, *steps)
-    if given is None:
+    data = _read_data(reader, node, type_, *steps)
+    if data is None:
         return None
     try:
-        return type_.convert(given)
+        return type_.convert(data)
     except NotOfTypeError as error:
-        reader.fail("wrong-type", f"{shown(steps[-1])} has a wrong value: {error}", node, _wanted(type_), *steps)
+        reader.fail("wrong-type", f"{shown(steps[-1])} has a wrong value: {error}", node, _type_help(type_), *steps)
         return None
 
 
@@ -44,42 +44,42 @@ def read_anything(reader: Reader, node: YamlNode, *steps: str) -> object:
     return None if node.data is None else read_literal(reader, node, *steps)
 
 
-def _given(reader: Reader, node: ScalarNode, type_: ValueType, *steps: str) -> object:
+def _read_data(reader: Reader, node: ScalarNode, type_: ValueType, *steps: str) -> object:
     """Return the written value, with a quantity in the type's unit; None with a finding if units do not match."""
     if type_.kind in _WORDS and not isinstance(node.data, bool) and node.data is not None:
         return node.text
     unit = None if type_.unit is None else parse_unit(type_.unit)
     if type_.kind not in _NUMBERS:
-        return _written(reader, node, type_, *steps)
+        return _data_of(reader, node, type_, *steps)
     quantity = parse_quantity(node.text) if node.style is Style.PLAIN and isinstance(node.data, str) else None
     if quantity is not None:
         if unit is not None and quantity.unit.dimension == unit.dimension:
             return convert(quantity.value, quantity.unit, unit)
         unit_text = f"is in {type_.unit}" if unit is not None else "has no unit"
         message = f"{shown(steps[-1])} {unit_text}, not in {quantity.unit}"
-        reader.fail("unit", message, node, _wanted(type_), *steps)
+        reader.fail("unit", message, node, _type_help(type_), *steps)
         return None
     if unit is not None and isinstance(node.data, int | float) and not isinstance(node.data, bool) and node.data != 0:
         message = f"{shown(steps[-1])} is in {type_.unit}, and {shown(node.text)} has no unit"
         reader.fail("unit", message, node, f"write '{node.text} {type_.unit}', or another unit", *steps)
         return None
-    return _written(reader, node, type_, *steps)
+    return _data_of(reader, node, type_, *steps)
 
 
-def _written(reader: Reader, node: ScalarNode, type_: ValueType, *steps: str) -> object:
+def _data_of(reader: Reader, node: ScalarNode, type_: ValueType, *steps: str) -> object:
     if node.data is None:
-        reader.fail("wrong-type", f"{shown(steps[-1])} has no value", node, _wanted(type_), *steps)
+        reader.fail("wrong-type", f"{shown(steps[-1])} has no value", node, _type_help(type_), *steps)
     return node.data
 
 
-def _wanted(type_: ValueType) -> str:
+def _type_help(type_: ValueType) -> str:
     if type_.kind == "bool":
         return "write true or false"
     if type_.members:
         return f"write one of {', '.join(type_.members)}"
     if type_.kind == "str":
         return "write a text"
-    what = "a whole number" if type_.kind == "int" else "a number"
+    kind_text = "a whole number" if type_.kind == "int" else "a number"
     unit = f" in {type_.unit}, or another unit of its kind" if type_.unit else ""
     bounds = "" if type_.range is None else f", from {type_.range[0]:g} to {type_.range[1]:g}"
-    return f"write {what}{unit}{bounds}"
+    return f"write {kind_text}{unit}{bounds}"

@@ -24,14 +24,14 @@ class Agent(Generic[VariableName_contra, GraphT_co]):
         name: the name of the agent.
     """
 
-    __slots__ = ("_handle", "_knowledge", "_shared", "_write", "name")
+    __slots__ = ("_acquisition", "_handle", "_knowledge", "_write", "name")
 
     def __init__(
         self,
         name: str,
         write: Callable[[str, object, str, float | None], None],
         knowledge: Knowledge | None = None,
-        shared: SharedAcquisition | None = None,
+        acquisition: SharedAcquisition | None = None,
     ) -> None:
         """Open the handle of an agent.
 
@@ -39,7 +39,7 @@ class Agent(Generic[VariableName_contra, GraphT_co]):
             name: the name of the agent.
             write: writes a variable; called with its name, the value, the writer, and when its evidence was taken.
             knowledge: the graph, which the agent writes as well, if there is one.
-            shared: declares the observed variables in the `wakes` patterns of the agent.
+            acquisition: declares the observed variables in the `wakes` patterns of the agent.
 
         Raises:
             UnknownNameError: if the graph has no such agent.
@@ -48,7 +48,7 @@ class Agent(Generic[VariableName_contra, GraphT_co]):
         self.name = name
         self._write = write
         self._knowledge = knowledge
-        self._shared = shared
+        self._acquisition = acquisition
         self._handle = None if knowledge is None else knowledge.as_agent(name)
 
     @property
@@ -73,9 +73,9 @@ class Agent(Generic[VariableName_contra, GraphT_co]):
         """
         handle = cast("AgentHandle", self.graph)
         subscription = handle.on_wake(callback)
-        if self._shared is not None:
-            self._shared.begin()
-            subscription.and_then(self._shared.end)
+        if self._acquisition is not None:
+            self._acquisition.begin()
+            subscription.and_then(self._acquisition.end)
         return subscription
 
     def close(self) -> None:
@@ -89,7 +89,8 @@ class Agent(Generic[VariableName_contra, GraphT_co]):
         Args:
             name: the variable.
             value: its value.
-            evidence_s: when the evidence was taken; now, if None. A value with newer evidence is kept.
+            evidence_s: when the evidence was taken; now, if None. A value that the variable has from
+                newer evidence is kept.
 
         Raises:
             NotASourceError: if the variable does not name the agent as `source`.

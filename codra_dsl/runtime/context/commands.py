@@ -31,7 +31,7 @@ from codra_dsl.runtime.values.model import SkillModel, VariableModel
 
 
 class NotDeclaredError(PermissionError):
-    """The main execution wrote a variable of another source that it has not declared."""
+    """The main execution wrote a variable of which it is not a source, and which is not declared."""
 
 
 class Commands:
@@ -79,12 +79,12 @@ class Commands:
             {name: observer.needs() for name, observer in observers},
         )
         self.is_closed = False
-        self._expected: dict[str, list[str]] = {}
-        self._begun: dict[int, tuple[str, SkillModel]] = {}
-        self._skills_begun = 0
-        self._decisions_asked = 0
+        self._expected_skills: dict[str, list[str]] = {}
+        self._skills_under_way: dict[int, tuple[str, SkillModel]] = {}
+        self._skill_count = 0
+        self._decision_count = 0
         self._tickets: dict[int, Ticket] = {}
-        self._slots_asked = 0
+        self._slot_request_count = 0
 
     # Declarations of the main execution (P1, Equation 4)
 
@@ -106,24 +106,24 @@ class Commands:
             self.declarations.remove(party, name)
 
     def expect(self, skills: Iterable[str], party: str = MAIN) -> None:
-        """Set the skills that a main execution expects next."""
+        """Set the skills that a main execution expects next; all others are no longer expected."""
         with self._clock:
             self._check_open()
-            expected = list(skills)
-            self._record("expect", party, skills=expected)
-            self._hold_expected(expected, party)
+            expected_skills = list(skills)
+            self._record("expect", party, skills=expected_skills)
+            self._hold_expected(expected_skills, party)
 
     def begin(self, name: str, party: str = MAIN) -> int:
         """Begin a skill; return its number, which the other methods take."""
         with self._clock:
             self._check_open()
             self._record("begin", party, skill=name)
-            self._skills_begun += 1
-            number, skill = self._skills_begun, self._skills[name]
-            self._begun[number] = (party, skill)
+            self._skill_count += 1
+            number, skill = self._skill_count, self._skills[name]
+            self._skills_under_way[number] = (party, skill)
             self._event_triggers.begin(skill.monitor)
             self.declarations.hold(under_way(skill.name, number), (*skill.preview, *skill.monitor))
-            self._hold_expected([other for other in self._expected.get(party, ()) if other != name], party)
+            self._hold_expected([other for other in self._expected_skills.get(party, ()) if other != name], party)
             self._forest.look_again()
             return number
 
@@ -134,9 +134,9 @@ class Commands:
             RuntimeError: if the skill has ended.
         """
         with self._clock:
-            if number not in self._begun:
+            if number not in self._skills_under_way:
                 raise RuntimeError("a skill that has ended cannot act: begin it again")
-            _party, skill = self._begun[number]
+            _party, skill = self._skills_under_way[number]
             self._record("act", number=number)
             for variable in skill.changes:
                 self._store.invalidate(variable, skill.name, MAIN)
@@ -161,10 +161,12 @@ class Commands:
         """Withdraw all declarations of a main execution that has left or no longer responds."""
         with self._clock:
             self._record("leave", party)
-            for number in [number for number, (whose, _) in self._begun.items() if whose == party]:
+            for number in [
+                number for number, (skill_party, _) in self._skills_under_way.items() if skill_party == party
+            ]:
                 self._finish(number)
             self._hold_expected([], party)
-            del self._expected[party]
+            del self._expected_skills[party]
             self.declarations.hold(party, ())
 
     def close(self) -> None:
@@ -172,7 +174,7 @@ class Commands:
         with self._clock:
             self._record("close")
             self.is_closed = True
-            self._expected.clear()
+            self._expected_skills.clear()
             for holder in self.declarations.holders():
                 self.declarations.hold(holder, ())
 
@@ -182,8 +184,8 @@ class Commands:
         """Write a variable as the main execution or an agent.
 
         Raises:
-            NotDeclaredError: if the variable has other sources and is not declared.
-            NotASourceError: if the agent is not a source of the variable.
+            NotDeclaredError: if the main execution is not a source of the variable, and it is not declared.
+            NotASourceError: if the agent is not a source of the variable, or the variable follows from poses.
             ValueError: if the evidence lies in the future.
         """
         evidence_s = None if evidence_s is None else float(evidence_s)
@@ -223,10 +225,10 @@ class Commands:
     def ask(self, request: DecisionRequest) -> Decision:
         """Return a decision, answered from context if possible."""
         with self._clock:
-            self._decisions_asked += 1
-            self._record("decide", number=self._decisions_asked, **_stated(request))
+            self._decision_count += 1
+            self._record("decide", number=self._decision_count, **_request_fields(request))
             now_s, reading = self._clock.now_s(), self._store.reading(request.variable)
-            decision = Decision(number=self._decisions_asked, request=request, asked_s=now_s, reading=reading)
+            decision = Decision(number=self._decision_count, request=request, asked_s=now_s, reading=reading)
             self._look_up(decision)
             if not decision.met and request.wait_up_to_s > 0:
                 self._urgencies.wait(decision.number, request.variable)
@@ -245,7 +247,8 @@ class Commands:
     def conclude(self, decision: Decision, content: Value | None, raised: str | None = None) -> None:
         """Take the value that the main execution found itself, or the name of the error that its look raised.
 
-        The value is kept as evidence of the main execution, if the main execution may write the variable.
+        The value is kept as evidence of the main execution if the main execution may write the variable, the decision
+        is not in shadow mode, and no skill has made the variable unknown since the look began.
         """
         name, shadow = decision.request.variable, decision.request.shadow
         with self._clock:
@@ -254,7 +257,7 @@ class Commands:
             what = "shadowed" if decision.met else "fell_back"
             marks = {"shadow": True} if shadow and not decision.met else {}
             if raised is not None:
-                self._decided(what, decision, raised=raised, **marks)
+                self._record_decision(what, decision, raised=raised, **marks)
                 return
             is_void = decision.looked_s < self._store.cells[name].invalidated_s  # a skill has acted meanwhile
             keeps = not shadow and content is not None and not is_void and self._may_write(name)
@@ -263,7 +266,7 @@ class Commands:
                 about |= {"kept": keeps, **marks}
             elif content is not None:
                 about["agrees"] = content == decision.reading.content
-            self._decided(what, decision, **about)
+            self._record_decision(what, decision, **about)
             if keeps:
                 self._store_reading(self._store.variables[name], content, MAIN, None, decision.looked_s)
 
@@ -277,9 +280,9 @@ class Commands:
         """Request slots for the main execution; return the number with which they are released."""
         with self._clock:
             self._record("request", resources=list(resources))
-            self._slots_asked += 1
-            self._tickets[self._slots_asked] = self._slots.request(resources, _first, grant)
-            return self._slots_asked
+            self._slot_request_count += 1
+            self._tickets[self._slot_request_count] = self._slots.request(resources, lambda: (MAIN_EXECUTION, 0), grant)
+            return self._slot_request_count
 
     def release_slots(self, number: int) -> None:
         """Release slots, or cancel their request."""
@@ -298,14 +301,14 @@ class Commands:
         self._event_writer.write_input(party, what, **details)
 
     def _finish(self, number: int) -> None:
-        _party, skill = self._begun.pop(number)
+        _party, skill = self._skills_under_way.pop(number)
         self._expectations.finish(number)
         self._event_triggers.finish(number, skill.monitor)
         self.declarations.hold(under_way(skill.name, number), ())
         self._forest.look_again()  # it may have acted until its end
 
     def _hold_expected(self, skills: list[str], party: str) -> None:
-        self._expected[party] = skills
+        self._expected_skills[party] = skills
         previews = (name for skill in skills for name in self._skills[skill].preview)
         self.declarations.hold(expected_by(party), previews)
 
@@ -356,25 +359,21 @@ class Commands:
     def _settle(self, decision: Decision) -> None:
         """Answer a decision from context, or note that the main execution looks."""
         if decision.is_answered:
-            self._decided("answered", decision)
+            self._record_decision("answered", decision)
         else:
             decision.reading = self._explain(decision.reading)
             decision.looked_s = self._clock.now_s()
 
-    def _decided(self, what: str, decision: Decision, **details: object) -> None:
+    def _record_decision(self, what: str, decision: Decision, **details: object) -> None:
         reading = decision.reading
         why = {"reason": reading.reason, "detail": reading.detail}
         about = {"value": reading.content, **why, "asked_s": decision.asked_s, "source": reading.source}
-        if self._begun:  # the last skill that began
-            about["skill"] = next(reversed(self._begun.values()))[1].name
+        if self._skills_under_way:  # the last skill that began
+            about["skill"] = next(reversed(self._skills_under_way.values()))[1].name
         self._event_writer.write(Kind.DECISION, reading.name, what, **about, **details)
 
 
-def _first() -> tuple[float, int]:
-    return MAIN_EXECUTION, 0
-
-
-def _stated(request: DecisionRequest) -> dict[str, object]:
+def _request_fields(request: DecisionRequest) -> dict[str, object]:
     """Return the fields of a request that differ from the defaults, and the variable."""
     fields: dict[str, object] = {"variable": request.variable}
     if request.max_age_s < math.inf:

@@ -54,7 +54,7 @@ class Components:
         self.skills = {skill.name: skill for skill in model.skills}
         self.event_writer = EventWriter(record, self.clock, self.clock.place)
         self.clock.is_late = lambda: self.event_writer.write_input("clock", "late")
-        self.store = Store(model.variables, self.clock, self.event_writer, self.changed)
+        self.store = Store(model.variables, self.clock, self.event_writer, self.notify_readers)
         self.slots = Slots(self.clock, {resource.name: resource for resource in model.resources})
         self.perception = Perception(
             clock=self.clock, slots=self.slots, handles=resources, seed=seed, event_writer=self.event_writer, find=find
@@ -62,7 +62,7 @@ class Components:
         self.subscriptions = Subscriptions(clock, self.lock)
         self.expectations = Expectations(self.store, self.clock, self.event_writer, self.subscriptions.judged)
         self.event_triggers = EventTriggers()
-        self.forest = Forest(model.observers, self._services(), self.clock, self.store.write, self.observer_stopped)
+        self.forest = Forest(model.observers, self._services(), self.clock, self.store.write, self.forget_variables_of)
         observers = self.forest.observers.values()
         self.perception.prepare(branch.algorithm for observer in observers for branch in observer.branches)
         self.commands = Commands(
@@ -74,7 +74,7 @@ class Components:
             expectations=self.expectations,
             event_triggers=self.event_triggers,
             skills=self.skills,
-            explain=self.explained,
+            explain=self.with_obstacle,
         )
 
     def _services(self) -> ObserverServices:
@@ -109,19 +109,19 @@ class Components:
             return "it follows from poses"
         return f"for {' or '.join(variable.sources)} to write" if obstacle is None else obstacle
 
-    def explained(self, reading: Reading[Value]) -> Reading[Any]:
+    def with_obstacle(self, reading: Reading[Value]) -> Reading[Any]:
         """Return a reading; if never observed or stale, its detail is what prevents the observation now."""
         if reading.reason not in (Reason.NEVER_OBSERVED, Reason.STALE) or reading.detail:
             return reading
         return replace(reading, detail=self.obstacle(reading.name))
 
-    def changed(self, name: str, is_renewed: bool) -> None:
+    def notify_readers(self, name: str, is_renewed: bool) -> None:
         """Notify all readers of a variable of another reading."""
         self.forest.changed(name, is_renewed)
         self.expectations.changed(name)
         self.subscriptions.changed(name, self.store.reading)
         self.time.notify()
 
-    def observer_stopped(self, observer: Observer) -> None:
+    def forget_variables_of(self, observer: Observer) -> None:
         """Forget the variables of a stopped observer that are declared with `forget`."""
         self.store.forget(observer.model.identifies, observer.name)

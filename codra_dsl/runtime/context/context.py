@@ -1,4 +1,4 @@
-"""The context manager M (P1, sections 3.2 and 3.3): it declares, stores and returns context."""
+"""The context manager M (P1, sections 3.2 and 3.3): the one place where context is declared, stored and read."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from codra_dsl.runtime.context.shadow import ShadowReport, shadow_report
 from codra_dsl.runtime.context.shared_acquisition import declaring
 from codra_dsl.runtime.context.skills import Skill
 from codra_dsl.runtime.context.slots import MainExecutionSlots
-from codra_dsl.runtime.context.summarise import summarised
+from codra_dsl.runtime.context.summarise import summarise_spec
 from codra_dsl.runtime.errors import NotASourceError, UnknownNameError, unknown
 from codra_dsl.runtime.journal import EventLog
 from codra_dsl.runtime.journal.run_header import RunHeader
@@ -87,19 +87,19 @@ class ContextManager(Generic[VariableName, SkillName]):
         check_handles(model.resources, resources)
         self.record = EventLog() if record is None else record
         self.model = model
-        parts = Components(model, clock=clock, resources=resources, record=self.record, seed=seed, find=find)
-        self._parts = parts
-        self._lock, self._clock, self.clock, self._now_s = parts.lock, parts.clock, clock, clock.now_s
-        self._store, self._cells, self._forest = parts.store, parts.store.cells, parts.forest
-        self._perception, self._expectations = parts.perception, parts.expectations
-        self._subscriptions, self.commands = parts.subscriptions, parts.commands
-        self._skills = parts.skills
-        self._slots_held = MainExecutionSlots(parts.slots, self.commands, self._clock)
-        self._parties = itertools.count(2)
+        components = Components(model, clock=clock, resources=resources, record=self.record, seed=seed, find=find)
+        self._components = components
+        self._lock, self._clock, self.clock, self._now_s = components.lock, components.clock, clock, clock.now_s
+        self._store, self._cells, self._forest = components.store, components.store.cells, components.forest
+        self._perception, self._expectations = components.perception, components.expectations
+        self._subscriptions, self.commands = components.subscriptions, components.commands
+        self._skills = components.skills
+        self._main_execution_slots = MainExecutionSlots(components.slots, self.commands, self._clock)
+        self._party_numbers = itertools.count(2)
         self._nodes = {} if knowledge is None else nodes_of_variables(knowledge, model.variables)
         with self._clock:  # so that the graph begins at the same instant as the journal
-            self.record.begin(lambda: self._head(seed))
-            self._knowledge = None if knowledge is None else parts.with_knowledge(knowledge)
+            self.record.begin(lambda: self._run_header(seed))
+            self._knowledge = None if knowledge is None else components.with_knowledge(knowledge)
 
     def __enter__(self) -> Self:
         return self
@@ -211,7 +211,7 @@ class ContextManager(Generic[VariableName, SkillName]):
             raise unknown("variable", name, self._cells) from None
         if reading.expires_s != FOREVER_S and reading.expires_s <= (now_s := self._now_s()):
             reading = reading.at(now_s)
-        return reading if reading.reason is None else self._parts.explained(reading)
+        return reading if reading.reason is None else self._components.with_obstacle(reading)
 
     def readings(self, names: Iterable[VariableName]) -> Mapping[str, Reading[Any]]:
         """Return the readings of several variables at one instant."""
@@ -225,7 +225,7 @@ class ContextManager(Generic[VariableName, SkillName]):
         sources of the variable if no observer identifies it.
         """
         self._model(name)
-        return self._parts.obstacle(name)
+        return self._components.obstacle(name)
 
     def why(self, name: VariableName | str, *, at_s: float | None = None) -> Why:
         """Return the explanation of a variable: its value and the evidence, or the reason why it is unknown.
@@ -250,10 +250,11 @@ class ContextManager(Generic[VariableName, SkillName]):
         Args:
             name: the variable.
             value: its value.
-            evidence_s: when the evidence was taken; now, if None. A value with newer evidence is kept.
+            evidence_s: when the evidence was taken; now, if None. A value that the variable has from
+                newer evidence is kept.
 
         Raises:
-            NotDeclaredError: if it has other sources and is not declared.
+            NotDeclaredError: if the main execution is not a source of it, and it is not declared.
             NotOfTypeError: if the value does not have the declared type.
             ValueError: if the evidence lies in the future.
         """
@@ -274,19 +275,21 @@ class ContextManager(Generic[VariableName, SkillName]):
             AgentTakenError: if there is a knowledge graph and a handle of the agent is open.
         """
         if self._knowledge is not None:
-            woken_by = declaring(self.commands, f"agent {name}", self._woken_by(name, self._knowledge.model))
-            return Agent(name, self._write_as, self._knowledge, woken_by)
+            acquisition = declaring(
+                self.commands, f"agent {name}", self._variables_of_wakes(name, self._knowledge.model)
+            )
+            return Agent(name, self._write_as, self._knowledge, acquisition)
         names = {source for model in self._store.variables.values() for source in model.sources} - {MAIN, OBSERVER}
         if name not in names:
             raise unknown("variable whose source is", name, sorted(names))
         return Agent(name, self._write_as)
 
-    def _woken_by(self, agent: str, model: KnowledgeModel) -> list[str]:
+    def _variables_of_wakes(self, agent: str, model: KnowledgeModel) -> list[str]:
         """Return the observed variables in the `wakes` patterns of an agent."""
-        wakes = (pattern for declared in model.agents if declared.name == agent for pattern in declared.wakes)
-        read = {name for pattern in wakes if isinstance(pattern, Term) for name in pattern.variables()}
-        identified = {name for observer in self.model.observers for name in observer.identifies}
-        return sorted(name for name in identified if f"{self._nodes[name]}.{name}" in read)
+        wakes = (pattern for agent_model in model.agents if agent_model.name == agent for pattern in agent_model.wakes)
+        read_attributes = {name for pattern in wakes if isinstance(pattern, Term) for name in pattern.variables()}
+        observed_variables = {name for observer in self.model.observers for name in observer.identifies}
+        return sorted(name for name in observed_variables if f"{self._nodes[name]}.{name}" in read_attributes)
 
     @property
     def knowledge(self) -> Knowledge:
@@ -333,16 +336,18 @@ class ContextManager(Generic[VariableName, SkillName]):
         Raises:
             NotOfTypeError: if `otherwise` returns a value of another type.
         """
-        pending = self.ask(name, max_age_s=max_age_s, since_s=since_s, wait_up_to_s=wait_up_to_s, shadow=shadow)
+        pending_decision = self.ask(
+            name, max_age_s=max_age_s, since_s=since_s, wait_up_to_s=wait_up_to_s, shadow=shadow
+        )
         try:
-            if pending.wait(math.inf) is DecisionState.ANSWERED:
-                return pending.value
-            seen = otherwise()
+            if pending_decision.wait(math.inf) is DecisionState.ANSWERED:
+                return pending_decision.value
+            content_of_look = otherwise()
         except BaseException as error:
-            pending.abandon(type(error).__name__)
+            pending_decision.abandon(type(error).__name__)
             raise
-        pending.record_result(seen)
-        return seen
+        pending_decision.record_result(content_of_look)
+        return content_of_look
 
     def shadow_report(self) -> ShadowReport:
         """Return how often context agreed with the robot's looks in shadow mode, over the recorded events."""
@@ -361,9 +366,9 @@ class ContextManager(Generic[VariableName, SkillName]):
         logged. At most 1,000 changes wait for a slow callback; beyond that the oldest is dropped and counted in
         `Subscription.dropped`.
         """
-        wanted = dict.fromkeys([names] if isinstance(names, str) else names)
+        unique_names = dict.fromkeys([names] if isinstance(names, str) else names)
         with self._lock:  # not a step: it changes nothing that a journal records
-            return self._subscriptions.subscribe([self._reading(name) for name in wanted], callback)
+            return self._subscriptions.subscribe([self._reading(name) for name in unique_names], callback)
 
     def follow(self, name: VariableName, callback: Callable[[], object]) -> Subscription:
         """Call back, like `subscribe`, for each newer evidence or other reading of a variable."""
@@ -372,7 +377,7 @@ class ContextManager(Generic[VariableName, SkillName]):
             return self._subscriptions.follow(name, callback)
 
     def wait_for(self, condition: VariableName | Term, timeout_s: float) -> bool:
-        """Wait until a variable is known, or a condition over variables holds; return whether it does.
+        """Wait until a variable is known, or a condition over variables holds; return whether that came true.
 
         Args:
             condition: a variable, or a condition built with `codra_dsl.runtime.values.conditions`.
@@ -424,12 +429,12 @@ class ContextManager(Generic[VariableName, SkillName]):
             RuntimeError: if the thread has slots and requests others, because two threads could wait for each other
                 forever; or if the clock was closed before the slots were free.
         """
-        with self._slots_held.hold(resources):
+        with self._main_execution_slots.hold(resources):
             yield
 
     def next_party(self) -> str:
         """Return the name for the declarations of another main execution; it is new at each call."""
-        return f"{MAIN} {next(self._parties)}"
+        return f"{MAIN} {next(self._party_numbers)}"
 
     # Internal
 
@@ -444,13 +449,13 @@ class ContextManager(Generic[VariableName, SkillName]):
             subscribe=lambda callback: self._subscriptions.subscribe_to_skill(number, callback),
         )
 
-    def _head(self, seed: int) -> RunHeader:
+    def _run_header(self, seed: int) -> RunHeader:
         """Return the header of this run for a journal."""
         manifest = manifest_of(package_folder(self))
         return RunHeader.of_run(self._spec_summary(), manifest, seed=seed, start_s=self._clock.now_s())
 
     def _spec_summary(self) -> SpecSummary:
-        summary = summarised(
+        summary = summarise_spec(
             self.model.name,
             self._store.variables.values(),
             self._forest.observers.values(),

@@ -28,11 +28,11 @@ def manifest_of(folder: Path | None) -> Mapping[str, Any]:
     """Return the manifest of a generated package; empty if the folder is not a generated package."""
     if folder is None:
         return {}
-    manifest = _json(folder / MANIFEST)
+    manifest = _read_json(folder / MANIFEST)
     return manifest if manifest.get("format") == _MANIFEST_FORMAT else {}
 
 
-def _json(path: Path) -> Mapping[str, Any]:
+def _read_json(path: Path) -> Mapping[str, Any]:
     try:
         content = json.loads(path.read_text("utf-8"))
     except (OSError, ValueError, RecursionError):
@@ -47,5 +47,9 @@ def places_in(folder: Path | None, name: str) -> Mapping[str, Place]:
         folder: the folder of the package.
         name: the name of the spec.
     """
-    sources = {} if folder is None else _json(folder / SOURCES)
-    return {key.removeprefix(f"{name}/"): place for key, about in sources.items() if (place := place_from_data(about))}
+    sources = {} if folder is None else _read_json(folder / SOURCES)
+    return {
+        key.removeprefix(f"{name}/"): place
+        for key, place_data in sources.items()
+        if (place := place_from_data(place_data))
+    }

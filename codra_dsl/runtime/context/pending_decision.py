@@ -24,7 +24,7 @@ class DecisionState(StrEnum):
     LOOKING = "looking"
     """The main execution looks itself, then calls `record_result`."""
     DONE = "done"
-    """The main execution has reported its result."""
+    """The main execution has reported its result, or has abandoned the decision."""
 
 
 class PendingDecision:
@@ -33,7 +33,7 @@ class PendingDecision:
     `ContextManager.ask` creates it. Only one thread at a time may use it.
 
     Attributes:
-        step: its state.
+        state: its state.
     """
 
     def __init__(
@@ -59,8 +59,8 @@ class PendingDecision:
         self._clock = clock
         self._read = read
         self._convert = convert
-        waits = not decision.met and decision.request.wait_up_to_s > 0
-        self.state = DecisionState.WAITING if waits else self._settled()
+        is_waiting = not decision.met and decision.request.wait_up_to_s > 0
+        self.state = DecisionState.WAITING if is_waiting else self._settled_state()
 
     @property
     def number(self) -> int:
@@ -87,15 +87,15 @@ class PendingDecision:
 
     def poll(self) -> DecisionState:
         """Continue if context can answer now or the wait is over; return the state."""
-        if self.state is DecisionState.WAITING and (self._is_wait_over() or self._left_s() <= 0):
+        if self.state is DecisionState.WAITING and (self._is_wait_over() or self._remaining_s() <= 0):
             self._commands.resume(self._decision)
-            self.state = self._settled()
+            self.state = self._settled_state()
         return self.state
 
     def wait(self, longest_s: float) -> DecisionState:
         """Wait until the state changes, for at most `longest_s`; return the state."""
         if self.poll() is DecisionState.WAITING:
-            self._clock.wait_until(self._is_wait_over, min(longest_s, self._left_s()))
+            self._clock.wait_until(self._is_wait_over, min(longest_s, self._remaining_s()))
         return self.poll()
 
     def record_result(self, value: object) -> None:
@@ -123,14 +123,11 @@ class PendingDecision:
             self.state = DecisionState.DONE
             self._commands.conclude(self._decision, None, raised=why)
 
-    def _settled(self) -> DecisionState:
+    def _settled_state(self) -> DecisionState:
         return DecisionState.ANSWERED if self._decision.is_answered else DecisionState.LOOKING
 
-    def _is_met(self) -> bool:
-        return self._decision.request.is_met(self._read(), self._clock.now_s())
-
     def _is_wait_over(self) -> bool:
-        return self._commands.is_closed or self._is_met()
+        return self._commands.is_closed or self._decision.request.is_met(self._read(), self._clock.now_s())
 
-    def _left_s(self) -> float:
+    def _remaining_s(self) -> float:
         return self._decision.asked_s + self._decision.request.wait_up_to_s - self._clock.now_s()

@@ -22,45 +22,45 @@ from codra_dsl.runtime.values.model import VariableModel
 
 
 class PoseConditions:
-    """Computes the variables that follow from poses. Callers are within a step."""
+    """Computes the variables that follow from poses. Its methods are called only within a step of `LockedClock`."""
 
     def __init__(self, variables: Iterable[VariableModel], knowledge: Knowledge, clock: Clock, store: Store) -> None:
-        """Compute all of them, and again whenever the graph or time may change them.
+        """Compute the variables now, and again whenever a change of the graph or the passing of time may change them.
 
         Args:
             variables: the variables of the context.
             knowledge: the graph.
-            clock: a clock whose events are steps.
+            clock: a clock that runs each of its timers as a step.
             store: stores the readings.
         """
-        self._take = knowledge.step_snapshot
+        self._take_snapshot = knowledge.step_snapshot
         self._conditions = tuple(
-            _PoseCondition(variable.name, variable.pose_condition, self._take, clock, store)
+            _PoseCondition(variable.name, variable.pose_condition, self._take_snapshot, clock, store)
             for variable in variables
             if variable.pose_condition is not None
         )
         if self._conditions:
-            knowledge.on_touched = self._moved
+            knowledge.on_touched = self._evaluate_dependent
         for condition in self._conditions:
-            condition.evaluate(self._take())
+            condition.evaluate(self._take_snapshot())
 
-    def _moved(self, touched: Collection[Touched]) -> None:
+    def _evaluate_dependent(self, touched: Collection[Touched]) -> None:
         """Compute the variables that a change of the graph may affect."""
         frames = frozenset(name for kind, name in touched if kind == "frame")
         has_nodes = any(kind == "node" for kind, _ in touched)
-        snapshot = self._take()
+        snapshot = self._take_snapshot()
         for condition in self._conditions if frames or has_nodes else ():
             if has_nodes or condition.depends_on(frames):
                 condition.evaluate(snapshot, frames)
 
 
-class _Dependence(NamedTuple):
-    """The inputs of a condition.
+class _InputsStatus(NamedTuple):
+    """The inputs of a condition, and the reason if it is unknown.
 
     Attributes:
-        frames: the frames whose poses can change it; None if any frame can.
-        next_s: when it is to be computed again without a change of the graph.
-        reason: why it may be unknown.
+        frames: the frames whose poses can change the condition; None if any frame can.
+        next_s: when the condition is to be computed again even if the graph does not change.
+        reason: why the condition is unknown, if it is.
     """
 
     frames: frozenset[str] | None
@@ -72,54 +72,59 @@ class _Dependence(NamedTuple):
 class _PoseCondition:
     """One variable that follows from poses."""
 
-    def __init__(self, name: str, term: Term, take: Callable[[], Snapshot], clock: Clock, store: Store) -> None:
+    def __init__(
+        self, name: str, term: Term, take_snapshot: Callable[[], Snapshot], clock: Clock, store: Store
+    ) -> None:
         self._name = name
         self._term = term
-        self._take = take
+        self._take_snapshot = take_snapshot
         self._clock = clock
         self._store = store
         self._frames: frozenset[str] | None = None
         self._timer: Timer | None = None
 
     def depends_on(self, frames: frozenset[str]) -> bool:
-        """Return whether the poses of some frames can change it."""
+        """Return whether the poses of some frames can change the condition."""
         return self._frames is None or not self._frames.isdisjoint(frames)
 
-    def evaluate(self, snapshot: Snapshot, moved: frozenset[str] = frozenset()) -> None:
-        """Compute it, and store a reading if it has changed.
+    def evaluate(self, snapshot: Snapshot, moved_frames: frozenset[str] = frozenset()) -> None:
+        """Compute the condition, and store a reading if its value or reason has changed.
 
         Args:
             snapshot: the snapshot of the present step.
-            moved: the frames whose poses have changed.
+            moved_frames: the frames whose poses have changed.
         """
-        dependence, content = _dependence(snapshot, self._term), truth(snapshot, self._term)
+        status, content = _inputs_status(snapshot, self._term), truth(snapshot, self._term)
         before, now_s = self._store.cells[self._name].reading, snapshot.instant_s
-        self._frames = dependence.frames
-        reason = None if content is not None else _reason(before, dependence)
+        self._frames = status.frames
+        reason = None if content is not None else _reason(before, status)
         if before.content != content or before.reason is not reason or before.evidence_s == BEFORE_ALL_S:
-            evidence_s = max(before.evidence_s, self._evidence_s(snapshot, moved))
+            evidence_s = max(before.evidence_s, self._evidence_s(snapshot, moved_frames))
             if content is not None:
                 reading = known_reading(self._name, content, evidence_s, evidence_s, now_s, FOREVER_S, POSES)
             else:
                 reading = Reading(
                     name=self._name,
                     reason=reason,
-                    detail=dependence.detail,
+                    detail=status.detail,
                     evidence_s=evidence_s,
                     start_s=evidence_s,
                     identified_s=now_s,
                     source=POSES,
                 )
             self._store.write(reading)
-        self._wake_at(dependence.next_s)
+        self._wake_at(status.next_s)
 
-    def _evidence_s(self, snapshot: Snapshot, moved: frozenset[str]) -> float:
-        """Return the instant of the newest measurement that it depends on; now, if only time has changed it."""
-        inputs = moved & self._frames if self._frames is not None else frozenset[str]()
-        return max((snapshot.measured_s(name) for name in inputs), default=snapshot.instant_s)
+    def _evidence_s(self, snapshot: Snapshot, moved_frames: frozenset[str]) -> float:
+        """Return the instant of the newest measurement among the moved frames of the condition; now, without one."""
+        moved_inputs = moved_frames & self._frames if self._frames is not None else frozenset[str]()
+        return max((snapshot.measured_s(name) for name in moved_inputs), default=snapshot.instant_s)
 
     def _wake_at(self, instant_s: float) -> None:
-        """Compute it again at an instant, unless an earlier timer exists, which sets the next one itself."""
+        """Compute the condition again at an instant.
+
+        A timer for this or an earlier instant is kept: when it ends, the condition is computed, and the next timer set.
+        """
         if instant_s == FOREVER_S or (self._timer is not None and self._timer.instant_s <= instant_s):
             return
         if self._timer is not None:
@@ -128,33 +133,33 @@ class _PoseCondition:
 
     def _wake(self) -> None:
         self._timer = None
-        self.evaluate(self._take())
+        self.evaluate(self._take_snapshot())
 
 
-def _dependence(snapshot: Snapshot, term: Term) -> _Dependence:
+def _inputs_status(snapshot: Snapshot, term: Term) -> _InputsStatus:
     """Return the inputs of a condition, and the reason if it is unknown."""
     frames: set[str] = set()
-    dependence = _Dependence(None, FOREVER_S)
-    is_complete = True
+    status = _InputsStatus(None, FOREVER_S)
+    has_all_poses = True
     for first, second in posed_pairs(term):
         try:
             motion = snapshot.transform(first, second)
         except FrameError:
-            is_complete = False
-            dependence = dependence._replace(
+            has_all_poses = False
+            status = status._replace(
                 reason=Reason.FORGOTTEN, detail=f"the pose of {second!r} relative to {first!r} is unknown"
             )
             continue
         frames.update(snapshot.frames_between(first, second))
         if motion.outcome is Outcome.STALE:
             detail = f"the pose of {motion.weakest!r} is too old"
-            dependence = dependence if dependence.detail else dependence._replace(reason=Reason.STALE, detail=detail)
+            status = status if status.detail else status._replace(reason=Reason.STALE, detail=detail)
         else:
-            dependence = dependence._replace(next_s=min(dependence.next_s, snapshot.next_s(first, second)))
-    return dependence._replace(frames=frozenset(frames)) if is_complete else dependence
+            status = status._replace(next_s=min(status.next_s, snapshot.next_s(first, second)))
+    return status._replace(frames=frozenset(frames)) if has_all_poses else status
 
 
-def _reason(before: Reading[Any], dependence: _Dependence) -> Reason:
-    """Return why a condition is unknown: one that was never known was never observed, not forgotten."""
-    was_never = before.reason is Reason.NEVER_OBSERVED and dependence.reason is Reason.FORGOTTEN
-    return Reason.NEVER_OBSERVED if was_never else dependence.reason
+def _reason(before: Reading[Any], status: _InputsStatus) -> Reason:
+    """Return why a condition is unknown: `NEVER_OBSERVED` instead of `FORGOTTEN` if it was never known."""
+    was_never = before.reason is Reason.NEVER_OBSERVED and status.reason is Reason.FORGOTTEN
+    return Reason.NEVER_OBSERVED if was_never else status.reason

@@ -32,7 +32,7 @@ class Disagreement:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Shadowed:
+class ShadowRow:
     """All decisions in shadow mode on one variable within one skill.
 
     Attributes:
@@ -87,7 +87,7 @@ class ShadowReport:
         rows: one row per variable and skill, in the order of their first decisions.
     """
 
-    rows: tuple[Shadowed, ...]
+    rows: tuple[ShadowRow, ...]
 
     def __str__(self) -> str:
         return "\n".join(_lines(self.rows)) if self.rows else "no decision was taken in shadow mode"
@@ -102,7 +102,7 @@ def shadow_report(events: Iterable[Event]) -> ShadowReport:
     return ShadowReport(rows=tuple(_row(variable, skill, group) for (variable, skill), group in groups.items()))
 
 
-def _row(variable: str, skill: str, events: Iterable[Event]) -> Shadowed:
+def _row(variable: str, skill: str, events: Iterable[Event]) -> ShadowRow:
     unknown: Counter[str] = Counter()
     agreed = unseen = 0
     disagreements: list[Disagreement] = []
@@ -119,7 +119,7 @@ def _row(variable: str, skill: str, events: Iterable[Event]) -> Shadowed:
             disagreements.append(
                 Disagreement(instant_s=event.instant_s, held=held, seen=seen, source=str(details["source"]))
             )
-    return Shadowed(
+    return ShadowRow(
         variable=variable,
         skill=skill,
         agreed=agreed,
@@ -129,24 +129,24 @@ def _row(variable: str, skill: str, events: Iterable[Event]) -> Shadowed:
     )
 
 
-def _lines(rows: Iterable[Shadowed]) -> Iterator[str]:
+def _lines(rows: Iterable[ShadowRow]) -> Iterator[str]:
     for row in rows:
-        within = f" in {row.skill}" if row.skill else ""
-        share = "" if row.agreement is None else f" ({100 * row.agreement:.0f} %)"
-        yield f"{row.variable}{within}: context agreed in {row.agreed} of {row.compared}{share}"
+        skill_text = f" in {row.skill}" if row.skill else ""
+        share_text = "" if row.agreement is None else f" ({100 * row.agreement:.0f} %)"
+        yield f"{row.variable}{skill_text}: context agreed in {row.agreed} of {row.compared}{share_text}"
         if row.decisions > row.compared:
-            yield f"  of {row.decisions} decisions: {', '.join(_not_compared(row))}"
+            yield f"  of {row.decisions} decisions: {', '.join(_uncompared_texts(row))}"
         if row.largest_difference is not None:
             yield f"  differs by {row.largest_difference:.6g} at most"
-        left = len(row.disagreements) - MOST_SHOWN
-        if left > 0:
-            yield f"  {left} earlier disagreements"
+        hidden_count = len(row.disagreements) - MOST_SHOWN
+        if hidden_count > 0:
+            yield f"  {hidden_count} earlier disagreements"
         for disagreement in row.disagreements[-MOST_SHOWN:]:
-            held = f"context held {shown(disagreement.held)} ({disagreement.source})"
-            yield f"  {instant(disagreement.instant_s)}: {held}, the robot saw {shown(disagreement.seen)}"
+            held_text = f"context held {shown(disagreement.held)} ({disagreement.source})"
+            yield f"  {instant(disagreement.instant_s)}: {held_text}, the robot saw {shown(disagreement.seen)}"
 
 
-def _not_compared(row: Shadowed) -> Iterator[str]:
+def _uncompared_texts(row: ShadowRow) -> Iterator[str]:
     if row.unseen:
         yield f"{row.unseen} in which the robot found nothing"
     yield from (f"{count} in which context was {reason}" for reason, count in row.unknown.items())

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from codra_dsl.runtime.callbacks import Subscription
 from codra_dsl.runtime.clock import Clock
 from codra_dsl.runtime.context.commands import Commands
-from codra_dsl.runtime.observers.expectations import Expectations, Verdict, Verification, unseen
+from codra_dsl.runtime.observers.expectations import Expectations, Verdict, Verification, unseen_variables
 from codra_dsl.runtime.values.model import SkillModel
 
 Look = Callable[[str], object]
@@ -85,7 +85,7 @@ class Skill:
             verification = self._verification()
         if otherwise is None or not verification.not_seen:
             return verification
-        for variable in unseen(verification):
+        for variable in unseen_variables(verification):
             self._look(variable, otherwise)
         return self._verification()
 

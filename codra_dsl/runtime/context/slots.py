@@ -27,7 +27,7 @@ class MainExecutionSlots:
         self._slots = slots
         self._commands = commands
         self._clock = clock
-        self._of_thread = threading.local()
+        self._thread_state = threading.local()
 
     @contextmanager
     def hold(self, resources: tuple[str, ...]) -> Iterator[None]:
@@ -40,13 +40,13 @@ class MainExecutionSlots:
         """
         for resource in resources:
             self._check(resource)
-        held = self._held()
-        wanted = tuple(name for name in dict.fromkeys(resources) if name not in held)
-        if not wanted:
+        held_resources = self._held_resources()
+        new_resources = tuple(name for name in dict.fromkeys(resources) if name not in held_resources)
+        if not new_resources:
             yield
             return
-        if held:
-            together = ", ".join(repr(name) for name in (*sorted(held), *wanted))
+        if held_resources:
+            together = ", ".join(repr(name) for name in (*sorted(held_resources), *new_resources))
             raise RuntimeError(f"slots are taken together, so that threads never wait for each other: slot({together})")
         granted = threading.Event()
 
@@ -54,23 +54,23 @@ class MainExecutionSlots:
             granted.set()
             self._clock.notify()
 
-        number = self._commands.request_slots(wanted, grant)
+        number = self._commands.request_slots(new_resources, grant)
         try:
             if not self._clock.wait_until(granted.is_set, math.inf):
                 raise RuntimeError("the clock was closed before the slots were free")
-            held.update(dict.fromkeys(wanted))
+            held_resources.update(dict.fromkeys(new_resources))
             yield
         finally:
-            for resource in wanted:
-                held.pop(resource, None)
+            for resource in new_resources:
+                held_resources.pop(resource, None)
             self._commands.release_slots(number)
 
-    def _held(self) -> dict[str, None]:
+    def _held_resources(self) -> dict[str, None]:
         """Return the resources whose slots this thread has."""
-        if not hasattr(self._of_thread, "held"):
-            self._of_thread.held = {}
-        held: dict[str, None] = self._of_thread.held
-        return held
+        if not hasattr(self._thread_state, "held_resources"):
+            self._thread_state.held_resources = {}
+        held_resources: dict[str, None] = self._thread_state.held_resources
+        return held_resources
 
     def _check(self, resource: str) -> None:
         if resource not in self._slots.resources:

@@ -12,10 +12,10 @@ from codra_dsl.runtime.observers.branch import Branch
 from codra_dsl.runtime.observers.observer import Observer, ObserverModel
 from codra_dsl.runtime.values.model import SkillModel, VariableModel
 
-_PLACED = frozenset({"context", "skill", "type", "node", "edge", "task"})
+_KINDS_WITH_PLACE = frozenset({"context", "skill", "type", "node", "edge", "task"})
 
 
-def summarised(
+def summarise_spec(
     name: str,
     variables: Iterable[VariableModel],
     observers: Iterable[Observer],
@@ -42,7 +42,7 @@ def summarised(
         },
         algorithms={branch.algorithm.name: _algorithm_summary(branch, places) for _, branch in branches},
         skills={skill.name: skill for skill in skills},
-        places={key: place for key, place in places.items() if key.split("/")[0] in _PLACED},
+        places={key: place for key, place in places.items() if key.split("/")[0] in _KINDS_WITH_PLACE},
     )
 
 
@@ -76,9 +76,9 @@ def _algorithm_summary(branch: Branch, places: Mapping[str, Place]) -> Algorithm
 
 def _condition_rules(branch: Branch, key: str, places: Mapping[str, Place]) -> tuple[Rule, ...]:
     """Return the preconditions of a branch; those from `given` have the place of the algorithm."""
-    given = {f"known({name})" for name in branch.algorithm.given}
-    own = [(text, term) for text, term in branch.conditions if text not in given]
-    rules = {rule.source_text: rule for rule in _rules(own, f"{key}/observable_when", places)}
+    given_conditions = {f"known({name})" for name in branch.algorithm.given}
+    own_conditions = [(text, term) for text, term in branch.conditions if text not in given_conditions]
+    rules = {rule.source_text: rule for rule in _rules(own_conditions, f"{key}/observable_when", places)}
     return tuple(
         rules.get(text, Rule(source_text=text, python=repr(term), place=places.get(key)))
         for text, term in branch.conditions
@@ -86,11 +86,11 @@ def _condition_rules(branch: Branch, key: str, places: Mapping[str, Place]) -> t
 
 
 def _rules(conditions: Sequence[tuple[str, Term]], key: str, places: Mapping[str, Place]) -> tuple[Rule, ...]:
-    """Return conditions with their places, unless the number of places differs from the number of conditions."""
-    own = [places.get(f"{key}/{number}") for number in range(len(conditions))]
+    """Return conditions with their places; without places if there are places for more conditions than these."""
+    condition_places = [places.get(f"{key}/{number}") for number in range(len(conditions))]
     if f"{key}/{len(conditions)}" in places:
-        own = [None] * len(conditions)
+        condition_places = [None] * len(conditions)
     return tuple(
         Rule(source_text=text, python=repr(term), place=place)
-        for (text, term), place in zip(conditions, own, strict=True)
+        for (text, term), place in zip(conditions, condition_places, strict=True)
     )

@@ -94,8 +94,10 @@ class Activation:
                 pending.extend(reversed(self._needed[index]))
 
     def _successors(self, index: int, successors: Mapping[str, Sequence[str]]) -> list[int]:
-        reached = {self._component_of[other] for name in self._components[index] for other in successors[name]}
-        return sorted(reached - {index})
+        reached_components = {
+            self._component_of[other] for name in self._components[index] for other in successors[name]
+        }
+        return sorted(reached_components - {index})
 
 
 def strongly_connected(successors: Mapping[str, Sequence[str]]) -> list[list[str]]:
@@ -115,18 +117,18 @@ def strongly_connected(successors: Mapping[str, Sequence[str]]) -> list[list[str
         _enter(root, numbers, lows, stack, on_stack)
         while path:
             name, remaining = path[-1]
-            shared = next(remaining, None)
-            if shared is None:
+            successor = next(remaining, None)
+            if successor is None:
                 path.pop()
                 if path:
                     lows[path[-1][0]] = min(lows[path[-1][0]], lows[name])
                 if lows[name] == numbers[name]:
                     components.append(_leave(name, stack, on_stack))
-            elif shared not in numbers:
-                _enter(shared, numbers, lows, stack, on_stack)
-                path.append((shared, iter(successors[shared])))
-            elif shared in on_stack:
-                lows[name] = min(lows[name], numbers[shared])
+            elif successor not in numbers:
+                _enter(successor, numbers, lows, stack, on_stack)
+                path.append((successor, iter(successors[successor])))
+            elif successor in on_stack:
+                lows[name] = min(lows[name], numbers[successor])
     return components
 
 

@@ -25,7 +25,7 @@ class ControlFlag(Behaviour):
 
     def update(self) -> Status:
         """Fail when the observer is to stop; running nodes after it are then cancelled."""
-        return Status.SUCCESS if self._observer.wanted else Status.FAILURE
+        return Status.SUCCESS if self._observer.is_wanted else Status.FAILURE
 
 
 class Precondition(Behaviour):
@@ -45,10 +45,10 @@ class Precondition(Behaviour):
 
     def update(self) -> Status:
         """Succeed while the condition holds, or while complete evidence waits for its result."""
-        held = self._term.evaluate(self._branches[0].observer.present())
-        self.feedback_message = "" if held is True else "unknown" if held is None else "does not hold"
-        waits = held is not True and any(branch.evidence_is_taken for branch in self._branches)
-        return Status.SUCCESS if held is True or waits else Status.FAILURE
+        truth = self._term.evaluate(self._branches[0].observer.context_now())
+        self.feedback_message = "" if truth is True else "unknown" if truth is None else "does not hold"
+        waits = truth is not True and any(branch.evidence_is_taken for branch in self._branches)
+        return Status.SUCCESS if truth is True or waits else Status.FAILURE
 
 
 class DueOrRunning(Behaviour):
@@ -66,12 +66,12 @@ class DueOrRunning(Behaviour):
 
     def update(self) -> Status:
         """Succeed when due or busy; otherwise wait, or fail to give way to an alternative."""
-        if self._branch.busy:
+        if self._branch.is_busy:
             return Status.SUCCESS
-        chosen = self._branch.observer.next_in_turn(self._branch)
-        if chosen is self._branch:
+        next_branch = self._branch.observer.next_in_turn(self._branch)
+        if next_branch is self._branch:
             return Status.SUCCESS
-        is_idle = chosen is None and not any(rival.busy for rival in self._branch.rivals)
+        is_idle = next_branch is None and not any(rival.is_busy for rival in self._branch.rivals)
         return Status.RUNNING if is_idle else Status.FAILURE
 
 
@@ -87,12 +87,12 @@ class Perceive(Behaviour):
     def update(self) -> Status:
         """Start a job, wait for it, and take its result if its evidence counts."""
         branch = self._branch
-        if not branch.busy:
+        if not branch.is_busy:
             branch.start()
             return Status.RUNNING
-        broken = branch.broken_condition()
-        if broken is not None:
-            branch.void(broken)
+        broken_condition = branch.broken_condition()
+        if broken_condition is not None:
+            branch.void(broken_condition)
             return Status.FAILURE
         if not branch.is_finished:
             return Status.RUNNING
@@ -137,6 +137,6 @@ class Identify(Behaviour):
 
     def update(self) -> Status:
         """Succeed in any case: if the result lacks the value, it is rejected for this variable only."""
-        identified = self._branch.identify(self._variable, self._term)
-        self.feedback_message = "" if identified else "the result does not count or has no value"
+        is_identified = self._branch.identify(self._variable, self._term)
+        self.feedback_message = "" if is_identified else "the result does not count or has no value"
         return Status.SUCCESS

@@ -20,7 +20,7 @@ SHORTEST_PERIOD_S = 0.01
 """The shortest period: an algorithm that takes no time and may look again at once still lets time pass."""
 
 INSTANT_S = 1e-6
-"""The time after the start of acting from which a look shows the effects of the action."""
+"""A look that begins this long after the start of acting sees what the action changes."""
 
 
 class ObserverSchedule(Protocol):
@@ -55,11 +55,11 @@ class BranchObserver(Protocol):
         """Return the declaration of the observer."""
         ...
 
-    def observable(self, variable: str) -> Term | None:
+    def observability_condition(self, variable: str) -> Term | None:
         """Return the condition under which a variable can be observed; None if it always can."""
         ...
 
-    def present(self) -> ContextNow:
+    def context_now(self) -> ContextNow:
         """Return the context as it is at this tick."""
         ...
 
@@ -71,7 +71,7 @@ class BranchObserver(Protocol):
         """Request a tick, because it may have an effect."""
         ...
 
-    def note_conclusion(self) -> None:
+    def note_job_end(self) -> None:
         """Note that a job ended in this tick."""
         ...
 
@@ -108,8 +108,8 @@ class Branch:
         self._is_fresh = True
         self.is_on_event = False
         self._is_accepted = False
-        self._without_value: set[str] = set()
-        self._reported_as_stuck: JobRun | None = None
+        self._variables_without_value: set[str] = set()
+        self._reported_stuck_run: JobRun | None = None
         for name in algorithm.given:
             self.require(f"known({name})", known(name))
 
@@ -138,7 +138,7 @@ class Branch:
             votes.clear()
 
     def next_start_s(self) -> float:
-        """Return when the next job is due; infinity if all its variables are known and it looks on events only."""
+        """Return when the next job is due; infinity if it looks on events only, and not for any due variable now."""
         if self.is_on_event:
             return self._next_on_event_s()
         return self._next_in_period_s()
@@ -153,9 +153,9 @@ class Branch:
     @property
     def would_look(self) -> bool:
         """Return whether it needs its preconditions now: it looks, or its pause is over and no rival looks."""
-        if self.busy:
+        if self.is_busy:
             return True
-        if any(rival.busy for rival in self.rivals):
+        if any(rival.is_busy for rival in self.rivals):
             return False
         return self._next_in_period_s() <= self.observer.services.now_s()
 
@@ -173,13 +173,13 @@ class Branch:
 
     def serves(self, variable: str) -> bool:
         """Return whether the variable can be left to this algorithm: it can run, and its last job had a value."""
-        can_run = not self.is_occupied and self.blocking_condition(self.observer.present()) is None
-        return can_run and variable in self.identifies and variable not in self._without_value
+        can_run = not self.is_occupied and self.blocking_condition(self.observer.context_now()) is None
+        return can_run and variable in self.identifies and variable not in self._variables_without_value
 
     # Its job
 
     @property
-    def busy(self) -> bool:
+    def is_busy(self) -> bool:
         """Return whether a job is under way or its outcome waits to be taken."""
         return self._job_run is not None
 
@@ -207,8 +207,8 @@ class Branch:
             return None
         end_s = self.observer.now_s if interval.stamp_s is None else interval.stamp_s
         cells = self.observer.services.cells
-        broken = (name for name, term in self.conditions if not held(term, cells, interval.start_s, end_s))
-        return next(broken, None)
+        broken_conditions = (name for name, term in self.conditions if not held(term, cells, interval.start_s, end_s))
+        return next(broken_conditions, None)
 
     def cancel(self) -> None:
         """Cancel the job."""
@@ -221,7 +221,7 @@ class Branch:
         job_run = self._drop()
         if job_run is not None:
             self.observer.services.perception.void(job_run, condition)
-            self._without_value = set(self.identifies)
+            self._variables_without_value = set(self.identifies)
 
     def take(self) -> bool:
         """Take the outcome of the finished job; return whether it is a result."""
@@ -231,7 +231,7 @@ class Branch:
         self._interval = job_run.evidence(self.observer.now_s) or Interval(job_run.start_s)
         self._index = job_run.index
         if isinstance(job_run.outcome, Result):
-            self.result, self._without_value = job_run.outcome, set()
+            self.result, self._variables_without_value = job_run.outcome, set()
             self._is_accepted = False
             self._cost_meter.judged += 1
             return True
@@ -244,13 +244,13 @@ class Branch:
         job_run = self.observer.services.perception.at_work(self.algorithm)
         if (
             job_run is None
-            or job_run is self._reported_as_stuck
+            or job_run is self._reported_stuck_run
             or job_run.start_s is None
             or job_run.outcome is not None
         ):
             return
         if job_run.state is State.ENDED and self.observer.now_s >= job_run.start_s + self.algorithm.timeout_s:
-            self._reported_as_stuck = job_run
+            self._reported_stuck_run = job_run
             detail = f"a job that was cancelled does not end within {self.algorithm.timeout_s:g} s"
             self._add_failed_looks(self.identifies, Reason.TIMED_OUT, detail, job_run.start_s)
 
@@ -266,14 +266,14 @@ class Branch:
         A result between `enter` and `leave` is evidence for the value at the instant at which it was taken; it is
         rejected if the variable was unknown then.
         """
-        raw = term.evaluate(self.result) if self.result is not None else None
-        if raw is None and self._leaves_as_is(term):
-            raw = self.observer.services.cells[variable].at(self._stamp_s()).content
-            if raw is None:
+        raw_value = term.evaluate(self.result) if self.result is not None else None
+        if raw_value is None and self._leaves_as_is(term):
+            raw_value = self.observer.services.cells[variable].at(self._stamp_s()).content
+            if raw_value is None:
                 self._refuse((variable,), Reason.REJECTED, "between enter and leave, and it was unknown before")
                 return False
         try:
-            content = None if raw is None else self.observer.services.variables[variable].type.convert(raw)
+            content = None if raw_value is None else self.observer.services.variables[variable].type.convert(raw_value)
         except NotOfTypeError as error:
             self._refuse((variable,), Reason.FAILED, str(error))
             return False
@@ -317,13 +317,13 @@ class Branch:
 
     def _next_on_event_s(self) -> float:
         services = self.observer.services
-        if not any(map(services.is_asked_for, self.due())):
+        if not any(map(services.is_asked_for, self.due_variables())):
             return math.inf
         # evidence from the very instant of an invalidation does not count
         invalidated_s = (services.cells[variable].invalidated_s + INSTANT_S for variable in self.identifies)
         return max(self._next_in_period_s(), *invalidated_s)
 
-    def due(self) -> list[str]:
+    def due_variables(self) -> list[str]:
         """Return its variables that are to be observed because of events, whether needed or not."""
         services, now_s = self.observer.services, self.observer.services.now_s()
         readings = (services.cells[variable].reading.at(now_s) for variable in self.identifies)
@@ -336,7 +336,7 @@ class Branch:
                 cell.unpin(self._pinned_s)
             self._pinned_s = None
         if job_run is not None:
-            self.observer.note_conclusion()
+            self.observer.note_job_end()
             if job_run.start_s is not None:  # the start of a job uses up what is due
                 self.last_start_s, self._is_fresh = job_run.start_s, False
         return job_run
@@ -366,9 +366,8 @@ class Branch:
         votes.take(vote, lambda before: self._still_counts(variable, before, vote))
         start_s = votes.start_s(content)
         if start_s is None:
-            detail = (
-                f"{votes.count(content)} of {votes.needed} needed among the last {votes.among} for {_shown(content)}"
-            )
+            count_text = f"{votes.count(content)} of {votes.needed} needed among the last {votes.among}"
+            detail = f"{count_text} for {_value_text(content)}"
             self._record_refusal((variable,), Reason.UNCONFIRMED, detail)
             reading = self.observer.services.cells[variable].reading.at(self.observer.now_s)
             if not reading.known or votes.count(reading.content) < votes.needed:
@@ -377,12 +376,16 @@ class Branch:
         return start_s
 
     def _still_counts(self, variable: str, before: Vote, now: Vote) -> bool:
-        """Return whether an earlier result still counts for a variable."""
+        """Return whether an earlier result still counts for a variable.
+
+        It does not if it is from before the last action that changed the variable, if it is no longer valid, or if the
+        variable forgets and could not be observed for a moment since then.
+        """
         services = self.observer.services
         model, cells = services.variables[variable], services.cells
         if before.start_s <= cells[variable].invalidated_s or before.stamp_s + model.valid_for_s <= now.stamp_s:
             return False
-        term = self.observer.observable(variable) if model.when_unobservable == "forget" else None
+        term = self.observer.observability_condition(variable) if model.when_unobservable == "forget" else None
         if term is None:
             return True
         return first_loss(term, cells, max(before.stamp_s, complete_from_s(term, cells)), now.stamp_s) is None
@@ -398,9 +401,9 @@ class Branch:
 
     def _add_failed_looks(self, variables: Iterable[str], reason: Reason, detail: str, since_s: float) -> None:
         for variable in variables:
-            self._without_value.add(variable)
+            self._variables_without_value.add(variable)
             self.observer.add_failed_look(variable, FailedLook(reason, detail, since_s, self.algorithm.name))
 
 
-def _shown(content: Value) -> str:
+def _value_text(content: Value) -> str:
     return str(content).lower() if isinstance(content, bool) else str(content)

@@ -10,34 +10,37 @@ from codra_dsl.runtime.values.cell import BEFORE_ALL_S, Reading
 
 
 class EventTriggers:
-    """The variables that skills monitor and change while acting, and the last end of acting. Writers hold the lock."""
+    """The variables that skills under way monitor, those that acting skills change, and the last end of acting.
+
+    Callers that change it hold the lock.
+    """
 
     def __init__(self) -> None:
-        self._monitored: Counter[str] = Counter()
-        self._changing: dict[int, frozenset[str]] = {}
+        self._monitor_counts: Counter[str] = Counter()
+        self._changed_variables: dict[int, frozenset[str]] = {}
         self._acted_s = BEFORE_ALL_S
 
-    def begin(self, monitored: Iterable[str]) -> None:
+    def begin(self, variables: Iterable[str]) -> None:
         """Begin a skill that monitors some variables."""
-        self._monitored.update(monitored)
+        self._monitor_counts.update(variables)
 
-    def finish(self, number: int, monitored: Iterable[str]) -> None:
+    def finish(self, number: int, variables: Iterable[str]) -> None:
         """End a skill that monitored some variables, and its acting."""
-        self._monitored.subtract(monitored)
-        self._changing.pop(number, None)
+        self._monitor_counts.subtract(variables)
+        self._changed_variables.pop(number, None)
 
     def act(self, number: int, changes: Iterable[str]) -> None:
         """Note that a skill starts to act and changes some variables."""
-        self._changing[number] = frozenset(changes)
+        self._changed_variables[number] = frozenset(changes)
 
     def acted(self, number: int, now_s: float) -> None:
         """Note that acting ends: the world may have changed."""
-        self._changing.pop(number, None)
+        self._changed_variables.pop(number, None)
         self._acted_s = now_s
 
     def may_be_changing(self, variable: str) -> bool:
         """Return whether an acting skill changes a variable: then its value is lost when it cannot be observed."""
-        return any(variable in changes for changes in self._changing.values())
+        return any(variable in changes for changes in self._changed_variables.values())
 
     @property
     def acted_s(self) -> float:
@@ -51,7 +54,7 @@ class EventTriggers:
         action, because a value would soon be out of date. Any other variable is observed if it is unknown, or if its
         evidence is from before the last end of acting.
         """
-        if self._monitored[reading.name] > 0:
+        if self._monitor_counts[reading.name] > 0:
             return True
         if self.may_be_changing(reading.name):
             return False

@@ -11,7 +11,6 @@ from codra_dsl.logic import Value
 from codra_dsl.runtime.clock import Clock, Timer
 from codra_dsl.runtime.journal import EventWriter, Kind
 from codra_dsl.runtime.observers.store import Store
-from codra_dsl.runtime.values.cell import Reading
 from codra_dsl.runtime.values.evidence import ContextNow
 from codra_dsl.runtime.values.model import ExpectationModel, SkillModel
 
@@ -84,7 +83,7 @@ class Verification:
         raise TypeError(f"a verification has no truth value: use .all_met, .violated or .not_seen of {self.skill!r}")
 
 
-class _Watched:
+class _WatchedExpectation:
     """The state of one expectation of a skill that acts, or has acted."""
 
     def __init__(self, model: ExpectationModel, skill: str, since_s: float) -> None:
@@ -101,7 +100,7 @@ class _Watched:
         """Return whether its outcome is final."""
         return self.is_over or self.outcome in (Outcome.MET, Outcome.VIOLATED)
 
-    def judged(self, holds: Value | None, *, at_end: bool) -> Outcome | None:
+    def outcome_if(self, holds: Value | None, *, at_end: bool) -> Outcome | None:
         """Return its outcome given whether the condition holds; None if it is still open.
 
         Args:
@@ -117,7 +116,9 @@ class _Watched:
 
 
 class Expectations:
-    """The expectations of skills under way. Callers hold the context manager's lock, except for `verification`.
+    """The expectations of skills under way.
+
+    Callers hold the context manager's lock, except for `is_settled` and `verification`.
 
     An expectation is judged by the context alone, from the start of acting, when the context changes and when the time
     of the expectation is over: so outcomes follow from the journal. A variable that the skill changes is unknown at the
@@ -133,53 +134,55 @@ class Expectations:
         Args:
             store: holds the variables.
             clock: the clock for the deadlines.
-            event_writer: records watched outcome.
-            on_verdict: called with the number of the skill and watched outcome.
+            event_writer: records each outcome.
+            on_verdict: called with the number of the skill and each verdict.
         """
         self._store = store
         self._clock = clock
         self._event_writer = event_writer
         self._on_verdict = on_verdict
-        self._of_skill: dict[int, tuple[_Watched, ...]] = {}
-        self._of_variable: dict[str, list[tuple[int, _Watched]]] = {}
+        self._by_skill: dict[int, tuple[_WatchedExpectation, ...]] = {}
+        self._by_variable: dict[str, list[tuple[int, _WatchedExpectation]]] = {}
 
     def act(self, number: int, skill: SkillModel) -> None:
         """Start the expectations of a skill now; open ones of its earlier acting end as `NOT_SEEN`."""
         self.finish(number)
         now_s = self._clock.now_s()
-        entries = tuple(_Watched(model, skill.name, now_s) for model in skill.expects)
-        self._of_skill[number] = entries
-        for watched in entries:
-            self._of_variable.setdefault(watched.model.variable, []).append((number, watched))
+        watched_expectations = tuple(_WatchedExpectation(model, skill.name, now_s) for model in skill.expects)
+        self._by_skill[number] = watched_expectations
+        for watched in watched_expectations:
+            self._by_variable.setdefault(watched.model.variable, []).append((number, watched))
             if watched.model.within_s < math.inf:
-                watched.timer = self._clock.call_at(now_s + watched.model.within_s, self._ender(number, watched))
+                watched.timer = self._clock.call_at(
+                    now_s + watched.model.within_s, self._deadline_callback(number, watched)
+                )
             self._judge(number, watched, at_end=False)
 
     def acted(self, number: int) -> None:
         """Judge the expectations that were to stay true while the skill acted."""
-        for watched in self._of_skill.get(number, ()):
+        for watched in self._by_skill.get(number, ()):
             if not watched.model.is_to_become:
                 self._judge(number, watched, at_end=True)
 
     def finish(self, number: int) -> None:
-        """End the skill; its open expectations end as `NOT_SEEN`."""
-        for watched in self._of_skill.pop(number, ()):
+        """End the skill; its open expectations end as `NOT_SEEN`, and no later observation changes an outcome."""
+        for watched in self._by_skill.pop(number, ()):
             if watched.outcome is None:
                 self._conclude(number, watched, Outcome.NOT_SEEN)
             watched.is_over = True
             if watched.timer is not None:
                 watched.timer.cancel()
-            others = [entry for entry in self._of_variable[watched.model.variable] if entry[1] is not watched]
-            self._of_variable[watched.model.variable] = others
+            other_entries = [entry for entry in self._by_variable[watched.model.variable] if entry[1] is not watched]
+            self._by_variable[watched.model.variable] = other_entries
 
     def changed(self, variable: str) -> None:
         """Judge the expectations of a variable that has another reading."""
-        for number, watched in self._of_variable.get(variable, ()):
+        for number, watched in self._by_variable.get(variable, ()):
             self._judge(number, watched, at_end=False)
 
     def is_settled(self, number: int) -> bool:
         """Return whether all expectations of a skill have an outcome. Any thread may call this, without the lock."""
-        return all(entry.outcome is not None for entry in self._of_skill.get(number, ()))
+        return all(entry.outcome is not None for entry in self._by_skill.get(number, ()))
 
     def verification(self, number: int, skill: str) -> Verification:
         """Return the present outcomes of all expectations of a skill. Any thread may call this, without the lock.
@@ -187,25 +190,27 @@ class Expectations:
         Raises:
             RuntimeError: if the skill has not acted, or has ended.
         """
-        watched = self._of_skill.get(number)
+        watched = self._by_skill.get(number)
         if watched is None:
             raise RuntimeError(f"skill {skill!r} has ended, or has not acted: its expectations start with `acting`")
         return Verification(skill=skill, verdicts=tuple(entry.verdict or self._verdict(entry) for entry in watched))
 
     # Internal
 
-    def _ender(self, number: int, watched: _Watched) -> Callable[[], None]:
+    def _deadline_callback(self, number: int, watched: _WatchedExpectation) -> Callable[[], None]:
         return lambda: self._judge(number, watched, at_end=True)
 
-    def _judge(self, number: int, watched: _Watched, *, at_end: bool) -> None:
+    def _judge(self, number: int, watched: _WatchedExpectation, *, at_end: bool) -> None:
         if watched.is_settled:
             return
         now_s = self._clock.now_s()
-        outcome = watched.judged(watched.model.condition.evaluate(ContextNow(self._store.cells, now_s)), at_end=at_end)
+        outcome = watched.outcome_if(
+            watched.model.condition.evaluate(ContextNow(self._store.cells, now_s)), at_end=at_end
+        )
         if outcome is not None and outcome is not watched.outcome:
             self._conclude(number, watched, outcome)
 
-    def _conclude(self, number: int, watched: _Watched, outcome: Outcome) -> None:
+    def _conclude(self, number: int, watched: _WatchedExpectation, outcome: Outcome) -> None:
         watched.outcome = outcome
         verdict = watched.verdict = self._verdict(watched)
         reading = self._store.reading(verdict.variable)
@@ -216,11 +221,14 @@ class Expectations:
             skill=watched.skill,
             expected=verdict.expected,
             acting_s=watched.since_s,
-            **_reading_details(reading),
+            value=reading.content,
+            reason=reading.reason,
+            detail=reading.detail,
+            source=reading.source,
         )
         self._on_verdict(number, verdict)
 
-    def _verdict(self, watched: _Watched) -> Verdict:
+    def _verdict(self, watched: _WatchedExpectation) -> Verdict:
         return Verdict(
             skill=watched.skill,
             variable=watched.model.variable,
@@ -231,10 +239,6 @@ class Expectations:
         )
 
 
-def _reading_details(reading: Reading[Value]) -> dict[str, object]:
-    return {"value": reading.content, "reason": reading.reason, "detail": reading.detail, "source": reading.source}
-
-
-def unseen(verification: Verification) -> Iterable[str]:
+def unseen_variables(verification: Verification) -> Iterable[str]:
     """Return, without repetition, the variables of undecided expectations whose value is unknown."""
     return dict.fromkeys(verdict.variable for verdict in verification.not_seen if verdict.value is None)

@@ -11,12 +11,12 @@ from codra_dsl.runtime.values.cell import Reading, Reason
 
 @dataclass(frozen=True, slots=True)
 class FailedLook:
-    """The failure of an algorithm to deliver a value for a variable.
+    """Why an algorithm delivered no value for a variable.
 
     Attributes:
         reason: why the variable may become unknown.
-        since_s: when the failed look took its evidence.
-        algorithm: the algorithm that failed.
+        since_s: the instant of the look, to be compared with the times of evidence.
+        algorithm: the algorithm that looked.
     """
 
     reason: Reason
@@ -25,19 +25,22 @@ class FailedLook:
     algorithm: str
 
 
-def decisive(reading: Reading[Value], failed_looks: Iterable[FailedLook], *, forgets: bool) -> FailedLook | None:
+def decisive_look(reading: Reading[Value], failed_looks: Iterable[FailedLook], *, forgets: bool) -> FailedLook | None:
     """Return the failed look that makes a variable unknown, or gives a new reason for it, or None.
 
     It is called once no alternative has delivered. A failure makes the variable unknown only if the failed algorithm
-    wrote its value. A rejection makes it unknown only if the variable `forgets`. A variable that is unknown already
-    takes the latest reason.
+    wrote its value: a newer value of another writer stays. A rejection makes it unknown only if the variable `forgets`.
+    A variable that is unknown already takes the latest reason.
     """
-    latest: FailedLook | None = None
+    latest_look: FailedLook | None = None
     for failed_look in failed_looks:
         if failed_look.since_s >= reading.evidence_s and _counts(reading, failed_look, forgets):
-            latest = failed_look
-    is_reported = latest is not None and (latest.reason, latest.detail) == (reading.reason, reading.detail)
-    return None if is_reported else latest
+            latest_look = failed_look
+    is_reported = latest_look is not None and (latest_look.reason, latest_look.detail) == (
+        reading.reason,
+        reading.detail,
+    )
+    return None if is_reported else latest_look
 
 
 def _counts(reading: Reading[Value], failed_look: FailedLook, forgets: bool) -> bool:

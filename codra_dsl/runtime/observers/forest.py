@@ -35,7 +35,7 @@ class Forest:
         services: ObserverServices,
         clock: Clock,
         commit: Callable[[Reading[Value]], None],
-        stopped: Callable[[Observer], None],
+        on_stop: Callable[[Observer], None],
     ) -> None:
         """Build all trees.
 
@@ -44,12 +44,12 @@ class Forest:
             services: the part of the context manager that observers use.
             clock: real or simulated time.
             commit: called with each reading that observers wrote, after each round.
-            stopped: called for each observer that has stopped.
+            on_stop: called for each observer that has stopped.
         """
         self._clock = clock
         self._event_writer: EventWriter = services.event_writer
         self._commit = commit
-        self._stopped = stopped
+        self._on_stop = on_stop
         self._observers = {model.name: Observer(model, services, self.touch) for model in models}
         self._activation = Activation(
             {name: observer.model.identifies for name, observer in self._observers.items()},
@@ -59,18 +59,22 @@ class Forest:
         )
         self._position = {name: position for position, name in enumerate(self._activation.order)}
         self._readers, self._readers_of_age = self._find_readers()
-        self._on_event = [
-            observer for observer in map(self._observers.__getitem__, self._activation.order) if observer.on_event
+        self._on_event_observers = [
+            observer
+            for observer in map(self._observers.__getitem__, self._activation.order)
+            if observer.on_event_variables
         ]
         self._observer_of = {
             name: observer for observer in self._observers.values() for name in observer.model.identifies
         }
-        self._needing: dict[str, list[Observer]] = {}
+        self._observers_needing: dict[str, list[Observer]] = {}
         for observer in self._observers.values():
-            for name in observer.asks_on_events:
-                self._needing.setdefault(name, []).append(observer)
-        self._ticked_with = {name: self._served_by(observer) for name, observer in self._observers.items()}
-        self._touched: set[str] = set()
+            for name in observer.on_event_needs:
+                self._observers_needing.setdefault(name, []).append(observer)
+        self._observers_ticked_with = {
+            name: self._serving_observers(observer) for name, observer in self._observers.items()
+        }
+        self._touched_names: set[str] = set()
         self._timers: dict[str, Timer] = {}
         self._round: Timer | None = None
 
@@ -91,12 +95,17 @@ class Forest:
         observer = self._observer_of.get(variable)
         if observer is None:
             return None
-        return observer.obstacle(variable) if observer.wanted else f"{observer.name} does not run: declare {variable}"
+        return (
+            observer.obstacle(variable) if observer.is_wanted else f"{observer.name} does not run: declare {variable}"
+        )
 
     def declare(self, variable: str) -> None:
-        """Start the observers for a variable that enters C_E(t) (P1, Algorithm 1); if one runs already, tick it."""
+        """Start the observers for a variable that enters C_E(t) (P1, Algorithm 1).
+
+        If its observer runs already, for others that need it on events, it may be due only now: it is ticked.
+        """
         self._activation.declare(variable)
-        if variable in self._needing and variable in self._observer_of:
+        if variable in self._observers_needing and variable in self._observer_of:
             self.touch(self._observer_of[variable])
 
     def withdraw(self, variable: str) -> None:
@@ -112,40 +121,44 @@ class Forest:
         """
         readers = self._readers_of_age if is_renewed else self._readers
         for observer in readers.get(variable, ()):
-            if observer.wanted:
-                self._touched.add(observer.name)
+            if observer.is_wanted:
+                self._touched_names.add(observer.name)
                 if self._round is None:
                     self._let_settle()
 
-    def is_asked_for(self, variable: str, declared: Container[str]) -> bool:
+    def is_asked_for(self, variable: str, declarations: Container[str]) -> bool:
         """Return whether a variable is declared, or needed by an observer that is due to look, directly or not.
 
         Observers may need each other in a cycle. A cycle that is not asked for from outside does not ask for itself.
         """
-        seen, pending = {variable}, [variable]
+        visited, pending = {variable}, [variable]
         while pending:
             name = pending.pop()
-            if name in declared:
+            if name in declarations:
                 return True
-            branches = [branch for observer in self._needing.get(name, ()) for branch in observer.asking_for(name)]
+            branches = [
+                branch
+                for observer in self._observers_needing.get(name, ())
+                for branch in observer.branches_asking_for(name)
+            ]
             if not all(branch.is_on_event for branch in branches):
                 return True  # a periodic look needs its preconditions in any case
-            needing = {due for branch in branches for due in branch.due()} - seen
-            seen |= needing
-            pending.extend(needing)
+            due_variables = {due for branch in branches for due in branch.due_variables()} - visited
+            visited |= due_variables
+            pending.extend(due_variables)
         return False
 
     def look_again(self) -> None:
         """Tick the running observers that look on events, because they may be due now."""
-        for observer in self._on_event:
-            if observer.wanted:
+        for observer in self._on_event_observers:
+            if observer.is_wanted:
                 self.touch(observer)
 
     def touch(self, observer: Observer) -> None:
         """Tick an observer in the next round, at this instant; no effect if it does not run."""
-        if not observer.wanted:
+        if not observer.is_wanted:
             return
-        self._touched.add(observer.name)
+        self._touched_names.add(observer.name)
         if self._round is None:
             self._let_settle()
 
@@ -163,10 +176,12 @@ class Forest:
 
     def _run_rounds(self) -> bool:
         for _ in range(MAX_ROUNDS):
-            if not self._touched:
+            if not self._touched_names:
                 return True
-            touched = self._touched.union(*map(self._ticked_with.__getitem__, self._touched))
-            names, self._touched = sorted(touched, key=self._position.__getitem__), set()
+            names_to_tick = self._touched_names.union(
+                *map(self._observers_ticked_with.__getitem__, self._touched_names)
+            )
+            names, self._touched_names = sorted(names_to_tick, key=self._position.__getitem__), set()
             now_s = self._clock.now_s()
             for reading in [reading for name in names for reading in self._tick(self._observers[name], now_s)]:
                 self._commit(reading)
@@ -182,7 +197,7 @@ class Forest:
         return readings
 
     def _wake_at(self, observer: Observer, instant_s: float | None) -> None:
-        """Tick an observer at an instant; an earlier tick sets the next instant itself."""
+        """Tick an observer at an instant; an earlier tick stays and sets the next one itself."""
         timer = self._timers.get(observer.name)
         if instant_s is not None and (timer is None or timer.instant_s > instant_s):
             if timer is not None:
@@ -190,9 +205,8 @@ class Forest:
             self._timers[observer.name] = self._clock.call_at(instant_s, lambda: self._wake(observer))
 
     def _wake(self, observer: Observer) -> None:
-        self._timers.pop(
-            observer.name, None
-        )  # a timer that fires while it is replaced removes the entry of the new one
+        # A timer that fires while it is replaced removes the entry of the new one.
+        self._timers.pop(observer.name, None)
         self.touch(observer)
 
     def _start(self, name: str) -> None:
@@ -206,17 +220,17 @@ class Forest:
         observer.stop()
         self._event_writer.write(Kind.OBSERVER, name, "stopped")
         self._tick(observer, self._clock.now_s())  # a last tick: the control flag fails, which cancels its jobs
-        self._stopped(observer)
+        self._on_stop(observer)
 
-    def _served_by(self, observer: Observer) -> frozenset[str]:
+    def _serving_observers(self, observer: Observer) -> frozenset[str]:
         """Return the observers that look on events for one observer, directly or not; they are ticked with it."""
-        serving: set[str] = set()
+        serving_names: set[str] = set()
         pending = [observer]
         while pending:
-            names = {self._observer_of[name].name for name in pending.pop().asks_on_events if name in self._observer_of}
-            pending.extend(self._observers[name] for name in names - serving)
-            serving |= names
-        return frozenset(serving)
+            names = {self._observer_of[name].name for name in pending.pop().on_event_needs if name in self._observer_of}
+            pending.extend(self._observers[name] for name in names - serving_names)
+            serving_names |= names
+        return frozenset(serving_names)
 
     def _find_readers(self) -> tuple[dict[str, list[Observer]], dict[str, list[Observer]]]:
         """Return, by variable, the observers that read it, and the observers that depend on its age."""
@@ -224,9 +238,11 @@ class Forest:
         readers_of_age: dict[str, list[Observer]] = {}
         for name in self._activation.order:
             observer = self._observers[name]
-            for need in observer.watched():
+            for need in observer.watched_variables():
                 readers.setdefault(need, []).append(observer)
-            has_own = observer.on_event if observer.asks_on_events else ()  # whether it looks depends on their age
-            for need in sorted({*observer.needs_age_of(), *has_own}):
+            has_own = (
+                observer.on_event_variables if observer.on_event_needs else ()
+            )  # whether it looks depends on their age
+            for need in sorted({*observer.aged_needs(), *has_own}):
                 readers_of_age.setdefault(need, []).append(observer)
         return readers, readers_of_age

@@ -13,7 +13,7 @@ from py_trees.behaviour import Behaviour
 from codra_dsl.logic import Term, Value, reads_ages
 from codra_dsl.runtime.journal import Kind
 from codra_dsl.runtime.observers.branch import Branch
-from codra_dsl.runtime.observers.failed_look import FailedLook, decisive
+from codra_dsl.runtime.observers.failed_look import FailedLook, decisive_look
 from codra_dsl.runtime.observers.services import ObserverServices
 from codra_dsl.runtime.observers.ticking import tick
 from codra_dsl.runtime.values.cell import Reading, Reason, known_reading
@@ -43,18 +43,18 @@ class ObserverModel:
 class Observer:
     """O_i of P1: one behaviour tree that identifies one or more context-variables."""
 
-    def __init__(self, model: ObserverModel, services: ObserverServices, touched: Callable[[Observer], None]) -> None:
+    def __init__(self, model: ObserverModel, services: ObserverServices, on_touch: Callable[[Observer], None]) -> None:
         self.model = model
         self.name = model.name
         self.services = services
-        self.wanted = False
+        self.is_wanted = False
         self.now_s = services.now_s()
-        self._present = ContextNow(services.cells, self.now_s)
-        self._touched = touched
+        self._context_now = ContextNow(services.cells, self.now_s)
+        self._on_touch = on_touch
         self._branches: list[Branch] = []
         self._writes: list[Reading[Value]] = []
         self._failed_looks: dict[str, list[FailedLook]] = {}
-        self._concluded = False
+        self._has_job_ended = False
         self._failure: str | None = None
         self.tree: Behaviour = model.build(self)
         for branch in self._branches:
@@ -62,12 +62,16 @@ class Observer:
         self._branches_of = {
             name: [branch for branch in self._branches if name in branch.identifies] for name in model.identifies
         }
-        self.on_event = tuple(name for name in model.identifies if services.variables[name].refresh == "on_event")
+        self.on_event_variables = tuple(
+            name for name in model.identifies if services.variables[name].refresh == "on_event"
+        )
         for branch in self._branches:
-            branch.is_on_event = set(branch.identifies) <= set(self.on_event)
-        self.asks_on_events = tuple(name for name in self.needs() if services.variables[name].refresh == "on_event")
-        self._aging = [term for term in self._terms() if reads_ages(term)]
-        self._watches = {name: Watch(term) for name in model.identifies if (term := self.observable(name)) is not None}
+            branch.is_on_event = set(branch.identifies) <= set(self.on_event_variables)
+        self.on_event_needs = tuple(name for name in self.needs() if services.variables[name].refresh == "on_event")
+        self._aging_terms = [term for term in self._terms() if reads_ages(term)]
+        self._watches = {
+            name: Watch(term) for name in model.identifies if (term := self.observability_condition(name)) is not None
+        }
 
     def branch(self, algorithm: Algorithm) -> Branch:
         """Return a new branch for an algorithm; generated code calls this while it builds the tree."""
@@ -84,15 +88,18 @@ class Observer:
         """Return C_Oi, the context-variables that the observer reads (P1, Equation 7), sorted."""
         return tuple(sorted({name for term in self._terms() for name in term.variables()}))
 
-    def watched(self) -> tuple[str, ...]:
+    def watched_variables(self) -> tuple[str, ...]:
         """Return the variables whose changes cause a tick: those that it needs or observes on events."""
-        return tuple(sorted({*self.needs(), *self.on_event}))
+        return tuple(sorted({*self.needs(), *self.on_event_variables}))
 
-    def needs_age_of(self) -> tuple[str, ...]:
-        """Return the context-variables whose age it reads, for which newer evidence always matters; sorted."""
-        return tuple(sorted({name for term in self._aging for name in term.variables()}))
+    def aged_needs(self) -> tuple[str, ...]:
+        """Return the context-variables whose age it reads, sorted.
 
-    def observable(self, variable: str) -> Term | None:
+        Newer evidence for them may matter even if the value stays the same.
+        """
+        return tuple(sorted({name for term in self._aging_terms for name in term.variables()}))
+
+    def observability_condition(self, variable: str) -> Term | None:
         """Return the condition under which a variable can be observed: all preconditions of one of its algorithms hold.
 
         None if it can always be observed.
@@ -100,13 +107,13 @@ class Observer:
         conditions = [[term for _, term in branch.conditions] for branch in self._branches_of[variable]]
         return reduce(or_, (reduce(and_, terms) for terms in conditions)) if conditions and all(conditions) else None
 
-    def present(self) -> ContextNow:
+    def context_now(self) -> ContextNow:
         """Return the context as it is at this tick."""
-        return self._present
+        return self._context_now
 
-    def asking_for(self, variable: str) -> list[Branch]:
+    def branches_asking_for(self, variable: str) -> list[Branch]:
         """Return the branches that need a variable in order to look now, if their own variables are asked for."""
-        if not self.wanted:
+        if not self.is_wanted:
             return []
         return [branch for branch in self._branches if branch.reads(variable) and branch.would_look]
 
@@ -114,19 +121,19 @@ class Observer:
         """Return the conditions that prevent every algorithm of a variable from looking now; empty if one can look."""
         if self._failure is not None:
             return f"{self.name} failed and is stopped: withdraw {variable} and declare it again"
-        present = ContextNow(self.services.cells, self.services.now_s())
-        conditions = [branch.blocking_condition(present) for branch in self._branches_of[variable]]
+        context_now = ContextNow(self.services.cells, self.services.now_s())
+        conditions = [branch.blocking_condition(context_now) for branch in self._branches_of[variable]]
         return "; ".join(name for name in conditions if name is not None) if all(conditions) else ""
 
     def touch(self) -> None:
         """Request a tick, because it may have an effect."""
-        self._touched(self)
+        self._on_touch(self)
 
     # Called by its branches
 
-    def note_conclusion(self) -> None:
+    def note_job_end(self) -> None:
         """Note that a job ended in this tick; the next tick, at the same instant, decides on its effect."""
-        self._concluded = True
+        self._has_job_ended = True
 
     def add_failed_look(self, variable: str, failed_look: FailedLook) -> None:
         """Keep a failed look until it is clear that no alternative delivers."""
@@ -147,41 +154,44 @@ class Observer:
     def next_in_turn(self, branch: Branch) -> Branch | None:
         """Return the one of a branch and its rivals that may start a job now, or None.
 
-        An algorithm is needed if no algorithm of better rank serves one of its variables. Of the needed ones, the one
-        that has not run for the longest time goes first, so that none starves another; then rank decides.
+        An algorithm is needed if at least one of its variables is not served by any algorithm of better rank.
+        Of the needed ones, the one that has not run for the longest time goes first, so that none starves another; then
+        rank decides.
         """
-        if any(rival.busy for rival in branch.rivals):
+        if any(rival.is_busy for rival in branch.rivals):
             return None
-        ready = [rival for rival in branch.rivals if rival.next_start_s() <= self.now_s and self._may_run(rival)]
-        return min(ready, key=lambda rival: rival.last_start_s, default=None)
+        ready_branches = [
+            rival for rival in branch.rivals if rival.next_start_s() <= self.now_s and self._may_run(rival)
+        ]
+        return min(ready_branches, key=lambda rival: rival.last_start_s, default=None)
 
     # Life cycle
 
     def start(self) -> None:
         """Start it; it looks as soon as it can."""
-        self.wanted, self._failure = True, None
+        self.is_wanted, self._failure = True, None
         for branch in self._branches:
             branch.refresh()
 
     def stop(self) -> None:
         """Clear the control flag; the next tick cancels its jobs."""
-        self.wanted = False
+        self.is_wanted = False
 
     def tick(self, now_s: float) -> list[Reading[Value]]:
         """Tick the tree once and return the readings that it identified, or made unknown."""
-        self.now_s, self._writes, self._concluded = now_s, [], False
-        self._present = ContextNow(self.services.cells, now_s)
+        self.now_s, self._writes, self._has_job_ended = now_s, [], False
+        self._context_now = ContextNow(self.services.cells, now_s)
         if self._failure is not None:
             return []
         for branch in self._branches:
             branch.note_stuck()
         tick(self.tree)
-        if not self.wanted:
+        if not self.is_wanted:
             self._failed_looks.clear()
             return []
         for variable in self.model.identifies:
             self._settle(variable)
-        if self._concluded and self._is_unsettled():
+        if self._has_job_ended and self._is_unsettled():
             self.touch()
         return self._writes
 
@@ -199,14 +209,14 @@ class Observer:
 
     def next_tick_s(self) -> float | None:
         """Return when a tick will next have an effect if nothing changes before, or None."""
-        if not self.wanted or self._failure is not None:
+        if not self.is_wanted or self._failure is not None:
             return None
-        flips = (term.flips_s(self._present) for term in self._aging)
+        flips = (term.flips_s(self._context_now) for term in self._aging_terms)
         instants = [self.now_s + wait_s for wait_s in flips if wait_s]
         for branch in self._branches:
             start_s = branch.next_start_s()
-            is_free = not any(rival.busy for rival in branch.rivals)
-            if self.now_s < start_s < math.inf and is_free and (self.asks_on_events or self._may_run(branch)):
+            is_free = not any(rival.is_busy for rival in branch.rivals)
+            if self.now_s < start_s < math.inf and is_free and (self.on_event_needs or self._may_run(branch)):
                 instants.append(start_s)
         return min(instants, default=None)
 
@@ -224,7 +234,7 @@ class Observer:
         return tuple(sorted(group, key=self._branches.index))
 
     def _may_run(self, branch: Branch) -> bool:
-        if branch.is_occupied or branch.blocking_condition(self.present()) is not None:
+        if branch.is_occupied or branch.blocking_condition(self.context_now()) is not None:
             return False
         better = self._branches[: self._branches.index(branch)]
         return any(not any(other.serves(variable) for other in better) for variable in branch.identifies)
@@ -232,17 +242,17 @@ class Observer:
     def _reading(self, variable: str) -> Reading[Value]:
         """Return the present reading of a variable, including those written in this tick."""
         present = self.services.cells[variable].reading.at(self.now_s)
-        written = (reading for reading in self._writes if reading.name == variable)
-        return sorted((present, *written), key=lambda reading: reading.evidence_s)[-1]
+        written_readings = (reading for reading in self._writes if reading.name == variable)
+        return sorted((present, *written_readings), key=lambda reading: reading.evidence_s)[-1]
 
     def _is_own(self, reading: Reading[Value]) -> bool:
         return any(branch.algorithm.name == reading.source for branch in self._branches)
 
     def _settle(self, variable: str) -> None:
-        """Decide whether a tick makes a variable unknown."""
+        """Decide whether a tick makes a variable unknown, or gives a new reason for an unknown one."""
         forgets = self._forgets(variable)
-        if variable in self._failed_looks and not self._concluded and not self._alternative_is_busy(variable):
-            failed_look = decisive(self._reading(variable), self._failed_looks.pop(variable, ()), forgets=forgets)
+        if variable in self._failed_looks and not self._has_job_ended and not self._alternative_is_busy(variable):
+            failed_look = decisive_look(self._reading(variable), self._failed_looks.pop(variable, ()), forgets=forgets)
             if failed_look is not None:
                 self._make_unknown(variable, failed_look)
         if forgets and variable in self._watches:
@@ -261,8 +271,10 @@ class Observer:
 
     def _alternative_is_busy(self, variable: str) -> bool:
         """Return whether a busy algorithm without a failed look may still deliver."""
-        tried = {failed_look.algorithm for failed_look in self._failed_looks.get(variable, ())}
-        return any(branch.busy and branch.algorithm.name not in tried for branch in self._branches_of[variable])
+        tried_algorithms = {failed_look.algorithm for failed_look in self._failed_looks.get(variable, ())}
+        return any(
+            branch.is_busy and branch.algorithm.name not in tried_algorithms for branch in self._branches_of[variable]
+        )
 
     def _forget_unseen(self, variable: str) -> None:
         reading = self._reading(variable)
@@ -275,7 +287,7 @@ class Observer:
             self._make_unknown(variable, FailedLook(Reason.FORGOTTEN, self._blocked_by(variable), since_s, self.name))
 
     def _blocked_by(self, variable: str) -> str:
-        conditions = (branch.blocking_condition(self.present()) for branch in self._branches_of[variable])
+        conditions = (branch.blocking_condition(self.context_now()) for branch in self._branches_of[variable])
         return "; ".join(name or "a condition that did not hold for a moment" for name in conditions)
 
     def _make_unknown(self, variable: str, failed_look: FailedLook) -> None:

@@ -25,7 +25,7 @@ class Store:
         variables: Sequence[VariableModel],
         clock: Clock,
         event_writer: EventWriter,
-        changed: Callable[[str, bool], None],
+        on_change: Callable[[str, bool], None],
     ) -> None:
         """Create the cells of all variables, unknown.
 
@@ -33,15 +33,15 @@ class Store:
             variables: C_M.
             clock: real or simulated time.
             event_writer: records every change.
-            changed: called with the name of a variable whose present reading or history has changed, and whether it
+            on_change: called with the name of a variable whose present reading or history has changed, and whether it
                 only has newer evidence for the same value.
         """
         self.variables: Mapping[str, VariableModel] = {variable.name: variable for variable in variables}
         self.cells: Mapping[str, Cell] = {name: Cell(name, model.history) for name, model in self.variables.items()}
         self._clock = clock
         self._event_writer = event_writer
-        self._changed = changed
-        self._expiring: set[str] = set()
+        self._on_change = on_change
+        self._expiring_names: set[str] = set()
         self.mirror: Callable[[Reading[Value]], None] | None = None
 
     def reading(self, name: str) -> Reading[Value]:
@@ -60,9 +60,9 @@ class Store:
         before = cell.reading
         is_present = cell.write(reading)
         self._event_writer.write_reading(reading.identified_s, reading, is_present)
-        if is_present and reading.expires_s != FOREVER_S and name not in self._expiring:
+        if is_present and reading.expires_s != FOREVER_S and name not in self._expiring_names:
             self._watch_expiry(reading)
-        self._changed(name, is_present and before.content == reading.content and _is_same_state(before, reading))
+        self._on_change(name, is_present and before.content == reading.content and _is_same_state(before, reading))
 
     def make_unknown(self, name: str, reason: Reason, detail: str, source: str) -> None:
         """Make a variable unknown from now on."""
@@ -83,23 +83,23 @@ class Store:
                 self.make_unknown(name, Reason.WITHDRAWN, observer, MAIN)
 
     def _watch_expiry(self, reading: Reading[Value]) -> None:
-        if reading.expires_s != FOREVER_S and reading.name not in self._expiring:
-            self._expiring.add(reading.name)
+        if reading.expires_s != FOREVER_S and reading.name not in self._expiring_names:
+            self._expiring_names.add(reading.name)
             self._clock.call_at(reading.expires_s, lambda: self._expire(reading.name))
 
     def _expire(self, name: str) -> None:
         """Make a variable unknown at the end of its validity, unless newer evidence has moved that end."""
-        self._expiring.discard(name)
+        self._expiring_names.discard(name)
         cell = self.cells[name]
         if cell.expire(self._clock.now_s()):
             self._event_writer.write_reading(self._clock.now_s(), cell.reading, True)
-            self._changed(name, False)
+            self._on_change(name, False)
         else:
             self._watch_expiry(cell.reading)
 
 
 def _is_same_state(before: Reading[Value], reading: Reading[Value]) -> bool:
-    """Return whether two readings of the same content do not differ in being known, from the first one until now."""
+    """Return whether the first of two readings of the same content was known, or unknown, like the second until now."""
     if before.reason is not None and reading.reason is not None:
         # evidence from before a value went stale changes the history
         return before.reason is not Reason.STALE or before.identified_s <= reading.evidence_s

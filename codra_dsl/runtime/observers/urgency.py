@@ -29,29 +29,29 @@ class Urgencies:
         """
         self._observer_of = {variable: name for name, variables in identifies.items() for variable in variables}
         self._needs = needs
-        self._waiting: dict[int, str] = {}
+        self._awaited_variables: dict[int, str] = {}
         self._levels: dict[str, Urgency] = {}
-        self._seen: tuple[int, tuple[str, ...]] | None = None
+        self._computed_for: tuple[int, tuple[str, ...]] | None = None
 
     def wait(self, number: int, variable: str) -> None:
         """Note that a decision waits for a variable."""
-        self._waiting[number] = variable
+        self._awaited_variables[number] = variable
 
     def answer(self, number: int) -> None:
         """Note that it no longer waits."""
-        self._waiting.pop(number, None)
+        self._awaited_variables.pop(number, None)
 
     def of(self, observer: str, declarations: Declarations) -> Urgency:
         """Return how urgent an observer is now."""
-        seen = (declarations.version, tuple(self._waiting.values()))
-        if seen != self._seen:
-            self._seen, self._levels = seen, {}
-            for urgency, variables in self._wanted(declarations):
+        needs_key = (declarations.version, tuple(self._awaited_variables.values()))
+        if needs_key != self._computed_for:
+            self._computed_for, self._levels = needs_key, {}
+            for urgency, variables in self._needs_by_urgency(declarations):
                 self._spread(urgency, variables)
         return self._levels.get(observer, Urgency.DECLARED)
 
-    def _wanted(self, declarations: Declarations) -> Iterator[tuple[Urgency, Iterable[str]]]:
-        yield Urgency.WAITED_FOR, self._waiting.values()
+    def _needs_by_urgency(self, declarations: Declarations) -> Iterator[tuple[Urgency, Iterable[str]]]:
+        yield Urgency.WAITED_FOR, self._awaited_variables.values()
         yield Urgency.UNDER_WAY, declarations.of_skills()
         yield Urgency.EXPECTED, declarations.of_expected()
 

@@ -36,13 +36,13 @@ def test_a_file_a_value_and_a_plan_give_the_same_package(spec: Path, tmp_path: P
     sources = (spec, read_spec(spec), plan)
     compiled_specs = [compile_and_load(source, tmp_path / str(number)) for number, source in enumerate(sources)]
 
-    assert [{variable.name for variable in compiled.spec.context} for compiled in compiled_specs] == [
+    assert [{variable.name for variable in compiled_spec.spec.context} for compiled_spec in compiled_specs] == [
         {"door_open", "light_on"}
     ] * 3
-    assert len({compiled.package.__name__ for compiled in compiled_specs}) == 3
-    assert [compiled.loops for compiled in compiled_specs] == [None, None, None]
-    for compiled in compiled_specs:
-        with compiled.start(clock=SimClock(), resources={}) as codra:
+    assert len({compiled_spec.package.__name__ for compiled_spec in compiled_specs}) == 3
+    assert [compiled_spec.loops for compiled_spec in compiled_specs] == [None, None, None]
+    for compiled_spec in compiled_specs:
+        with compiled_spec.start(clock=SimClock(), resources={}) as codra:
             assert not codra.get("door_open").known
 
 
@@ -69,10 +69,12 @@ def test_a_file_that_is_not_a_spec_is_refused(spec: Path, tmp_path: Path) -> Non
 
 
 def test_a_spec_that_was_changed_in_memory_is_compiled(spec: Path, tmp_path: Path) -> None:
-    changed = read_spec(spec)
-    changed = replace(changed, context=tuple(variable for variable in changed.context if variable.name == "light_on"))
+    changed_spec = read_spec(spec)
+    changed_spec = replace(
+        changed_spec, context=tuple(variable for variable in changed_spec.context if variable.name == "light_on")
+    )
 
-    variables = compile_and_load(changed, tmp_path / "made").package.MODEL.variables
+    variables = compile_and_load(changed_spec, tmp_path / "made").package.MODEL.variables
     assert [variable.name for variable in variables] == ["light_on"]
 
 

@@ -31,16 +31,18 @@ def test_every_call_runs_in_the_thread_that_serves_and_comes_back_to_its_own(cou
     hand_over, ran_in = HandOver(), list[int]()
 
     def ask(caller: int, count: int) -> list[tuple[int, int]]:
-        def note(number: int) -> tuple[int, int]:
+        def record(number: int) -> tuple[int, int]:
             ran_in.append(threading.get_ident())
             return caller, number
 
-        return [hand_over.call(lambda number=number: note(number)) for number in range(count)]
+        return [hand_over.call(lambda number=number: record(number)) for number in range(count)]
 
-    asked = [in_a_thread(lambda caller=caller, count=count: ask(caller, count)) for caller, count in enumerate(counts)]
+    callers = [
+        in_a_thread(lambda caller=caller, count=count: ask(caller, count)) for caller, count in enumerate(counts)
+    ]
 
     def end() -> None:
-        for thread, _ in asked:
+        for thread, _ in callers:
             thread.join(60.0)
         hand_over.end()
 
@@ -48,7 +50,7 @@ def test_every_call_runs_in_the_thread_that_serves_and_comes_back_to_its_own(cou
     hand_over.serve()
 
     assert set(ran_in) == {threading.get_ident()}
-    assert [results for _, results in asked] == [
+    assert [results for _, results in callers] == [
         [[(caller, number) for number in range(count)]] for caller, count in enumerate(counts)
     ]
 
@@ -99,8 +101,8 @@ def test_methods_and_values_of_a_handle_are_used_in_the_serving_thread() -> None
     class Arm:
         reach_m = 0.9
 
-        def thread(self, *values: object, **named: object) -> tuple[object, ...]:
-            return (threading.get_ident(), values, named)
+        def thread(self, *values: object, **keywords: object) -> tuple[object, ...]:
+            return (threading.get_ident(), values, keywords)
 
     hand_over = HandOver()
     arm = hand_over.of(Arm())

@@ -26,7 +26,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[Arm, tuple[Ended, Pat
     return {arm: (run(arm, SEED, path), path) for arm, path in paths.items()}
 
 
-def decided(path: Path) -> list[tuple[str, object]]:
+def decisions_and_answers(path: Path) -> list[tuple[str, object]]:
     """Return the decisions with their answers, in order."""
     events = [event for event in read(path)[1] if event.kind is Kind.DECISION]
     return [(event.name, event.details["found" if event.what == "fell_back" else "value"]) for event in events]
@@ -55,7 +55,7 @@ def test_with_observers_decisions_are_answered_from_context_and_without_the_robo
 
 
 def test_both_decide_the_same(runs: dict[Arm, tuple[Ended, Path]]) -> None:
-    with_observers, without = (decided(path) for _, path in runs.values())
+    with_observers, without = (decisions_and_answers(path) for _, path in runs.values())
 
     assert with_observers == without
 

@@ -202,8 +202,8 @@ def test_in_simulated_time_the_same_run_writes_the_same_journal(tmp_path: Path) 
 
 def test_concurrent_states_are_refused_in_simulated_time() -> None:
     both = BarrierConcurrencyState("both", state_id="BOTH")
-    refused = pytest.raises(ValueError, match=r"ROOT/BOTH runs states concurrently.*use run_in_real_time")
-    with started(Door()) as (manager, clock), machine_of(both) as machine, refused:
+    raises_error = pytest.raises(ValueError, match=r"ROOT/BOTH runs states concurrently.*use run_in_real_time")
+    with started(Door()) as (manager, clock), machine_of(both) as machine, raises_error:
         run_in_simulated_time(machine, manager, clock)
 
 
@@ -360,12 +360,12 @@ def test_of_concurrent_states_in_real_time_the_first_to_end_preempts_the_other_w
     with WallClock(start_s=0.0) as clock, machine_of(both) as machine:
         manager = ContextManager[str, str](MODEL, clock=clock, resources={"door": Door()})
         ended = run_in_real_time(machine, manager, clock, handles={"manager": manager})
-        left = manager.declared()
+        declared_names = manager.declared()
         manager.close()
 
     assert (ended.outcome, wait.final_outcome.name) == ("success", "preempted")
     assert briefly.output_data["declared"] == ["near", "open"]
-    assert left == frozenset()
+    assert declared_names == frozenset()
 
 
 def test_an_action_whose_skill_began_before_the_bridge_was_attached_is_reported() -> None:

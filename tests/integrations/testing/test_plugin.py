@@ -120,22 +120,24 @@ def project(tmp_path: Path) -> Path:
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(text, "utf-8")
     (tmp_path / "tests").mkdir()
-    done = run("-m", "codra_dsl", "compile", "specs", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
+    process = run("-m", "codra_dsl", "compile", "specs", cwd=tmp_path)
+    assert process.returncode == 0, process.stderr
     return tmp_path
 
 
 def test_a_timeline_is_collected_by_itself_and_a_failed_story_shows_why(project: Path) -> None:
     (project / "tests" / "gate.timeline.yaml").write_text(TIMELINE, "utf-8")
-    done = run("-m", "pytest", "-v", "-W", "error", cwd=project)
+    process = run("-m", "pytest", "-v", "-W", "error", cwd=project)
 
-    assert done.returncode == 1
-    assert "tests/gate.timeline.yaml::the gate is seen while it is lit PASSED" in done.stdout
-    assert "1 failed, 1 passed" in done.stdout
-    shown = re.search(r"^tests/gate.timeline.yaml:12:34: .*?(?=^=====)", done.stdout, re.MULTILINE | re.DOTALL)
-    assert shown is not None, done.stdout
+    assert process.returncode == 1
+    assert "tests/gate.timeline.yaml::the gate is seen while it is lit PASSED" in process.stdout
+    assert "1 failed, 1 passed" in process.stdout
+    failure_match = re.search(
+        r"^tests/gate.timeline.yaml:12:34: .*?(?=^=====)", process.stdout, re.MULTILINE | re.DOTALL
+    )
+    assert failure_match is not None, process.stdout
     assert (
-        shown[0]
+        failure_match[0]
         == """\
 tests/gate.timeline.yaml:12:34: at 20 s gate_open should be true, but it is unknown (stale)
    |
@@ -157,49 +159,49 @@ tests/gate.timeline.yaml:12:34: at 20 s gate_open should be true, but it is unkn
 
 
 def test_a_timeline_with_mistakes_is_not_collected_and_reports_all_of_them(project: Path) -> None:
-    wrong = TIMELINE.replace("porter:", "portr:").replace("60 deg", "60")
-    (project / "tests" / "gate.timeline.yaml").write_text(wrong, "utf-8")
-    done = run("-m", "pytest", "-q", cwd=project)
+    wrong_timeline = TIMELINE.replace("porter:", "portr:").replace("60 deg", "60")
+    (project / "tests" / "gate.timeline.yaml").write_text(wrong_timeline, "utf-8")
+    process = run("-m", "pytest", "-q", cwd=project)
 
-    assert done.returncode == 2
-    assert "Traceback" not in done.stdout
-    assert "tests/gate.timeline.yaml:4:12: error[CDR2003]: spec 'gate' has no agent 'portr'" in done.stdout
-    assert "tests/gate.timeline.yaml:5:48: error[CDR2011]: 'angle' is in rad, and '60' has no unit" in done.stdout
+    assert process.returncode == 2
+    assert "Traceback" not in process.stdout
+    assert "tests/gate.timeline.yaml:4:12: error[CDR2003]: spec 'gate' has no agent 'portr'" in process.stdout
+    assert "tests/gate.timeline.yaml:5:48: error[CDR2011]: 'angle' is in rad, and '60' has no unit" in process.stdout
 
 
 def test_a_timeline_of_a_spec_that_was_not_compiled_again_is_reported(project: Path) -> None:
     (project / "specs" / "gate.yaml").write_text(SPEC.replace("30 deg", "20 deg"), "utf-8")
     (project / "tests" / "gate.timeline.yaml").write_text(TIMELINE, "utf-8")
-    done = run("-m", "pytest", "-q", cwd=project)
+    process = run("-m", "pytest", "-q", cwd=project)
 
-    assert done.returncode == 2
-    assert "'generated/gate' is out of date: 'specs/gate.yaml' has changed" in done.stdout
-    assert "compile it: codra compile specs/gate.yaml" in done.stdout
+    assert process.returncode == 2
+    assert "'generated/gate' is out of date: it does not match 'specs/gate.yaml'" in process.stdout
+    assert "compile it: codra compile specs/gate.yaml" in process.stdout
 
 
 def test_a_handle_that_cannot_be_made_is_reported_without_a_traceback(project: Path) -> None:
     timeline = f"{TIMELINE}resources: {{camera: {{call: gate_perception:Camra}}}}\n"
     (project / "tests" / "gate.timeline.yaml").write_text(timeline, "utf-8")
-    done = run("-m", "pytest", "-q", cwd=project)
+    process = run("-m", "pytest", "-q", cwd=project)
 
-    assert "tests/gate.timeline.yaml:13: 'gate_perception:Camra': AttributeError" in done.stdout
-    assert "Traceback" not in done.stdout
-    assert "collecting.py" not in done.stdout
+    assert "tests/gate.timeline.yaml:13: 'gate_perception:Camra': AttributeError" in process.stdout
+    assert "Traceback" not in process.stdout
+    assert "collecting.py" not in process.stdout
 
 
 def test_a_program_runs_in_stories_through_the_fixture(project: Path) -> None:
     (project / "tests" / "cross.yaml").write_text(CROSS, "utf-8")
     (project / "tests" / "test_gate.py").write_text(TESTS, "utf-8")
-    done = run("-m", "pytest", "-q", "-W", "error", cwd=project)
+    process = run("-m", "pytest", "-q", "-W", "error", cwd=project)
 
-    assert "3 passed" in done.stdout, done.stdout
+    assert "3 passed" in process.stdout, process.stdout
 
 
 def test_timelines_are_not_linted_as_specs(project: Path) -> None:
     (project / "specs" / "gate.timeline.yaml").write_text(TIMELINE, "utf-8")
-    done = run("-m", "codra_dsl", "lint", "specs", cwd=project)
+    process = run("-m", "codra_dsl", "lint", "specs", cwd=project)
 
-    assert (done.stderr, done.returncode) == ("no findings\n", 0)
+    assert (process.stderr, process.returncode) == ("no findings\n", 0)
 
 
 # Other projects
@@ -215,9 +217,9 @@ def test_a_project_that_does_not_use_codra_loads_only_the_plugin(tmp_path: Path)
         "    assert ours == ['codra_dsl', 'codra_dsl.integrations', testing, f'{testing}.plugin']\n",
         "utf-8",
     )
-    done = run("-m", "pytest", "-q", "-W", "error", "-p", "no:hypothesispytest", cwd=tmp_path)
+    process = run("-m", "pytest", "-q", "-W", "error", "-p", "no:hypothesispytest", cwd=tmp_path)
 
-    assert "1 passed" in done.stdout, done.stdout
+    assert "1 passed" in process.stdout, process.stdout
 
 
 def test_codra_works_without_pytest(project: Path) -> None:
@@ -225,6 +227,6 @@ def test_codra_works_without_pytest(project: Path) -> None:
         "import sys; sys.modules['pytest'] = None; sys.argv[:] = ['codra', 'lint', 'specs']\n"
         "from generated import gate; from codra_dsl.cli import main; main()"
     )
-    done = run("-c", script, cwd=project)
+    process = run("-c", script, cwd=project)
 
-    assert (done.stderr, done.returncode) == ("no findings\n", 0)
+    assert (process.stderr, process.returncode) == ("no findings\n", 0)

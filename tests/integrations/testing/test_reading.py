@@ -107,13 +107,13 @@ def test_reading_a_damaged_timeline_never_raises(data: st.DataObject) -> None:
     text = data.draw(st.sampled_from([KITCHEN, LAB]))
     lines = text.splitlines()
     for _ in range(data.draw(st.integers(1, 3))):
-        at = data.draw(st.integers(0, len(lines) - 1))
-        damaged = data.draw(
+        index = data.draw(st.integers(0, len(lines) - 1))
+        damaged_line = data.draw(
             st.sampled_from(
-                ["", "  - 1", "    5: {}", "x", lines[at][1:], lines[at].replace(":", ""), f"{lines[at]} 1"]
+                ["", "  - 1", "    5: {}", "x", lines[index][1:], lines[index].replace(":", ""), f"{lines[index]} 1"]
             )
         )
-        lines[at] = damaged
+        lines[index] = damaged_line
 
     for finding in findings("\n".join(lines)):
         assert finding.message

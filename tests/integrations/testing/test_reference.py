@@ -34,11 +34,11 @@ def test_the_reference_names_every_word_that_a_key_can_have() -> None:
 
 
 def test_the_timelines_show_every_reason_for_which_a_variable_is_unknown() -> None:
-    shown: set[Reason | None] = set()
+    used_reasons: set[Reason | None] = set()
     for name in ("kitchen", "lab"):
         timeline, _, mistakes = read_timeline(TESTS / f"{name}.timeline.yaml")
         assert timeline is not None, mistakes
         checks = [check for story in timeline.stories for moment in story.moments for check in moment.checks]
-        shown |= {check.reason for check in checks if isinstance(check, Belief) and check.is_unknown}
+        used_reasons |= {check.reason for check in checks if isinstance(check, Belief) and check.is_unknown}
 
-    assert {*Reason} - shown == {Reason.UNCONFIRMED}, "which no variable of these specs can have"
+    assert {*Reason} - used_reasons == {Reason.UNCONFIRMED}, "which no variable of these specs can have"

@@ -40,9 +40,9 @@ def in_a_job(perceive: Callable[..., object]) -> object:
 
 def test_a_class_of_the_user_keeps_its_state_when_one_of_its_jobs_fails() -> None:
     script = Script((), ())
-    made = script.function(Algorithm(name="count", call="tests.integrations.testing.test_script:Counter"))
-    assert isinstance(made, type)
-    counter = made()
+    function = script.function(Algorithm(name="count", call="tests.integrations.testing.test_script:Counter"))
+    assert isinstance(function, type)
+    counter = function()
 
     assert in_a_job(counter.perceive) == {"count": 1, "at_s": 0.0}
     script.change(Behaviour(algorithm="count", place=PLACE, fault=Fault(raises="no frame", jobs=1)))

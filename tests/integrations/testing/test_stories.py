@@ -10,22 +10,22 @@ from hypothesis import strategies as st
 from codra_dsl.integrations.testing.run import StoryFailed
 from codra_dsl.runtime import CallError, EventLog, Kind, SimClock, WallClock
 from generated import kitchen
-from tests.integrations.testing.timelines import kitchen_story, story_of
+from tests.integrations.testing.timelines import kitchen_run, run_of_only_story
 from tests.kitchen_world import Kitchen
 
-READY = "{robot_is_localized: true, robot_place: counter, light_is_on: true}"
+READY_VALUES = "{robot_is_localized: true, robot_place: counter, light_is_on: true}"
 FRIDGE = f"""\
 start:
   perception:
     measure_fridge: {{returns: {{distance: 50 cm}}}}
     look_at_fridge: {{returns: {{angle: 0 deg, edges: 10}}, takes: 500 ms, evidence: 0 s}}
-  main_execution: {{set: {READY}}}
+  main_execution: {{set: {READY_VALUES}}}
 """
 
 
-def failed(text: str) -> str:
+def failure_text(text: str) -> str:
     with pytest.raises(StoryFailed) as caught:
-        kitchen_story(text).play()
+        kitchen_run(text).play()
     return str(caught.value)
 
 
@@ -33,7 +33,7 @@ def failed(text: str) -> str:
 
 
 def test_a_failure_shows_the_expected_and_the_actual_value_and_the_reason_with_lines_of_both_files() -> None:
-    text = failed(
+    text = failure_text(
         FRIDGE
         + """\
 stories:
@@ -83,7 +83,7 @@ tests/case.timeline.yaml:14:31: at 140 s fridge_open should be true, but it is u
         ),
         (
             "decided: {kettle_state: fell_back}",
-            "by 2 s the decision on kettle_state should be made by looking, but there was no such decision",
+            "by 2 s the decision on kettle_state should be made by looking, but there was no decision on it",
         ),
         (
             "believes: {fridge_angle: {is: 30 deg, within: 5 deg}}",
@@ -106,40 +106,40 @@ tests/case.timeline.yaml:14:31: at 140 s fridge_open should be true, but it is u
 def test_every_kind_of_check_has_a_message(check: str, message: str) -> None:
     begun = "0 s: {main_execution: {declare: [fridge_open], decide: {fridge_open: {otherwise: false}}}}"
 
-    assert message in failed(f"{FRIDGE}stories:\n  case:\n    {begun}\n    2 s: {{{check}}}\n")
+    assert message in failure_text(f"{FRIDGE}stories:\n  case:\n    {begun}\n    2 s: {{{check}}}\n")
 
 
 def test_all_failed_checks_are_reported_at_once() -> None:
     checks = "1 s: {believes: {fridge_open: true}}\n    2 s: {running: [hob_watch]}"
 
-    assert failed(f"{FRIDGE}stories:\n  case:\n    {checks}\n").count("should") == 2
+    assert failure_text(f"{FRIDGE}stories:\n  case:\n    {checks}\n").count("should") == 2
 
 
 def test_an_impossible_step_of_the_main_execution_is_reported_with_its_place() -> None:
-    text = failed(f"{FRIDGE}stories:\n  case:\n    2 s: {{main_execution: {{set: {{fridge_open: true}}}}}}\n")
+    text = failure_text(f"{FRIDGE}stories:\n  case:\n    2 s: {{main_execution: {{set: {{fridge_open: true}}}}}}\n")
 
     assert text.startswith("tests/case.timeline.yaml:10:34: 'set' is not possible: NotDeclaredError: 'fridge_open'")
 
 
 def test_an_algorithm_that_looks_without_stated_values_is_reported() -> None:
-    start = f"start: {{main_execution: {{set: {READY}, declare: [fridge_open]}}}}"
-    text = failed(f"{start}\nstories: {{case: {{2 s: {{}}}}}}\n")
+    start = f"start: {{main_execution: {{set: {READY_VALUES}, declare: [fridge_open]}}}}"
+    text = failure_text(f"{start}\nstories: {{case: {{2 s: {{}}}}}}\n")
 
     assert "measure_fridge looked at 0 s, but the values that it returns are not stated" in text
 
 
 def test_a_handle_that_cannot_be_made_or_lacks_an_attribute_is_reported_with_its_place() -> None:
     with pytest.raises(CallError, match=r"case.timeline.yaml:3: 'tests.kitchen_world:Kichen': AttributeError"):
-        kitchen_story("resources: {kitchen: {call: tests.kitchen_world:Kichen}}\nstories: {case: {0 s: {}}}\n").play()
+        kitchen_run("resources: {kitchen: {call: tests.kitchen_world:Kichen}}\nstories: {case: {0 s: {}}}\n").play()
     with pytest.raises(CallError, match=r"case.timeline.yaml:3: kitchen has no attribute 'colour'"):
-        kitchen_story("stories: {case: {0 s: {resources: {kitchen: {colour: 1}}}}}\n", {"kitchen": Kitchen()}).play()
+        kitchen_run("stories: {case: {0 s: {resources: {kitchen: {colour: 1}}}}}\n", {"kitchen": Kitchen()}).play()
 
 
 # The order at an instant
 
 
 def test_the_world_changes_after_everything_else_that_is_due_at_the_instant() -> None:
-    kitchen_story(
+    kitchen_run(
         FRIDGE
         + """\
 stories:
@@ -156,11 +156,11 @@ stories:
 
 
 def test_a_late_result_is_about_the_time_when_it_would_have_come() -> None:
-    kitchen_story(
+    kitchen_run(
         f"""\
 start:
   perception: {{ask_dock: {{returns: {{contact: true}}}}}}
-  main_execution: {{set: {READY}, declare: [kettle_docked]}}
+  main_execution: {{set: {READY_VALUES}, declare: [kettle_docked]}}
 stories:
   case:
     1 s:
@@ -174,7 +174,7 @@ stories:
 
 
 def test_a_wait_of_the_main_execution_does_not_delay_the_world() -> None:
-    kitchen_story(
+    kitchen_run(
         FRIDGE
         + """\
 stories:
@@ -194,7 +194,7 @@ stories:
 
 
 def test_a_story_counts_from_its_beginning_for_any_time_of_the_clock() -> None:
-    kitchen_story(
+    kitchen_run(
         FRIDGE
         + "stories: {case: {3 s: {main_execution: {declare: [fridge_open]}}, 4 s: {believes: {fridge_open: false}}}}",
         start_s=1234.5,
@@ -212,7 +212,7 @@ def test_a_program_runs_in_a_story_and_is_checked_by_it() -> None:
     9 s: {{believes: {{fridge_open: true}}}}
 """
 
-    with kitchen_story(text) as run:
+    with kitchen_run(text) as run:
         run.codra.declare("fridge_open")
         run.clock.sleep(1.5)
         assert run.codra.get("fridge_open").value is False
@@ -234,7 +234,7 @@ stories:
     70 s: {believes: {battery_level: 40 percent}}
 """
 
-    with story_of(text) as run:
+    with run_of_only_story(text) as run:
         navigation = run.codra.agent("navigation")
         navigation.set("battery_level", 90.0)
         run.until(50.0)
@@ -244,7 +244,7 @@ stories:
 
 def test_a_program_that_starts_the_observers_itself_is_given_the_start_of_the_story() -> None:
     run, clock, record = (
-        kitchen_story(f"{FRIDGE}stories: {{case: {{2 s: {{believes: {{fridge_open: true}}}}}}}}"),
+        kitchen_run(f"{FRIDGE}stories: {{case: {{2 s: {{believes: {{fridge_open: true}}}}}}}}"),
         SimClock(50.0),
         EventLog(),
     )
@@ -259,7 +259,7 @@ def test_a_program_that_starts_the_observers_itself_is_given_the_start_of_the_st
 
 
 def test_a_program_that_ends_before_a_moment_fails_the_story() -> None:
-    run = kitchen_story(f"{FRIDGE}stories: {{case: {{9 s: {{running: [hob_watch]}}}}}}")
+    run = kitchen_run(f"{FRIDGE}stories: {{case: {{9 s: {{running: [hob_watch]}}}}}}")
 
     with run.start(clock=SimClock(), resources={}):
         pass
@@ -268,7 +268,7 @@ def test_a_program_that_ends_before_a_moment_fails_the_story() -> None:
 
 
 def test_a_timeline_has_no_main_execution_beside_a_program() -> None:
-    run = kitchen_story("stories: {case: {9 s: {main_execution: {declare: [fridge_open]}}}}")
+    run = kitchen_run("stories: {case: {9 s: {main_execution: {declare: [fridge_open]}}}}")
 
     with pytest.raises(ValueError, match=r"case.timeline.yaml:3: a program is the main execution here"):
         run.__enter__()
@@ -278,11 +278,11 @@ def test_a_story_runs_in_simulated_time_only() -> None:
     clock: Any = WallClock()
 
     with clock, pytest.raises(TypeError, match="give it a SimClock"):
-        kitchen_story("stories: {case: {9 s: {}}}").start(clock=clock, resources={})
+        kitchen_run("stories: {case: {9 s: {}}}").start(clock=clock, resources={})
 
 
 def test_an_exception_of_a_program_is_not_hidden_by_failed_checks() -> None:
-    with pytest.raises(ZeroDivisionError), kitchen_story("stories: {case: {9 s: {running: [hob_watch]}}}"):
+    with pytest.raises(ZeroDivisionError), kitchen_run("stories: {case: {9 s: {running: [hob_watch]}}}"):
         _ = 1 / 0
 
 
@@ -290,7 +290,7 @@ def test_an_exception_of_a_program_is_not_hidden_by_failed_checks() -> None:
 
 
 def test_a_story_gives_the_event_log_of_an_equivalent_program() -> None:
-    run = kitchen_story(
+    run = kitchen_run(
         """\
 resources: {kitchen: {call: tests.kitchen_world:Kitchen}}
 stories:
@@ -330,8 +330,8 @@ def stories(draw: st.DrawFn) -> str:
     lines = ["    0 s: {main_execution: {declare: [fridge_open, hob_level, pot_fill]}}"]
     for at_ms in draw(st.lists(st.integers(1, 20_000), min_size=1, max_size=6, unique=True).map(sorted)):
         name = draw(st.sampled_from(sorted(ALGORITHMS)))
-        returned = f"{{returns: {{{ALGORITHMS[name]}}}}}" if name != "look_at_hob" else "works"
-        entry = draw(st.sampled_from([*ENTRIES, returned]))
+        returned_values = f"{{returns: {{{ALGORITHMS[name]}}}}}" if name != "look_at_hob" else "works"
+        entry = draw(st.sampled_from([*ENTRIES, returned_values]))
         lines.append(f"    {at_ms} ms: {{perception: {{{name}: {entry}}}}}")
     return "\n".join(lines)
 
@@ -342,7 +342,7 @@ def test_a_story_gives_the_same_event_log_every_time_with_or_without_checks(stor
     head = f"seed: {seed}\n{FRIDGE.replace('counter', 'stove')}stories:\n  case:\n"
     records = []
     for checks in ("", CHECK):
-        run = kitchen_story(f"{head}{story}\n    21 s: {{{checks}}}\n", {"kitchen": Kitchen(power_w=1500.0)})
+        run = kitchen_run(f"{head}{story}\n    21 s: {{{checks}}}\n", {"kitchen": Kitchen(power_w=1500.0)})
         if checks:
             with pytest.raises(StoryFailed):
                 run.play()
@@ -357,7 +357,7 @@ def test_another_seed_gives_another_event_log() -> None:
     texts = []
     for seed in (1, 2):
         start = "start: {main_execution: {set: {robot_is_localized: true, robot_place: stove}, declare: [pot_fill]}}"
-        run = kitchen_story(
+        run = kitchen_run(
             f"seed: {seed}\n{start}\nstories: {{case: {{9 s: }}}}\n", {"kitchen": Kitchen(power_w=1500.0)}
         )
         run.play()

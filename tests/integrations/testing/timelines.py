@@ -18,15 +18,15 @@ def findings(text: str) -> tuple[Diagnostic, ...]:
     return read_timeline(PATH, {"tests/case.timeline.yaml": text.encode()})[2]
 
 
-def kitchen_story(text: str, resources: Mapping[str, object] | None = None, start_s: float = 0.0) -> Run:
+def kitchen_run(text: str, resources: Mapping[str, object] | None = None, start_s: float = 0.0) -> Run:
     """Return the only story of a timeline for the kitchen; the text has no head."""
-    return story_of(HEAD + text, resources, start_s)
+    return run_of_only_story(HEAD + text, resources, start_s)
 
 
-def story_of(text: str, resources: Mapping[str, object] | None = None, start_s: float = 0.0) -> Run:
+def run_of_only_story(text: str, resources: Mapping[str, object] | None = None, start_s: float = 0.0) -> Run:
     """Return the only story of a timeline."""
-    timeline, package, mistakes = read_timeline(PATH, {"tests/case.timeline.yaml": text.encode()})
-    assert timeline is not None, mistakes
+    timeline, package, diagnostics = read_timeline(PATH, {"tests/case.timeline.yaml": text.encode()})
+    assert timeline is not None, diagnostics
     assert package is not None
     (story,) = timeline.stories
     return Run(timeline, package, story, clock=SimClock(start_s), resources=resources or {})

@@ -371,8 +371,8 @@ def test_the_result_for_an_undeclared_variable_is_not_kept() -> None:
         assert not manager.get("open").known
         manager.declare("open")
         manager.decide("open", lambda: True)
-        kept = [event.details["kept"] for event in manager.record.of(Kind.DECISION)]
-    assert kept == [False, True]
+        kept_flags = [event.details["kept"] for event in manager.record.of(Kind.DECISION)]
+    assert kept_flags == [False, True]
 
 
 def test_a_decision_waits_for_observers_up_to_a_time() -> None:
@@ -423,9 +423,9 @@ def test_shadow_mode_looks_in_any_case_and_records_whether_context_agrees() -> N
         clock.sleep(2)
         for result in (True, False, np.True_, None):
             assert manager.decide("open", lambda result=result: result, shadow=True) is result
-        agreed = [(event.what, event.details.get("agrees")) for event in manager.record.of(Kind.DECISION)]
+        outcomes = [(event.what, event.details.get("agrees")) for event in manager.record.of(Kind.DECISION)]
         assert manager.record.text().count("shadowed") == 4
-    assert agreed == [("shadowed", True), ("shadowed", False), ("shadowed", True), ("shadowed", None)]
+    assert outcomes == [("shadowed", True), ("shadowed", False), ("shadowed", True), ("shadowed", None)]
 
 
 def test_shadow_mode_does_not_write_to_the_context() -> None:

@@ -47,12 +47,12 @@ def test_in_steps_or_at_once_a_decision_has_the_same_answer_and_the_same_events(
     *, markers: int, declared: bool, before_s: float, seen: bool | None, wait_s: float, shadow: bool
 ) -> None:
     results = []
-    for decided in (in_steps, at_once):
+    for decide in (in_steps, at_once):
         with started(Door(angle_rad=1.0, markers=markers)) as (manager, clock):
             if declared:
                 manager.declare("open")
             clock.sleep(before_s)
-            answer = decided(manager, clock, seen, wait_s, shadow)
+            answer = decide(manager, clock, seen, wait_s, shadow)
             results.append((answer, clock.now_s(), manager.record.text()))
 
     assert results[0] == results[1]

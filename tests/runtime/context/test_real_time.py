@@ -27,8 +27,8 @@ PATIENCE_S = 60.0
 
 @pytest.fixture
 def clock() -> Iterator[WallClock]:
-    with WallClock() as made:
-        yield made
+    with WallClock() as wall_clock:
+        yield wall_clock
 
 
 def wait(clock: WallClock, ready: Callable[[], bool]) -> None:
@@ -50,9 +50,9 @@ class Gate:
 
 @pytest.fixture
 def gate() -> Iterator[Gate]:
-    made = Gate()
-    yield made
-    made.released.set()
+    new_gate = Gate()
+    yield new_gate
+    new_gate.released.set()
 
 
 def dies(_: Any) -> object:

@@ -45,9 +45,9 @@ def door(tmp_path: Path) -> Any:
     """Return a package in which an agent is woken by an observed variable that no skill needs."""
     (tmp_path / "pyproject.toml").write_text("[tool.codra]\n")
     (tmp_path / "door.yaml").write_text(DOOR)
-    compiled = compile_paths([tmp_path / "door.yaml"], tmp_path)
-    assert compiled.planned.diagnostics == ()
-    return load_emitted(compiled.files, "door", tmp_path / "made")
+    compilation = compile_paths([tmp_path / "door.yaml"], tmp_path)
+    assert compilation.planned.diagnostics == ()
+    return load_emitted(compilation.files, "door", tmp_path / "made")
 
 
 def test_an_agent_is_woken_by_an_observed_variable_until_it_unsubscribes(door: Any, tmp_path: Path) -> None:
@@ -55,13 +55,13 @@ def test_an_agent_is_woken_by_an_observed_variable_until_it_unsubscribes(door: A
     with door.start(clock=clock, resources={}, record=Journal(tmp_path / "run.mcap")) as codra:
         speaker = codra.agent("speaker")
         assert codra.declared() == frozenset()
-        waking = speaker.on_wake(lambda _: wakes_s.append(clock.now_s()))
+        subscription = speaker.on_wake(lambda _: wakes_s.append(clock.now_s()))
         again = speaker.on_wake(lambda _: None)
         clock.sleep(3.0)
         assert (len(wakes_s), codra.declared()) == (1, {"door_open"})
         assert codra.commands.declarations.of("agent speaker") == ("door_open",)
-        waking.unsubscribe()
-        waking.unsubscribe()
+        subscription.unsubscribe()
+        subscription.unsubscribe()
         assert codra.declared() == {"door_open"}
         again.unsubscribe()
         assert (codra.declared(), codra.running()) == (frozenset(), frozenset())
@@ -77,16 +77,16 @@ def test_an_agent_with_a_closed_handle_declares_no_variable_even_after_the_conte
         speaker.on_wake(lambda _: None)
         speaker.graph.close()
         assert codra.declared() == frozenset()
-        late = codra.agent("speaker")
-        late.on_wake(lambda _: None)
-    late.close()
+        late_agent = codra.agent("speaker")
+        late_agent.on_wake(lambda _: None)
+    late_agent.close()
     assert codra.declared() == frozenset()
 
 
 @pytest.mark.parametrize("order", sorted(set(itertools.permutations("bbee"))))
 def test_in_any_order_of_begin_and_end_all_is_released(order: tuple[str, ...]) -> None:
-    taken: list[bool] = []
-    acquisition = SharedAcquisition(lambda: taken.append(True), lambda: taken.append(False))
+    calls: list[bool] = []
+    acquisition = SharedAcquisition(lambda: calls.append(True), lambda: calls.append(False))
     for step in order:
         (acquisition.begin if step == "b" else acquisition.end)()
-    assert taken == [True, False] * (len(taken) // 2)
+    assert calls == [True, False] * (len(calls) // 2)

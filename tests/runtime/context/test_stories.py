@@ -38,10 +38,10 @@ def test_a_missing_message_about_the_battery_does_not_mean_that_it_is_fine() -> 
         manager.set("battery_is_low", False)
         clock.sleep(10)
         assert manager.get("battery_is_low").reason is Reason.STALE
-        looked = len(world.calls)
-        assert looked > 0
+        look_count = len(world.calls)
+        assert look_count > 0
         clock.sleep(100)
-        assert len(world.calls) == looked
+        assert len(world.calls) == look_count
 
 
 def test_an_absent_value_satisfies_neither_a_condition_nor_its_negation() -> None:
@@ -162,14 +162,14 @@ def test_in_real_time_a_function_that_hangs_or_a_broken_tree_does_not_stop_other
         release.set()
 
 
-class _Broken(Behaviour):
+class _BrokenBehaviour(Behaviour):
     def update(self) -> Status:
         raise RuntimeError("this tree is broken")
 
 
 def broken_tree(observer: Observer) -> Behaviour:
     observer.branch(algorithm("never_asked")).identifies.append("c")
-    return _Broken("broken")
+    return _BrokenBehaviour("broken")
 
 
 def test_no_decision_is_answered_before_the_first_observation() -> None:

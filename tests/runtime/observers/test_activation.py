@@ -54,10 +54,10 @@ def random_forest(seed: int) -> ContextModel:
     """Shared observers (one identifies up to four variables), variables without an observer, and feedback."""
     chance = random.Random(seed)
     names = [f"v{number}" for number in range(VARIABLES)]
-    left, observers = names[: chance.randint(40, VARIABLES)], []
-    chance.shuffle(left)
-    while left:
-        mine = [left.pop() for _ in range(min(len(left), chance.randint(1, 4)))]
+    free_names, observers = names[: chance.randint(40, VARIABLES)], []
+    chance.shuffle(free_names)
+    while free_names:
+        mine = [free_names.pop() for _ in range(min(len(free_names), chance.randint(1, 4)))]
         needs = [name for name in chance.sample(names, chance.choice([0, 0, 1, 1, 2, 3])) if name not in mine[:1]]
         look = seen(f"look_{mine[0]}", *mine, when=[value(name) for name in needs])
         observers.append(observer(f"o_{mine[0]}", look))
@@ -156,7 +156,7 @@ def check_against_the_paper(seed: int, steps: Sequence[Step]) -> int:
             assert manager.declared() == run.declared()
             assert manager.running() == running == running_by_record(manager)
             assert manager.in_force() == context
-            assert {name for name, observer_ in manager._forest.observers.items() if observer_.wanted} == running
+            assert {name for name, observer_ in manager._forest.observers.items() if observer_.is_wanted} == running
             most = max(most, len(running))
     assert running_by_record(manager) == set()
     return most
@@ -190,7 +190,7 @@ def test_a_missed_decrement_is_caught_by_the_same_check(monkeypatch: pytest.Monk
 
 def test_the_random_forests_have_shared_observers_feedback_and_long_reach() -> None:
     """Otherwise the comparison with the paper would prove little."""
-    components, shared, most = [], 0, 0
+    components, shared_count, most = [], 0, 0
     for seed in range(10):
         model = random_forest(seed)
         with started(model, World()) as manager:
@@ -199,11 +199,11 @@ def test_the_random_forests_have_shared_observers_feedback_and_long_reach() -> N
         successors = {name: [observer_of[need] for need in needs[name] if need in observer_of] for name in needs}
         components += [len(members) for members in strongly_connected(successors)]
         users = [name for others in successors.values() for name in set(others)]
-        shared += len(users) - len(set(users))
+        shared_count += len(users) - len(set(users))
         most = max(most, *(check_against_the_paper(seed, [("declare", number)]) for number in range(5)))
         assert len(model.variables) >= 50
     assert max(components) >= 3
-    assert shared >= 50
+    assert shared_count >= 50
     assert most >= 10
 
 
@@ -279,7 +279,7 @@ def test_strongly_connected_components_are_the_sets_of_mutually_reachable_nodes(
     reached = {node: {node} for node in successors}
     for _ in successors:
         for node, others in successors.items():
-            reached[node] |= {far for other in others for far in reached[other]}
+            reached[node] |= {reachable for other in others for reachable in reached[other]}
     expected = {frozenset(other for other in reached[node] if node in reached[other]) for node in successors}
 
     components = strongly_connected(successors)

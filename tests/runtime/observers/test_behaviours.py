@@ -139,8 +139,8 @@ def test_the_event_log_contains_the_condition_that_voided_evidence() -> None:
         manager.set("near", False)
         manager.set("near", True)
         clock.sleep(0)
-        (voided,) = [event for event in manager.record.of(Kind.JOB) if event.what == "voided"]
-    assert voided.details == {"index": 0, "condition": "near"}
+        (voided_event,) = [event for event in manager.record.of(Kind.JOB) if event.what == "voided"]
+    assert voided_event.details == {"index": 0, "condition": "near"}
 
 
 def test_evidence_that_takes_part_of_a_job_is_open_until_the_job_reports_it() -> None:

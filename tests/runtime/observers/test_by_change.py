@@ -42,15 +42,15 @@ class CountingForest:
         self.ticks = 0
 
     def __call__(self, *arguments: Any) -> Forest:
-        made = self.kind(*arguments)
-        tick = made._tick
+        created_forest = self.kind(*arguments)
+        tick = created_forest._tick
 
-        def counted(observer: Observer, now_s: float) -> list:
+        def count_tick(observer: Observer, now_s: float) -> list:
             self.ticks += 1
             return tick(observer, now_s)
 
-        made._tick = counted
-        return made
+        created_forest._tick = count_tick
+        return created_forest
 
 
 def story(seed: int, forest: CountingForest, monkeypatch: pytest.MonkeyPatch) -> dict[str, list[object]]:

@@ -178,10 +178,10 @@ def test_a_variable_that_is_unknown_at_the_end_of_acting_is_not_seen() -> None:
 
 
 def test_the_robot_itself_looks_for_variables_that_were_not_seen_and_the_values_are_stored_and_judged() -> None:
-    clock, asked = SimClock(), []
+    clock, calls = SimClock(), []
 
     def look(name: str) -> bool | None:
-        asked.append(name)
+        calls.append(name)
         clock.sleep(0.5)
         return name == "lit" or None
 
@@ -191,7 +191,7 @@ def test_the_robot_itself_looks_for_variables_that_were_not_seen_and_the_values_
             clock.sleep(2.0)
         verification = skill.verify(look)
         assert manager.get("lit").source == "main_execution"
-    assert asked == ["open", "lit"]
+    assert calls == ["open", "lit"]
     assert (
         [verdict.variable for verdict in verification.met],
         [verdict.variable for verdict in verification.not_seen],
@@ -344,7 +344,7 @@ def test_a_replay_derives_the_same_expectations_from_a_journal(tmp_path: Path) -
 def outcomes_by_hand(states: list[tuple[float, bool | None]], acting_s: float, acted_s: float, end_s: float) -> Any:
     """Return the outcomes of "becomes true within 2.05 s" and of "stays true", from the states of a variable."""
 
-    def judged(deadline_s: float, by_deadline: dict[bool | None, str], at_once: bool) -> list[str]:
+    def expected_outcomes(deadline_s: float, by_deadline: dict[bool | None, str], at_once: bool) -> list[str]:
         names: list[str] = []
         moments = [(at_s, state) for at_s, state in states if at_s < end_s]
         before = [state for at_s, state in moments if at_s <= acting_s]
@@ -366,8 +366,8 @@ def outcomes_by_hand(states: list[tuple[float, bool | None]], acting_s: float, a
                 names.append("violated" if at_once else "met")
         return names if names else ["not_seen"]
 
-    becomes = judged(acting_s + 2.05, {False: "violated", None: "not_seen", True: "met"}, at_once=True)
-    stays = judged(acted_s, {True: "met", None: "not_seen", False: "violated"}, at_once=False)
+    becomes = expected_outcomes(acting_s + 2.05, {False: "violated", None: "not_seen", True: "met"}, at_once=True)
+    stays = expected_outcomes(acted_s, {True: "met", None: "not_seen", False: "violated"}, at_once=False)
     return becomes, stays
 
 
@@ -403,8 +403,8 @@ def test_outcomes_follow_from_the_recorded_values_of_the_context(
             end_s = clock.now_s()
         states = [(event.instant_s, event.details["value"]) for event in manager.record.of(Kind.VARIABLE)]
         expectations = manager.record.of(Kind.EXPECTATION)
-        recorded = [
+        recorded_outcomes = [
             [event.what for event in expectations if event.details["expected"] == expectation.text]
             for expectation in (becomes, stays)
         ]
-    assert tuple(recorded) == outcomes_by_hand(states, acting_s, acted_s, end_s)
+    assert tuple(recorded_outcomes) == outcomes_by_hand(states, acting_s, acted_s, end_s)

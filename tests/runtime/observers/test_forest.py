@@ -46,15 +46,15 @@ YES, NO = {"seen": True}, {"seen": False}
 def ticks(manager: ContextManager[str, str], name: str) -> list[float]:
     """Return a list that collects the ticks of an observer from now on, by the calls of its control flag."""
     tick_times_s: list[float] = []
-    ticked = manager._forest.observers[name]
-    flag = ticked.tree.children[0]
+    observer_ = manager._forest.observers[name]
+    flag = observer_.tree.children[0]
     update = flag.update
 
-    def counted() -> Status:
-        tick_times_s.append(ticked.now_s)
+    def count_tick() -> Status:
+        tick_times_s.append(observer_.now_s)
         return update()
 
-    flag.update = counted  # type: ignore[method-assign]
+    flag.update = count_tick  # type: ignore[method-assign]
     return tick_times_s
 
 
@@ -120,7 +120,7 @@ class Flip(Behaviour):
 
     def update(self) -> Status:
         now_s = self._observer.now_s
-        self._observer.write("a", not self._observer.present().value("a"), "eye", now_s, now_s)
+        self._observer.write("a", not self._observer.context_now().value("a"), "eye", now_s, now_s)
         return Status.SUCCESS
 
 
@@ -244,22 +244,22 @@ def test_a_broken_tree_gives_its_slot_back() -> None:
 # The same seed, the same event log
 
 
-def lively(*more: ObserverModel) -> ContextModel:
+def lively(*extra_models: ObserverModel) -> ContextModel:
     """Return a model with a chain, a shared slot, feedback, alternatives, forgetting, validity, spread and failures."""
-    added = [name for extra in more for name in extra.identifies]
+    added_names = [name for extra_model in extra_models for name in extra_model.identifies]
     return forest(
         [
             given("near"),
             variable("a", valid_for_s=1.7),
             variable("b", when_unobservable="forget"),
             variable("c", valid_for_s=3.0, when_unobservable="forget"),
-            *(variable(name) for name in added),
+            *(variable(name) for name in added_names),
         ],
         observer("o_a", seen("see_a", "a", when=[value("near")], slots=("one",))),
         observer("o_b", seen("see_b", "b", when=[value("a")], slots=("one",)), seen("feel_b", "b"), priority=3),
         observer("o_c", seen("see_c", "c", when=[~known("c") | value("b")], timeout_s=0.9)),
-        *more,
-        skills=[SkillModel(name="act", preview=("b", "c", *added), monitor=("a",), changes=("b",))],
+        *extra_models,
+        skills=[SkillModel(name="act", preview=("b", "c", *added_names), monitor=("a",), changes=("b",))],
         slots={"one": 1},
     )
 
@@ -311,8 +311,8 @@ def test_the_same_seed_gives_the_same_event_log() -> None:
 @pytest.mark.parametrize("need", ["near", "b"])
 def test_an_added_observer_does_not_affect_the_others(need: str) -> None:
     """Its name sorts before all others, it reads the variables that they read, and it shares no slot."""
-    added = observer("a_first", seen("see_d", "d", when=[value(need)]))
-    without, with_it = (list(story(lively(*more), 5)) for more in ((), (added,)))
+    added_observer = observer("a_first", seen("see_d", "d", when=[value(need)]))
+    without, with_it = (list(story(lively(*extra_models), 5)) for extra_models in ((), (added_observer,)))
     assert [event for event in with_it if event.name not in ("a_first", "see_d", "d")] == without
     assert len(with_it) > len(without) + 50
 

@@ -146,11 +146,11 @@ def test_a_failure_of_a_precondition_that_is_known_only_later_removes_the_value(
     world = World({"eye": YES, "base": takes(0.8, lambda: NO if len(world.asked_s("base")) == 3 else YES)})
     base = Look(algorithm("base"), {"near": value("seen")})
 
-    def measured(job: Any) -> object:
+    def measure(job: Any) -> object:
         job.evidence(job.now_s(), job.now_s())
         return takes(0.8, NO if job.now_s() == 2.0 else YES)(job)
 
-    world.finds["base"] = measured
+    world.finds["base"] = measure
     model = forest(
         [variable("near"), variable("a", when_unobservable="forget")],
         observer("b", base),
@@ -268,15 +268,15 @@ def test_alternatives_switch_with_the_situation() -> None:
     clock = SimClock()
     with started(alternatives(camera, sonar), world, clock) as manager:
         manager.declare("a")
-        looked = []
+        observed = []
         for bright, near in [(True, True), (False, True), (True, True), (True, False), (False, False)]:
             manager.set("bright", bright)
             manager.set("near", near)
             clock.sleep(3.5)
-            looked.append((manager.get("a").source, {name for name, _ in world.calls}))
+            observed.append((manager.get("a").source, {name for name, _ in world.calls}))
             world.calls.clear()
-    by_camera, by_sonar, unseen = ("camera", {"camera"}), ("sonar", {"sonar"}), ("camera", set())
-    assert looked == [by_camera, by_sonar, by_camera, by_camera, unseen]
+    by_camera, by_sonar, by_no_sensor = ("camera", {"camera"}), ("sonar", {"sonar"}), ("camera", set())
+    assert observed == [by_camera, by_sonar, by_camera, by_camera, by_no_sensor]
 
 
 def test_alternatives_switch_during_a_job_in_both_directions() -> None:
@@ -304,13 +304,13 @@ def test_only_the_better_rank_looks_while_it_delivers() -> None:
     assert {name for name, _ in world.calls} == {"camera"}
 
 
-def rejected(_: object) -> object:
+def return_rejected(_: object) -> object:
     return {"seen": None}
 
 
 @pytest.mark.parametrize(
     "failing",
-    [raises, rejected, takes(2.0, {"seen": None}), takes(9.0, YES)],
+    [raises, return_rejected, takes(2.0, {"seen": None}), takes(9.0, YES)],
     ids=["raises", "rejected", "rejected late", "timed out"],
 )
 @pytest.mark.parametrize("accepts", [[], [known("seen")]], ids=["plain", "refined"])
@@ -355,7 +355,7 @@ def test_a_failure_removes_no_value_while_an_alternative_delivers(unobservable: 
 
 
 def test_when_no_alternative_delivers_the_failure_removes_the_value_of_its_algorithm() -> None:
-    world = World({"camera": takes(0.3, YES), "sonar": rejected})
+    world = World({"camera": takes(0.3, YES), "sonar": return_rejected})
     clock = SimClock()
     with started(alternatives(seen("camera", "a"), seen("sonar", "a")), world, clock) as manager:
         manager.declare("a")
@@ -368,11 +368,13 @@ def test_when_no_alternative_delivers_the_failure_removes_the_value_of_its_algor
 
 def test_a_variable_without_a_value_from_the_better_one_is_left_to_the_other() -> None:
     """The camera returns only `a`, the lever switch only `b`: both stay fresh."""
-    both = Look(algorithm("camera"), {"a": value("seen"), "b": value("absent")})
-    both = Look(algorithm("camera", {"seen": boolean(), "absent": boolean(optional=True)}), both.identifies)
+    look_for_both = Look(algorithm("camera"), {"a": value("seen"), "b": value("absent")})
+    look_for_both = Look(
+        algorithm("camera", {"seen": boolean(), "absent": boolean(optional=True)}), look_for_both.identifies
+    )
     world = World({"camera": takes(1.5, YES), "switch": takes(0.2, NO)})
     clock = SimClock()
-    with started(alternatives(both, seen("switch", "b"), variables=("a", "b")), world, clock) as manager:
+    with started(alternatives(look_for_both, seen("switch", "b"), variables=("a", "b")), world, clock) as manager:
         manager.declare("a")
         clock.sleep(20)
         assert (manager.get("a").source, manager.get("b").source) == ("camera", "switch")

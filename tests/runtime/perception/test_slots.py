@@ -161,11 +161,11 @@ def test_the_slot_is_released_whenever_a_job_ends(how: str) -> None:
 def test_a_thread_can_request_a_slot_that_it_already_holds() -> None:
     with started(forest([], slots={"eye": 1, "arm": 1}), World()) as manager:
         with manager.slot("eye"), manager.slot("eye"), manager.slot("eye", "eye"):
-            assert manager._parts.slots.resources["eye"] == 0
-        assert manager._parts.slots.resources["eye"] == 1
+            assert manager._components.slots.resources["eye"] == 0
+        assert manager._components.slots.resources["eye"] == 1
         with manager.slot("eye", "arm"), manager.slot("arm"):
-            assert manager._parts.slots.resources == {"world": math.inf, "eye": 0, "arm": 0}
-        assert manager._parts.slots.resources == {"world": math.inf, "eye": 1, "arm": 1}
+            assert manager._components.slots.resources == {"world": math.inf, "eye": 0, "arm": 0}
+        assert manager._components.slots.resources == {"world": math.inf, "eye": 1, "arm": 1}
 
 
 def test_taking_slots_one_by_one_is_refused_and_the_message_shows_how_to_take_them_together() -> None:
@@ -176,7 +176,7 @@ def test_taking_slots_one_by_one_is_refused_and_the_message_shows_how_to_take_th
         manager.slot("arm"),
     ):
         pass
-    assert manager._parts.slots.resources["eye"] == 1
+    assert manager._components.slots.resources["eye"] == 1
 
 
 # Urgency and age
@@ -310,13 +310,13 @@ def compete(
     clock, free, asked_s = SimClock(), FreeTime(), {}
     waits_s: dict[str, list[float]] = {name: [] for name in names}
     with started(model, World(finds), clock) as manager:
-        request = manager._parts.slots.request
+        request = manager._components.slots.request
 
         def record_request(slots: Any, precedence: Any, grant: Callable[[], None], lasts_s: float = 0.0) -> Ticket:
             free_s = free.at(clock.now_s())
             return request(slots, precedence, lambda: (asked_s.update({clock.now_s(): free_s}), grant())[1], lasts_s)
 
-        manager._parts.slots.request = record_request  # type: ignore[method-assign]
+        manager._components.slots.request = record_request  # type: ignore[method-assign]
         for name in names:
             manager.declare(name)
         while clock.now_s() < for_s:
