@@ -30,47 +30,47 @@ class _Steps(Enum):
 
 def sequence() -> Kind:
     """Tick children in order while they succeed; continue with the running child; restart after a failure."""
-    return _InOrder(Result.SUCCESS, _After.RESTART, _Steps.SAME_TICK)
+    return _OrderedComposite(Result.SUCCESS, _After.RESTART, _Steps.SAME_TICK)
 
 
 def async_sequence() -> Kind:
     """As `sequence`, but it can be halted between any two children: it yields after a child completed in one tick."""
-    return _InOrder(Result.SUCCESS, _After.RESTART, _Steps.ONE_A_TICK)
+    return _OrderedComposite(Result.SUCCESS, _After.RESTART, _Steps.ONE_A_TICK)
 
 
 def sequence_with_memory() -> Kind:
-    """As `sequence`, but after a failure or a halt it continues with the same child instead of the first one."""
-    return _InOrder(Result.SUCCESS, _After.TICK_AGAIN, _Steps.ONE_A_TICK)
+    """As `sequence`, but after a failure or a halt it continues at the child that it had reached, not at the first one."""
+    return _OrderedComposite(Result.SUCCESS, _After.TICK_AGAIN, _Steps.ONE_A_TICK)
 
 
 def fallback() -> Kind:
     """Tick children in order while they fail; continue with the running child."""
-    return _InOrder(Result.FAILURE, _After.RESTART, _Steps.SAME_TICK)
+    return _OrderedComposite(Result.FAILURE, _After.RESTART, _Steps.SAME_TICK)
 
 
 def async_fallback() -> Kind:
     """As `fallback`, but it can be halted between any two children."""
-    return _InOrder(Result.FAILURE, _After.RESTART, _Steps.ONE_A_TICK)
+    return _OrderedComposite(Result.FAILURE, _After.RESTART, _Steps.ONE_A_TICK)
 
 
 def reactive_sequence() -> Kind:
     """Tick the children from the first one at each tick; halt all others when one is running."""
-    return _Reactive(Result.SUCCESS)
+    return _ReactiveComposite(Result.SUCCESS)
 
 
 def reactive_fallback() -> Kind:
     """As `reactive_sequence`, for a fallback."""
-    return _Reactive(Result.FAILURE)
+    return _ReactiveComposite(Result.FAILURE)
 
 
-class _InOrder(Kind):
-    """A sequence or a fallback that remembers the next child."""
+class _OrderedComposite(Kind):
+    """A sequence or a fallback that remembers which child is next."""
 
-    def __init__(self, continue_on: Result, after: _After, steps: _Steps) -> None:
-        self._continue_on = continue_on
+    def __init__(self, continue_result: Result, after: _After, steps: _Steps) -> None:
+        self._continue_result = continue_result
         self._after = after
         self._steps = steps
-        self._index = 0
+        self._child_index = 0
         self._skipped = 0
 
     def tick(self, node: Node) -> Result:
@@ -78,18 +78,18 @@ class _InOrder(Kind):
         if not node.is_running:
             self._skipped = 0
         count = len(node.nodes)
-        while self._index < count:
-            child = node.nodes[self._index]
+        while self._child_index < count:
+            child = node.nodes[self._child_index]
             was_idle = child.result is Result.IDLE
             result = child.execute()
             if result is Result.RUNNING:
                 return result
-            if result.is_completed and result is not self._continue_on:
+            if result.is_completed and result is not self._continue_result:
                 return self._end(node, result)
-            self._index += 1
+            self._child_index += 1
             self._skipped += result is Result.SKIPPED
             one_a_tick = self._steps is _Steps.ONE_A_TICK and was_idle and result is not Result.SKIPPED
-            if one_a_tick and self._index < count:
+            if one_a_tick and self._child_index < count:
                 node.wake()
                 return Result.RUNNING
         return self._complete(node)
@@ -97,27 +97,27 @@ class _InOrder(Kind):
     def halt(self, node: Node) -> None:  # noqa: ARG002
         """Restart with the first child the next time, unless the node has a memory."""
         if self._after is _After.RESTART:
-            self._index = self._skipped = 0
+            self._child_index = self._skipped = 0
 
     def _end(self, node: Node, result: Result) -> Result:
-        first = self._index if self._after is _After.TICK_AGAIN else 0
+        first = self._child_index if self._after is _After.TICK_AGAIN else 0
         for child in node.nodes[first:]:
             child.reset()
-        self._index = first
+        self._child_index = first
         return result
 
     def _complete(self, node: Node) -> Result:
         all_skipped = self._skipped == len(node.nodes)
         node.reset_children()
-        self._index = self._skipped = 0
-        return Result.SKIPPED if all_skipped else self._continue_on
+        self._child_index = self._skipped = 0
+        return Result.SKIPPED if all_skipped else self._continue_result
 
 
-class _Reactive(Kind):
+class _ReactiveComposite(Kind):
     """A sequence or a fallback that ticks all children before the running one at each tick."""
 
-    def __init__(self, continue_on: Result) -> None:
-        self._continue_on = continue_on
+    def __init__(self, continue_result: Result) -> None:
+        self._continue_result = continue_result
 
     def tick(self, node: Node) -> Result:
         """Tick the children from the first one."""
@@ -130,18 +130,21 @@ class _Reactive(Kind):
                     if other is not child:
                         other.reset()
                 return result
-            if result.is_completed and result is not self._continue_on:
+            if result.is_completed and result is not self._continue_result:
                 node.reset_children()
                 return result
         node.reset_children()
-        return Result.SKIPPED if all_skipped else self._continue_on
+        return Result.SKIPPED if all_skipped else self._continue_result
 
 
 class Parallel(Kind):
     """Ticks all children that have not completed, until enough of them succeed or fail; then halts the others."""
 
     def __init__(self, *, success_count: Setting = "-1", failure_count: Setting = "1") -> None:
-        """Set the numbers of successes and failures that complete it; -1 means all children, -2 one less, and so on."""
+        """Set the number of successes and that of failures, either of which completes it.
+
+        -1 means all children, -2 one less, and so on.
+        """
         self._success_count = success_count
         self._failure_count = failure_count
         self._completed: dict[int, Result] = {}
@@ -177,7 +180,7 @@ class Parallel(Kind):
 
 
 class ParallelAll(Kind):
-    """Ticks all children until every one has completed, then counts the failures."""
+    """Ticks all children until every one has completed, whatever its result, then counts the failures."""
 
     def __init__(self, *, max_failures: Setting = "1") -> None:
         """Set the number of failures with which it fails; -1 means all children."""
@@ -225,10 +228,10 @@ class IfThenElse(Kind):
     def tick(self, node: Node) -> Result:
         """Tick the condition, unless it has completed, then the branch."""
         if self._branch is None:
-            condition = node.nodes[0].execute()
-            if condition in (Result.RUNNING, Result.SKIPPED):
-                return condition
-            self._branch = 1 if condition is Result.SUCCESS else 2
+            condition_result = node.nodes[0].execute()
+            if condition_result in (Result.RUNNING, Result.SKIPPED):
+                return condition_result
+            self._branch = 1 if condition_result is Result.SUCCESS else 2
         missing = self._branch == len(node.nodes)
         result = Result.FAILURE if missing else node.nodes[self._branch].execute()
         if result is not Result.RUNNING:
@@ -246,12 +249,12 @@ class WhileDoElse(Kind):
 
     def tick(self, node: Node) -> Result:
         """Tick the condition, then the branch."""
-        condition = node.nodes[0].execute()
-        if condition is Result.RUNNING:
-            return condition
+        condition_result = node.nodes[0].execute()
+        if condition_result is Result.RUNNING:
+            return condition_result
         result: Result = Result.SKIPPED
-        if condition is not Result.SKIPPED:
-            branch, other = (1, 2) if condition is Result.SUCCESS else (2, 1)
+        if condition_result is not Result.SKIPPED:
+            branch, other = (1, 2) if condition_result is Result.SUCCESS else (2, 1)
             for child in node.nodes[other : other + 1]:
                 child.reset()
             result = node.nodes[branch].execute() if branch < len(node.nodes) else Result.FAILURE
@@ -261,7 +264,7 @@ class WhileDoElse(Kind):
 
 
 class Switch(Kind):
-    """Ticks the child of the first case that equals a variable, or the last child as the default."""
+    """Ticks the child of the first case that equals a variable or, if no case does, the last child."""
 
     def __init__(self, variable: Setting, *cases: Setting, enums: Sequence[tuple[str, int]] = ()) -> None:
         """Compare a variable with cases, as texts, as numbers, or as names of numbers."""
