@@ -39,7 +39,7 @@ def async_sequence() -> Kind:
 
 
 def sequence_with_memory() -> Kind:
-    """As `sequence`, but after a failure or a halt it continues at the child that it had reached, not at the first one."""
+    """As `sequence`, but after a failure or a halt it continues at the child that it had reached."""
     return _OrderedComposite(Result.SUCCESS, _After.TICK_AGAIN, _Steps.ONE_A_TICK)
 
 

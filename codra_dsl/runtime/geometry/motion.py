@@ -138,8 +138,8 @@ class Track:
     def next_s(self, instant_s: float) -> float:
         """Return when to compute the present placement again, if no further poses arrive.
 
-        That is the earliest of these instants: `LOOK_S` later, while the motion is extrapolated; the end of extrapolation;
-        the end of validity. It is infinite if the placement no longer changes.
+        That is the earliest of three instants: `LOOK_S` later, while the motion is extrapolated; the end of the
+        extrapolation; the end of validity. It is infinite if the placement no longer changes.
         """
         if self._start == self._end or self.motion.is_static or self.parent is None:
             return math.inf

@@ -272,8 +272,8 @@ def test_frames_in_a_cycle_are_kept_and_exported() -> None:
     document = DsrGraph(nodes=nodes, edges=(rt(0, 1), rt(1, 2), rt(2, 0), rt(1, 1)))
     start, knowledge = begun(document, model)
     assert [str(part) for part in start.skipped] == [
-        "edge r2 -RT-> r0: 'r0' would be its own parent",
-        "edge r1 -RT-> r1: 'r1' would be its own parent",
+        "edge r2 -RT-> r0: 'r0' would be its own ancestor",
+        "edge r1 -RT-> r1: 'r1' would be its own ancestor",
     ]
     assert export_dsr(knowledge, start) == document
 
