@@ -212,11 +212,11 @@ class ParallelAll(Kind):
         self._completed.clear()
 
 
-def _threshold(limit: int, node: Node, verb: str) -> int:
+def _threshold(declared_count: int, node: Node, verb: str) -> int:
     count = len(node.nodes)
-    if limit > count:
-        raise TreeError(f"{node.name!r} has {count} children: {limit} of them can never {verb}")
-    return max(count + limit + 1, 0) if limit < 0 else limit
+    if declared_count > count:
+        raise TreeError(f"{node.name!r} has {count} children: {declared_count} of them can never {verb}")
+    return max(count + declared_count + 1, 0) if declared_count < 0 else declared_count
 
 
 class IfThenElse(Kind):

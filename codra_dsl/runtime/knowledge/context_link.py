@@ -76,11 +76,11 @@ class ContextLink:
         if variable:
             self.event_writer.write(Kind.VARIABLE, variable, "refused", value=value, source=agent)
 
-    def write_rule(self, agent: str, rule: str, became: str, message: str) -> None:
+    def write_rule(self, agent: str, rule: str, state: str, message: str) -> None:
         """Record the new state of an agent's rule."""
         details = {"rule": rule, "message": message or None}
-        self.event_writer.write_input(agent, "rule", became=became, **details)
-        self.event_writer.write(Kind.KNOWLEDGE, f"{agent}.{rule}", became, agent=agent, **details)
+        self.event_writer.write_input(agent, "rule", became=state, **details)
+        self.event_writer.write(Kind.KNOWLEDGE, f"{agent}.{rule}", state, agent=agent, **details)
 
     def refused_write(self, operation: Operation, message: str, nodes: Mapping[str, str]) -> RefusedWrite:
         """Return the record of a refused operation.

@@ -241,7 +241,10 @@ def _attributes(models: Iterable[AttributeModel]) -> Mapping[str, Attribute]:
 
 
 def _task_attributes(task: TaskModel) -> Mapping[str, Attribute]:
-    """Return the attributes of a task's node: those of the handshake, which only its steps write, and its requesters'."""
+    """Return the attributes of a task's node: those of the handshake, and those that requesters write.
+
+    Only the steps of the handshake write the first ones.
+    """
     step_models = (
         AttributeModel(name="request", type=integer(low=0)),
         AttributeModel(name="requester", type=text()),

@@ -299,11 +299,11 @@ class Knowledge:
                 self._record_refusal(agent, RefusedWrite(f"{agent}.{name}", message))
                 raise RuleError(message)
 
-    def write_rule(self, agent: str, name: str, became: str, message: str) -> None:
+    def write_rule(self, agent: str, name: str, state: str, message: str) -> None:
         """Record the new state of an agent's rule in the journal."""
         if self._context_link is not None:
             with self._turn:
-                self._context_link.write_rule(agent, name, became, message)
+                self._context_link.write_rule(agent, name, state, message)
 
     @contextmanager
     def _transaction(

@@ -75,7 +75,7 @@ class Watch(Generic[ValueT]):
         self._take_snapshot = take_snapshot
         self._evaluate = evaluate
         self._notify = notify
-        self._queue: CallbackQueue[None] = CallbackQueue(clock, self._run, lambda _: self._close(end))
+        self._queue: CallbackQueue[None] = CallbackQueue(clock, self._evaluate_and_notify, lambda _: self._close(end))
         self._lock = threading.Lock()
         self._is_queued = False
         self._is_closed = False
@@ -95,7 +95,7 @@ class Watch(Generic[ValueT]):
             self._is_queued = True
         self._queue.put(None)
 
-    def _run(self, _: None) -> None:
+    def _evaluate_and_notify(self, _: None) -> None:
         with self._lock:
             self._is_queued = False
         snapshot = self._take_snapshot()

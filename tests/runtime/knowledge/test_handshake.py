@@ -100,8 +100,10 @@ class Handshake(RuleBasedStateMachine):
         assert [edge.label for edge in seen.edges(target="detecting")] == ([self.stage] if self.stage else [])
         handover = seen.handover("detecting")
         assert (handover.stage or "", handover.number, handover.requester) == (self.stage, self.number, self.requester)
-        attributes = [seen.get("detecting", name).content for name in ("request", "requester", "result", "reason")]
-        assert attributes == [self.number or None, self.requester or None, self.result, self.reason or None]
+        attribute_values = [
+            seen.get("detecting", name).content for name in ("request", "requester", "result", "reason")
+        ]
+        assert attribute_values == [self.number or None, self.requester or None, self.result, self.reason or None]
         assert handover.deadline_s == self.deadline_s
 
 
@@ -179,17 +181,17 @@ def test_a_late_step_raises_an_error_with_the_stage_of_the_task(knowledge: Knowl
 
 def test_a_step_at_the_deadline_is_too_late_in_either_order_of_events(knowledge: Knowledge, clock: SimClock) -> None:
     ann, worker = knowledge.as_agent("ann"), knowledge.as_agent("worker")
-    errors: list[str] = []
+    messages: list[str] = []
 
     def acknowledge() -> None:
         with pytest.raises(ConflictError) as conflict:
             worker.acknowledge(Request("detecting", 1))
-        errors.append(str(conflict.value))
+        messages.append(str(conflict.value))
 
     clock.call_at(ACKNOWLEDGE_S, acknowledge)
     ann.request("detecting")
     clock.sleep(ACKNOWLEDGE_S)
-    assert errors == ["request 1 of 'detecting' is at the stage aborted (unacknowledged)"]
+    assert messages == ["request 1 of 'detecting' is at the stage aborted (unacknowledged)"]
     assert stage(knowledge) == (Stage.ABORTED, "unacknowledged")
 
 
@@ -237,23 +239,23 @@ def test_steps_of_a_handshake_are_part_of_a_transaction(knowledge: Knowledge) ->
         assert stage(knowledge) == (None, "")
     assert stage(knowledge) == (Stage.WANTS, "")
 
-    def job_run() -> None:
+    def run_transaction() -> None:
         with worker.transaction() as write:
             write.acknowledge(request)
             ann.abort(request)
 
     with pytest.raises(ConflictError, match=r"request 1 of 'detecting' is at the stage aborted \(requester\)"):
-        job_run()
+        run_transaction()
 
 
 def test_a_request_number_is_not_given_to_two_requesters(knowledge: Knowledge) -> None:
     ann, bob = knowledge.as_agent("ann"), knowledge.as_agent("bob")
 
-    def job_run() -> None:
+    def run_transaction() -> None:
         with ann.transaction() as write:
             write.request("detecting")
             bob.abort(bob.request("detecting"))
 
     with pytest.raises(ConflictError, match="was requested again while this transaction was open"):
-        job_run()
+        run_transaction()
     assert knowledge.snapshot().handover("detecting").number == 1

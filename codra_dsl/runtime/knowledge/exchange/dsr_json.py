@@ -219,7 +219,10 @@ class _Place:
 def _parse_json(text: str, source: str) -> object:
     try:
         tree: object = json.loads(
-            text, object_pairs_hook=_object_of_pairs, parse_int=_int, parse_constant=_refuse_constant
+            text,
+            object_pairs_hook=_object_of_pairs,
+            parse_int=lambda digits: -0.0 if digits == "-0" else int(digits),
+            parse_constant=_refuse_constant,
         )
     except json.JSONDecodeError as error:
         raise ExchangeError(f"{source}:{error.lineno}:{error.colno}: this is not JSON: {error.msg}") from None
@@ -239,10 +242,6 @@ def _object_of_pairs(pairs: list[tuple[str, object]]) -> dict[str, object]:
     keys = [key for key, _ in pairs]
     marked_object.key = next(key for at, key in enumerate(keys) if key in keys[:at])
     return marked_object
-
-
-def _int(digits: str) -> int | float:
-    return -0.0 if digits == "-0" else int(digits)
 
 
 def _refuse_constant(name: str) -> NoReturn:
