@@ -71,12 +71,12 @@ class _OrderedComposite(Kind):
         self._after = after
         self._steps = steps
         self._child_index = 0
-        self._skipped = 0
+        self._skipped_children = 0
 
     def tick(self, node: Node) -> Result:
         """Tick the children from the remembered one."""
         if not node.is_running:
-            self._skipped = 0
+            self._skipped_children = 0
         count = len(node.nodes)
         while self._child_index < count:
             child = node.nodes[self._child_index]
@@ -87,7 +87,7 @@ class _OrderedComposite(Kind):
             if result.is_completed and result is not self._continue_result:
                 return self._end(node, result)
             self._child_index += 1
-            self._skipped += result is Result.SKIPPED
+            self._skipped_children += result is Result.SKIPPED
             one_a_tick = self._steps is _Steps.ONE_A_TICK and was_idle and result is not Result.SKIPPED
             if one_a_tick and self._child_index < count:
                 node.wake()
@@ -97,7 +97,7 @@ class _OrderedComposite(Kind):
     def halt(self, node: Node) -> None:  # noqa: ARG002
         """Restart with the first child the next time, unless the node has a memory."""
         if self._after is _After.RESTART:
-            self._child_index = self._skipped = 0
+            self._child_index = self._skipped_children = 0
 
     def _end(self, node: Node, result: Result) -> Result:
         first = self._child_index if self._after is _After.TICK_AGAIN else 0
@@ -107,9 +107,9 @@ class _OrderedComposite(Kind):
         return result
 
     def _complete(self, node: Node) -> Result:
-        all_skipped = self._skipped == len(node.nodes)
+        all_skipped = self._skipped_children == len(node.nodes)
         node.reset_children()
-        self._child_index = self._skipped = 0
+        self._child_index = self._skipped_children = 0
         return Result.SKIPPED if all_skipped else self._continue_result
 
 
@@ -147,34 +147,36 @@ class Parallel(Kind):
         """
         self._success_count = success_count
         self._failure_count = failure_count
-        self._completed: dict[int, Result] = {}
+        self._results: dict[int, Result] = {}
 
     def tick(self, node: Node) -> Result:
         """Tick the children in order; once the result is certain, the remaining children are not ticked."""
         success_count = node.integer(self._success_count)
-        needed = _threshold(success_count, node, "succeed")
-        allowed = _threshold(node.integer(self._failure_count), node, "fail")
-        count, skipped = len(node.nodes), 0
+        needed_successes = _threshold(success_count, node, "succeed")
+        allowed_failures = _threshold(node.integer(self._failure_count), node, "fail")
+        count, skipped_children = len(node.nodes), 0
         for index, child in enumerate(node.nodes):
-            if index not in self._completed:
+            if index not in self._results:
                 result = child.execute()
-                skipped += result is Result.SKIPPED
+                skipped_children += result is Result.SKIPPED
                 if result.is_completed:
-                    self._completed[index] = result
-            results = list(self._completed.values())
-            succeeded, failed = results.count(Result.SUCCESS), results.count(Result.FAILURE)
-            if succeeded >= needed or (success_count < 0 and succeeded + skipped >= needed):
+                    self._results[index] = result
+            results = list(self._results.values())
+            successes, failures = results.count(Result.SUCCESS), results.count(Result.FAILURE)
+            if successes >= needed_successes or (
+                success_count < 0 and successes + skipped_children >= needed_successes
+            ):
                 return self._end(node, Result.SUCCESS)
-            if count - failed < needed or failed >= allowed:
+            if count - failures < needed_successes or failures >= allowed_failures:
                 return self._end(node, Result.FAILURE)
-        return Result.SKIPPED if skipped == count else Result.RUNNING
+        return Result.SKIPPED if skipped_children == count else Result.RUNNING
 
     def halt(self, node: Node) -> None:  # noqa: ARG002
         """Forget which children have completed."""
-        self._completed.clear()
+        self._results.clear()
 
     def _end(self, node: Node, result: Result) -> Result:
-        self._completed.clear()
+        self._results.clear()
         node.reset_children()
         return result
 
@@ -185,31 +187,31 @@ class ParallelAll(Kind):
     def __init__(self, *, max_failures: Setting = "1") -> None:
         """Set the number of failures with which it fails; -1 means all children."""
         self._max_failures = max_failures
-        self._completed: dict[int, Result] = {}
+        self._results: dict[int, Result] = {}
 
     def tick(self, node: Node) -> Result:
         """Tick the children that have not completed."""
-        allowed = _threshold(node.integer(self._max_failures), node, "fail")
-        skipped = 0
+        allowed_failures = _threshold(node.integer(self._max_failures), node, "fail")
+        skipped_children = 0
         for index, child in enumerate(node.nodes):
-            if index in self._completed:
+            if index in self._results:
                 continue
             result = child.execute()
-            skipped += result is Result.SKIPPED
+            skipped_children += result is Result.SKIPPED
             if result.is_completed:
-                self._completed[index] = result
-        if skipped == len(node.nodes):
+                self._results[index] = result
+        if skipped_children == len(node.nodes):
             return Result.SKIPPED
-        if skipped + len(self._completed) < len(node.nodes):
+        if skipped_children + len(self._results) < len(node.nodes):
             return Result.RUNNING
-        failed = list(self._completed.values()).count(Result.FAILURE)
-        self._completed.clear()
+        failures = list(self._results.values()).count(Result.FAILURE)
+        self._results.clear()
         node.reset_children()
-        return Result.FAILURE if failed >= allowed else Result.SUCCESS
+        return Result.FAILURE if failures >= allowed_failures else Result.SUCCESS
 
     def halt(self, node: Node) -> None:  # noqa: ARG002
         """Forget which children have completed."""
-        self._completed.clear()
+        self._results.clear()
 
 
 def _threshold(declared_count: int, node: Node, verb: str) -> int:

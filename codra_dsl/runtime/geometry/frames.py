@@ -169,19 +169,19 @@ class Frames:
 
     def _cached_transform(self, target: str, source: str, instant_s: float) -> _CachedTransform:
         key = (target, source, instant_s)
-        cached = self._cache.get(key)
-        if cached is not None:
+        entry = self._cache.get(key)
+        if entry is not None:
             tracks = self._tracks
-            for name, track in cached[1]:
+            for name, track in entry[1]:
                 if tracks.get(name) is not track:
                     break
             else:
-                return cached
-        computed = self._compute(target, source, instant_s)
+                return entry
+        entry = self._compute(target, source, instant_s)
         if len(self._cache) >= MAX_CACHED_TRANSFORMS:
             self._cache.clear()
-        self._cache[key] = computed
-        return computed
+        self._cache[key] = entry
+        return entry
 
     def _with_tracks(self, tracks: PersistentMap[str, Track]) -> Frames:
         frames = Frames.__new__(Frames)

@@ -49,7 +49,7 @@ class Pose:
         """
         x, y, z = _finite_numbers(translation_m, 3, "a translation")
         w, i, j, k = _finite_numbers(rotation, 4, "a quaternion")
-        return cls((x, y, z), _normalized((w, i, j, k)))
+        return cls((x, y, z), _normalized_quaternion((w, i, j, k)))
 
     def checked(self) -> Pose:
         """Return this pose, if it is a rigid motion of immutable numbers, or else the pose that `of` returns for it.
@@ -112,7 +112,7 @@ class Pose:
 
     def __matmul__(self, inner: Pose) -> Pose:
         """Return the pose in the outer frame of a frame whose pose in this frame is `inner`."""
-        ix, iy, iz = _rotated(self.rotation, inner.translation_m)
+        ix, iy, iz = _rotated_vector(self.rotation, inner.translation_m)
         tx, ty, tz = self.translation_m
         return _new_pose((tx + ix, ty + iy, tz + iz), _product(self.rotation, inner.rotation))
 
@@ -120,12 +120,12 @@ class Pose:
         """Return the pose of the outer frame in the inner one."""
         w, x, y, z = self.rotation
         inverse_rotation = (w, -x, -y, -z)
-        tx, ty, tz = _rotated(inverse_rotation, self.translation_m)
+        tx, ty, tz = _rotated_vector(inverse_rotation, self.translation_m)
         return _new_pose((-tx, -ty, -tz), inverse_rotation)
 
     def apply(self, point_m: Vector) -> Vector:
         """Return the coordinates in the outer frame of a point given in the inner one."""
-        x, y, z = _rotated(self.rotation, point_m)
+        x, y, z = _rotated_vector(self.rotation, point_m)
         tx, ty, tz = self.translation_m
         return (tx + x, ty + y, tz + z)
 
@@ -174,7 +174,7 @@ def chain_poses(poses: Sequence[Pose]) -> Pose:
     (x, y, z), rotation = poses[0].translation_m, poses[0].rotation
     for pose in poses[1:]:
         next_rotation, (tx, ty, tz) = pose.rotation, pose.translation_m
-        x, y, z = _rotated(next_rotation, (x, y, z))
+        x, y, z = _rotated_vector(next_rotation, (x, y, z))
         x, y, z = tx + x, ty + y, tz + z
         rotation = _product(next_rotation, rotation)
     return _new_pose((x, y, z), rotation)
@@ -191,7 +191,7 @@ def _product(a: Quaternion, b: Quaternion) -> Quaternion:
     )
 
 
-def _rotated(rotation: Quaternion, v: Vector) -> Vector:
+def _rotated_vector(rotation: Quaternion, v: Vector) -> Vector:
     """Return a vector turned by a unit quaternion: v + 2 w (u x v) + 2 u x (u x v)."""
     w, x, y, z = rotation
     vx, vy, vz = v
@@ -212,7 +212,7 @@ def _slerp(a: Quaternion, b: Quaternion, share: float) -> Quaternion:
         sine = math.sin(angle_rad)
         weight_a, weight_b = math.sin((1.0 - share) * angle_rad) / sine, math.sin(share * angle_rad) / sine
     weight_b *= sign
-    return _normalized(
+    return _normalized_quaternion(
         (
             weight_a * aw + weight_b * bw,
             weight_a * ax + weight_b * bx,
@@ -222,7 +222,7 @@ def _slerp(a: Quaternion, b: Quaternion, share: float) -> Quaternion:
     )
 
 
-def _normalized(quaternion: Quaternion) -> Quaternion:
+def _normalized_quaternion(quaternion: Quaternion) -> Quaternion:
     w, x, y, z = quaternion
     norm = math.sqrt(w * w + x * x + y * y + z * z)
     if not norm > _SMALLEST_NORM:

@@ -92,9 +92,9 @@ class History:
         else:
             evidence_s = float(evidence_s)
         if attribute.permissions.is_ranked and self._entries:
-            before = self.reading_at(version)
-            if before.source != agent and before.at(now_s).known:
-                attribute.permissions.check_rank(agent, before.source, self.subject)
+            present_reading = self.reading_at(version)
+            if present_reading.source != agent and present_reading.at(now_s).known:
+                attribute.permissions.check_rank(agent, present_reading.source, self.subject)
         if content is None:
             return Reading(
                 name=self.name,

@@ -212,9 +212,9 @@ class Knowledge:
         """Return a snapshot of the graph at the instant of the present step."""
         return Snapshot(self._schema, self._state, self._steps.now_s())
 
-    def audit_refusal(self, agent: str, why: str) -> None:
+    def audit_refusal(self, agent: str, message: str) -> None:
         """Add a refused write of a context-variable to the audit; the context has recorded it already."""
-        self._audit.refuse(Refusal(instant_s=self._now_s(), agent=agent, why=why))
+        self._audit.refuse(Refusal(instant_s=self._now_s(), agent=agent, why=message))
 
     def replay_operations(self, agent: str, plain_operations: Iterable[list[Any]]) -> None:
         """Repeat an agent's operations from a journal, as one change.
@@ -336,16 +336,16 @@ class Knowledge:
                 )
 
     def _adopt_transaction(
-        self, base: State, change_set: ChangeSet, transaction: Transaction, present: ChangeSet
+        self, base: State, change_set: ChangeSet, transaction: Transaction, present_changes: ChangeSet
     ) -> None:
         """Take over the changes of a transaction; apply them again if the graph has changed since it began.
 
         In a step of a context manager they are always applied again, so that all of them have the instant of the step.
         """
-        if self._context_link is None and present.starts_from(base):
-            present.adopt(change_set)
+        if self._context_link is None and present_changes.starts_from(base):
+            present_changes.adopt(change_set)
         else:
-            transaction.reapply(present)
+            transaction.reapply(present_changes)
 
     def _write(
         self, agent: str, change: Callable[[ChangeSet], ResultT], operations: Sequence[Operation] = ()
@@ -478,12 +478,12 @@ class Knowledge:
 
     def _watch(
         self,
-        touched: Iterable[Touched],
+        subjects: Iterable[Touched],
         evaluate: Callable[[Snapshot], View[ValueT]],
         notify: Callable[[Snapshot, ValueT], None],
         kept_handle: AgentHandle | None = None,
     ) -> Subscription:
-        keys = list(touched)
+        keys = list(subjects)
 
         def end() -> None:
             self._watches.remove(watch, keys)

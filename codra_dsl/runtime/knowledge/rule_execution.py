@@ -39,7 +39,7 @@ class RuleExecution(Generic[TransactionT_co]):
     """The execution of an agent's rule, from the beginning to the end of a `with` statement.
 
     The `before` patterns are enforced: the action does not begin unless they hold. The `during` and `after` patterns
-    are observed: the result is in `state` and in the journal.
+    are observed: the result is in `state` and in the event log.
 
     Attributes:
         rule: the declaration of the rule.
@@ -63,7 +63,7 @@ class RuleExecution(Generic[TransactionT_co]):
             begin: calls a function that returns what is missing, and raises `RuleError` if something is.
             transact: begins a transaction with a check that must succeed when its changes become visible.
             take_snapshot: returns a snapshot of the present graph.
-            record: records the new state of the rule in the journal.
+            record: records the new state of the rule in the event log.
             subscribe: subscribes to patterns.
         """
         self.rule = rule

@@ -89,14 +89,14 @@ class Snapshot:
 
     def _check_attributes(self, type_name: str, nodes: Iterable[Node], where: Term) -> None:
         """Raise an error for a condition over an attribute that neither the type nor one of the nodes declares."""
-        own = self._schema.node_type(type_name).attributes if type_name else {}
+        type_attributes = self._schema.node_type(type_name).attributes if type_name else {}
         for name in where.variables():
             if (
                 type_name
-                and name not in own
+                and name not in type_attributes
                 and not any(name in self._schema.attributes_of_node(node) for node in nodes)
             ):
-                raise unknown(f"attribute of {type_name!r}", name, own)
+                raise unknown(f"attribute of {type_name!r}", name, type_attributes)
 
     def edge(self, origin: str, edge: str, target: str) -> Edge:
         """Return an edge.

@@ -170,13 +170,13 @@ def functions_for_matches(
 
     before: dict[Match, None] = {}
 
-    def notify(snapshot: Snapshot, present: tuple[Match, ...]) -> None:
-        new = tuple(match for match in present if match not in before)
-        over = tuple(match for match in before if match not in present)
+    def notify(snapshot: Snapshot, present_matches: tuple[Match, ...]) -> None:
+        new = tuple(match for match in present_matches if match not in before)
+        over = tuple(match for match in before if match not in present_matches)
         before.clear()
-        before.update(dict.fromkeys(present))
+        before.update(dict.fromkeys(present_matches))
         if new or over:
-            callback(Change(snapshot, present, new, over))
+            callback(Change(snapshot, present_matches, new, over))
 
     return evaluate, notify
 
@@ -202,13 +202,13 @@ def functions_for_wakes(
 
     before: _WakingMatches = ()
 
-    def notify(snapshot: Snapshot, present: _WakingMatches) -> None:
+    def notify(snapshot: Snapshot, present_matches: _WakingMatches) -> None:
         nonlocal before
-        new = tuple(entry[1] for entry in present if entry not in before)
-        over = tuple(entry[1] for entry in before if entry not in present)
-        before = present
+        new = tuple(entry[1] for entry in present_matches if entry not in before)
+        over = tuple(entry[1] for entry in before if entry not in present_matches)
+        before = present_matches
         if new or not wakes:
-            callback(Change(snapshot, tuple(entry[1] for entry in present), new, over))
+            callback(Change(snapshot, tuple(entry[1] for entry in present_matches), new, over))
 
     return evaluate, notify
 

@@ -171,10 +171,10 @@ def encode_value(content: object, code: int | None = None, extra: Mapping[str, o
 def _represents_exactly(plain_value: object, code: int) -> bool:
     """Return whether a code represents a value without changing it."""
     try:
-        decoded = parse_value(code, list(plain_value) if isinstance(plain_value, (tuple, bytes)) else plain_value)
+        decoded_value = parse_value(code, list(plain_value) if isinstance(plain_value, (tuple, bytes)) else plain_value)
     except ValueError:
         return False
-    return type(decoded) is type(plain_value) and decoded == plain_value
+    return type(decoded_value) is type(plain_value) and decoded_value == plain_value
 
 
 def _plain_value(content: object) -> object:

@@ -180,7 +180,7 @@ def check_json(tree: object, source: str) -> None:
             pending += [(key, place, 0) for key in part]
             pending += [(value, place.key(str(key)), depth + 1) for key, value in part.items()]
         elif isinstance(part, (list, tuple)):
-            pending += [(value, place.item(at), depth + 1) for at, value in enumerate(part)]
+            pending += [(value, place.item(index), depth + 1) for index, value in enumerate(part)]
         elif not isinstance(part, (str, int, float, bool, type(None))):
             place.complain(f"JSON has no {type(part).__name__}")
 
@@ -202,9 +202,9 @@ class _Place:
         """Return the place of the value of a key."""
         return _Place(self._source, f".{key}" if key.isidentifier() else f"[{json.dumps(key)}]", self)
 
-    def item(self, at: int) -> _Place:
+    def item(self, index: int) -> _Place:
         """Return the place of an item of a list."""
-        return _Place(self._source, f"[{at}]", self)
+        return _Place(self._source, f"[{index}]", self)
 
     def complain(self, message: str) -> NoReturn:
         """Raise an error about this place."""
@@ -240,7 +240,7 @@ def _object_of_pairs(pairs: list[tuple[str, object]]) -> dict[str, object]:
         return plain_object
     marked_object = _DuplicateKeys(plain_object)
     keys = [key for key, _ in pairs]
-    marked_object.key = next(key for at, key in enumerate(keys) if key in keys[:at])
+    marked_object.key = next(key for index, key in enumerate(keys) if key in keys[:index])
     return marked_object
 
 
@@ -262,8 +262,11 @@ def _node(key: str, json_data: object, place: _Place) -> tuple[DsrNode, list[tup
     links = symbol.get("links", [])
     if not isinstance(links, list):
         place.key("links").complain("there must be a list: [...]")
-    places = [place.key("links").item(at) for at in range(len(links))]
-    edges = [(_edge(_object(link, at), at), at) for link, at in zip(links, places, strict=True)]
+    places = [place.key("links").item(index) for index in range(len(links))]
+    edges = [
+        (_edge(_object(link, link_place), link_place), link_place)
+        for link, link_place in zip(links, places, strict=True)
+    ]
     node = DsrNode(
         number=number,
         name=_required_text(symbol, "name", place),
@@ -373,10 +376,10 @@ def _pieces(tree: object, indent: str) -> Iterator[str]:
 
 def _enclosed_pieces(brackets: str, items: list[tuple[str, object]], inner_indent: str, indent: str) -> Iterator[str]:
     yield f"{brackets[0]}\n"
-    for at, (key, value) in enumerate(items, 1):
+    for index, (key, value) in enumerate(items, 1):
         yield f"{inner_indent}{key}"
         yield from _pieces(value, inner_indent)
-        yield ",\n" if at < len(items) else "\n"
+        yield ",\n" if index < len(items) else "\n"
     yield f"{indent}{brackets[1]}"
 
 

@@ -101,25 +101,33 @@ class _Exporter:
             return False
         return origin in self._numbers and target in self._numbers
 
-    def _node(self, node: Node, before: DsrNode | None) -> DsrNode:
-        attributes_before = {} if before is None else self._attributes_outside_graph(before.attributes, (node.name,))
+    def _node(self, node: Node, node_before: DsrNode | None) -> DsrNode:
+        attributes_before = (
+            {} if node_before is None else self._attributes_outside_graph(node_before.attributes, (node.name,))
+        )
         readings = _known_values(node.attributes, self._snapshot)
-        attributes = {**attributes_before, **self._parent_attributes(node.name), **_encode_values(readings, before)}
-        if before is not None:
-            return replace(before, type=str(node.type), attributes=attributes)
+        attributes = {
+            **attributes_before,
+            **self._parent_attributes(node.name),
+            **_encode_values(readings, node_before),
+        }
+        if node_before is not None:
+            return replace(node_before, type=str(node.type), attributes=attributes)
         return DsrNode(number=self._numbers[node.name], name=str(node.name), type=str(node.type), attributes=attributes)
 
-    def _edge(self, edge: Edge, before: DsrEdge | None) -> DsrEdge:
-        attributes_before = {} if before is None else self._attributes_outside_graph(before.attributes, edge.key)
+    def _edge(self, edge: Edge, edge_before: DsrEdge | None) -> DsrEdge:
+        attributes_before = (
+            {} if edge_before is None else self._attributes_outside_graph(edge_before.attributes, edge.key)
+        )
         attributes = {
             **attributes_before,
             **self._type_attribute(edge),
-            **_encode_values(_known_values(edge.attributes, self._snapshot), before),
+            **_encode_values(_known_values(edge.attributes, self._snapshot), edge_before),
         }
         if edge.label == RT:
             attributes = self._with_pose(edge, attributes)
-        if before is not None:
-            return replace(before, attributes=attributes)
+        if edge_before is not None:
+            return replace(edge_before, attributes=attributes)
         origin, label, target = edge.key
         return DsrEdge(
             origin=self._numbers[origin], label=str(label), target=self._numbers[target], attributes=attributes
@@ -162,9 +170,9 @@ def _known_values(readings: Mapping[str, Reading[Any]], snapshot: Snapshot) -> d
     return {name: reading.value for name, reading in present_readings.items() if reading.known}
 
 
-def _encode_values(values: Mapping[str, object], before: DsrNode | DsrEdge | None) -> dict[str, DsrValue]:
+def _encode_values(values: Mapping[str, object], element_before: DsrNode | DsrEdge | None) -> dict[str, DsrValue]:
     """Return values with the codes of the import, or with codes for their types."""
-    values_before = {} if before is None else before.attributes
+    values_before = {} if element_before is None else element_before.attributes
     return dict(_encode_items(values.items(), values_before))
 
 

@@ -31,8 +31,8 @@ def pose_of(attributes: Mapping[str, DsrValue], unit_m: float) -> Pose | None:
         attributes: the attributes of the edge.
         unit_m: the unit of translations, in metres.
     """
-    at = 3 * _newest_index(attributes.get(STAMPS))
-    translation, angles_rad = (_three_numbers(attributes.get(name), at) for name in (TRANSLATION, ROTATION))
+    start = 3 * _newest_index(attributes.get(STAMPS))
+    translation, angles_rad = (_three_numbers(attributes.get(name), start) for name in (TRANSLATION, ROTATION))
     if translation is None or angles_rad is None:
         return None
     x, y, z = translation
@@ -70,9 +70,9 @@ def _newest_index(stamps: DsrValue | None) -> int:
     return stamps.value.index(max(stamps.value))
 
 
-def _three_numbers(value: DsrValue | None, at: int) -> tuple[float, float, float] | None:
+def _three_numbers(value: DsrValue | None, start: int) -> tuple[float, float, float] | None:
     """Return three numbers of a list from a position on, if they exist and are finite."""
-    numbers = value.value[at : at + 3] if value is not None and isinstance(value.value, tuple) else ()
+    numbers = value.value[start : start + 3] if value is not None and isinstance(value.value, tuple) else ()
     if len(numbers) != 3 or not all(isinstance(number, (int, float)) and math.isfinite(number) for number in numbers):
         return None
     return (float(numbers[0]), float(numbers[1]), float(numbers[2]))

@@ -161,11 +161,13 @@ extras = some.sampled_from([{}, {"note": [1, "two"]}, {"Tipo": {"é": 1.5}}])
 @some.composite
 def graphs(draw: some.DrawFn) -> DsrGraph:
     """Draw a graph with arbitrary valid content."""
-    called = draw(some.lists(names, unique=True, max_size=4))
-    numbers = draw(some.lists(some.integers(0, LARGEST), unique=True, min_size=len(called), max_size=len(called)))
+    node_names = draw(some.lists(names, unique=True, max_size=4))
+    numbers = draw(
+        some.lists(some.integers(0, LARGEST), unique=True, min_size=len(node_names), max_size=len(node_names))
+    )
     nodes = [
         DsrNode(number=number, name=name, type=draw(names), attributes=draw(attributes), extra=draw(extras))
-        for number, name in zip(numbers, called, strict=True)
+        for number, name in zip(numbers, node_names, strict=True)
     ]
     ends = some.sampled_from(numbers) if numbers else some.nothing()
     keys = draw(some.lists(some.tuples(ends, names, ends), unique=True, max_size=4 if numbers else 0))
