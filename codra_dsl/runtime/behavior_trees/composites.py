@@ -30,66 +30,66 @@ class _Steps(Enum):
 
 def sequence() -> Kind:
     """Tick children in order while they succeed; continue with the running child; restart after a failure."""
-    return _InOrder(Result.SUCCESS, _After.RESTART, _Steps.SAME_TICK)
+    return _OrderedComposite(Result.SUCCESS, _After.RESTART, _Steps.SAME_TICK)
 
 
 def async_sequence() -> Kind:
     """As `sequence`, but it can be halted between any two children: it yields after a child completed in one tick."""
-    return _InOrder(Result.SUCCESS, _After.RESTART, _Steps.ONE_A_TICK)
+    return _OrderedComposite(Result.SUCCESS, _After.RESTART, _Steps.ONE_A_TICK)
 
 
 def sequence_with_memory() -> Kind:
-    """As `sequence`, but after a failure or a halt it continues with the same child instead of the first one."""
-    return _InOrder(Result.SUCCESS, _After.TICK_AGAIN, _Steps.ONE_A_TICK)
+    """As `sequence`, but after a failure or a halt it continues at the child that it had reached."""
+    return _OrderedComposite(Result.SUCCESS, _After.TICK_AGAIN, _Steps.ONE_A_TICK)
 
 
 def fallback() -> Kind:
     """Tick children in order while they fail; continue with the running child."""
-    return _InOrder(Result.FAILURE, _After.RESTART, _Steps.SAME_TICK)
+    return _OrderedComposite(Result.FAILURE, _After.RESTART, _Steps.SAME_TICK)
 
 
 def async_fallback() -> Kind:
     """As `fallback`, but it can be halted between any two children."""
-    return _InOrder(Result.FAILURE, _After.RESTART, _Steps.ONE_A_TICK)
+    return _OrderedComposite(Result.FAILURE, _After.RESTART, _Steps.ONE_A_TICK)
 
 
 def reactive_sequence() -> Kind:
     """Tick the children from the first one at each tick; halt all others when one is running."""
-    return _Reactive(Result.SUCCESS)
+    return _ReactiveComposite(Result.SUCCESS)
 
 
 def reactive_fallback() -> Kind:
     """As `reactive_sequence`, for a fallback."""
-    return _Reactive(Result.FAILURE)
+    return _ReactiveComposite(Result.FAILURE)
 
 
-class _InOrder(Kind):
-    """A sequence or a fallback that remembers the next child."""
+class _OrderedComposite(Kind):
+    """A sequence or a fallback that remembers which child is next."""
 
-    def __init__(self, continue_on: Result, after: _After, steps: _Steps) -> None:
-        self._continue_on = continue_on
+    def __init__(self, continue_result: Result, after: _After, steps: _Steps) -> None:
+        self._continue_result = continue_result
         self._after = after
         self._steps = steps
-        self._index = 0
-        self._skipped = 0
+        self._child_index = 0
+        self._skipped_children = 0
 
     def tick(self, node: Node) -> Result:
         """Tick the children from the remembered one."""
         if not node.is_running:
-            self._skipped = 0
+            self._skipped_children = 0
         count = len(node.nodes)
-        while self._index < count:
-            child = node.nodes[self._index]
+        while self._child_index < count:
+            child = node.nodes[self._child_index]
             was_idle = child.result is Result.IDLE
             result = child.execute()
             if result is Result.RUNNING:
                 return result
-            if result.is_completed and result is not self._continue_on:
+            if result.is_completed and result is not self._continue_result:
                 return self._end(node, result)
-            self._index += 1
-            self._skipped += result is Result.SKIPPED
+            self._child_index += 1
+            self._skipped_children += result is Result.SKIPPED
             one_a_tick = self._steps is _Steps.ONE_A_TICK and was_idle and result is not Result.SKIPPED
-            if one_a_tick and self._index < count:
+            if one_a_tick and self._child_index < count:
                 node.wake()
                 return Result.RUNNING
         return self._complete(node)
@@ -97,27 +97,27 @@ class _InOrder(Kind):
     def halt(self, node: Node) -> None:  # noqa: ARG002
         """Restart with the first child the next time, unless the node has a memory."""
         if self._after is _After.RESTART:
-            self._index = self._skipped = 0
+            self._child_index = self._skipped_children = 0
 
     def _end(self, node: Node, result: Result) -> Result:
-        first = self._index if self._after is _After.TICK_AGAIN else 0
+        first = self._child_index if self._after is _After.TICK_AGAIN else 0
         for child in node.nodes[first:]:
             child.reset()
-        self._index = first
+        self._child_index = first
         return result
 
     def _complete(self, node: Node) -> Result:
-        all_skipped = self._skipped == len(node.nodes)
+        all_skipped = self._skipped_children == len(node.nodes)
         node.reset_children()
-        self._index = self._skipped = 0
-        return Result.SKIPPED if all_skipped else self._continue_on
+        self._child_index = self._skipped_children = 0
+        return Result.SKIPPED if all_skipped else self._continue_result
 
 
-class _Reactive(Kind):
+class _ReactiveComposite(Kind):
     """A sequence or a fallback that ticks all children before the running one at each tick."""
 
-    def __init__(self, continue_on: Result) -> None:
-        self._continue_on = continue_on
+    def __init__(self, continue_result: Result) -> None:
+        self._continue_result = continue_result
 
     def tick(self, node: Node) -> Result:
         """Tick the children from the first one."""
@@ -130,90 +130,95 @@ class _Reactive(Kind):
                     if other is not child:
                         other.reset()
                 return result
-            if result.is_completed and result is not self._continue_on:
+            if result.is_completed and result is not self._continue_result:
                 node.reset_children()
                 return result
         node.reset_children()
-        return Result.SKIPPED if all_skipped else self._continue_on
+        return Result.SKIPPED if all_skipped else self._continue_result
 
 
 class Parallel(Kind):
     """Ticks all children that have not completed, until enough of them succeed or fail; then halts the others."""
 
     def __init__(self, *, success_count: Setting = "-1", failure_count: Setting = "1") -> None:
-        """Set the numbers of successes and failures that complete it; -1 means all children, -2 one less, and so on."""
+        """Set the number of successes and that of failures, either of which completes it.
+
+        -1 means all children, -2 one less, and so on.
+        """
         self._success_count = success_count
         self._failure_count = failure_count
-        self._completed: dict[int, Result] = {}
+        self._results: dict[int, Result] = {}
 
     def tick(self, node: Node) -> Result:
         """Tick the children in order; once the result is certain, the remaining children are not ticked."""
         success_count = node.integer(self._success_count)
-        needed = _threshold(success_count, node, "succeed")
-        allowed = _threshold(node.integer(self._failure_count), node, "fail")
-        count, skipped = len(node.nodes), 0
+        needed_successes = _threshold(success_count, node, "succeed")
+        allowed_failures = _threshold(node.integer(self._failure_count), node, "fail")
+        count, skipped_children = len(node.nodes), 0
         for index, child in enumerate(node.nodes):
-            if index not in self._completed:
+            if index not in self._results:
                 result = child.execute()
-                skipped += result is Result.SKIPPED
+                skipped_children += result is Result.SKIPPED
                 if result.is_completed:
-                    self._completed[index] = result
-            results = list(self._completed.values())
-            succeeded, failed = results.count(Result.SUCCESS), results.count(Result.FAILURE)
-            if succeeded >= needed or (success_count < 0 and succeeded + skipped >= needed):
+                    self._results[index] = result
+            results = list(self._results.values())
+            successes, failures = results.count(Result.SUCCESS), results.count(Result.FAILURE)
+            if successes >= needed_successes or (
+                success_count < 0 and successes + skipped_children >= needed_successes
+            ):
                 return self._end(node, Result.SUCCESS)
-            if count - failed < needed or failed >= allowed:
+            if count - failures < needed_successes or failures >= allowed_failures:
                 return self._end(node, Result.FAILURE)
-        return Result.SKIPPED if skipped == count else Result.RUNNING
+        return Result.SKIPPED if skipped_children == count else Result.RUNNING
 
     def halt(self, node: Node) -> None:  # noqa: ARG002
         """Forget which children have completed."""
-        self._completed.clear()
+        self._results.clear()
 
     def _end(self, node: Node, result: Result) -> Result:
-        self._completed.clear()
+        self._results.clear()
         node.reset_children()
         return result
 
 
 class ParallelAll(Kind):
-    """Ticks all children until every one has completed, then counts the failures."""
+    """Ticks all children until every one has completed, whatever its result, then counts the failures."""
 
     def __init__(self, *, max_failures: Setting = "1") -> None:
         """Set the number of failures with which it fails; -1 means all children."""
         self._max_failures = max_failures
-        self._completed: dict[int, Result] = {}
+        self._results: dict[int, Result] = {}
 
     def tick(self, node: Node) -> Result:
         """Tick the children that have not completed."""
-        allowed = _threshold(node.integer(self._max_failures), node, "fail")
-        skipped = 0
+        allowed_failures = _threshold(node.integer(self._max_failures), node, "fail")
+        skipped_children = 0
         for index, child in enumerate(node.nodes):
-            if index in self._completed:
+            if index in self._results:
                 continue
             result = child.execute()
-            skipped += result is Result.SKIPPED
+            skipped_children += result is Result.SKIPPED
             if result.is_completed:
-                self._completed[index] = result
-        if skipped == len(node.nodes):
+                self._results[index] = result
+        if skipped_children == len(node.nodes):
             return Result.SKIPPED
-        if skipped + len(self._completed) < len(node.nodes):
+        if skipped_children + len(self._results) < len(node.nodes):
             return Result.RUNNING
-        failed = list(self._completed.values()).count(Result.FAILURE)
-        self._completed.clear()
+        failures = list(self._results.values()).count(Result.FAILURE)
+        self._results.clear()
         node.reset_children()
-        return Result.FAILURE if failed >= allowed else Result.SUCCESS
+        return Result.FAILURE if failures >= allowed_failures else Result.SUCCESS
 
     def halt(self, node: Node) -> None:  # noqa: ARG002
         """Forget which children have completed."""
-        self._completed.clear()
+        self._results.clear()
 
 
-def _threshold(limit: int, node: Node, verb: str) -> int:
+def _threshold(declared_count: int, node: Node, verb: str) -> int:
     count = len(node.nodes)
-    if limit > count:
-        raise TreeError(f"{node.name!r} has {count} children: {limit} of them can never {verb}")
-    return max(count + limit + 1, 0) if limit < 0 else limit
+    if declared_count > count:
+        raise TreeError(f"{node.name!r} has {count} children: {declared_count} of them can never {verb}")
+    return max(count + declared_count + 1, 0) if declared_count < 0 else declared_count
 
 
 class IfThenElse(Kind):
@@ -225,10 +230,10 @@ class IfThenElse(Kind):
     def tick(self, node: Node) -> Result:
         """Tick the condition, unless it has completed, then the branch."""
         if self._branch is None:
-            condition = node.nodes[0].execute()
-            if condition in (Result.RUNNING, Result.SKIPPED):
-                return condition
-            self._branch = 1 if condition is Result.SUCCESS else 2
+            condition_result = node.nodes[0].execute()
+            if condition_result in (Result.RUNNING, Result.SKIPPED):
+                return condition_result
+            self._branch = 1 if condition_result is Result.SUCCESS else 2
         missing = self._branch == len(node.nodes)
         result = Result.FAILURE if missing else node.nodes[self._branch].execute()
         if result is not Result.RUNNING:
@@ -246,12 +251,12 @@ class WhileDoElse(Kind):
 
     def tick(self, node: Node) -> Result:
         """Tick the condition, then the branch."""
-        condition = node.nodes[0].execute()
-        if condition is Result.RUNNING:
-            return condition
+        condition_result = node.nodes[0].execute()
+        if condition_result is Result.RUNNING:
+            return condition_result
         result: Result = Result.SKIPPED
-        if condition is not Result.SKIPPED:
-            branch, other = (1, 2) if condition is Result.SUCCESS else (2, 1)
+        if condition_result is not Result.SKIPPED:
+            branch, other = (1, 2) if condition_result is Result.SUCCESS else (2, 1)
             for child in node.nodes[other : other + 1]:
                 child.reset()
             result = node.nodes[branch].execute() if branch < len(node.nodes) else Result.FAILURE
@@ -261,7 +266,7 @@ class WhileDoElse(Kind):
 
 
 class Switch(Kind):
-    """Ticks the child of the first case that equals a variable, or the last child as the default."""
+    """Ticks the child of the first case that equals a variable or, if no case does, the last child."""
 
     def __init__(self, variable: Setting, *cases: Setting, enums: Sequence[tuple[str, int]] = ()) -> None:
         """Compare a variable with cases, as texts, as numbers, or as names of numbers."""

@@ -17,25 +17,25 @@ WITHOUT_END = -1
 
 def inverter() -> Kind:
     """Turn success into failure and failure into success."""
-    return _MappedResult({Result.SUCCESS: Result.FAILURE, Result.FAILURE: Result.SUCCESS})
+    return _ResultMapping({Result.SUCCESS: Result.FAILURE, Result.FAILURE: Result.SUCCESS})
 
 
 def force_success() -> Kind:
     """Turn every completed result of the child into success."""
-    return _MappedResult({Result.FAILURE: Result.SUCCESS})
+    return _ResultMapping({Result.FAILURE: Result.SUCCESS})
 
 
 def force_failure() -> Kind:
     """Turn every completed result of the child into failure."""
-    return _MappedResult({Result.SUCCESS: Result.FAILURE})
+    return _ResultMapping({Result.SUCCESS: Result.FAILURE})
 
 
 def keep_running_until_failure() -> Kind:
     """Tick a child again in the next tick if it succeeded or was skipped."""
-    return _MappedResult({Result.SUCCESS: Result.RUNNING, Result.SKIPPED: Result.RUNNING})
+    return _ResultMapping({Result.SUCCESS: Result.RUNNING, Result.SKIPPED: Result.RUNNING})
 
 
-class _MappedResult(Kind):
+class _ResultMapping(Kind):
     """Replaces results of its child."""
 
     def __init__(self, results: Mapping[Result, Result]) -> None:
@@ -58,21 +58,21 @@ def _tick_child(node: Node) -> Result:
 
 def repeat(num_cycles: Setting) -> Kind:
     """Tick a child again while it succeeds, for a number of cycles."""
-    return _Loop(num_cycles, again=Result.SUCCESS)
+    return _Loop(num_cycles, repeat_result=Result.SUCCESS)
 
 
 def retry_until_successful(num_attempts: Setting) -> Kind:
     """Tick a child again while it fails, for a number of attempts."""
-    return _Loop(num_attempts, again=Result.FAILURE)
+    return _Loop(num_attempts, repeat_result=Result.FAILURE)
 
 
 class _Loop(Kind):
     """Ticks its child again after one of its two results."""
 
-    def __init__(self, rounds: Setting, *, again: Result) -> None:
+    def __init__(self, rounds: Setting, *, repeat_result: Result) -> None:
         self._rounds = rounds
-        self._again = again
-        self._count = 0
+        self._repeat_result = repeat_result
+        self._finished_rounds = 0
 
     def tick(self, node: Node) -> Result:
         """Run rounds until one takes more than this tick; yield after a round that took only one tick."""
@@ -80,27 +80,26 @@ class _Loop(Kind):
         while self._goes_on(rounds):
             was_idle = node.nodes[0].result is Result.IDLE
             result = _tick_child(node)
-            if result is not self._again:
-                self._count = 0 if result.is_completed else self._count
+            if result is not self._repeat_result:
+                self._finished_rounds = 0 if result.is_completed else self._finished_rounds
                 return result
-            self._count += 1
-            if (
-                self._again is Result.FAILURE
-            ):  # the library reads the port again after a failed attempt, but not after a cycle
+            self._finished_rounds += 1
+            # The library reads the port again after a failed attempt, but not after a cycle.
+            if self._repeat_result is Result.FAILURE:
                 rounds = node.integer(self._rounds)
             if was_idle and self._goes_on(rounds):
                 node.wake()
                 return Result.RUNNING
-        self._count = 0
+        self._finished_rounds = 0
         node.reset_children()
-        return self._again
+        return self._repeat_result
 
     def halt(self, node: Node) -> None:  # noqa: ARG002
         """Start counting from 0 the next time."""
-        self._count = 0
+        self._finished_rounds = 0
 
     def _goes_on(self, rounds: int) -> bool:
-        return rounds == WITHOUT_END or self._count < rounds
+        return rounds == WITHOUT_END or self._finished_rounds < rounds
 
 
 class Delay(Kind):
@@ -192,28 +191,28 @@ class Precondition(Kind):
 
 
 def skip_unless_updated(entry: str) -> Kind:
-    """Skip the child unless an entry was written since the last tick."""
-    return _Updated(entry, Result.SKIPPED)
+    """Skip the child unless an entry was written since the last check."""
+    return _EntryUpdateDecorator(entry, Result.SKIPPED)
 
 
 def wait_value_update(entry: str) -> Kind:
-    """Return RUNNING until an entry was written since the last tick."""
-    return _Updated(entry, Result.RUNNING)
+    """Return RUNNING until an entry was written since the last check."""
+    return _EntryUpdateDecorator(entry, Result.RUNNING)
 
 
-class _Updated(Kind):
-    """Starts its child when an entry was written since the last check."""
+class _EntryUpdateDecorator(Kind):
+    """Starts its child if an entry was written since the last check; there is no check while the child is running."""
 
     def __init__(self, entry: str, otherwise: Result) -> None:
         self._entry = entry
         self._otherwise = otherwise
-        self._seen = 0
+        self._seen_writes = 0
 
     def tick(self, node: Node) -> Result:
         """Continue with a running child, or check the entry."""
         if not node.nodes[0].is_running:
-            seen, self._seen = self._seen, node.scope.writes(self._entry)
-            if self._seen == seen:
+            seen_writes, self._seen_writes = self._seen_writes, node.scope.writes(self._entry)
+            if self._seen_writes == seen_writes:
                 return self._otherwise
         return _tick_child(node)
 
@@ -235,18 +234,20 @@ class QueueLoop(Kind):
             queue: items separated by semicolons in a text, or an entry that holds a list, from which items are removed.
             read: parses the text of an item.
             value: the entry to which each item is written for the child.
-            if_empty: the result of an empty queue.
+            if_empty: the result when no item is left.
         """
         self._queue = queue
         self._read = read
         self._value = value
         self._if_empty = if_empty
-        self._remaining: list[object] = []
+        self._remaining_items: list[object] = []
 
     def tick(self, node: Node) -> Result:
         """Continue with a running child, or take the next item."""
         if node.result is Result.IDLE and isinstance(self._queue, str):
-            self._remaining = [self._item(node, item) for item in self._queue.split(";")] if self._queue else []
+            self._remaining_items = (
+                [self._parsed_item(node, item) for item in self._queue.split(";")] if self._queue else []
+            )
         if not node.nodes[0].is_running:
             items = self._items(node)
             if not items:
@@ -262,9 +263,9 @@ class QueueLoop(Kind):
             if not isinstance(queue, list):
                 raise TreeError(f"the entry {self._queue.key!r} does not hold a list: {node.name!r} needs a list")
             return queue
-        return self._remaining
+        return self._remaining_items
 
-    def _item(self, node: Node, text: str) -> object:
+    def _parsed_item(self, node: Node, text: str) -> object:
         try:
             return self._read(text)
         except ValueError:
@@ -328,5 +329,5 @@ class Subtree(Kind):
 
     def bind(self, node: Node, tick_context: TickContext) -> TickContext:  # noqa: ARG002
         """Return a tick context with the scope of the subtree."""
-        inner = tick_context.scope.within(self._remapped, self._constants, remaps_all=self._remaps_all)
-        return replace(tick_context, scope=inner)
+        inner_scope = tick_context.scope.within(self._remapped, self._constants, remaps_all=self._remaps_all)
+        return replace(tick_context, scope=inner_scope)

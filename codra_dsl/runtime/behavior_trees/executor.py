@@ -38,7 +38,7 @@ class Tree:
 
     @property
     def due_s(self) -> float | None:
-        """Return the earliest instant for which a node has waited since the last tick, or None."""
+        """Return the earliest instant for which a node waits since the last tick, or None."""
         return self._pulse.due_s
 
     def tick_exactly_once(self) -> Result:
@@ -65,7 +65,7 @@ class Tree:
         return result
 
     def run(self, period_s: float, *, timeout_s: float = float("inf")) -> Result:
-        """Tick until the tree is not running (`tickWhileRunning`): in every period, and when a node is due.
+        """Tick until the tree is no longer running (`tickWhileRunning`): in every period, and when a node is due.
 
         Args:
             period_s: the time between two ticks.

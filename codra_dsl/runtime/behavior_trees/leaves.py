@@ -14,17 +14,17 @@ _S_PER_MS = 0.001
 
 def always_success() -> Kind:
     """Succeed."""
-    return _Immediate(lambda _: True)
+    return _ImmediateLeaf(lambda _: True)
 
 
 def always_failure() -> Kind:
     """Fail."""
-    return _Immediate(lambda _: False)
+    return _ImmediateLeaf(lambda _: False)
 
 
 def script_condition(condition: Script) -> Kind:
     """Succeed if a condition holds, otherwise fail."""
-    return _Immediate(lambda node: is_true(condition(node.scope)))
+    return _ImmediateLeaf(lambda node: is_true(condition(node.scope)))
 
 
 def unset_blackboard(key: str) -> Kind:
@@ -34,7 +34,7 @@ def unset_blackboard(key: str) -> Kind:
         node.scope.unset(key)
         return True
 
-    return _Immediate(unset)
+    return _ImmediateLeaf(unset)
 
 
 def set_blackboard(value: Setting, output_key: str) -> Kind:
@@ -44,7 +44,7 @@ def set_blackboard(value: Setting, output_key: str) -> Kind:
         node.scope.create(output_key, node.read(value))
         return True
 
-    return _Immediate(write)
+    return _ImmediateLeaf(write)
 
 
 def script(*statements: Assignment) -> Kind:
@@ -55,10 +55,10 @@ def script(*statements: Assignment) -> Kind:
             statement.run(node.scope)
         return True
 
-    return _Immediate(run)
+    return _ImmediateLeaf(run)
 
 
-class _Immediate(Kind):
+class _ImmediateLeaf(Kind):
     """Completes within every tick."""
 
     def __init__(self, succeeds: Callable[[Node], bool]) -> None:
@@ -74,12 +74,12 @@ class WasEntryUpdated(Kind):
 
     def __init__(self, entry: str) -> None:
         self._entry = entry
-        self._seen = 0
+        self._seen_writes = 0
 
     def tick(self, node: Node) -> Result:
         """Check the entry."""
-        seen, self._seen = self._seen, node.scope.writes(self._entry)
-        return Result.FAILURE if self._seen == seen else Result.SUCCESS
+        seen_writes, self._seen_writes = self._seen_writes, node.scope.writes(self._entry)
+        return Result.FAILURE if self._seen_writes == seen_writes else Result.SUCCESS
 
 
 class Sleep(Kind):
@@ -126,7 +126,7 @@ class Ports:
             TreeError: if the input is not set, or its entry does not exist.
         """
         if port not in self._inputs:
-            raise TreeError(f"{self._name!r} has no input {port!r}: its inputs are {_listed(self._inputs)}")
+            raise TreeError(f"{self._name!r} has no input {port!r}: its inputs are {_names_text(self._inputs)}")
         setting = self._inputs[port]
         return self._scope.get(setting.key) if isinstance(setting, Entry) else setting
 
@@ -159,7 +159,7 @@ class Ports:
             self._scope.create(self._outputs[port].key, value)
 
 
-def _listed(names: Iterable[str]) -> str:
+def _names_text(names: Iterable[str]) -> str:
     return ", ".join(sorted(names)) or "none"
 
 
@@ -206,7 +206,7 @@ class Robot:
             TreeError: if the robot has no action of this name.
         """
         if name not in self._makers:
-            raise TreeError(f"the robot has no action {name!r}: it has {_listed(self._makers)}")
+            raise TreeError(f"the robot has no action {name!r}: it has {_names_text(self._makers)}")
         return self._makers[name]()
 
 
@@ -243,12 +243,12 @@ class Leaf(Kind):
         self._name = action
         self._inputs = inputs or {}
         self._outputs = outputs or {}
-        self._bound: tuple[Action, Ports] | None = None
+        self._binding: tuple[Action, Ports] | None = None
 
     def bind(self, node: Node, tick_context: TickContext) -> TickContext:  # noqa: ARG002
         """Create the action and its ports."""
         ports = Ports(self._name, tick_context.scope, self._inputs, self._outputs)
-        self._bound = tick_context.leaves.of(self._name), ports
+        self._binding = tick_context.leaves.of(self._name), ports
         return tick_context
 
     def entries(self) -> Iterable[Entry]:
@@ -271,6 +271,6 @@ class Leaf(Kind):
         action.halt(ports)
 
     def _action(self) -> tuple[Action, Ports]:
-        if self._bound is None:
+        if self._binding is None:
             raise TreeError(f"the leaf {self._name!r} is not bound: tick it as part of a Tree")
-        return self._bound
+        return self._binding

@@ -19,7 +19,7 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from codra_dsl.runtime.behavior_trees.result import Result, TreeError
-from codra_dsl.runtime.behavior_trees.scope import Scope, is_true, number_in, plain
+from codra_dsl.runtime.behavior_trees.scope import Scope, is_true, number_in, plain_value
 from codra_dsl.runtime.clock import Clock
 
 Script = Callable[[Scope], Any]
@@ -53,7 +53,7 @@ class Assignment:
 
     def run(self, scope: Scope) -> None:
         """Write the entry."""
-        value = plain(self.value(scope))
+        value = plain_value(self.value(scope))
         (scope.create if self.creates else scope.assign)(self.entry, value)
 
 
@@ -100,7 +100,7 @@ class Leaves(Protocol):
     """Provides the actions of a robot's leaves."""
 
     def of(self, name: str) -> Any:
-        """Return a new action with a name."""
+        """Return a new action by its name."""
         ...
 
 
@@ -180,9 +180,9 @@ class Node(Behaviour):
         self._tick_context = tick_context
         for entry in self._kind.entries():
             tick_context.scope.declare(entry.key)
-        inner = self._kind.bind(self, tick_context)
+        inner_context = self._kind.bind(self, tick_context)
         for child in self.nodes:
-            child.bind(inner)
+            child.bind(inner_context)
 
     # For kinds
 
@@ -205,7 +205,7 @@ class Node(Behaviour):
 
     @property
     def is_running(self) -> bool:
-        """Return whether the node is running since its last tick."""
+        """Return whether the node has been running since its last tick."""
         return self.result is Result.RUNNING
 
     def read(self, setting: Setting) -> Any:

@@ -15,7 +15,7 @@ from codra_dsl.runtime.behavior_trees.result import TreeError
 GLOBAL = "@"
 """The prefix for entries of the outermost tree."""
 
-_EQUAL = 2.0**-23
+_MAX_EQUAL_DIFFERENCE = 2.0**-23
 """The maximum difference of two numbers that are equal in scripts."""
 
 PRIVATE = "_"
@@ -34,16 +34,16 @@ class Scope:
     """The entries of one tree, as its nodes name them."""
 
     def __init__(
-        self, outer: Scope | None = None, *, remapped: Mapping[str, str] | None = None, remaps_all: bool = False
+        self, outer_scope: Scope | None = None, *, remapped: Mapping[str, str] | None = None, remaps_all: bool = False
     ) -> None:
         """Begin without entries.
 
         Args:
-            outer: the scope of the tree that has this one as a subtree.
+            outer_scope: the scope of the tree that has this one as a subtree.
             remapped: the names of entries in the outer scope, by their names in this scope.
             remaps_all: whether all other names, unless private, are those of the outer scope (`_autoremap`).
         """
-        self._outer = outer
+        self._outer_scope = outer_scope
         self._remapped = dict(remapped or {})
         self._remaps_all = remaps_all
         self._constants: set[str] = set()
@@ -52,11 +52,11 @@ class Scope:
 
     def within(self, remapped: Mapping[str, str], constants: Mapping[str, str], *, remaps_all: bool) -> Scope:
         """Return the scope of a subtree; constants are initial entries of its own."""
-        inner = Scope(self, remapped=remapped, remaps_all=remaps_all)
-        inner._constants.update(constants)
+        inner_scope = Scope(self, remapped=remapped, remaps_all=remaps_all)
+        inner_scope._constants.update(constants)
         for name, value in constants.items():
-            inner.create(name, value)
-        return inner
+            inner_scope.create(name, value)
+        return inner_scope
 
     def get(self, name: str) -> Any:
         """Return the value of an entry.
@@ -127,11 +127,11 @@ class Scope:
     def _owner(self, name: str) -> tuple[Scope, str]:
         """Return the scope that holds an entry, and the entry's name there."""
         scope, own_name = self, name
-        while scope._outer is not None:
+        while scope._outer_scope is not None:
             outer_name = scope._outer_name(own_name)
             if outer_name is None:
                 break
-            scope, own_name = scope._outer, outer_name
+            scope, own_name = scope._outer_scope, outer_name
         return scope, own_name.removeprefix(GLOBAL)
 
     def _outer_name(self, name: str) -> str | None:
@@ -150,17 +150,17 @@ class Scope:
         if entry is None:
             self._entries[name] = _Entry(value)
             return
-        entry.value = _fitting(name, entry.value, value)
+        entry.value = _converted_value(name, entry.value, value)
         entry.writes += 1
 
 
-def _fitting(name: str, present: object, value: object) -> object:
+def _converted_value(name: str, present_value: object, value: object) -> object:
     """Return a new value for an entry; for an entry that holds a number, the text of a number becomes a number."""
-    if _family(present) == _family(value):
+    if _family(present_value) == _family(value):
         return value
-    number = number_in(value) if _family(present) == NUMBER and isinstance(value, str) else None
+    number = number_in(value) if _family(present_value) == NUMBER and isinstance(value, str) else None
     if number is None:
-        raise TreeError(f"the entry {name!r} holds a {_family(present)}, and {value!r} is a {_family(value)}")
+        raise TreeError(f"the entry {name!r} holds a {_family(present_value)}, and {value!r} is a {_family(value)}")
     return number
 
 
@@ -187,7 +187,7 @@ def number_in(value: object) -> int | float | None:
     return {"true": 1, "false": 0}.get(value)
 
 
-def plain(value: object) -> Any:
+def plain_value(value: object) -> Any:
     """Return a value as entries hold it, without `Operand`."""
     return value.value if isinstance(value, Operand) else value
 
@@ -195,7 +195,7 @@ def plain(value: object) -> Any:
 def equal(left: object, right: object) -> bool:
     """Return whether two values are equal; numbers may differ by the precision of a `float` in C++ (2**-23)."""
     if isinstance(left, int | float) and isinstance(right, int | float):
-        return left == right or abs(left - right) <= _EQUAL
+        return left == right or abs(left - right) <= _MAX_EQUAL_DIFFERENCE
     return left == right
 
 
@@ -205,9 +205,9 @@ def is_true(value: object) -> bool:
     Raises:
         TreeError: if it is neither a number nor a boolean.
     """
-    number = number_in(plain(value))
+    number = number_in(plain_value(value))
     if number is None:
-        raise TreeError(f"{plain(value)!r} is neither true nor false")
+        raise TreeError(f"{plain_value(value)!r} is neither true nor false")
     return bool(number)
 
 
@@ -231,22 +231,22 @@ class Operand:
         return is_true(self.value)
 
     def __eq__(self, other: object) -> bool:
-        return self._compared(other, "==", equal)
+        return self._compare(other, "==", equal)
 
     def __lt__(self, other: object) -> bool:
-        return self._compared(other, "<", lambda left, right: left < right)
+        return self._compare(other, "<", lambda left, right: left < right)
 
     def __le__(self, other: object) -> bool:
-        return self._compared(other, "<=", lambda left, right: left <= right)
+        return self._compare(other, "<=", lambda left, right: left <= right)
 
     def __gt__(self, other: object) -> bool:
-        return self._compared(other, ">", lambda left, right: left > right)
+        return self._compare(other, ">", lambda left, right: left > right)
 
     def __ge__(self, other: object) -> bool:
-        return self._compared(other, ">=", lambda left, right: left >= right)
+        return self._compare(other, ">=", lambda left, right: left >= right)
 
     def __add__(self, other: object) -> Operand:
-        return _sum(self.value, plain(other))
+        return _sum(self.value, plain_value(other))
 
     def __radd__(self, other: object) -> Operand:
         return _sum(other, self.value)
@@ -267,7 +267,7 @@ class Operand:
 
     def __truediv__(self, other: object) -> Operand:
         left, right = _numbers("/", self.value, other)
-        return Operand(left / right if right else _by_zero(left, right))
+        return Operand(left / right if right else _quotient_by_zero(left, right))
 
     def __rtruediv__(self, other: object) -> Operand:
         return Operand(other) / self
@@ -277,13 +277,13 @@ class Operand:
 
     def _pair(self, other: object) -> tuple[Any, Any]:
         """Return both values, as numbers if one is a number and the other the text of one."""
-        left, right = self.value, plain(other)
+        left, right = self.value, plain_value(other)
         if _family(left) == _family(right):
             return left, right
         numbers = number_in(left), number_in(right)
         return (left, right) if None in numbers else numbers
 
-    def _compared(self, other: object, sign: str, compare: Callable[[Any, Any], bool]) -> bool:
+    def _compare(self, other: object, sign: str, compare: Callable[[Any, Any], bool]) -> bool:
         left, right = self._pair(other)
         comparable = (NUMBER, TEXT) if compare is not equal else (NUMBER, TEXT, _family(left))
         if _family(left) != _family(right) or _family(left) not in comparable:
@@ -292,7 +292,7 @@ class Operand:
 
 
 def _numbers(sign: str, left: object, right: object) -> tuple[int | float, int | float]:
-    values = plain(left), plain(right)
+    values = plain_value(left), plain_value(right)
     if _family(values[0]) != NUMBER or _family(values[1]) != NUMBER:
         raise TreeError(f"{values[0]!r} {sign} {values[1]!r}: this operator needs two numbers")
     return values
@@ -305,7 +305,7 @@ def _sum(left: object, right: object) -> Operand:
     return Operand(first + second)
 
 
-def _by_zero(left: float, right: float) -> float:
+def _quotient_by_zero(left: float, right: float) -> float:
     """Return the result of a division by zero for a `double` in C++."""
     if left == 0 or math.isnan(left):
         return math.nan

@@ -9,7 +9,7 @@ from codra_dsl.runtime.behavior_trees.result import Result
 from codra_dsl.runtime.knowledge import AgentHandle, ConflictError, Knowledge, Request, Stage
 
 UNSEEN = "unseen"
-"""The reason of a task that ended between two ticks and was requested again by another agent."""
+"""The reason of a task that ended between two ticks and was requested again by another requester."""
 
 
 class Task(Action):
@@ -72,8 +72,8 @@ class Task(Action):
             ports.set("reason", handover.reason)
             return Result.FAILURE
         ports.set("result", handover.result)
-        good = self._succeeds_with is None or handover.result in self._succeeds_with
-        return Result.SUCCESS if good else Result.FAILURE
+        is_success = self._succeeds_with is None or handover.result in self._succeeds_with
+        return Result.SUCCESS if is_success else Result.FAILURE
 
     def halt(self, ports: Ports) -> None:  # noqa: ARG002
         """Abort the task, unless it has ended by itself."""

@@ -11,10 +11,10 @@ import math
 from dataclasses import dataclass
 
 from codra_dsl.runtime.geometry.motion import ANY_MOTION, Motion, Outcome, Placement, Track
-from codra_dsl.runtime.geometry.pose import IDENTITY, Pose, chained
+from codra_dsl.runtime.geometry.pose import IDENTITY, Pose, chain_poses
 from codra_dsl.runtime.values.persistent import PersistentMap
 
-MOST_KEPT = 4096
+MAX_CACHED_TRANSFORMS = 4096
 """The maximum number of cached transforms."""
 
 
@@ -40,7 +40,7 @@ class Transform:
     weakest: str = ""
 
 
-_Answer = tuple[Transform, tuple[tuple[str, Track], ...]]
+_CachedTransform = tuple[Transform, tuple[tuple[str, Track], ...]]
 """A transform, and the tracks that it was computed from."""
 
 
@@ -50,12 +50,12 @@ class Frames:
     Objects that are derived from each other share their cache.
     """
 
-    __slots__ = ("_answers", "_tracks")
+    __slots__ = ("_cache", "_tracks")
 
     def __init__(self) -> None:
         """Begin without frames."""
         self._tracks: PersistentMap[str, Track] = PersistentMap()
-        self._answers: dict[tuple[str, str, float], _Answer] = {}
+        self._cache: dict[tuple[str, str, float], _CachedTransform] = {}
 
     def with_pose(self, child: str, parent: str, pose: Pose, stamp_s: float, motion: Motion = ANY_MOTION) -> Frames:
         """Return the frames with a pose of one frame from an instant on, until its next pose.
@@ -75,17 +75,17 @@ class Frames:
         if not isinstance(pose, Pose):
             raise ValueError(f"{child!r} needs a Pose, not a {type(pose).__name__}")
         pose = pose.checked()
-        tracks, known = self._tracks, self._tracks.get(child)
-        track = known or Track()
-        goes_on = len(track) and track.parent == parent and stamp_s >= track.newest_s
-        # A new frame has no descendants, and a frame that continues in its parent was already there.
+        tracks, known_track = self._tracks, self._tracks.get(child)
+        track = known_track or Track()
+        keeps_parent = len(track) and track.parent == parent and stamp_s >= track.newest_s
+        # A new frame has no descendants, and a frame that keeps its parent has been its descendant before.
         if child == parent or (
-            known is not None and not goes_on and self._is_within(parent, child, *track.reach(stamp_s))
+            known_track is not None and not keeps_parent and self._is_descendant(parent, child, *track.reach(stamp_s))
         ):
             raise FrameError(f"{child!r} cannot be placed in {parent!r} from {stamp_s:g} s on: this makes a cycle")
         if parent not in tracks:
             tracks = tracks.with_entry(parent, Track())
-        return self._with(tracks.with_entry(child, track.with_pose(stamp_s, parent, pose, motion)))
+        return self._with_tracks(tracks.with_entry(child, track.with_pose(stamp_s, parent, pose, motion)))
 
     def without_parent(self, child: str, stamp_s: float) -> Frames:
         """Return the frames in which one frame has no parent from an instant on, until its next pose.
@@ -95,13 +95,13 @@ class Frames:
             ValueError: if the stamp is not finite.
         """
         _check_instant(stamp_s)
-        track = self._known(child)
+        track = self._track_of(child)
         motion = track.motion if len(track) else ANY_MOTION
-        return self._with(self._tracks.with_entry(child, track.with_pose(stamp_s, None, IDENTITY, motion)))
+        return self._with_tracks(self._tracks.with_entry(child, track.with_pose(stamp_s, None, IDENTITY, motion)))
 
     def without(self, name: str) -> Frames:
         """Return the frames without one frame and its history."""
-        return self._with(self._tracks.without(name))
+        return self._with_tracks(self._tracks.without(name))
 
     def __contains__(self, name: object) -> bool:
         return name in self._tracks
@@ -116,7 +116,7 @@ class Frames:
         Raises:
             FrameError: if the frame is unknown.
         """
-        return self._known(name)
+        return self._track_of(name)
 
     def parent(self, name: str, instant_s: float) -> str | None:
         """Return the parent of a frame at an instant; None if it has none.
@@ -124,7 +124,7 @@ class Frames:
         Raises:
             FrameError: if the frame is unknown.
         """
-        placement = self._known(name).at(instant_s)
+        placement = self._track_of(name).at(instant_s)
         return None if placement is None else placement.parent
 
     def transform(self, target: str, source: str, instant_s: float) -> Transform:
@@ -139,7 +139,7 @@ class Frames:
             FrameError: if a frame is unknown, or the two were not connected then.
             ValueError: if the instant is NaN.
         """
-        return self._answer(target, source, instant_s)[0]
+        return self._cached_transform(target, source, instant_s)[0]
 
     def fresh_until_s(self, target: str, source: str, instant_s: float) -> float:
         """Return until when no edge between two frames is stale, if no further poses arrive.
@@ -147,7 +147,7 @@ class Frames:
         Raises:
             FrameError: if a frame is unknown, or the two were not connected at the instant.
         """
-        _, tracks = self._answer(target, source, instant_s)
+        _, tracks = self._cached_transform(target, source, instant_s)
         return min((track.newest_s + track.motion.valid_for_s for _, track in tracks), default=math.inf)
 
     def next_s(self, target: str, source: str, instant_s: float) -> float:
@@ -156,7 +156,7 @@ class Frames:
         Raises:
             FrameError: if a frame is unknown, or the two were not connected at the instant.
         """
-        _, tracks = self._answer(target, source, instant_s)
+        _, tracks = self._cached_transform(target, source, instant_s)
         return min((track.next_s(instant_s) for _, track in tracks), default=math.inf)
 
     def between(self, target: str, source: str, instant_s: float) -> tuple[str, ...]:
@@ -165,45 +165,45 @@ class Frames:
         Raises:
             FrameError: if a frame is unknown, or the two were not connected at the instant.
         """
-        return tuple(name for name, _ in self._answer(target, source, instant_s)[1])
+        return tuple(name for name, _ in self._cached_transform(target, source, instant_s)[1])
 
-    def _answer(self, target: str, source: str, instant_s: float) -> _Answer:
+    def _cached_transform(self, target: str, source: str, instant_s: float) -> _CachedTransform:
         key = (target, source, instant_s)
-        kept = self._answers.get(key)
-        if kept is not None:
+        entry = self._cache.get(key)
+        if entry is not None:
             tracks = self._tracks
-            for name, track in kept[1]:
+            for name, track in entry[1]:
                 if tracks.get(name) is not track:
                     break
             else:
-                return kept
-        made = self._computed(target, source, instant_s)
-        if len(self._answers) >= MOST_KEPT:
-            self._answers.clear()
-        self._answers[key] = made
-        return made
+                return entry
+        entry = self._compute(target, source, instant_s)
+        if len(self._cache) >= MAX_CACHED_TRANSFORMS:
+            self._cache.clear()
+        self._cache[key] = entry
+        return entry
 
-    def _with(self, tracks: PersistentMap[str, Track]) -> Frames:
-        made = Frames.__new__(Frames)
-        made._tracks, made._answers = tracks, self._answers
-        return made
+    def _with_tracks(self, tracks: PersistentMap[str, Track]) -> Frames:
+        frames = Frames.__new__(Frames)
+        frames._tracks, frames._cache = tracks, self._cache
+        return frames
 
-    def _computed(self, target: str, source: str, instant_s: float) -> tuple[Transform, tuple[tuple[str, Track], ...]]:
+    def _compute(self, target: str, source: str, instant_s: float) -> tuple[Transform, tuple[tuple[str, Track], ...]]:
         if instant_s != instant_s:
             raise ValueError("the instant of a transform must not be NaN")
-        ups, downs = self._climb(source, instant_s), self._climb(target, instant_s)
+        ups, downs = self._placements_to_root(source, instant_s), self._placements_to_root(target, instant_s)
         common = next((name for name in ups if name in downs), None)
         if common is None:
             raise FrameError(
                 f"{source!r} and {target!r} were not connected at {instant_s:g} s: "
                 f"their roots were {list(ups)[-1]!r} and {list(downs)[-1]!r}"
             )
-        up, down = _below(common, ups), _below(common, downs)
-        inner, outer = _chained(up), _chained(down)
+        up, down = _placements_below(common, ups), _placements_below(common, downs)
+        source_pose, target_pose = _chained_pose(up), _chained_pose(down)
         parts = (*up, *down)
-        worst = max([(placement.outcome, placement.gap_s, name) for name, placement in parts], default=_CERTAIN)
+        worst = max([(placement.outcome, placement.gap_s, name) for name, placement in parts], default=_EXACT_PART)
         transform = Transform(
-            pose=outer.inverse() @ inner if down else inner,
+            pose=target_pose.inverse() @ source_pose if down else source_pose,
             outcome=worst[0],
             gap_s=max([placement.gap_s for _, placement in parts], default=0.0),
             weakest=worst[2] if worst[0] else "",
@@ -211,56 +211,56 @@ class Frames:
         # The ancestors of the common frame do not matter.
         return transform, tuple([(name, self._tracks[name]) for name, _ in parts])
 
-    def _climb(self, name: str, instant_s: float) -> dict[str, Placement | None]:
+    def _placements_to_root(self, name: str, instant_s: float) -> dict[str, Placement | None]:
         """Return a frame and its ancestors at an instant, each with its placement."""
-        climbed: dict[str, Placement | None] = {}
-        above: str | None = name
+        placements: dict[str, Placement | None] = {}
+        ancestor: str | None = name
         if name is None:
             raise FrameError("there is no frame None")
-        while above is not None:
-            if above in climbed:  # before a frame's history, its oldest pose is used, which can make a cycle
+        while ancestor is not None:
+            if ancestor in placements:  # before a frame's history, its oldest pose is used, which can make a cycle
                 raise FrameError(f"the ancestors of {name!r} at {instant_s:g} s are no longer in the history")
-            climbed[above] = placement = self._known(above).at(instant_s)
-            above = None if placement is None else placement.parent
-        return climbed
+            placements[ancestor] = placement = self._track_of(ancestor).at(instant_s)
+            ancestor = None if placement is None else placement.parent
+        return placements
 
-    def _known(self, name: str) -> Track:
+    def _track_of(self, name: str) -> Track:
         track = self._tracks.get(name)
         if track is None:
             raise FrameError(f"there is no frame {name!r}")
         return track
 
-    def _is_within(self, name: str, outer: str, start_s: float, end_s: float) -> bool:
+    def _is_descendant(self, name: str, ancestor: str, start_s: float, end_s: float) -> bool:
         """Return whether a frame is a descendant of another, or the same, at any instant of a half-open interval."""
-        waiting = [(start_s, end_s, name)]
-        while waiting:
-            from_s, until_s, inner = waiting.pop()
-            if inner == outer:
+        intervals = [(start_s, end_s, name)]
+        while intervals:
+            from_s, until_s, inner = intervals.pop()
+            if inner == ancestor:
                 return True
             track = self._tracks.get(inner)
             if track is not None:
-                waiting.extend(track.spans(from_s, until_s))
+                intervals.extend(track.spans(from_s, until_s))
         return False
 
 
-_CERTAIN = (Outcome.EXACT, 0.0, "")
+_EXACT_PART = (Outcome.EXACT, 0.0, "")
 
 
-def _below(common: str, climbed: dict[str, Placement | None]) -> list[tuple[str, Placement]]:
+def _placements_below(common: str, placements: dict[str, Placement | None]) -> list[tuple[str, Placement]]:
     """Return the placements below a common ancestor."""
-    below: list[tuple[str, Placement]] = []
-    for name, placement in climbed.items():
+    placements_below: list[tuple[str, Placement]] = []
+    for name, placement in placements.items():
         if name == common or placement is None:
             break
-        below.append((name, placement))
-    return below
+        placements_below.append((name, placement))
+    return placements_below
 
 
-def _chained(placements: list[tuple[str, Placement]]) -> Pose:
+def _chained_pose(placements: list[tuple[str, Placement]]) -> Pose:
     """Return the pose of the first frame in the parent of the last."""
     if not placements:
         return IDENTITY
-    return chained([placement.pose for _, placement in placements])
+    return chain_poses([placement.pose for _, placement in placements])
 
 
 def _check_instant(stamp_s: float) -> None:

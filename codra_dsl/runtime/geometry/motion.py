@@ -44,7 +44,7 @@ ANY_MOTION = Motion()
 LOOK_S = 0.01
 """The period for computing the pose of a frame while its motion is extrapolated."""
 
-_MOST_DROPPED = 64
+_MIN_OUTDATED_POSES = 64
 """The minimum number of outdated poses in the lists before they are copied without these."""
 
 
@@ -106,19 +106,19 @@ class Track:
         A pose of the same instant is replaced; a pose that is older than the history is dropped. Only one thread at a
         time may change tracks that share lists.
         """
-        made = Track.__new__(Track)
+        track = Track.__new__(Track)
         if (not self._end or stamp_s > self._stamps_s[self._end - 1]) and len(self._motions) == self._end:
-            self._share_with(made, self._start)
-            made._stamps_s.append(stamp_s)
-            made._parents.append(parent)
-            made._poses.append(pose)
-            made._motions.append(motion)  # appended last: its length shows whether another track has appended already
-            made._end = self._end + 1
+            self._share_with(track, self._start)
+            track._stamps_s.append(stamp_s)
+            track._parents.append(parent)
+            track._poses.append(pose)
+            track._motions.append(motion)  # appended last: its length shows whether another track has appended already
+            track._end = self._end + 1
         else:
-            made._copy(self)
-            made._put(stamp_s, parent, pose, motion)
-        made._drop_old()
-        return made
+            track._copy(self)
+            track._insert(stamp_s, parent, pose, motion)
+        track._drop_old()
+        return track
 
     def at(self, instant_s: float) -> Placement | None:
         """Return the placement of the frame at an instant; None if there is no pose."""
@@ -131,15 +131,15 @@ class Track:
         gap_s = instant_s - stamps_s[last]
         if gap_s == 0.0 or self._motions[last].is_static:
             return Placement(self._parents[last], self._poses[last])
-        if last + 1 < self._end and self._goes_on(last):
-            return self._between(last, gap_s)
-        return self._beyond(last, gap_s)
+        if last + 1 < self._end and self._has_same_motion(last):
+            return self._interpolated_placement(last, gap_s)
+        return self._placement_beyond(last, gap_s)
 
     def next_s(self, instant_s: float) -> float:
         """Return when to compute the present placement again, if no further poses arrive.
 
-        That is `LOOK_S` later while the motion is extrapolated, or when extrapolation or validity ends; infinite if the
-        placement no longer changes.
+        That is the earliest of three instants: `LOOK_S` later, while the motion is extrapolated; the end of the
+        extrapolation; the end of validity. It is infinite if the placement no longer changes.
         """
         if self._start == self._end or self.motion.is_static or self.parent is None:
             return math.inf
@@ -147,11 +147,13 @@ class Track:
         gap_s = instant_s - newest_s
         if gap_s >= motion.valid_for_s:
             return math.inf
-        stale_s = math.inf if motion.valid_for_s == math.inf else _first_at(newest_s, motion.valid_for_s)
-        is_moving = last > self._start and self._goes_on(last - 1) and self._poses[last - 1] != self._poses[last]
+        stale_s = math.inf if motion.valid_for_s == math.inf else _first_instant_s(newest_s, motion.valid_for_s)
+        is_moving = (
+            last > self._start and self._has_same_motion(last - 1) and self._poses[last - 1] != self._poses[last]
+        )
         if gap_s > motion.extrapolate_s or not is_moving:
             return stale_s
-        stops_s = _first_at(newest_s, math.nextafter(motion.extrapolate_s, math.inf))
+        stops_s = _first_instant_s(newest_s, math.nextafter(motion.extrapolate_s, math.inf))
         return min(stale_s, stops_s, instant_s + LOOK_S)
 
     def spans(self, start_s: float, end_s: float) -> Iterator[tuple[float, float, str]]:
@@ -173,24 +175,24 @@ class Track:
     def _until_s(self, position: int) -> float:
         return self._stamps_s[position + 1] if position + 1 < self._end else math.inf
 
-    def _goes_on(self, position: int) -> bool:
+    def _has_same_motion(self, position: int) -> bool:
         """Return whether a pose and the next one have the same parent and motion."""
         motion, after = self._motions[position], self._motions[position + 1]
         return self._parents[position + 1] == self._parents[position] and (after is motion or after == motion)
 
-    def _between(self, last: int, gap_s: float) -> Placement:
-        span_s = self._stamps_s[last + 1] - self._stamps_s[last]
-        pose = self._poses[last].towards(self._poses[last + 1], gap_s / span_s)
-        return Placement(self._parents[last], pose, Outcome.INTERPOLATED, min(gap_s, span_s - gap_s))
+    def _interpolated_placement(self, position: int, gap_s: float) -> Placement:
+        span_s = self._stamps_s[position + 1] - self._stamps_s[position]
+        pose = self._poses[position].towards(self._poses[position + 1], gap_s / span_s)
+        return Placement(self._parents[position], pose, Outcome.INTERPOLATED, min(gap_s, span_s - gap_s))
 
-    def _beyond(self, last: int, gap_s: float) -> Placement:
+    def _placement_beyond(self, last: int, gap_s: float) -> Placement:
         """Return the placement of the frame some time after its last pose in a parent."""
         parent, pose, motion = self._parents[last], self._poses[last], self._motions[last]
         if gap_s >= motion.valid_for_s:
             return Placement(parent, pose, Outcome.STALE, gap_s)
         if gap_s > motion.extrapolate_s:
             return Placement(parent, pose, Outcome.CLAMPED, gap_s)
-        if last > self._start and self._goes_on(last - 1):
+        if last > self._start and self._has_same_motion(last - 1):
             span_s = self._stamps_s[last] - self._stamps_s[last - 1]
             pose = self._poses[last - 1].towards(pose, 1.0 + gap_s / span_s)
         return Placement(parent, pose, Outcome.EXTRAPOLATED, gap_s)
@@ -201,12 +203,12 @@ class Track:
         other._start, other._end = start, self._end
 
     def _copy(self, other: Track) -> None:
-        seen = slice(other._start, other._end)
-        self._stamps_s, self._parents = other._stamps_s[seen], other._parents[seen]
-        self._poses, self._motions = other._poses[seen], other._motions[seen]
+        own_range = slice(other._start, other._end)
+        self._stamps_s, self._parents = other._stamps_s[own_range], other._parents[own_range]
+        self._poses, self._motions = other._poses[own_range], other._motions[own_range]
         self._start, self._end = 0, len(self._stamps_s)
 
-    def _put(self, stamp_s: float, parent: str | None, pose: Pose, motion: Motion) -> None:
+    def _insert(self, stamp_s: float, parent: str | None, pose: Pose, motion: Motion) -> None:
         """Insert a pose into the lists of this track, which no other track shares."""
         position = bisect_left(self._stamps_s, stamp_s)
         end = position + (position < self._end and self._stamps_s[position] == stamp_s)
@@ -217,14 +219,14 @@ class Track:
         self._end = len(self._stamps_s)
 
     def _drop_old(self) -> None:
-        """Drop poses older than the history, except for the last one before it, which holds at its begin."""
+        """Drop poses older than the history, except for the last one before it, which holds at its beginning."""
         begin_s = self._stamps_s[self._end - 1] - self._motions[self._end - 1].history_s
         self._start = max(self._start, bisect_right(self._stamps_s, begin_s, self._start, self._end) - 1)
-        if self._start > _MOST_DROPPED and self._start > self._end // 2:
+        if self._start > _MIN_OUTDATED_POSES and self._start > self._end // 2:
             self._copy(self)
 
 
-def _first_at(stamp_s: float, gap_s: float) -> float:
+def _first_instant_s(stamp_s: float, gap_s: float) -> float:
     """Return the first instant whose floating-point difference to another is at least a duration."""
     instant_s = stamp_s + gap_s
     while instant_s - stamp_s < gap_s:

@@ -18,13 +18,13 @@ Quaternion = tuple[float, float, float, float]
 NO_TRANSLATION: Vector = (0.0, 0.0, 0.0)
 NO_ROTATION: Quaternion = (1.0, 0.0, 0.0, 0.0)
 
-_NEARLY_PARALLEL = 1.0 - 1e-9
+_NEARLY_PARALLEL_COSINE = 1.0 - 1e-9
 """The cosine beyond which slerp would divide by almost zero, and linear interpolation is as good."""
 
 _SMALLEST_NORM = 1e-9
-_ORTHONORMAL = 1e-6
+_ORTHONORMAL_TOLERANCE = 1e-6
 
-_UNIT = 1e-12
+_NORM_TOLERANCE = 1e-12
 """The tolerance for the squared norm of a unit quaternion; products of many quaternions deviate that far from 1."""
 
 
@@ -47,9 +47,9 @@ class Pose:
         Raises:
             ValueError: if there are not 3 and 4 finite numbers, or the quaternion is almost zero.
         """
-        x, y, z = _finite(translation_m, 3, "a translation")
-        w, i, j, k = _finite(rotation, 4, "a quaternion")
-        return cls((x, y, z), _unit((w, i, j, k)))
+        x, y, z = _finite_numbers(translation_m, 3, "a translation")
+        w, i, j, k = _finite_numbers(rotation, 4, "a quaternion")
+        return cls((x, y, z), _normalized_quaternion((w, i, j, k)))
 
     def checked(self) -> Pose:
         """Return this pose, if it is a rigid motion of immutable numbers, or else the pose that `of` returns for it.
@@ -57,18 +57,21 @@ class Pose:
         Raises:
             ValueError: if it is not a rigid motion, as `of` does.
         """
-        moved, turned = self.translation_m, self.rotation
-        if type(moved) is tuple is type(turned) and len(moved) == 3 and len(turned) == 4:
-            (x, y, z), (w, i, j, k) = moved, turned
+        translation_m, rotation = self.translation_m, self.rotation
+        if type(translation_m) is tuple is type(rotation) and len(translation_m) == 3 and len(rotation) == 4:
+            (x, y, z), (w, i, j, k) = translation_m, rotation
             try:
                 is_unit = (
-                    abs(w * w + i * i + j * j + k * k - 1.0) < _UNIT and isfinite(x) and isfinite(y) and isfinite(z)
+                    abs(w * w + i * i + j * j + k * k - 1.0) < _NORM_TOLERANCE
+                    and isfinite(x)
+                    and isfinite(y)
+                    and isfinite(z)
                 )
             except (TypeError, OverflowError):
                 is_unit = False
             if is_unit:
                 return self
-        return Pose.of(moved, turned)
+        return Pose.of(translation_m, rotation)
 
     @classmethod
     def about(cls, axis: Sequence[float], angle_rad: float, translation_m: Sequence[float] = NO_TRANSLATION) -> Pose:
@@ -77,7 +80,7 @@ class Pose:
         Raises:
             ValueError: if the axis is almost zero, or a number is not finite.
         """
-        direction = _finite(axis, 3, "an axis")
+        direction = _finite_numbers(axis, 3, "an axis")
         length = math.hypot(*direction)
         if length < _SMALLEST_NORM:
             raise ValueError("an axis needs a direction: its numbers must not all be 0")
@@ -91,7 +94,7 @@ class Pose:
         Raises:
             ValueError: if it is not in SE(3).
         """
-        rows = [_finite(row, 4, "a row of the matrix") for row in matrix]
+        rows = [_finite_numbers(row, 4, "a row of the matrix") for row in matrix]
         if len(rows) != 4 or not _is_rigid(rows):
             raise ValueError("a rigid motion is a 4 x 4 matrix: a rotation, a translation, and 0 0 0 1 in the last row")
         return cls.of([row[3] for row in rows[:3]], _quaternion_of(rows))
@@ -109,20 +112,20 @@ class Pose:
 
     def __matmul__(self, inner: Pose) -> Pose:
         """Return the pose in the outer frame of a frame whose pose in this frame is `inner`."""
-        ix, iy, iz = _turned(self.rotation, inner.translation_m)
+        ix, iy, iz = _rotated_vector(self.rotation, inner.translation_m)
         tx, ty, tz = self.translation_m
-        return _pose((tx + ix, ty + iy, tz + iz), _product(self.rotation, inner.rotation))
+        return _new_pose((tx + ix, ty + iy, tz + iz), _product(self.rotation, inner.rotation))
 
     def inverse(self) -> Pose:
         """Return the pose of the outer frame in the inner one."""
         w, x, y, z = self.rotation
-        back = (w, -x, -y, -z)
-        tx, ty, tz = _turned(back, self.translation_m)
-        return _pose((-tx, -ty, -tz), back)
+        inverse_rotation = (w, -x, -y, -z)
+        tx, ty, tz = _rotated_vector(inverse_rotation, self.translation_m)
+        return _new_pose((-tx, -ty, -tz), inverse_rotation)
 
     def apply(self, point_m: Vector) -> Vector:
         """Return the coordinates in the outer frame of a point given in the inner one."""
-        x, y, z = _turned(self.rotation, point_m)
+        x, y, z = _rotated_vector(self.rotation, point_m)
         tx, ty, tz = self.translation_m
         return (tx + x, ty + y, tz + z)
 
@@ -134,8 +137,8 @@ class Pose:
             share: 0 is this pose, 1 the other; outside of [0, 1], the motion is extrapolated.
         """
         a, b = self.translation_m, other.translation_m
-        moved = (a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]), a[2] + share * (b[2] - a[2]))
-        return _pose(moved, _slerp(self.rotation, other.rotation, share))
+        translation_m = (a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]), a[2] + share * (b[2] - a[2]))
+        return _new_pose(translation_m, _slerp(self.rotation, other.rotation, share))
 
     def distance_m(self, other: Pose) -> float:
         """Return the distance between the two origins."""
@@ -151,30 +154,30 @@ IDENTITY = Pose()
 
 
 @dataclass(slots=True)
-class _Draft:
+class _MutablePose:
     """The fields of a pose, in the same order, before it becomes immutable."""
 
     translation_m: Vector
     rotation: Quaternion
 
 
-def _pose(translation_m: Vector, rotation: Quaternion) -> Pose:
+def _new_pose(translation_m: Vector, rotation: Quaternion) -> Pose:
     """Return a pose in half the time of its constructor: a frozen class sets each of its fields by a call."""
-    made: Any = _Draft(translation_m, rotation)
-    made.__class__ = Pose
-    frozen: Pose = made
+    pose: Any = _MutablePose(translation_m, rotation)
+    pose.__class__ = Pose
+    frozen: Pose = pose
     return frozen
 
 
-def chained(poses: Sequence[Pose]) -> Pose:
+def chain_poses(poses: Sequence[Pose]) -> Pose:
     """Return the pose of the first frame in the last, given one or more poses, each in the frame of the next."""
     (x, y, z), rotation = poses[0].translation_m, poses[0].rotation
     for pose in poses[1:]:
-        by, (tx, ty, tz) = pose.rotation, pose.translation_m
-        x, y, z = _turned(by, (x, y, z))
+        next_rotation, (tx, ty, tz) = pose.rotation, pose.translation_m
+        x, y, z = _rotated_vector(next_rotation, (x, y, z))
         x, y, z = tx + x, ty + y, tz + z
-        rotation = _product(by, rotation)
-    return _pose((x, y, z), rotation)
+        rotation = _product(next_rotation, rotation)
+    return _new_pose((x, y, z), rotation)
 
 
 def _product(a: Quaternion, b: Quaternion) -> Quaternion:
@@ -188,9 +191,9 @@ def _product(a: Quaternion, b: Quaternion) -> Quaternion:
     )
 
 
-def _turned(by: Quaternion, v: Vector) -> Vector:
+def _rotated_vector(rotation: Quaternion, v: Vector) -> Vector:
     """Return a vector turned by a unit quaternion: v + 2 w (u x v) + 2 u x (u x v)."""
-    w, x, y, z = by
+    w, x, y, z = rotation
     vx, vy, vz = v
     cx, cy, cz = 2 * (y * vz - z * vy), 2 * (z * vx - x * vz), 2 * (x * vy - y * vx)
     return (vx + w * cx + y * cz - z * cy, vy + w * cy + z * cx - x * cz, vz + w * cz + x * cy - y * cx)
@@ -202,17 +205,24 @@ def _slerp(a: Quaternion, b: Quaternion, share: float) -> Quaternion:
     cosine = aw * bw + ax * bx + ay * by + az * bz
     sign = -1.0 if cosine < 0.0 else 1.0  # q and -q are the same rotation: take the one with the shorter turn
     cosine = abs(cosine)
-    if cosine > _NEARLY_PARALLEL:
-        of_a, of_b = 1.0 - share, share
+    if cosine > _NEARLY_PARALLEL_COSINE:
+        weight_a, weight_b = 1.0 - share, share
     else:
         angle_rad = math.acos(cosine)
         sine = math.sin(angle_rad)
-        of_a, of_b = math.sin((1.0 - share) * angle_rad) / sine, math.sin(share * angle_rad) / sine
-    of_b *= sign
-    return _unit((of_a * aw + of_b * bw, of_a * ax + of_b * bx, of_a * ay + of_b * by, of_a * az + of_b * bz))
+        weight_a, weight_b = math.sin((1.0 - share) * angle_rad) / sine, math.sin(share * angle_rad) / sine
+    weight_b *= sign
+    return _normalized_quaternion(
+        (
+            weight_a * aw + weight_b * bw,
+            weight_a * ax + weight_b * bx,
+            weight_a * ay + weight_b * by,
+            weight_a * az + weight_b * bz,
+        )
+    )
 
 
-def _unit(quaternion: Quaternion) -> Quaternion:
+def _normalized_quaternion(quaternion: Quaternion) -> Quaternion:
     w, x, y, z = quaternion
     norm = math.sqrt(w * w + x * x + y * y + z * z)
     if not norm > _SMALLEST_NORM:
@@ -220,22 +230,22 @@ def _unit(quaternion: Quaternion) -> Quaternion:
     return (w / norm, x / norm, y / norm, z / norm)
 
 
-def _finite(numbers: Sequence[float], count: int, what: str) -> list[float]:
+def _finite_numbers(numbers: Sequence[float], count: int, what: str) -> list[float]:
     try:
-        finite = [float(number) for number in numbers]
+        floats = [float(number) for number in numbers]
     except (TypeError, ValueError, OverflowError):
-        finite = []
-    if len(finite) != count or not all(map(isfinite, finite)):
+        floats = []
+    if len(floats) != count or not all(map(isfinite, floats)):
         raise ValueError(f"{what} has {count} finite numbers, not {numbers!r}")
-    return finite
+    return floats
 
 
 def _is_rigid(rows: list[list[float]]) -> bool:
     a, b, c = zip(*(row[:3] for row in rows[:3]), strict=True)
     lengths = [_dot(a, a) - 1.0, _dot(b, b) - 1.0, _dot(c, c) - 1.0]
-    is_orthonormal = max(map(abs, (*lengths, _dot(a, b), _dot(b, c), _dot(c, a)))) < _ORTHONORMAL
-    across = (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
-    is_right_handed = _dot(across, c) > 0.0
+    is_orthonormal = max(map(abs, (*lengths, _dot(a, b), _dot(b, c), _dot(c, a)))) < _ORTHONORMAL_TOLERANCE
+    cross_product = (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+    is_right_handed = _dot(cross_product, c) > 0.0
     return is_orthonormal and is_right_handed and rows[3] == [0.0, 0.0, 0.0, 1.0]
 
 

@@ -142,7 +142,7 @@ class Transaction(Writer):
     writes. If the graph has changed by the end, all operations are applied again to the graph of that moment.
     """
 
-    __slots__ = ("_applied", "_attempt", "_error", "_is_over", "_turn")
+    __slots__ = ("_applied_operations", "_attempt", "_error", "_is_over", "_turn")
 
     def __init__(self, attempt: Callable[[Operation], Any], turn: AbstractContextManager[object]) -> None:
         """Begin without changes.
@@ -152,19 +152,19 @@ class Transaction(Writer):
             turn: the lock of the graph. The transaction ends while it holds the turn, so no other write comes in
                 between.
         """
-        super().__init__(self._do)
+        super().__init__(self._execute)
         self._attempt = attempt
         self._turn = turn
         self._is_over = False
-        self._applied: list[tuple[Operation, Any]] = []
+        self._applied_operations: list[tuple[Operation, Any]] = []
         self._error: BaseException | None = None
 
     @property
     def operations(self) -> tuple[Operation, ...]:
         """Return the operations applied so far."""
-        return tuple(operation for operation, _ in self._applied)
+        return tuple(operation for operation, _ in self._applied_operations)
 
-    def _do(self, verb: Verb, arguments: tuple[Any, ...]) -> Any:
+    def _execute(self, verb: Verb, arguments: tuple[Any, ...]) -> Any:
         operation = Operation(verb, arguments)
         with self._turn:
             if self._is_over:
@@ -174,7 +174,7 @@ class Transaction(Writer):
             except BaseException as error:
                 self._error = error
                 raise
-            self._applied.append((operation, result))
+            self._applied_operations.append((operation, result))
         return result
 
     def end(self) -> None:
@@ -193,7 +193,7 @@ class Transaction(Writer):
         Raises:
             ConflictError: if an operation returns another result than it returned to the program.
         """
-        for operation, result in self._applied:
+        for operation, result in self._applied_operations:
             if operation.apply(change_set) != result:
                 raise ConflictError(
                     "the task was requested again while this transaction was open: begin another transaction"

@@ -33,8 +33,8 @@ from codra_dsl.runtime.values.persistent import PersistentMap
 _convert_name = text().converter()
 """Checks that a name is text that can be written to a file."""
 
-_KEEP_POSES_S = 10.0
-"""How long the poses of a deleted node are kept if its edge does not declare the length of their history."""
+_DELETED_HISTORY_S = 10.0
+"""How long the poses of a deleted node are kept if the history of its edge has no limit."""
 
 Touched = tuple[str, str]
 """The subject of a change: `node`, `edge` or `frame` with a type or a name; or a node's name with an attribute."""
@@ -120,24 +120,24 @@ class ChangeSet:
         if self._new_edges:
             state.edges = state.edges.with_changes(self._new_edges)
         index = state.index
-        if index.added > index.compact_at:
-            state.index = index.compacted(state.nodes, state.edges)
+        if index.additions > index.compaction_threshold:
+            state.index = index.compacted_index(state.nodes, state.edges)
         return state
 
     def _grow(
         self,
         elements: PersistentMap[KeyT, ElementT],
-        changed: dict[KeyT, ElementT | None],
+        changed_elements: dict[KeyT, ElementT | None],
         key: KeyT,
         readings: _NewReadings,
     ) -> None:
         """Add readings to the histories of attributes; new histories are stored in the node or edge."""
-        element = changed.get(key) or elements[key]
+        element = changed_elements.get(key) or elements[key]
         for history, reading in readings:
-            known = element.histories.get(history.declared.model.name)
-            longer = (known or history).with_reading(reading, self._state.version)
-            if longer is not known:
-                changed[key] = element = element.with_history(longer)
+            known_history = element.histories.get(history.attribute.model.name)
+            longer_history = (known_history or history).with_reading(reading, self._state.version)
+            if longer_history is not known_history:
+                changed_elements[key] = element = element.with_history(longer_history)
 
     def undo(self) -> None:
         """Remove the readings that `state` has added to histories, because that state will never be the present one."""
@@ -180,7 +180,7 @@ class ChangeSet:
             self.set(name, attribute, value, None)
 
     def delete_node(self, name: str) -> None:
-        """Delete a node and all edges to and from it; its past poses stay available as long as they are kept."""
+        """Delete a node and all edges to and from it; its past poses stay available for the length of their history."""
         node = self.node(name)
         permissions = self.schema.node_type(node.type).permissions
         permissions.check(self.agent, f"nodes of type {node.type}")
@@ -188,7 +188,7 @@ class ChangeSet:
             raise NotASourceError(f"the node {name!r} cannot be deleted: context-variables are its attributes")
         if permissions.is_ranked:
             permissions.check_rank(self.agent, node.writer, name)
-        for key in sorted({*self._state.index.out(name), *self._state.index.into(name)}):
+        for key in sorted({*self._state.index.keys_from(name), *self._state.index.keys_to(name)}):
             self.remove(key)
         self._new_nodes[name] = None  # readings of the deleted node must not go to a new node of the same name
         self._new_readings.pop(name, None)
@@ -213,8 +213,8 @@ class ChangeSet:
     def set(self, name: str, attribute: str, value: object, evidence_s: float | None) -> None:
         """Write an attribute of a node."""
         history = self.history(name, attribute)
-        if self.agent not in history.declared.permissions.writers:
-            history.declared.permissions.refuse(self.agent, history.subject)
+        if self.agent not in history.attribute.permissions.writers:
+            history.attribute.permissions.refuse(self.agent, history.subject)
         self._write(name, history, value, evidence_s)
 
     def write(self, name: str, attribute: str, value: object) -> None:
@@ -224,20 +224,20 @@ class ChangeSet:
     def _write(self, name: str, history: History, value: object, evidence_s: float | None) -> None:
         reading = history.new_reading(self.agent, self.now_s, value, evidence_s, self._state.version - 1)
         self.add_reading(name, history, reading)
-        if history.declared.variable:
+        if history.attribute.variable:
             self.context_readings += (reading,)
         elif self.records is not None:
-            self._record_reading(history.declared, reading)
+            self._record_reading(history.attribute, reading)
 
     def history(self, name: str, attribute: str) -> History:
-        """Return the history of an attribute of a node; it is empty if only this change set has written it."""
+        """Return the history of an attribute of a node; it is empty if it was not written before this change set."""
         node = self.node(name)
         return node.histories.get(attribute) or History(self.schema.attribute(node, attribute), f"{name}.{attribute}")
 
     def add_reading(self, name: str, history: History, reading: Reading[Value]) -> None:
         """Add a reading of an attribute of a node."""
         self._new_readings.setdefault(name, []).append((history, reading))
-        self.touched.append((name, history.declared.model.name))
+        self.touched.append((name, history.attribute.model.name))
 
     # Edges
 
@@ -256,15 +256,15 @@ class ChangeSet:
         """Insert an edge without a permission check, or update the last writer of an existing one."""
         label, type_name = edge_type.label, edge_type.model.name
         key = (origin, label, target)
-        known = self._edge_at(key)
-        if known is not None and known.type == type_name:
-            if known.writer != self.agent:
+        present_edge = self._edge_at(key)
+        if present_edge is not None and present_edge.type == type_name:
+            if present_edge.writer != self.agent:
                 if edge_type.permissions.is_ranked:
-                    edge_type.permissions.check_rank(self.agent, known.writer, str(known))
-                self._new_edges[key] = known._replace(writer=self.agent)
+                    edge_type.permissions.check_rank(self.agent, present_edge.writer, str(present_edge))
+                self._new_edges[key] = present_edge._replace(writer=self.agent)
                 self.touched.append(("edge", type_name))
                 if self.records is not None:
-                    self._record_edge(known, "edge_inserted")
+                    self._record_edge(present_edge, "edge_inserted")
             return
         start, end = self.node(origin), self.node(target)
         if not edge_type.fits(start, end):
@@ -272,8 +272,8 @@ class ChangeSet:
                 f"edges of type {type_name!r} go from {' or '.join(edge_type.model.origins)} to "
                 f"{' or '.join(edge_type.model.targets)}, not from {start.type} {origin!r} to {end.type} {target!r}"
             )
-        if known is not None:
-            self._remove_edge(known)
+        if present_edge is not None:
+            self._remove_edge(present_edge)
         state = self._state
         number = state.next_number
         state.next_number = number + 1
@@ -305,18 +305,18 @@ class ChangeSet:
     ) -> None:
         """Write an attribute of an edge."""
         edge = self.edge(origin, type_name, target)
-        declared = self.schema.attribute_of_edge(edge, attribute)
-        history = edge.histories.get(attribute) or History(declared, f"{edge}.{attribute}")
-        declared.permissions.check(self.agent, history.subject)
+        attribute_declaration = self.schema.attribute_of_edge(edge, attribute)
+        history = edge.histories.get(attribute) or History(attribute_declaration, f"{edge}.{attribute}")
+        attribute_declaration.permissions.check(self.agent, history.subject)
         reading = history.new_reading(self.agent, self.now_s, value, evidence_s, self._state.version - 1)
         self._new_readings.setdefault(edge.key, []).append((history, reading))
         self.touched.append(("edge", type_name))
         if self.records is not None:
-            self._record_reading(declared, reading, f"{origin} -{type_name}-> {target}.{attribute}")
+            self._record_reading(attribute_declaration, reading, f"{origin} -{type_name}-> {target}.{attribute}")
 
     def _edge_at(self, key: EdgeKey) -> Edge | None:
-        changed = self._new_edges
-        return changed[key] if changed and key in changed else self._state.edges.get(key)
+        new_edges = self._new_edges
+        return new_edges[key] if new_edges and key in new_edges else self._state.edges.get(key)
 
     def remove(self, key: EdgeKey) -> None:
         """Remove an edge, if it exists, without a permission check."""
@@ -345,11 +345,16 @@ class ChangeSet:
         stamp_s = self.now_s if stamp_s is None else float(stamp_s)
         if not stamp_s <= self.now_s:
             raise ValueError(f"a pose of {target!r} was measured at {self.now_s} at the latest, not at {stamp_s}")
-        before = self._parent_edge(target)
-        if before is not None and before.writer != self.agent and edge_type.permissions.is_ranked:
-            self._check_rank_of_pose(edge_type, before)
-        if before is None or before.origin != origin or before.type != type_name or before.writer != self.agent:
-            self._place_on_new_edge(edge_type, origin, target, pose, stamp_s, before)
+        present_edge = self._parent_edge(target)
+        if present_edge is not None and present_edge.writer != self.agent and edge_type.permissions.is_ranked:
+            self._check_rank_of_pose(edge_type, present_edge)
+        if (
+            present_edge is None
+            or present_edge.origin != origin
+            or present_edge.type != type_name
+            or present_edge.writer != self.agent
+        ):
+            self._place_on_another_edge(edge_type, origin, target, pose, stamp_s, present_edge)
         else:
             self._state.frames = self._state.frames.with_pose(target, origin, pose, stamp_s, motion)
         self.touched.append(("frame", target))
@@ -357,10 +362,13 @@ class ChangeSet:
             pose_details = {"translation_m": list(pose.translation_m), "rotation": list(pose.rotation)}
             self._record(f"{origin} -{type_name}-> {target}", "placed", label=RT, evidence_s=stamp_s, **pose_details)
 
-    def _place_on_new_edge(  # noqa: PLR0917 - the arguments of `place`
-        self, edge_type: EdgeType, origin: str, target: str, pose: Pose, stamp_s: float, before: Edge | None
+    def _place_on_another_edge(  # noqa: PLR0917 - the arguments of `place`
+        self, edge_type: EdgeType, origin: str, target: str, pose: Pose, stamp_s: float, present_edge: Edge | None
     ) -> None:
-        """Set the pose of a node, on a new edge unless the node has newer poses on another edge."""
+        """Set the pose of a node on an edge other than its present one, or written by another agent.
+
+        If the node has newer poses, its present edge stays.
+        """
         motion = edge_type.model.motion
         if motion is None or not edge_type.fits(self.node(origin), self.node(target)):
             self.upsert_edge(edge_type, origin, target)  # raises the error about the types
@@ -368,14 +376,14 @@ class ChangeSet:
         self._state.frames = self._state.frames.with_pose(target, origin, pose, stamp_s, motion)
         if self._state.frames.track(target).newest_s > stamp_s:
             return
-        if before is not None and (before.origin != origin or before.type != edge_type.model.name):
-            self._detach(before)
+        if present_edge is not None and (present_edge.origin != origin or present_edge.type != edge_type.model.name):
+            self._detach(present_edge)
         self.upsert_edge(edge_type, origin, target)
 
-    def _check_rank_of_pose(self, edge_type: EdgeType, before: Edge) -> None:
-        transform = self._state.frames.track(before.target).at(self.now_s)
-        if transform is not None and transform.outcome is not Outcome.STALE:
-            edge_type.permissions.check_rank(self.agent, before.writer, str(before))
+    def _check_rank_of_pose(self, edge_type: EdgeType, present_edge: Edge) -> None:
+        placement = self._state.frames.track(present_edge.target).at(self.now_s)
+        if placement is not None and placement.outcome is not Outcome.STALE:
+            edge_type.permissions.check_rank(self.agent, present_edge.writer, str(present_edge))
 
     def _parent_edge(self, target: str) -> Edge | None:
         """Return the edge that holds the present pose of a node."""
@@ -391,22 +399,22 @@ class ChangeSet:
             self._state.frames = self._state.frames.without(name)
             return
         self._state.frames = self._state.frames.without_parent(name, max(self.now_s, track.newest_s))
-        self._state.deleted_s = {**self._forget_old_poses(), name: self.now_s}
+        self._state.deletion_times_s = {**self._forget_old_poses(), name: self.now_s}
 
     def _forget_old_poses(self) -> Mapping[str, float]:
         """Remove the poses of nodes that were deleted too long ago; return the other deleted nodes with their times."""
-        kept: dict[str, float] = {}
-        for name, deletion_s in self._state.deleted_s.items():
+        kept_times_s: dict[str, float] = {}
+        for name, deletion_s in self._state.deletion_times_s.items():
             if self.has_node(name):
                 continue
             history_s = self._state.frames.track(name).motion.history_s
-            if deletion_s < self.now_s - (history_s if history_s < math.inf else _KEEP_POSES_S):
+            if deletion_s < self.now_s - (history_s if history_s < math.inf else _DELETED_HISTORY_S):
                 self._state.frames = self._state.frames.without(name)
             else:
-                kept[name] = deletion_s
-        return kept
+                kept_times_s[name] = deletion_s
+        return kept_times_s
 
-    # Within
+    # Edges
 
     def _remove_edge(self, edge: Edge) -> None:
         if self.schema.edge_type(edge.type).model.motion is not None and self._parent_edge(edge.target) == edge:
@@ -455,7 +463,7 @@ class ChangeSet:
     def _record_edge(self, edge: Edge, what: str) -> None:
         self._record(f"{edge.origin} -{edge.type}-> {edge.target}", what, type=edge.type, label=edge.label)
 
-    def _record_reading(self, declared: Attribute, reading: Reading[Value], subject: str = "") -> None:
+    def _record_reading(self, attribute: Attribute, reading: Reading[Value], subject: str = "") -> None:
         until_s = reading.expires_s if reading.expires_s < math.inf else None
-        details = {"value": reading.content, "unit": declared.model.type.unit, "reason": reading.reason}
+        details = {"value": reading.content, "unit": attribute.model.type.unit, "reason": reading.reason}
         self._record(subject or reading.name, "written", evidence_s=reading.evidence_s, expires_s=until_s, **details)

@@ -20,13 +20,13 @@ class RefusedWrite(NamedTuple):
 
     Attributes:
         subject: the subject of the write.
-        why: the message of the error.
+        message: the message of the error.
         variable: the context-variable, if the subject is one; otherwise empty.
         value: the new value of the variable; None if it does not have the variable's type.
     """
 
     subject: str
-    why: str
+    message: str
     variable: str = ""
     value: Value | None = None
 
@@ -63,43 +63,43 @@ class ContextLink:
         for name, what, details in change_set.records or ():
             self.event_writer.write(Kind.KNOWLEDGE, name, what, version=version, **details)
 
-    def refuse(self, agent: str, refused: RefusedWrite) -> None:
+    def record_refusal(self, agent: str, refused_write: RefusedWrite) -> None:
         """Record a refused write; for a context-variable, also among the events of that variable.
 
         The refusal is an input: a replay takes it from the journal and does not derive it again.
         """
-        subject, why, variable, value = refused
+        subject, message, variable, value = refused_write
         if self.event_writer.takes_inputs:
-            about = {"variable": variable, "value": value} if variable else {}
-            self.event_writer.write_input(agent, "refused", subject=subject, message=why, **about)
-        self.event_writer.write(Kind.KNOWLEDGE, subject, "refused", agent=agent, message=why)
+            details = {"variable": variable, "value": value} if variable else {}
+            self.event_writer.write_input(agent, "refused", subject=subject, message=message, **details)
+        self.event_writer.write(Kind.KNOWLEDGE, subject, "refused", agent=agent, message=message)
         if variable:
             self.event_writer.write(Kind.VARIABLE, variable, "refused", value=value, source=agent)
 
-    def write_rule(self, agent: str, rule: str, became: str, message: str) -> None:
+    def write_rule(self, agent: str, rule: str, state: str, message: str) -> None:
         """Record the new state of an agent's rule."""
-        about = {"rule": rule, "message": message or None}
-        self.event_writer.write_input(agent, "rule", became=became, **about)
-        self.event_writer.write(Kind.KNOWLEDGE, f"{agent}.{rule}", became, agent=agent, **about)
+        details = {"rule": rule, "message": message or None}
+        self.event_writer.write_input(agent, "rule", became=state, **details)
+        self.event_writer.write(Kind.KNOWLEDGE, f"{agent}.{rule}", state, agent=agent, **details)
 
-    def refused(self, operation: Operation, why: str, nodes: Mapping[str, str]) -> RefusedWrite:
+    def refused_write(self, operation: Operation, message: str, nodes: Mapping[str, str]) -> RefusedWrite:
         """Return the record of a refused operation.
 
         Args:
             operation: the refused operation.
-            why: the message of the error.
+            message: the message of the error.
             nodes: the nodes of the context-variables, by variable.
         """
         if operation.verb is not Verb.SET:
-            return RefusedWrite(operation.subject, why)
+            return RefusedWrite(operation.subject, message)
         node, name, value, _ = operation.arguments
         variable = next(
             (candidate for candidate in self.variables if candidate.name == name and nodes[name] == node), None
         )
         if variable is None:
-            return RefusedWrite(operation.subject, why)
+            return RefusedWrite(operation.subject, message)
         try:
             content = None if value is None else variable.type.convert(value)
         except NotOfTypeError:
             content = None
-        return RefusedWrite(operation.subject, why, name, content)
+        return RefusedWrite(operation.subject, message, name, content)

@@ -33,7 +33,7 @@ class Writer:
 
     Attributes:
         agent: the name of the agent.
-        priority: while a value is valid, no writer with a lower priority can replace it.
+        priority: while a value is valid, no writer with a lower priority than its writer can replace it.
     """
 
     agent: str
@@ -242,12 +242,12 @@ class Path:
     links: tuple[Link, ...]
 
     def __str__(self) -> str:
-        schema = [_place_text(self.places[0])]
+        parts = [_place_text(self.places[0])]
         for link, place in zip(self.links, self.places[1:], strict=True):
             is_forward = link.direction is Direction.FORWARD
-            schema.append(f"-{link.edge}->" if is_forward else f"<-{link.edge}-")
-            schema.append(_place_text(place))
-        return " ".join(schema)
+            parts.append(f"-{link.edge}->" if is_forward else f"<-{link.edge}-")
+            parts.append(_place_text(place))
+        return " ".join(parts)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -332,7 +332,8 @@ class AgentModel:
     Attributes:
         phase: its role in a loop, if any.
         wakes: the patterns that wake it, independently of each other. If empty, the agent is always active.
-        owns: the subjects that it writes: `type`, `type.attribute`, `node.attribute`, or the name of a type of edges.
+        owns: the subjects that it may write: `type`, `type.attribute`, `node.attribute`, or the name of a type of
+            edges.
         reads: the subjects that its rules and wakes read, in the same notation.
     """
 
@@ -371,5 +372,5 @@ def _link(edge: str | Place | Link) -> Link:
 
 
 def _place_text(place: Place) -> str:
-    kind = place.name or (f"some {place.type}" if place.type else "anything")
-    return f"{kind} as {place.called}" if place.called else kind
+    node_text = place.name or (f"some {place.type}" if place.type else "anything")
+    return f"{node_text} as {place.called}" if place.called else node_text

@@ -18,11 +18,11 @@ from codra_dsl.runtime.knowledge.permissions import Permissions
 from codra_dsl.runtime.values.cell import Reading, Reason, known_reading
 from codra_dsl.runtime.values.model import NotOfTypeError
 
-_MOST_DROPPED = 64
+_MIN_OUTDATED_READINGS = 64
 """The minimum number of outdated readings that a history holds before a new history without them replaces it."""
 
-_ALWAYS = -1
-"""A version before that of every graph."""
+_BEFORE_ALL_VERSIONS = -1
+"""A number below every version of a graph."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,46 +45,44 @@ class History:
 
     Versions of the graph share a history. Newer evidence is appended, and readers of an earlier version skip it, so
     writing an attribute copies no node. Older evidence, or too many readings, create a new history for the versions
-    from then on. Appending requires the turn of the graph; reading needs no lock.
+    from then on. A thread may append only while it holds the graph's turn, the lock for writes; reading needs no lock.
 
     Attributes:
-        declared: the attribute.
+        attribute: the declaration of the attribute.
         subject: the name of the attribute in error messages.
         name: the name of the readings.
     """
 
-    __slots__ = ("_capacity", "_versioned", "declared", "name", "subject")
+    __slots__ = ("_capacity", "_entries", "attribute", "name", "subject")
 
-    def __init__(self, declared: Attribute, subject: str) -> None:
+    def __init__(self, attribute: Attribute, subject: str) -> None:
         """Create an empty history; only change sets hold empty histories."""
-        self._versioned: list[tuple[int, Reading[Value]]] = []
-        self.declared = declared
+        self._entries: list[tuple[int, Reading[Value]]] = []
+        self.attribute = attribute
         self.subject = subject
-        self.name = declared.variable or subject
-        self._capacity = 2 * declared.model.history + _MOST_DROPPED
+        self.name = attribute.variable or subject
+        self._capacity = 2 * attribute.model.history + _MIN_OUTDATED_READINGS
 
-    def present(self, version: int) -> Reading[Value]:
+    def reading_at(self, version: int) -> Reading[Value]:
         """Return the present reading of a version."""
-        versioned = self._versioned
-        first_version, reading = versioned[-1]
+        entries = self._entries
+        first_version, reading = entries[-1]
         return (
-            reading
-            if first_version <= version
-            else versioned[bisect_right(versioned, version, key=_first_version) - 1][1]
+            reading if first_version <= version else entries[bisect_right(entries, version, key=_first_version) - 1][1]
         )
 
-    def all(self, version: int) -> tuple[Reading[Value], ...]:
+    def readings_at(self, version: int) -> tuple[Reading[Value], ...]:
         """Return the readings of a version, the oldest first."""
-        end = bisect_right(self._versioned, version, key=_first_version)
-        return tuple(reading for _, reading in self._versioned[max(0, end - self.declared.model.history) : end])
+        end = bisect_right(self._entries, version, key=_first_version)
+        return tuple(reading for _, reading in self._entries[max(0, end - self.attribute.model.history) : end])
 
     def new_reading(
         self, agent: str, now_s: float, value: object, evidence_s: float | None, version: int
     ) -> Reading[Value]:
         """Return the reading of an agent's value, after a rank check against a version; None and NaN are unknown."""
-        declared = self.declared
+        attribute = self.attribute
         try:
-            content = None if value is None else declared.convert(value)
+            content = None if value is None else attribute.convert(value)
         except NotOfTypeError as error:
             raise NotOfTypeError(f"{self.subject}: {error}") from None
         if evidence_s is None:
@@ -93,10 +91,10 @@ class History:
             raise ValueError(f"evidence for {self.subject} was taken at {now_s} at the latest, not at {evidence_s}")
         else:
             evidence_s = float(evidence_s)
-        if declared.permissions.is_ranked and self._versioned:
-            before = self.present(version)
-            if before.source != agent and before.at(now_s).known:
-                declared.permissions.check_rank(agent, before.source, self.subject)
+        if attribute.permissions.is_ranked and self._entries:
+            present_reading = self.reading_at(version)
+            if present_reading.source != agent and present_reading.at(now_s).known:
+                attribute.permissions.check_rank(agent, present_reading.source, self.subject)
         if content is None:
             return Reading(
                 name=self.name,
@@ -106,25 +104,27 @@ class History:
                 identified_s=now_s,
                 source=agent,
             )
-        expires_s = evidence_s + declared.model.valid_for_s
+        expires_s = evidence_s + attribute.model.valid_for_s
         return known_reading(self.name, content, evidence_s, evidence_s, now_s, expires_s, agent)
 
     def with_reading(self, reading: Reading[Value], version: int) -> History:
         """Return the history with one more reading from a version on: this one, if the reading can be appended."""
-        versioned = self._versioned
-        if not versioned or (reading.evidence_s >= versioned[-1][1].evidence_s and len(versioned) < self._capacity):
-            versioned.append((version, reading))
+        entries = self._entries
+        if not entries or (reading.evidence_s >= entries[-1][1].evidence_s and len(entries) < self._capacity):
+            entries.append((version, reading))
             return self
-        most = max(1, self.declared.model.history)
-        longer = History(self.declared, self.subject)
-        longer._versioned = [(_ALWAYS, reading_before) for _, reading_before in versioned[-most:]]
-        insort_right(longer._versioned, (_ALWAYS, reading), key=_evidence_s)
-        del longer._versioned[:-most]
-        return longer
+        max_readings = max(1, self.attribute.model.history)
+        longer_history = History(self.attribute, self.subject)
+        longer_history._entries = [
+            (_BEFORE_ALL_VERSIONS, reading_before) for _, reading_before in entries[-max_readings:]
+        ]
+        insort_right(longer_history._entries, (_BEFORE_ALL_VERSIONS, reading), key=lambda entry: entry[1].evidence_s)
+        del longer_history._entries[:-max_readings]
+        return longer_history
 
     def remove(self, reading: Reading[Value]) -> None:
         """Remove a reading of a version that will never be the present one."""
-        self._versioned = [entry for entry in self._versioned if entry[1] is not reading]
+        self._entries = [entry for entry in self._entries if entry[1] is not reading]
 
 
 class Node(NamedTuple):
@@ -150,7 +150,7 @@ class Node(NamedTuple):
 
     def with_history(self, history: History) -> Self:
         """Return it with another history of one of its attributes."""
-        return self._replace(histories={**self.histories, history.declared.model.name: history})
+        return self._replace(histories={**self.histories, history.attribute.model.name: history})
 
     @property
     def attributes(self) -> Mapping[str, Reading[Any]]:
@@ -190,7 +190,7 @@ class Edge(NamedTuple):
 
     def with_history(self, history: History) -> Self:
         """Return it with another history of one of its attributes."""
-        return self._replace(histories={**self.histories, history.declared.model.name: history})
+        return self._replace(histories={**self.histories, history.attribute.model.name: history})
 
     @property
     def attributes(self) -> Mapping[str, Reading[Any]]:
@@ -210,7 +210,7 @@ ElementT = TypeVar("ElementT", Node, Edge)
 NO_HISTORIES: Mapping[str, History] = MappingProxyType({})
 
 
-def at_version(element: ElementT, version: int) -> ElementT:
+def element_at_version(element: ElementT, version: int) -> ElementT:
     """Return a node or edge for a version of the graph that contains it."""
     return new_tuple(type(element), (*element[:-1], version)) if element.histories else element
 
@@ -218,17 +218,17 @@ def at_version(element: ElementT, version: int) -> ElementT:
 def present_reading(element: Node | Edge, name: str, attribute: str) -> Reading[Value]:
     """Return the present reading of an attribute of a node or edge with a given name."""
     history = element.histories.get(attribute)
-    return never_observed(name, attribute) if history is None else history.present(element.version)
+    return never_observed_reading(name, attribute) if history is None else history.reading_at(element.version)
 
 
-def never_observed(name: str, attribute: str) -> Reading[Value]:
+def never_observed_reading(name: str, attribute: str) -> Reading[Value]:
     """Return the reading of an attribute that was never written."""
     return Reading(name=f"{name}.{attribute}", reason=Reason.NEVER_OBSERVED)
 
 
 def _readings(histories: Mapping[str, History], version: int) -> Mapping[str, Reading[Any]]:
     return MappingProxyType(
-        {name: cast("Reading[Any]", history.present(version)) for name, history in histories.items()}
+        {name: cast("Reading[Any]", history.reading_at(version)) for name, history in histories.items()}
     )
 
 
@@ -236,7 +236,3 @@ new_tuple = tuple.__new__
 """Creates a named tuple from all its fields, in half the time of a call of its class."""
 
 _first_version = itemgetter(0)
-
-
-def _evidence_s(entry: tuple[int, Reading[Value]]) -> float:
-    return entry[1].evidence_s

@@ -8,65 +8,65 @@ from collections.abc import Iterable
 from codra_dsl.runtime.knowledge.elements import Edge, EdgeKey, Node
 from codra_dsl.runtime.values.persistent import PersistentMap
 
-_MIN_ADDED = 1_000
+_MIN_ADDITIONS = 1_000
 """The minimum number of additions before the index is checked for deleted entries."""
 
 
 class GraphIndex:
-    """Names and keys of all nodes and edges of a state, and possibly of others.
+    """The names of all nodes and the keys of all edges of one state, and possibly those of other states.
 
     States share one index. A reader skips the entries that its state does not contain: entries of later states, and of
     nodes and edges that were deleted or never committed. An insertion therefore adds an entry, and a deletion does
-    nothing. Once most entries are obsolete, the next state gets an index of its own. Adding requires the turn of the
-    graph; reading needs no lock.
+    nothing. Once most entries are obsolete, the next state gets an index of its own. A thread may add entries only
+    while it holds the graph's turn, the lock for writes; reading needs no lock.
 
     Attributes:
-        added: the number of additions.
-        compact_at: the number of additions at which the index is next checked for obsolete entries.
+        additions: the number of added entries.
+        compaction_threshold: the number of additions at which the index is next checked for obsolete entries.
     """
 
-    __slots__ = ("_into", "_of_type", "_out", "added", "compact_at")
+    __slots__ = ("_keys_from", "_keys_to", "_names_of_type", "additions", "compaction_threshold")
 
     def __init__(self) -> None:
         """Create an empty index."""
-        self._of_type: defaultdict[str, dict[str, None]] = defaultdict(dict)
-        self._out: defaultdict[str, dict[EdgeKey, None]] = defaultdict(dict)
-        self._into: defaultdict[str, dict[EdgeKey, None]] = defaultdict(dict)
-        self.added = 0
-        self.compact_at = _MIN_ADDED
+        self._names_of_type: defaultdict[str, dict[str, None]] = defaultdict(dict)
+        self._keys_from: defaultdict[str, dict[EdgeKey, None]] = defaultdict(dict)
+        self._keys_to: defaultdict[str, dict[EdgeKey, None]] = defaultdict(dict)
+        self.additions = 0
+        self.compaction_threshold = _MIN_ADDITIONS
 
     def add_node(self, name: str, type_name: str) -> None:
         """Add a node."""
-        self._of_type[type_name][name] = None
-        self.added += 1
+        self._names_of_type[type_name][name] = None
+        self.additions += 1
 
     def add_edge(self, key: EdgeKey) -> None:
         """Add an edge."""
-        self._out[key[0]][key] = None
-        self._into[key[2]][key] = None
-        self.added += 1
+        self._keys_from[key[0]][key] = None
+        self._keys_to[key[2]][key] = None
+        self.additions += 1
 
-    def of_type(self, type_name: str) -> Iterable[str]:
-        """Return the names of nodes that may have a type."""
-        return tuple(self._of_type.get(type_name, ()))
+    def names_of_type(self, type_name: str) -> Iterable[str]:
+        """Return the names of the nodes of a type, and possibly names that the reader's state does not contain."""
+        return tuple(self._names_of_type.get(type_name, ()))
 
-    def out(self, name: str) -> Iterable[EdgeKey]:
-        """Return the keys of edges that may go out from a node."""
-        return tuple(self._out.get(name, ()))
+    def keys_from(self, name: str) -> Iterable[EdgeKey]:
+        """Return the keys of the edges from a node, and possibly keys that the reader's state does not contain."""
+        return tuple(self._keys_from.get(name, ()))
 
-    def into(self, name: str) -> Iterable[EdgeKey]:
-        """Return the keys of edges that may go to a node."""
-        return tuple(self._into.get(name, ()))
+    def keys_to(self, name: str) -> Iterable[EdgeKey]:
+        """Return the keys of the edges to a node, and possibly keys that the reader's state does not contain."""
+        return tuple(self._keys_to.get(name, ()))
 
-    def compacted(self, nodes: PersistentMap[str, Node], edges: PersistentMap[EdgeKey, Edge]) -> GraphIndex:
+    def compacted_index(self, nodes: PersistentMap[str, Node], edges: PersistentMap[EdgeKey, Edge]) -> GraphIndex:
         """Return an index for a state of these nodes and edges: this one, unless most of its entries are obsolete."""
-        if self.added <= 2 * (len(nodes) + len(edges)):
-            self.compact_at = 2 * self.added
+        if self.additions <= 2 * (len(nodes) + len(edges)):
+            self.compaction_threshold = 2 * self.additions
             return self
         index = GraphIndex()
         for node in nodes.values():
             index.add_node(node.name, node.type)
         for edge in edges.values():
             index.add_edge(edge.key)
-        index.compact_at = 2 * index.added + _MIN_ADDED
+        index.compaction_threshold = 2 * index.additions + _MIN_ADDITIONS
         return index

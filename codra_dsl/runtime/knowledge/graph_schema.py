@@ -68,7 +68,8 @@ class GraphSchema:
     Attributes:
         model: the declarations, with the node `context` if a context-variable needs it.
         tasks: the tasks, by name.
-        agents: the names of all agents that are declared or may write something, such as the main execution.
+        agents: the names of all agents that are declared or may write something; the main execution is
+            one of them if it may write.
         variables: the nodes whose attributes context-variables are, by the variable's name.
         nodes_of_context: these nodes.
     """
@@ -99,11 +100,17 @@ class GraphSchema:
         _check_unique("type of edges", [edge_type.name for edge_type in edge_types])
         self._node_types = {node_type.name: _node_type(node_type) for node_type in node_types}
         self._edge_types = {edge_type.name: _edge_type(edge_type) for edge_type in edge_types}
-        shared = _shared(self.variables, variables)
-        of_tasks = {task.name: (TASK, {**_attributes_of(task), **shared.get(task.name, {})}) for task in model.tasks}
-        self._of_nodes: Mapping[str, tuple[str, Mapping[str, Attribute]]] = {
-            **{node.name: (node.type, self._of_node(node, shared.get(node.name, {}))) for node in model.nodes},
-            **of_tasks,
+        variable_attributes = _variable_attributes(self.variables, variables)
+        task_attributes = {
+            task.name: (TASK, {**_task_attributes(task), **variable_attributes.get(task.name, {})})
+            for task in model.tasks
+        }
+        self._attributes_of_nodes: Mapping[str, tuple[str, Mapping[str, Attribute]]] = {
+            **{
+                node.name: (node.type, self._node_attributes(node, variable_attributes.get(node.name, {})))
+                for node in model.nodes
+            },
+            **task_attributes,
         }
         writers = (source for variable in variables for source in variable.sources)
         self.agents = frozenset((*_agents(model), *writers)) - {OBSERVER}
@@ -130,27 +137,27 @@ class GraphSchema:
         """
         if name in self._edge_types:
             return frozenset((name,))
-        names = frozenset(declared.model.name for declared in self._edge_types.values() if declared.label == name)
+        names = frozenset(edge_type.model.name for edge_type in self._edge_types.values() if edge_type.label == name)
         if not names:
             raise unknown("type of edges", name, self._edge_types)
         return names
 
-    def labelled(self, label: str) -> tuple[EdgeType, ...]:
+    def edge_types_with_label(self, label: str) -> tuple[EdgeType, ...]:
         """Return the types of edges with a label."""
         return tuple(edge_type for edge_type in self._edge_types.values() if edge_type.label == label)
 
-    def of_node(self, node: Node) -> Mapping[str, Attribute]:
+    def attributes_of_node(self, node: Node) -> Mapping[str, Attribute]:
         """Return the attributes that a node may have."""
-        own = self._of_nodes.get(node.name)
-        return own[1] if own is not None and own[0] == node.type else self._node_types[node.type].attributes
+        entry = self._attributes_of_nodes.get(node.name)
+        return entry[1] if entry is not None and entry[0] == node.type else self._node_types[node.type].attributes
 
     def attribute(self, node: Node, name: str) -> Attribute:
         """Return an attribute of a node; raise `UnknownNameError` if it is not declared for the node."""
-        own = self._of_nodes.get(node.name)
-        declared = own[1] if own is not None and own[0] == node.type else self._node_types[node.type].attributes
-        attribute = declared.get(name)
+        entry = self._attributes_of_nodes.get(node.name)
+        attributes = entry[1] if entry is not None and entry[0] == node.type else self._node_types[node.type].attributes
+        attribute = attributes.get(name)
         if attribute is None:
-            raise unknown(f"attribute of {node.type!r}", name, declared)
+            raise unknown(f"attribute of {node.type!r}", name, attributes)
         return attribute
 
     def attribute_of_edge(self, edge: Edge, name: str) -> Attribute:
@@ -160,8 +167,10 @@ class GraphSchema:
             raise unknown(f"attribute of {edge.type!r}", name, self._edge_types[edge.type].attributes)
         return attribute
 
-    def _of_node(self, node: NodeModel, shared: Mapping[str, Attribute]) -> Mapping[str, Attribute]:
-        return {**self.node_type(node.type).attributes, **_attributes(node.attributes), **shared}
+    def _node_attributes(
+        self, node: NodeModel, variable_attributes: Mapping[str, Attribute]
+    ) -> Mapping[str, Attribute]:
+        return {**self.node_type(node.type).attributes, **_attributes(node.attributes), **variable_attributes}
 
 
 def _with_context_node(model: KnowledgeModel, variables: Mapping[str, str]) -> KnowledgeModel:
@@ -180,13 +189,17 @@ def nodes_of_variables(model: KnowledgeModel, variables: Sequence[VariableModel]
     Variables that are computed from poses are not attributes of a node.
     """
     owners: tuple[NodeModel | TaskModel, ...] = (*model.nodes, *model.tasks)
-    declared = {attribute.name: owner.name for owner in owners for attribute in owner.attributes}
+    declaring_nodes = {attribute.name: owner.name for owner in owners for attribute in owner.attributes}
     return {
-        variable.name: declared.get(variable.name, CONTEXT) for variable in variables if variable.pose_condition is None
+        variable.name: declaring_nodes.get(variable.name, CONTEXT)
+        for variable in variables
+        if variable.pose_condition is None
     }
 
 
-def _shared(nodes: Mapping[str, str], variables: Sequence[VariableModel]) -> Mapping[str, Mapping[str, Attribute]]:
+def _variable_attributes(
+    nodes: Mapping[str, str], variables: Sequence[VariableModel]
+) -> Mapping[str, Mapping[str, Attribute]]:
     """Return the attributes of nodes that are context-variables, by node and name."""
     attributes: dict[str, dict[str, Attribute]] = {}
     for variable in variables:
@@ -227,19 +240,22 @@ def _attributes(models: Iterable[AttributeModel]) -> Mapping[str, Attribute]:
     return {model.name: _attribute(model, model.sources) for model in models}
 
 
-def _attributes_of(task: TaskModel) -> Mapping[str, Attribute]:
-    """Return the attributes of the node of a task: those of the handshake, and those that its requesters write."""
-    steps = (
+def _task_attributes(task: TaskModel) -> Mapping[str, Attribute]:
+    """Return the attributes of a task's node: those of the handshake, and those that requesters write.
+
+    Only the steps of the handshake write the first ones.
+    """
+    step_models = (
         AttributeModel(name="request", type=integer(low=0)),
         AttributeModel(name="requester", type=text()),
         AttributeModel(name="result", type=member(*task.results)),
         AttributeModel(name="reason", type=text()),
     )
-    requested = {
+    request_attributes = {
         attribute.name: _attribute(attribute, attribute.sources or by(*task.requesters))
         for attribute in task.attributes
     }
-    return {**requested, **_attributes(steps)}
+    return {**request_attributes, **_attributes(step_models)}
 
 
 def _agents(model: KnowledgeModel) -> Iterable[str]:
@@ -248,8 +264,8 @@ def _agents(model: KnowledgeModel) -> Iterable[str]:
         yield from (task.by, *task.requesters)
     types: list[NodeTypeModel | EdgeTypeModel] = [*model.node_types, *model.edge_types]
     owners: list[NodeTypeModel | EdgeTypeModel | NodeModel | TaskModel] = [*types, *model.nodes, *model.tasks]
-    owned = [*types, *(attribute for owner in owners for attribute in owner.attributes)]
-    yield from (writer.agent for declaration in owned for writer in declaration.sources)
+    declarations = [*types, *(attribute for owner in owners for attribute in owner.attributes)]
+    yield from (writer.agent for declaration in declarations for writer in declaration.sources)
 
 
 def _check_unique(kind: str, names: Sequence[str]) -> None:

@@ -52,7 +52,7 @@ def request(change_set: ChangeSet, task: str, values: Mapping[str, object]) -> R
 
 def acknowledge(change_set: ChangeSet, request: Request) -> None:
     """Acknowledge a task as its executor: it has begun."""
-    model = _model_of(change_set.schema, request)
+    model = _model_of_request(change_set.schema, request)
     Permissions(by(model.by)).check(change_set.agent, f"the acknowledgement of {request.task}")
     before = _handover_at(change_set, request, Stage.WANTS)
     after = before._replace(stage=Stage.IS, since_s=change_set.now_s, deadline_s=change_set.now_s + model.finish_s)
@@ -61,7 +61,7 @@ def acknowledge(change_set: ChangeSet, request: Request) -> None:
 
 def finish(change_set: ChangeSet, request: Request, result: str) -> None:
     """End a task as its executor, with one of the declared results."""
-    model = _model_of(change_set.schema, request)
+    model = _model_of_request(change_set.schema, request)
     Permissions(by(model.by)).check(change_set.agent, f"the result of {request.task}")
     if result not in model.results:
         raise unknown(f"result of {request.task!r}", result, model.results)
@@ -72,13 +72,13 @@ def finish(change_set: ChangeSet, request: Request, result: str) -> None:
 
 def abort(change_set: ChangeSet, request: Request) -> None:
     """Abort a task as its requester, before it has finished."""
-    model = _model_of(change_set.schema, request)
+    model = _model_of_request(change_set.schema, request)
     Permissions(by(*model.requesters)).check(change_set.agent, f"the abortion of {request.task}")
     before = _handover_at(change_set, request, Stage.WANTS, Stage.IS)
     Permissions(by(before.requester)).check(
         change_set.agent, f"the abortion of request {request.number} of {request.task}"
     )
-    _write(change_set, model, before, _aborted(before, change_set.now_s, REQUESTER))
+    _write(change_set, model, before, _aborted_copy(before, change_set.now_s, REQUESTER))
 
 
 def expire(change_set: ChangeSet, task: str) -> None:
@@ -92,7 +92,7 @@ def _model(schema: GraphSchema, task: str) -> TaskModel:
     return schema.tasks[task]
 
 
-def _model_of(schema: GraphSchema, request: Request) -> TaskModel:
+def _model_of_request(schema: GraphSchema, request: Request) -> TaskModel:
     if not isinstance(request, Request):
         raise TypeError(f"expected the return value of request(), or the request of a handover, not {request!r}")
     return _model(schema, request.task)
@@ -104,13 +104,13 @@ def _present_handover(change_set: ChangeSet, model: TaskModel) -> Handover:
     if not handover.is_open or change_set.now_s < handover.deadline_s:
         return handover
     reason = UNACKNOWLEDGED if handover.stage is Stage.WANTS else OVERDUE
-    ended = _aborted(handover, handover.deadline_s, reason)
-    agent, change_set.agent = change_set.agent, START
+    aborted_handover = _aborted_copy(handover, handover.deadline_s, reason)
+    writer, change_set.agent = change_set.agent, START
     try:
-        _write(change_set, model, handover, ended)
+        _write(change_set, model, handover, aborted_handover)
     finally:
-        change_set.agent = agent
-    return ended
+        change_set.agent = writer
+    return aborted_handover
 
 
 def _handover_at(change_set: ChangeSet, request: Request, *stages: Stage) -> Handover:
@@ -122,11 +122,11 @@ def _handover_at(change_set: ChangeSet, request: Request, *stages: Stage) -> Han
         raise ConflictError(
             f"request {request.number} of {request.task!r} is not the latest one, which is {handover.number}"
         )
-    because = f" ({handover.reason})" if handover.reason else ""
-    raise ConflictError(f"request {request.number} of {request.task!r} is at the stage {handover.stage}{because}")
+    reason_text = f" ({handover.reason})" if handover.reason else ""
+    raise ConflictError(f"request {request.number} of {request.task!r} is at the stage {handover.stage}{reason_text}")
 
 
-def _aborted(handover: Handover, instant_s: float, reason: str) -> Handover:
+def _aborted_copy(handover: Handover, instant_s: float, reason: str) -> Handover:
     return handover._replace(stage=Stage.ABORTED, since_s=instant_s, deadline_s=math.inf, reason=reason)
 
 
@@ -135,16 +135,15 @@ def _write(change_set: ChangeSet, model: TaskModel, before: Handover, after: Han
     change_set.set_handover(after)
     if before.stage is not None:
         change_set.remove((model.origin, before.stage, model.name))
-    if after.stage is not None and (
-        after.is_open or change_set.has_node(model.origin)
-    ):  # the node may be deleted when the task ends
+    # The node may be deleted when the task ends.
+    if after.stage is not None and (after.is_open or change_set.has_node(model.origin)):
         change_set.upsert_edge(change_set.schema.edge_type(after.stage), model.origin, model.name)
-    attributes = (
+    attribute_changes = (
         ("request", before.number, after.number),
         ("requester", before.requester, after.requester),
         ("result", before.result, after.result),
         ("reason", before.reason or None, after.reason or None),
     )
-    for attribute, was, now in attributes:
-        if was != now:
-            change_set.write(model.name, attribute, now)
+    for attribute, value_before, value_after in attribute_changes:
+        if value_before != value_after:
+            change_set.write(model.name, attribute, value_after)

@@ -31,17 +31,25 @@ from codra_dsl.runtime.knowledge.change_set import ChangeRecord, ChangeSet, Touc
 from codra_dsl.runtime.knowledge.context_link import ContextLink, RefusedWrite
 from codra_dsl.runtime.knowledge.declarations import TASK, KnowledgeModel, Pattern
 from codra_dsl.runtime.knowledge.graph_schema import GraphSchema
-from codra_dsl.runtime.knowledge.matching import reads
+from codra_dsl.runtime.knowledge.matching import subjects_of_patterns
 from codra_dsl.runtime.knowledge.operations import HANDLERS, SET, Operation, Verb, operations_of
 from codra_dsl.runtime.knowledge.permissions import START, Audit, Refusal
 from codra_dsl.runtime.knowledge.rule_execution import RuleError, RuleExecution
 from codra_dsl.runtime.knowledge.snapshot import Snapshot
 from codra_dsl.runtime.knowledge.state import State
-from codra_dsl.runtime.knowledge.watches import Change, View, Watch, Watches, of_attribute, of_matches, of_wakes
+from codra_dsl.runtime.knowledge.watches import (
+    Change,
+    View,
+    Watch,
+    Watches,
+    functions_for_attribute,
+    functions_for_matches,
+    functions_for_wakes,
+)
 from codra_dsl.runtime.values.cell import Reading
 
 ResultT = TypeVar("ResultT")
-SeenT = TypeVar("SeenT")
+ValueT = TypeVar("ValueT")
 
 MOST_PAST = 4_096
 """The maximum number of changes, counted as instants, that `at` can go back."""
@@ -84,15 +92,15 @@ class Knowledge:
         self._step_now_s = self._steps.now_s
         self._turn: AbstractContextManager[object] = threading.RLock() if context_link is None else context_link.steps
         self._state = State.empty(self._step_now_s())
-        self._past: deque[State] = deque(maxlen=MOST_PAST - 1)
+        self._past_states: deque[State] = deque(maxlen=MOST_PAST - 1)
         self._own_readings: Sequence[Reading[Value]] = ()
         self._audit = Audit()
         self._watches = Watches()
         self.on_touched: Callable[[Collection[Touched]], None] | None = None
         self._handles: weakref.WeakValueDictionary[str, AgentHandle] = weakref.WeakValueDictionary()
         self._handles_lock = threading.Lock()
-        self._woken: dict[int, AgentHandle] = {}  # handles that a subscription keeps alive
-        self._write(START, partial(_begin, self.model))
+        self._held_handles: dict[int, AgentHandle] = {}  # handles that a subscription keeps alive
+        self._write(START, partial(_insert_initial_graph, self.model))
 
     # Writing
 
@@ -112,10 +120,10 @@ class Knowledge:
                 handle = self._handle(name)
                 self._handles[name] = handle
                 return handle
-        why = f"the agent {name!r} already has an open handle: close it before you open another"
+        message = f"the agent {name!r} already has an open handle: close it before you open another"
         with self._turn:
-            self._refuse(name, RefusedWrite(name, why))
-        raise AgentTakenError(why)
+            self._record_refusal(name, RefusedWrite(name, message))
+        raise AgentTakenError(message)
 
     def refusals(self) -> tuple[Refusal, ...]:
         """Return the refused writes that the audit still holds, the oldest first."""
@@ -136,9 +144,9 @@ class Knowledge:
         if not instant_s <= self._now_s():
             raise ValueError(f"the instant {instant_s} lies in the future: it is {self._now_s()} now")
         with self._turn:
-            states = chain((self._state,), reversed(self._past))
-            state = next((earlier for earlier in states if earlier.since_s <= instant_s), None)
-            begin_s = self._past[0].since_s if self._past else self._state.since_s
+            states = chain((self._state,), reversed(self._past_states))
+            state = next((candidate for candidate in states if candidate.since_s <= instant_s), None)
+            begin_s = self._past_states[0].since_s if self._past_states else self._state.since_s
         if state is None:
             raise ValueError(f"the graph is kept from {begin_s} s on, not from {instant_s}: use a journal for the rest")
         return Snapshot(self._schema, state, instant_s)
@@ -165,7 +173,9 @@ class Knowledge:
             UnknownNameError: if a pattern names a type that is not declared.
         """
         self.snapshot().match(*patterns)
-        return self._watch(reads(self._schema, patterns), *of_matches(self._schema, patterns, callback))
+        return self._watch(
+            subjects_of_patterns(self._schema, patterns), *functions_for_matches(self._schema, patterns, callback)
+        )
 
     def follow(self, name: str, attribute: str, callback: Callable[[Reading[Any]], object]) -> Subscription:
         """Call back, as `subscribe` does, with the reading of an attribute of a node, now and whenever it changes.
@@ -175,7 +185,7 @@ class Knowledge:
             UnknownNameError: if nodes of its type have no such attribute.
         """
         self.get(name, attribute)
-        return self._watch([(name, attribute)], *of_attribute(name, attribute, callback))
+        return self._watch([(name, attribute)], *functions_for_attribute(name, attribute, callback))
 
     def wait_for(self, *patterns: Pattern, timeout_s: float) -> bool:
         """Wait until patterns hold; return whether they do.
@@ -189,30 +199,30 @@ class Knowledge:
     # For the context manager and for replays
 
     def mirror(self, reading: Reading[Value]) -> None:
-        """Add a reading that was written to a context-variable; the caller is in a step."""
-        if self._own_readings and any(own is reading for own in self._own_readings):
+        """Add a reading that any writer wrote to a context-variable; the caller is in a step."""
+        if self._own_readings and any(own_reading is reading for own_reading in self._own_readings):
             return  # the graph wrote it itself, together with other changes
         change_set = ChangeSet(self._schema, self._state, self._step_now_s(), reading.source)
         node = self._schema.variables[reading.name]
         change_set.add_reading(node, change_set.history(node, reading.name), reading)
         self._publish(change_set)
-        self._watches.changed(change_set.touched)
+        self._watches.request_evaluations(change_set.touched)
 
     def step_snapshot(self) -> Snapshot:
         """Return a snapshot of the graph at the instant of the present step."""
         return Snapshot(self._schema, self._state, self._steps.now_s())
 
-    def audit_refusal(self, agent: str, why: str) -> None:
+    def audit_refusal(self, agent: str, message: str) -> None:
         """Add a refused write of a context-variable to the audit; the context has recorded it already."""
-        self._audit.refuse(Refusal(instant_s=self._now_s(), agent=agent, why=why))
+        self._audit.refuse(Refusal(instant_s=self._now_s(), agent=agent, why=message))
 
-    def replay_operations(self, agent: str, plain: Iterable[list[Any]]) -> None:
+    def replay_operations(self, agent: str, plain_operations: Iterable[list[Any]]) -> None:
         """Repeat an agent's operations from a journal, as one change.
 
         Raises:
             LookupError: if an operation fails; ValueError, TypeError, PermissionError and RuntimeError likewise.
         """
-        operations = operations_of(plain)
+        operations = operations_of(plain_operations)
 
         def do(change_set: ChangeSet) -> None:
             for operation in operations:
@@ -220,23 +230,23 @@ class Knowledge:
 
         self._write(agent, do, operations)
 
-    def replay_refusal(self, agent: str, refused: RefusedWrite) -> None:
+    def replay_refusal(self, agent: str, refused_write: RefusedWrite) -> None:
         """Repeat a refusal from a journal."""
         with self._turn:
-            self._refuse(agent, refused)
+            self._record_refusal(agent, refused_write)
 
-    # Within
+    # Implementation
 
     def _handle(self, name: str) -> AgentHandle:
         is_closed = False
         wakes: list[Subscription] = []
 
-        def check() -> None:
+        def check_open() -> None:
             if is_closed:
                 raise_closed(name)
 
         def wake(handle: AgentHandle, callback: Callable[[Change], object]) -> Subscription:
-            check()
+            check_open()
             wakes.append(self._on_wake(handle, callback))
             return wakes[-1]
 
@@ -251,49 +261,55 @@ class Knowledge:
 
         port = AgentPort(
             commit=partial(self._apply_verb, name),
-            transact=lambda: self._transaction(name, check, _allow),
+            transact=lambda: self._transaction(name, check_open, lambda: None),
             wake=wake,
-            execute_rule=partial(self._execute_rule, name, check),
+            execute_rule=partial(self._execute_rule, name, check_open),
             close=close,
-            check_open=check,
+            check_open=check_open,
         )
         return AgentHandle(name, port)
 
     def _on_wake(self, handle: AgentHandle, callback: Callable[[Change], object]) -> Subscription:
         wakes = tuple(pattern for agent in self.model.agents if agent.name == handle.name for pattern in agent.wakes)
-        return self._watch(reads(self._schema, wakes), *of_wakes(self._schema, wakes, callback), keep=handle)
+        return self._watch(
+            subjects_of_patterns(self._schema, wakes),
+            *functions_for_wakes(self._schema, wakes, callback),
+            kept_handle=handle,
+        )
 
-    def _execute_rule(self, agent: str, check: Callable[[], None], name: str) -> RuleExecution[Transaction]:
+    def _execute_rule(self, agent: str, check_open: Callable[[], None], name: str) -> RuleExecution[Transaction]:
         rules = {rule.name: rule for model in self.model.agents if model.name == agent for rule in model.rules}
         if name not in rules:
             raise unknown(f"rule of {agent!r}", name, rules)
         return RuleExecution(
             rules[name],
             begin=partial(self._begin_rule, agent, name),
-            transact=partial(self._transaction, agent, check),
+            transact=partial(self._transaction, agent, check_open),
             take_snapshot=self.snapshot,
             record=partial(self.write_rule, agent, name),
             subscribe=self.subscribe,
         )
 
-    def _begin_rule(self, agent: str, name: str, lacking: Callable[[Snapshot], str]) -> None:
+    def _begin_rule(self, agent: str, name: str, explain_missing: Callable[[Snapshot], str]) -> None:
         """Raise `RuleError` if a rule does not allow its action in the present graph."""
         with self._turn:
-            missing = lacking(self.step_snapshot())
+            missing = explain_missing(self.step_snapshot())
             if missing:
-                why = f"the rule {name!r} of {agent!r} cannot begin: {missing}"
-                self._refuse(agent, RefusedWrite(f"{agent}.{name}", why))
-                raise RuleError(why)
+                message = f"the rule {name!r} of {agent!r} cannot begin: {missing}"
+                self._record_refusal(agent, RefusedWrite(f"{agent}.{name}", message))
+                raise RuleError(message)
 
-    def write_rule(self, agent: str, name: str, became: str, message: str) -> None:
+    def write_rule(self, agent: str, name: str, state: str, message: str) -> None:
         """Record the new state of an agent's rule in the journal."""
         if self._context_link is not None:
             with self._turn:
-                self._context_link.write_rule(agent, name, became, message)
+                self._context_link.write_rule(agent, name, state, message)
 
     @contextmanager
-    def _transaction(self, name: str, check: Callable[[], None], allow: Callable[[], None]) -> Iterator[Transaction]:
-        check()
+    def _transaction(
+        self, name: str, check_open: Callable[[], None], check_allowed: Callable[[], None]
+    ) -> Iterator[Transaction]:
+        check_open()
         base = self._state
         change_set = ChangeSet(self._schema, base, self._now_s(), name)
 
@@ -302,7 +318,7 @@ class Knowledge:
             try:
                 return operation.apply(change_set)
             except PermissionError as error:
-                self._refuse(name, self._refused(operation, str(error)))
+                self._record_refusal(name, self._refused_write(operation, str(error)))
                 raise
 
         transaction = Transaction(attempt, self._turn)
@@ -312,20 +328,24 @@ class Knowledge:
             transaction.end()
         transaction.check()
         if change_set.touched:
-            check()
-            with self._turn:  # nothing can change between the check of `allow` and the write
-                allow()
-                self._write(name, partial(self._take, base, change_set, transaction), transaction.operations)
+            check_open()
+            with self._turn:  # nothing can change between `check_allowed` and the write
+                check_allowed()
+                self._write(
+                    name, partial(self._adopt_transaction, base, change_set, transaction), transaction.operations
+                )
 
-    def _take(self, base: State, change_set: ChangeSet, transaction: Transaction, present: ChangeSet) -> None:
+    def _adopt_transaction(
+        self, base: State, change_set: ChangeSet, transaction: Transaction, present_changes: ChangeSet
+    ) -> None:
         """Take over the changes of a transaction; apply them again if the graph has changed since it began.
 
         In a step of a context manager they are always applied again, so that all of them have the instant of the step.
         """
-        if self._context_link is None and present.starts_from(base):
-            present.adopt(change_set)
+        if self._context_link is None and present_changes.starts_from(base):
+            present_changes.adopt(change_set)
         else:
-            transaction.reapply(present)
+            transaction.reapply(present_changes)
 
     def _write(
         self, agent: str, change: Callable[[ChangeSet], ResultT], operations: Sequence[Operation] = ()
@@ -338,7 +358,7 @@ class Knowledge:
             try:
                 result = change(change_set)
             except PermissionError as error:
-                self._refuse(agent, self._refused(change_set.operation, str(error)))
+                self._record_refusal(agent, self._refused_write(change_set.operation, str(error)))
                 raise
             try:
                 if change_set.touched:
@@ -356,11 +376,11 @@ class Knowledge:
             try:
                 if verb is SET and self._context_link is None and self._append(agent, arguments):
                     return None
-                notes: list[ChangeRecord] | None = None if self._context_link is None else []
-                change_set = ChangeSet(self._schema, self._state, self._step_now_s(), agent, notes)
+                records: list[ChangeRecord] | None = None if self._context_link is None else []
+                change_set = ChangeSet(self._schema, self._state, self._step_now_s(), agent, records)
                 result = HANDLERS[verb](change_set, *arguments)
             except PermissionError as error:
-                self._refuse(agent, self._refused(Operation(verb, arguments), str(error)))
+                self._record_refusal(agent, self._refused_write(Operation(verb, arguments), str(error)))
                 raise
             try:
                 if change_set.touched:
@@ -383,23 +403,23 @@ class Knowledge:
         if node is None:
             return False
         history = node.histories.get(attribute)
-        if history is None or agent not in history.declared.permissions.writers:
+        if history is None or agent not in history.attribute.permissions.writers:
             return False
         after = state.next(self._step_now_s())
         reading = history.new_reading(agent, after.since_s, value, evidence_s, state.version)
         if self._state is not state:
             return False
         try:
-            longer = history.with_reading(reading, after.version)
-            if longer is not history:
-                after.nodes = state.nodes.with_entry(name, node.with_history(longer))
+            longer_history = history.with_reading(reading, after.version)
+            if longer_history is not history:
+                after.nodes = state.nodes.with_entry(name, node.with_history(longer_history))
             self._replace_state(state, after)
         except BaseException as error:  # an interrupt
             history.remove(reading)
             if isinstance(error, _OvertakenError):
                 return False
             raise
-        self._watches.changed([(name, attribute)])
+        self._watches.request_evaluations([(name, attribute)])
         self._clock.notify()
         return True
 
@@ -420,7 +440,7 @@ class Knowledge:
             self._steps.call_at(instant_s, partial(self._expire, handover.task))
         if self.on_touched is not None:
             self.on_touched(change_set.touched)
-        self._watches.changed(change_set.touched)
+        self._watches.request_evaluations(change_set.touched)
         self._clock.notify()
 
     def _publish(self, change_set: ChangeSet) -> None:
@@ -437,51 +457,47 @@ class Knowledge:
     def _replace_state(self, before: State, after: State) -> None:
         """Replace the present state, which is kept for `at` if it is the last one of its instant."""
         if before.since_s != after.since_s:
-            self._past.append(before)
+            self._past_states.append(before)
         if self._state is not before:
             raise _OvertakenError
         self._state = after
 
-    def _refused(self, operation: Operation, why: str) -> RefusedWrite:
+    def _refused_write(self, operation: Operation, message: str) -> RefusedWrite:
         if self._context_link is None:
-            return RefusedWrite(operation.subject, why)
-        return self._context_link.refused(operation, why, self._schema.variables)
+            return RefusedWrite(operation.subject, message)
+        return self._context_link.refused_write(operation, message, self._schema.variables)
 
-    def _refuse(self, agent: str, refused: RefusedWrite) -> None:
+    def _record_refusal(self, agent: str, refused_write: RefusedWrite) -> None:
         """Record a refusal; the caller holds the turn."""
-        self._audit.refuse(Refusal(instant_s=self._steps.now_s(), agent=agent, why=refused.why))
+        self._audit.refuse(Refusal(instant_s=self._steps.now_s(), agent=agent, why=refused_write.message))
         if self._context_link is not None:
-            self._context_link.refuse(agent, refused)
+            self._context_link.record_refusal(agent, refused_write)
 
     def _expire(self, task: str) -> None:
         self._write(START, lambda change_set: handshake.expire(change_set, task))
 
     def _watch(
         self,
-        touched: Iterable[Touched],
-        evaluate: Callable[[Snapshot], View[SeenT]],
-        notify: Callable[[Snapshot, SeenT], None],
-        keep: AgentHandle | None = None,
+        subjects: Iterable[Touched],
+        evaluate: Callable[[Snapshot], View[ValueT]],
+        notify: Callable[[Snapshot, ValueT], None],
+        kept_handle: AgentHandle | None = None,
     ) -> Subscription:
-        keys = list(touched)
+        keys = list(subjects)
 
         def end() -> None:
             self._watches.remove(watch, keys)
-            self._woken.pop(id(watch), None)
+            self._held_handles.pop(id(watch), None)
 
-        watch: Watch[SeenT] = Watch(self._clock, self.snapshot, evaluate, notify, end)
-        if keep is not None:
-            self._woken[id(watch)] = keep
+        watch: Watch[ValueT] = Watch(self._clock, self.snapshot, evaluate, notify, end)
+        if kept_handle is not None:
+            self._held_handles[id(watch)] = kept_handle
         self._watches.add(watch, keys)
-        watch.changed()
+        watch.request_evaluation()
         return watch.subscription
 
 
-def _allow() -> None:
-    pass
-
-
-def _begin(model: KnowledgeModel, change_set: ChangeSet) -> None:
+def _insert_initial_graph(model: KnowledgeModel, change_set: ChangeSet) -> None:
     """Write the initial nodes, tasks and edges."""
     for node in model.nodes:
         change_set.insert_node(node.name, node.type, node.values)

@@ -78,7 +78,7 @@ class GraphReader(Protocol):
         ...
 
     def distance_m(self, a: str, b: str) -> float | None:
-        """Return the distance of two nodes; None if it is unknown."""
+        """Return the distance between two nodes; None if it is unknown."""
         ...
 
     def in_view(self, name: str, camera: str) -> bool | None:
@@ -99,9 +99,9 @@ def matches(snapshot: GraphReader, schema: GraphSchema, patterns: Sequence[Patte
         TypeError: if one of them is not a pattern.
         UnknownNameError: if one of them uses a type that is not declared.
     """
-    wrong = [pattern for pattern in patterns if not isinstance(pattern, Pattern)]
-    if wrong:
-        raise TypeError(f"a pattern is a path, an absence or a condition, not {wrong[0]!r}")
+    wrong_patterns = [pattern for pattern in patterns if not isinstance(pattern, Pattern)]
+    if wrong_patterns:
+        raise TypeError(f"a pattern is a path, an absence or a condition, not {wrong_patterns[0]!r}")
     for path in (pattern.path if isinstance(pattern, Absence) else pattern for pattern in patterns):
         for place in path.places if isinstance(path, Path) else ():
             if place.type:
@@ -109,25 +109,25 @@ def matches(snapshot: GraphReader, schema: GraphSchema, patterns: Sequence[Patte
     filters = [pattern for pattern in patterns if not isinstance(pattern, Path)]
     return tuple(
         dict.fromkeys(
-            Match(tuple(sorted(called.items())), edges)
-            for called, edges in _follow_paths(snapshot, schema, patterns)
-            if all(_holds(snapshot, schema, pattern, called) for pattern in filters)
+            Match(tuple(sorted(bindings.items())), edges)
+            for bindings, edges in _follow_paths(snapshot, schema, patterns)
+            if all(_holds(snapshot, schema, pattern, bindings) for pattern in filters)
         )
     )
 
 
-def reads(schema: GraphSchema, patterns: Iterable[Pattern]) -> frozenset[Touched]:
+def subjects_of_patterns(schema: GraphSchema, patterns: Iterable[Pattern]) -> frozenset[Touched]:
     """Return the subjects whose changes can change the matches of patterns; time can change them as well."""
-    read: set[Touched] = set()
+    subjects: set[Touched] = set()
     for pattern in patterns:
         if isinstance(pattern, Term):
-            read.update(touched for name in pattern.variables() for touched in _reads_of(name))
+            subjects.update(subject for name in pattern.variables() for subject in _subjects_of_name(name))
             continue
         path = pattern.path if isinstance(pattern, Absence) else pattern
-        read.update(("edge", name) for link in path.links for name in schema.types_of_edges(link.edge))
+        subjects.update(("edge", name) for link in path.links for name in schema.types_of_edges(link.edge))
         if not path.links:
-            read.add(("node", path.places[0].type or ANY))
-    return frozenset(read)
+            subjects.add(("node", path.places[0].type or ANY))
+    return frozenset(subjects)
 
 
 def truth(snapshot: GraphReader, term: Term) -> bool | None:
@@ -146,8 +146,8 @@ def next_s(snapshot: GraphReader, schema: GraphSchema, patterns: Sequence[Patter
     """Return when the matches of patterns can next change without new writes; infinite if never."""
     terms = [pattern for pattern in patterns if isinstance(pattern, Term)]
     instants_s = [math.inf]
-    for called, _ in _follow_paths(snapshot, schema, patterns) if terms else ():
-        scope = _Scope(snapshot, called)
+    for bindings, _ in _follow_paths(snapshot, schema, patterns) if terms else ():
+        scope = _Scope(snapshot, bindings)
         for term in terms:
             wait_s = term.flips_s(scope)
             instants_s.append(math.inf if wait_s is None else snapshot.instant_s + wait_s)
@@ -163,80 +163,88 @@ def _follow_paths(snapshot: GraphReader, schema: GraphSchema, patterns: Iterable
     """Return all matches of the paths among some patterns."""
     partial_matches: list[_PartialMatch] = [({}, ())]
     for path in (pattern for pattern in patterns if isinstance(pattern, Path)):
-        partial_matches = [longer for before in partial_matches for longer in _along(snapshot, schema, path, before)]
+        partial_matches = [
+            longer_match
+            for partial_match in partial_matches
+            for longer_match in _follow_path(snapshot, schema, path, partial_match)
+        ]
     return partial_matches
 
 
-def _along(snapshot: GraphReader, schema: GraphSchema, path: Path, before: _PartialMatch) -> Iterator[_PartialMatch]:
+def _follow_path(
+    snapshot: GraphReader, schema: GraphSchema, path: Path, partial_match: _PartialMatch
+) -> Iterator[_PartialMatch]:
     """Yield all matches of a path, found from its first place with a known node to its end, then to its start."""
-    called, edges = before
+    bindings, edges = partial_match
     places = path.places
-    start = next((at for at, place in enumerate(places) if place.name or place.called in called), 0)
+    start = next((at for at, place in enumerate(places) if place.name or place.called in bindings), 0)
     forward_steps = [(at, at + 1, path.links[at]) for at in range(start, len(places) - 1)]
-    backward_steps = [(at, at - 1, _turned(path.links[at - 1])) for at in range(start, 0, -1)]
-    for name in _candidates(snapshot, schema, places[start], called):
-        start_called = {**called, places[start].called: name} if places[start].called else called
-        for all_called, taken in _steps(
-            snapshot, schema, places, [*forward_steps, *backward_steps], name, start_called
+    backward_steps = [(at, at - 1, _reversed_link(path.links[at - 1])) for at in range(start, 0, -1)]
+    for name in _candidates(snapshot, schema, places[start], bindings):
+        start_bindings = {**bindings, places[start].called: name} if places[start].called else bindings
+        for path_bindings, edge_keys in _follow_steps(
+            snapshot, schema, places, [*forward_steps, *backward_steps], name, start_bindings
         ):
-            yield all_called, (*edges, *(taken[at] for at in range(len(path.links))))
+            yield path_bindings, (*edges, *(edge_keys[at] for at in range(len(path.links))))
 
 
 _Steps = Sequence[tuple[int, int, Link]]
-_NodesAt = dict[int, str]
-_Taken = dict[int, EdgeKey]
+_NodesByPlace = dict[int, str]
+_EdgeKeysByLink = dict[int, EdgeKey]
 
 
-def _steps(  # noqa: PLR0917 - shared by the two directions of a path
+def _follow_steps(  # noqa: PLR0917 - shared by the two directions of a path
     snapshot: GraphReader,
     schema: GraphSchema,
     places: Sequence[Place],
     steps: _Steps,
-    name: str,
-    called: Mapping[str, str],
-) -> Iterator[tuple[Mapping[str, str], _Taken]]:
+    start_node: str,
+    bindings: Mapping[str, str],
+) -> Iterator[tuple[Mapping[str, str], _EdgeKeysByLink]]:
     """Yield all matches of some steps from a node, depth first, without recursion, because paths can be very long."""
-    nodes_at: _NodesAt = {steps[0][0]: name} if steps else {}
-    taken: _Taken = {}
-    called_before = [called]
-    candidates = [_neighbours(snapshot, schema, name, steps[0][2])] if steps else []
+    nodes_by_place: _NodesByPlace = {steps[0][0]: start_node} if steps else {}
+    edge_keys: _EdgeKeysByLink = {}
+    bindings_before = [bindings]
+    candidates = [_neighbours(snapshot, schema, start_node, steps[0][2])] if steps else []
     if not steps:
-        yield called, taken
+        yield bindings, edge_keys
     while candidates:
         at = len(candidates) - 1
-        here, there, _ = steps[at]
+        from_place, to_place, _ = steps[at]
         edge, neighbour = next(candidates[at], (None, ""))
         if edge is None:
             candidates.pop()
-            called_before.pop()
-        elif _fits(snapshot, places[there], neighbour, called_before[at]):
-            called_now = (
-                {**called_before[at], places[there].called: neighbour} if places[there].called else called_before[at]
+            bindings_before.pop()
+        elif _fits(snapshot, places[to_place], neighbour, bindings_before[at]):
+            bindings_after = (
+                {**bindings_before[at], places[to_place].called: neighbour}
+                if places[to_place].called
+                else bindings_before[at]
             )
-            nodes_at[there], taken[min(here, there)] = neighbour, edge.key
+            nodes_by_place[to_place], edge_keys[min(from_place, to_place)] = neighbour, edge.key
             if len(candidates) == len(steps):
-                yield called_now, taken
+                yield bindings_after, edge_keys
                 continue
-            called_before.append(called_now)
-            then, _, link = steps[at + 1]
-            candidates.append(_neighbours(snapshot, schema, nodes_at[then], link))
+            bindings_before.append(bindings_after)
+            next_place, _, link = steps[at + 1]
+            candidates.append(_neighbours(snapshot, schema, nodes_by_place[next_place], link))
 
 
-def _candidates(snapshot: GraphReader, schema: GraphSchema, place: Place, called: Mapping[str, str]) -> Iterable[str]:
-    certain = place.name or called.get(place.called, "")
-    if certain:
-        return (certain,) if _fits(snapshot, place, certain, called) else ()
+def _candidates(snapshot: GraphReader, schema: GraphSchema, place: Place, bindings: Mapping[str, str]) -> Iterable[str]:
+    known_name = place.name or bindings.get(place.called, "")
+    if known_name:
+        return (known_name,) if _fits(snapshot, place, known_name, bindings) else ()
     if place.type:
         schema.node_type(place.type)
     return [node.name for node in snapshot.nodes(place.type)]
 
 
-def _fits(snapshot: GraphReader, place: Place, name: str, called: Mapping[str, str]) -> bool:
+def _fits(snapshot: GraphReader, place: Place, name: str, bindings: Mapping[str, str]) -> bool:
     if name not in snapshot or (place.name and place.name != name):
         return False
     if place.type and snapshot.node(name).type != place.type:
         return False
-    return called.get(place.called, name) == name
+    return bindings.get(place.called, name) == name
 
 
 def _neighbours(snapshot: GraphReader, schema: GraphSchema, name: str, link: Link) -> Iterator[tuple[Edge, str]]:
@@ -245,23 +253,23 @@ def _neighbours(snapshot: GraphReader, schema: GraphSchema, name: str, link: Lin
     is_forward = link.direction is Direction.FORWARD
     keys = snapshot.keys_from(name) if is_forward else snapshot.keys_to(name)
     edges = (snapshot.edge_of(key) for key in keys)
-    suitable = [edge for edge in edges if edge is not None and edge.type in types]
-    for edge in sorted(suitable, key=lambda edge: edge.number):
+    suitable_edges = [edge for edge in edges if edge is not None and edge.type in types]
+    for edge in sorted(suitable_edges, key=lambda edge: edge.number):
         yield edge, edge.target if is_forward else edge.origin
 
 
-def _turned(link: Link) -> Link:
+def _reversed_link(link: Link) -> Link:
     is_forward = link.direction is Direction.FORWARD
     return Link(edge=link.edge, direction=Direction.BACKWARD if is_forward else Direction.FORWARD)
 
 
-def _holds(snapshot: GraphReader, schema: GraphSchema, pattern: Pattern, called: Mapping[str, str]) -> bool:
+def _holds(snapshot: GraphReader, schema: GraphSchema, pattern: Pattern, bindings: Mapping[str, str]) -> bool:
     if isinstance(pattern, Absence):
-        return not any(True for _ in _along(snapshot, schema, pattern.path, (called, ())))
-    return isinstance(pattern, Term) and pattern.holds(_Scope(snapshot, called))
+        return not any(True for _ in _follow_path(snapshot, schema, pattern.path, (bindings, ())))
+    return isinstance(pattern, Term) and pattern.holds(_Scope(snapshot, bindings))
 
 
-def _reads_of(name: str) -> Iterator[Touched]:
+def _subjects_of_name(name: str) -> Iterator[Touched]:
     """Yield the subjects whose changes can change the value of a name in a condition."""
     if _CALL.fullmatch(name):
         yield ("frame", ANY)
@@ -274,11 +282,11 @@ def _reads_of(name: str) -> Iterator[Touched]:
 class _Scope:
     """The scope of a condition: attributes, as `node.attribute`, and functions of poses, as `distance(a, b)`."""
 
-    __slots__ = ("_called", "_snapshot")
+    __slots__ = ("_bindings", "_snapshot")
 
-    def __init__(self, snapshot: GraphReader, called: Mapping[str, str]) -> None:
+    def __init__(self, snapshot: GraphReader, bindings: Mapping[str, str]) -> None:
         self._snapshot = snapshot
-        self._called = called
+        self._bindings = bindings
 
     def value(self, name: str) -> Value | None:
         call = _CALL.fullmatch(name)
@@ -288,8 +296,8 @@ class _Scope:
                 return self._snapshot.get(self._name(node), attribute).content
             except AbsentError:
                 return None  # the attributes of a missing node are unknown
-        function, a, b = call[1], self._name(call[2]), self._name(call[3])
-        if function == "distance":
+        function_name, a, b = call[1], self._name(call[2]), self._name(call[3])
+        if function_name == "distance":
             return self._snapshot.distance_m(a, b)
         return self._snapshot.in_view(a, b) if b in self._snapshot else None
 
@@ -314,4 +322,4 @@ class _Scope:
         return reading.expires_s if reading.known else math.inf
 
     def _name(self, name: str) -> str:
-        return self._called.get(name, name)
+        return self._bindings.get(name, name)

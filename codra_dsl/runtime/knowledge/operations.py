@@ -65,7 +65,7 @@ class Operation(NamedTuple):
             case _:
                 return str(first.task if isinstance(first, Request) else first)
 
-    def plain(self) -> list[Any]:
+    def plain_data(self) -> list[Any]:
         """Return the operation as data for JSON: the verb, then the arguments."""
         return [self.verb, *map(_plain, self.arguments)]
 
@@ -77,16 +77,16 @@ def edge_name(origin: str, type_name: str, target: str) -> str:
 
 def operations_text(operations: Iterable[Operation]) -> str:
     """Return operations as JSON."""
-    return json_text([operation.plain() for operation in operations])
+    return json_text([operation.plain_data() for operation in operations])
 
 
-def operations_of(plain: Iterable[list[Any]]) -> tuple[Operation, ...]:
+def operations_of(plain_data: Iterable[list[Any]]) -> tuple[Operation, ...]:
     """Return the operations of plain data.
 
     Raises:
         ValueError: if the data is not a list of operations; IndexError and TypeError likewise.
     """
-    return tuple(_operation_of(Verb(verb), *arguments) for verb, *arguments in plain)
+    return tuple(_operation_of(Verb(verb), *arguments) for verb, *arguments in plain_data)
 
 
 def _operation_of(verb: Verb, *arguments: Any) -> Operation:

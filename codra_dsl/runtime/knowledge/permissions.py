@@ -19,7 +19,7 @@ START = ""
 
 
 class OutrankedError(PermissionError):
-    """An agent tried to overwrite the value of an agent with a higher priority."""
+    """An agent tried to overwrite what an agent with a higher priority wrote and what is still valid."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,8 +67,8 @@ class Permissions:
         Raises:
             NotASourceError: always.
         """
-        may = " or ".join(self._priorities) or "no agent"
-        raise NotASourceError(f"{subject!r} is for {may} to write, not for {agent!r}")
+        writers_text = " or ".join(self._priorities) or "no agent"
+        raise NotASourceError(f"{subject!r} is for {writers_text} to write, not for {agent!r}")
 
     def check_rank(self, agent: str, other: str, subject: str) -> None:
         """Check that an agent may overwrite the valid value of another agent.
@@ -78,7 +78,9 @@ class Permissions:
         """
         if agent == START or self._priorities.get(other, 0) <= self._priorities[agent]:
             return
-        raise OutrankedError(f"{agent!r} cannot overwrite {subject!r}: {other!r} wrote it and has a higher priority")
+        raise OutrankedError(
+            f"{agent!r} cannot overwrite {subject!r}: {other!r} wrote it, has a higher priority, and it is still valid"
+        )
 
 
 class Audit:

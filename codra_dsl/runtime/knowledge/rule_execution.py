@@ -39,7 +39,7 @@ class RuleExecution(Generic[TransactionT_co]):
     """The execution of an agent's rule, from the beginning to the end of a `with` statement.
 
     The `before` patterns are enforced: the action does not begin unless they hold. The `during` and `after` patterns
-    are observed: the result is in `state` and in the journal.
+    are observed: the result is in `state` and in the event log.
 
     Attributes:
         rule: the declaration of the rule.
@@ -60,10 +60,10 @@ class RuleExecution(Generic[TransactionT_co]):
 
         Args:
             rule: the declaration of the rule.
-            begin: calls a function that returns the missing pattern, and raises `RuleError` if there is one.
+            begin: calls a function that returns what is missing, and raises `RuleError` if something is.
             transact: begins a transaction with a check that must succeed when its changes become visible.
             take_snapshot: returns a snapshot of the present graph.
-            record: records the new state of the rule in the journal.
+            record: records the new state of the rule in the event log.
             subscribe: subscribes to patterns.
         """
         self.rule = rule
@@ -92,7 +92,7 @@ class RuleExecution(Generic[TransactionT_co]):
             self._is_over = True
         if self._subscription is not None:
             self._subscription.unsubscribe()
-        missing = lacking(self._take_snapshot(), self.rule.after)
+        missing = explain_missing(self._take_snapshot(), self.rule.after)
         self._set_state(RuleState.UNFULFILLED if missing else RuleState.FULFILLED, missing)
 
     def transaction(self) -> AbstractContextManager[TransactionT_co]:
@@ -112,16 +112,16 @@ class RuleExecution(Generic[TransactionT_co]):
         return self.state is not RuleState.BROKEN
 
     def _check_before(self) -> None:
-        self._begin(lambda snapshot: lacking(snapshot, self.rule.before))
+        self._begin(lambda snapshot: explain_missing(snapshot, self.rule.before))
 
     def _look(self, change: Change) -> None:
-        """Break the rule if the `during` patterns have held and hold no more before the `after` patterns hold."""
+        """Break the rule if the `during` patterns have held and no longer hold before the `after` patterns hold."""
         with self._lock:
             if change.matches or self._is_over or not self._has_held:
                 self._has_held = self._has_held or bool(change.matches)
                 return
-            missing = lacking(change.snapshot, self.rule.during)
-            is_done = not lacking(change.snapshot, self.rule.after)
+            missing = explain_missing(change.snapshot, self.rule.during)
+            is_done = not explain_missing(change.snapshot, self.rule.after)
             if not is_done and self.state is RuleState.BEGUN:
                 self._set_state(RuleState.BROKEN, missing)
 
@@ -130,19 +130,19 @@ class RuleExecution(Generic[TransactionT_co]):
         self._record(str(state), message)
 
 
-def lacking(snapshot: Snapshot, patterns: Sequence[Pattern]) -> str:
+def explain_missing(snapshot: Snapshot, patterns: Sequence[Pattern]) -> str:
     """Return why patterns do not hold together, with the first one that does not hold alone; empty if they hold."""
     if snapshot.holds(*patterns):
         return ""
-    alone = next((pattern for pattern in patterns if not snapshot.holds(pattern)), None)
+    unmet_pattern = next((pattern for pattern in patterns if not snapshot.holds(pattern)), None)
     return (
         "the patterns do not hold together"
-        if alone is None
-        else f"{_text(alone)} does not hold{_because(snapshot, alone)}"
+        if unmet_pattern is None
+        else f"{_pattern_text(unmet_pattern)} does not hold{_explanation(snapshot, unmet_pattern)}"
     )
 
 
-def _because(snapshot: Snapshot, pattern: Pattern) -> str:
+def _explanation(snapshot: Snapshot, pattern: Pattern) -> str:
     """Return the unwanted edges, or the missing node or type of nodes; empty if the pattern explains enough."""
     if isinstance(pattern, Absence):
         edge_keys = snapshot.match(pattern.path)[0].edges
@@ -157,6 +157,6 @@ def _because(snapshot: Snapshot, pattern: Pattern) -> str:
     return ""
 
 
-def _text(pattern: Pattern) -> str:
+def _pattern_text(pattern: Pattern) -> str:
     """Return a pattern in the notation of specs, with numbers in SI units."""
     return format_condition(str(pattern)) if isinstance(pattern, Term) else str(pattern)

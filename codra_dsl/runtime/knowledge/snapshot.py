@@ -11,7 +11,14 @@ from codra_dsl.runtime.errors import unknown
 from codra_dsl.runtime.geometry import FrameError, Outcome, Transform
 from codra_dsl.runtime.knowledge.change_set import AbsentError
 from codra_dsl.runtime.knowledge.declarations import Pattern
-from codra_dsl.runtime.knowledge.elements import Edge, EdgeKey, Node, at_version, never_observed, present_reading
+from codra_dsl.runtime.knowledge.elements import (
+    Edge,
+    EdgeKey,
+    Node,
+    element_at_version,
+    never_observed_reading,
+    present_reading,
+)
 from codra_dsl.runtime.knowledge.graph_schema import GraphSchema
 from codra_dsl.runtime.knowledge.matching import Match, matches
 from codra_dsl.runtime.knowledge.state import Handover, State
@@ -54,14 +61,14 @@ class Snapshot:
         node = self._state.nodes.get(name)
         if node is None:
             raise AbsentError(f"the node {name!r} does not exist")
-        return at_version(node, self._state.version)
+        return element_at_version(node, self._state.version)
 
     def nodes(self, type_name: str = "", *, where: Term | None = None) -> tuple[Node, ...]:
         """Return nodes in the order of their insertion.
 
         Args:
             type_name: the type of the nodes; any type if empty.
-            where: a condition over the names of their attributes. Nodes for which it is unknown are left out.
+            where: a condition over the names of their attributes. Nodes for which it is false or unknown are left out.
 
         Raises:
             UnknownNameError: if the type is not declared, or its nodes have no such attribute.
@@ -70,9 +77,9 @@ class Snapshot:
         if type_name:
             self._schema.node_type(type_name)
             nodes = self._state.nodes
-            candidates = map(nodes.get, self._state.index.of_type(type_name))
+            candidates = map(nodes.get, self._state.index.names_of_type(type_name))
             result = [node for node in candidates if node is not None and node.type == type_name]
-        result = [at_version(node, self._state.version) for node in result]
+        result = [element_at_version(node, self._state.version) for node in result]
         if where is not None and not isinstance(where, Term):
             raise TypeError(f"`where` must be a condition over attributes, not {where!r}")
         if where is not None:
@@ -82,10 +89,14 @@ class Snapshot:
 
     def _check_attributes(self, type_name: str, nodes: Iterable[Node], where: Term) -> None:
         """Raise an error for a condition over an attribute that neither the type nor one of the nodes declares."""
-        own = self._schema.node_type(type_name).attributes if type_name else {}
+        type_attributes = self._schema.node_type(type_name).attributes if type_name else {}
         for name in where.variables():
-            if type_name and name not in own and not any(name in self._schema.of_node(node) for node in nodes):
-                raise unknown(f"attribute of {type_name!r}", name, own)
+            if (
+                type_name
+                and name not in type_attributes
+                and not any(name in self._schema.attributes_of_node(node) for node in nodes)
+            ):
+                raise unknown(f"attribute of {type_name!r}", name, type_attributes)
 
     def edge(self, origin: str, edge: str, target: str) -> Edge:
         """Return an edge.
@@ -125,7 +136,7 @@ class Snapshot:
             UnknownNameError: if the type of edges is not declared.
         """
         types = self._schema.types_of_edges(edge) if edge else None
-        candidates = map(self.edge_of, self._keys(types, origin, target))
+        candidates = map(self.edge_of, self._candidate_keys(types, origin, target))
         return tuple(
             sorted(
                 (
@@ -153,8 +164,8 @@ class Snapshot:
         history = node.histories.get(attribute)
         if history is None:
             self._schema.attribute(node, attribute)
-            return never_observed(name, attribute)
-        reading = history.present(self._state.version)
+            return never_observed_reading(name, attribute)
+        reading = history.reading_at(self._state.version)
         return reading if reading.expires_s > self.instant_s else reading.at(self.instant_s)
 
     def get_of_edge(self, origin: str, edge: str, target: str, attribute: str) -> Reading[Any]:
@@ -168,7 +179,7 @@ class Snapshot:
         node = self.node(name)
         self._schema.attribute(node, attribute)
         history = node.histories.get(attribute)
-        return () if history is None else history.all(node.version)
+        return () if history is None else history.readings_at(node.version)
 
     # Geometry
 
@@ -194,7 +205,7 @@ class Snapshot:
         return self._state.frames.parent(name, self.instant_s if instant_s is None else instant_s)
 
     def distance_m(self, a: str, b: str) -> float | None:
-        """Return the distance of two nodes; None if one of them has no pose or a stale one."""
+        """Return the distance between two nodes; None if one of them has no pose or a stale one."""
         transform = self._fresh_transform(a, b)
         return None if transform is None else math.hypot(*transform.pose.translation_m)
 
@@ -247,16 +258,16 @@ class Snapshot:
 
     def keys_from(self, name: str) -> Iterable[EdgeKey]:
         """Return the keys of edges from a node, in no order. `edge_of` returns None for keys without an edge."""
-        return self._state.index.out(name)
+        return self._state.index.keys_from(name)
 
     def keys_to(self, name: str) -> Iterable[EdgeKey]:
         """Return the keys of edges to a node, as `keys_from` does."""
-        return self._state.index.into(name)
+        return self._state.index.keys_to(name)
 
     def edge_of(self, key: EdgeKey) -> Edge | None:
         """Return the edge with a key, if it exists."""
         edge = self._state.edges.get(key)
-        return None if edge is None else at_version(edge, self._state.version)
+        return None if edge is None else element_at_version(edge, self._state.version)
 
     def fresh_until_s(self, a: str, b: str) -> float:
         """Return until when the distance of two nodes is known without new writes; infinite if it is unknown."""
@@ -271,14 +282,14 @@ class Snapshot:
         return self._state.frames.next_s(a, b, self.instant_s)
 
     def frames_between(self, a: str, b: str) -> tuple[str, ...]:
-        """Return the nodes whose poses define the relative pose of two; it raises the errors of `transform`."""
+        """Return the nodes whose poses define the relative pose of two nodes; it raises the errors of `transform`."""
         return self._state.frames.between(a, b, self.instant_s)
 
     def measured_s(self, name: str) -> float:
         """Return when the newest pose of a node was measured; it raises the errors of `parent`."""
         return self._state.frames.track(name).newest_s
 
-    def _keys(self, types: frozenset[str] | None, origin: str, target: str) -> Iterable[EdgeKey]:
+    def _candidate_keys(self, types: frozenset[str] | None, origin: str, target: str) -> Iterable[EdgeKey]:
         if origin:
             return self.keys_from(origin)
         if target:
@@ -286,8 +297,8 @@ class Snapshot:
         if types is None:
             return self._state.edges
         ends = frozenset[str]().union(*(self._schema.edge_type(name).origins for name in types))
-        of_type = self._state.index.of_type
-        origins = dict.fromkeys(node for end in ends for node in (end, *of_type(end)))
+        names_of_type = self._state.index.names_of_type
+        origins = dict.fromkeys(node for end in ends for node in (end, *names_of_type(end)))
         return (key for node in origins for key in self.keys_from(node))
 
     def _fresh_transform(self, target: str, source: str) -> Transform | None:

@@ -30,7 +30,7 @@ class Handover(NamedTuple):
         number: the number of its latest request, from 1.
         requester: the agent of the latest request.
         since_s: the instant from which it is at this stage.
-        deadline_s: when the stage ends and the task is aborted; infinite without a deadline.
+        deadline_s: when the task is aborted unless it has left the stage before; infinite without a deadline.
         result: the result, if the task has finished.
         reason: why it was aborted: `requester`, `unacknowledged` or `overdue`.
     """
@@ -68,7 +68,7 @@ class State:
         index: the index of nodes and edges.
         frames: the poses of nodes.
         handovers: the handovers of tasks, by name.
-        deleted_s: the deletion times of deleted nodes whose poses are still kept, by name.
+        deletion_times_s: the deletion times of deleted nodes whose poses are still kept, by name.
     """
 
     since_s: float
@@ -79,7 +79,7 @@ class State:
     index: GraphIndex
     frames: Frames
     handovers: Mapping[str, Handover]
-    deleted_s: Mapping[str, float]
+    deletion_times_s: Mapping[str, float]
 
     @classmethod
     def empty(cls, since_s: float) -> State:
@@ -97,7 +97,7 @@ class State:
         state.index = self.index
         state.frames = self.frames
         state.handovers = self.handovers
-        state.deleted_s = self.deleted_s
+        state.deletion_times_s = self.deletion_times_s
         return state
 
 

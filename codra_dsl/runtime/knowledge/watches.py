@@ -17,7 +17,7 @@ from codra_dsl.runtime.knowledge.matching import ANY, Match, next_s
 from codra_dsl.runtime.knowledge.snapshot import Snapshot
 from codra_dsl.runtime.values.cell import Reading
 
-SeenT = TypeVar("SeenT")
+ValueT = TypeVar("ValueT")
 
 
 class Change(NamedTuple):
@@ -36,18 +36,18 @@ class Change(NamedTuple):
     over: tuple[Match, ...]
 
 
-class View(NamedTuple, Generic[SeenT]):
+class View(NamedTuple, Generic[ValueT]):
     """The value of a watch in a snapshot, and when it can next change without new writes."""
 
-    seen: SeenT
+    value: ValueT
     next_s: float = math.inf
 
 
-_Woken = tuple[tuple[int, Match, tuple[int, ...]], ...]
+_WakingMatches = tuple[tuple[int, Match, tuple[int, ...]], ...]
 """The matches that wake an agent: the number of the pattern, the match, and the numbers of its edges."""
 
 
-class Watch(Generic[SeenT]):
+class Watch(Generic[ValueT]):
     """Evaluates the graph after changes, and calls back if the value is different.
 
     If the graph changes several times before the evaluation, it is evaluated once, in its present state, so calls
@@ -58,8 +58,8 @@ class Watch(Generic[SeenT]):
         self,
         clock: Clock,
         take_snapshot: Callable[[], Snapshot],
-        evaluate: Callable[[Snapshot], View[SeenT]],
-        notify: Callable[[Snapshot, SeenT], None],
+        evaluate: Callable[[Snapshot], View[ValueT]],
+        notify: Callable[[Snapshot, ValueT], None],
         end: Callable[[], None],
     ) -> None:
         """Wait for changes.
@@ -75,11 +75,11 @@ class Watch(Generic[SeenT]):
         self._take_snapshot = take_snapshot
         self._evaluate = evaluate
         self._notify = notify
-        self._queue: CallbackQueue[None] = CallbackQueue(clock, self._run, lambda _: self._close(end))
+        self._queue: CallbackQueue[None] = CallbackQueue(clock, self._evaluate_and_notify, lambda _: self._close(end))
         self._lock = threading.Lock()
-        self._is_waiting = False
+        self._is_queued = False
         self._is_closed = False
-        self._last: View[SeenT] | None = None
+        self._last_view: View[ValueT] | None = None
         self._timer: Timer | None = None
 
     @property
@@ -87,29 +87,29 @@ class Watch(Generic[SeenT]):
         """Return the subscription that ends the watch."""
         return self._queue.subscription
 
-    def changed(self) -> None:
+    def request_evaluation(self) -> None:
         """Evaluate the graph as soon as the callback is free."""
         with self._lock:
-            if self._is_waiting or self._is_closed:
+            if self._is_queued or self._is_closed:
                 return
-            self._is_waiting = True
+            self._is_queued = True
         self._queue.put(None)
 
-    def _run(self, _: None) -> None:
+    def _evaluate_and_notify(self, _: None) -> None:
         with self._lock:
-            self._is_waiting = False
+            self._is_queued = False
         snapshot = self._take_snapshot()
-        view, last = self._evaluate(snapshot), self._last
-        self._last = view
-        self._wake_at(view.next_s)
-        if last is None or last.seen != view.seen:
-            self._notify(snapshot, view.seen)
+        view, last_view = self._evaluate(snapshot), self._last_view
+        self._last_view = view
+        self._schedule_evaluation(view.next_s)
+        if last_view is None or last_view.value != view.value:
+            self._notify(snapshot, view.value)
 
-    def _wake_at(self, instant_s: float) -> None:
+    def _schedule_evaluation(self, instant_s: float) -> None:
         with self._lock:
             if self._timer is not None:
                 self._timer.cancel()
-            self._timer = None if self._is_closed else self._clock.call_at(instant_s, self.changed)
+            self._timer = None if self._is_closed else self._clock.call_at(instant_s, self.request_evaluation)
 
     def _close(self, end: Callable[[], None]) -> None:
         with self._lock:
@@ -124,40 +124,42 @@ class Watches:
 
     def __init__(self) -> None:
         """Begin without watches."""
-        self._of: dict[Touched, tuple[Watch[Any], ...]] = {}
+        self._watches_by_subject: dict[Touched, tuple[Watch[Any], ...]] = {}
         self._lock = threading.Lock()
 
-    def add(self, watch: Watch[Any], touched: Iterable[Touched]) -> None:
+    def add(self, watch: Watch[Any], subjects: Iterable[Touched]) -> None:
         """Add a watch that evaluates the graph after each change of one of the subjects."""
         with self._lock:
-            for key in touched:
-                self._of[key] = (*self._of.get(key, ()), watch)
+            for subject in subjects:
+                self._watches_by_subject[subject] = (*self._watches_by_subject.get(subject, ()), watch)
 
-    def remove(self, watch: Watch[Any], touched: Iterable[Touched]) -> None:
+    def remove(self, watch: Watch[Any], subjects: Iterable[Touched]) -> None:
         """Remove a watch."""
         with self._lock:
-            for key in touched:
-                others = tuple(other for other in self._of.get(key, ()) if other is not watch)
-                if others:
-                    self._of[key] = others
+            for subject in subjects:
+                other_watches = tuple(
+                    other for other in self._watches_by_subject.get(subject, ()) if other is not watch
+                )
+                if other_watches:
+                    self._watches_by_subject[subject] = other_watches
                 else:
-                    self._of.pop(key, None)
+                    self._watches_by_subject.pop(subject, None)
 
-    def changed(self, touched: Iterable[Touched]) -> None:
-        """Let all watches evaluate the graph whose values can have changed."""
-        of = self._of
-        if not of:
+    def request_evaluations(self, subjects: Iterable[Touched]) -> None:
+        """Let all watches whose values can have changed evaluate the graph."""
+        watches_by_subject = self._watches_by_subject
+        if not watches_by_subject:
             return
-        woken: dict[Watch[Any], None] = {}
-        for kind, name in touched:
-            for key in ((kind, name), (kind, ANY), (ANY, name)):
-                for watch in of.get(key, ()):
-                    woken[watch] = None
-        for watch in woken:
-            watch.changed()
+        affected_watches: dict[Watch[Any], None] = {}
+        for kind, name in subjects:
+            for subject in ((kind, name), (kind, ANY), (ANY, name)):
+                for watch in watches_by_subject.get(subject, ()):
+                    affected_watches[watch] = None
+        for watch in affected_watches:
+            watch.request_evaluation()
 
 
-def of_matches(
+def functions_for_matches(
     schema: GraphSchema, patterns: Sequence[Pattern], callback: Callable[[Change], object]
 ) -> tuple[Callable[[Snapshot], View[tuple[Match, ...]]], Callable[[Snapshot, tuple[Match, ...]], None]]:
     """Return the functions `evaluate` and `notify` for a watch of patterns."""
@@ -168,20 +170,20 @@ def of_matches(
 
     before: dict[Match, None] = {}
 
-    def notify(snapshot: Snapshot, present: tuple[Match, ...]) -> None:
-        new = tuple(match for match in present if match not in before)
-        over = tuple(match for match in before if match not in present)
+    def notify(snapshot: Snapshot, present_matches: tuple[Match, ...]) -> None:
+        new = tuple(match for match in present_matches if match not in before)
+        over = tuple(match for match in before if match not in present_matches)
         before.clear()
-        before.update(dict.fromkeys(present))
+        before.update(dict.fromkeys(present_matches))
         if new or over:
-            callback(Change(snapshot, present, new, over))
+            callback(Change(snapshot, present_matches, new, over))
 
     return evaluate, notify
 
 
-def of_wakes(
+def functions_for_wakes(
     schema: GraphSchema, wakes: Sequence[Pattern], callback: Callable[[Change], object]
-) -> tuple[Callable[[Snapshot], View[_Woken]], Callable[[Snapshot, _Woken], None]]:
+) -> tuple[Callable[[Snapshot], View[_WakingMatches]], Callable[[Snapshot, _WakingMatches], None]]:
     """Return the functions `evaluate` and `notify` for a watch of the patterns that wake an agent.
 
     Each pattern wakes the agent by itself, whenever it begins to hold. An edge that was deleted and inserted again is
@@ -190,33 +192,33 @@ def of_wakes(
     """
     _check_callback(callback)
 
-    def evaluate(snapshot: Snapshot) -> View[_Woken]:
-        seen = tuple(
-            (number, match, tuple(_number_of(snapshot, key) for key in match.edges))
+    def evaluate(snapshot: Snapshot) -> View[_WakingMatches]:
+        matches = tuple(
+            (number, match, tuple(_edge_number(snapshot, key) for key in match.edges))
             for number, pattern in enumerate(wakes)
             for match in snapshot.match(pattern)
         )
-        return View(seen, min((next_s(snapshot, schema, [pattern]) for pattern in wakes), default=math.inf))
+        return View(matches, min((next_s(snapshot, schema, [pattern]) for pattern in wakes), default=math.inf))
 
-    before: _Woken = ()
+    before: _WakingMatches = ()
 
-    def notify(snapshot: Snapshot, present: _Woken) -> None:
+    def notify(snapshot: Snapshot, present_matches: _WakingMatches) -> None:
         nonlocal before
-        new = tuple(wake[1] for wake in present if wake not in before)
-        over = tuple(wake[1] for wake in before if wake not in present)
-        before = present
+        new = tuple(entry[1] for entry in present_matches if entry not in before)
+        over = tuple(entry[1] for entry in before if entry not in present_matches)
+        before = present_matches
         if new or not wakes:
-            callback(Change(snapshot, tuple(wake[1] for wake in present), new, over))
+            callback(Change(snapshot, tuple(entry[1] for entry in present_matches), new, over))
 
     return evaluate, notify
 
 
-def _number_of(snapshot: Snapshot, key: EdgeKey) -> int:
+def _edge_number(snapshot: Snapshot, key: EdgeKey) -> int:
     edge = snapshot.edge_of(key)
     return -1 if edge is None else edge.number
 
 
-def of_attribute(
+def functions_for_attribute(
     name: str, attribute: str, callback: Callable[[Reading[Any]], object]
 ) -> tuple[Callable[[Snapshot], View[Reading[Any] | None]], Callable[[Snapshot, Reading[Any] | None], None]]:
     """Return the functions `evaluate` and `notify` for a watch of one attribute; a missing node causes no call."""

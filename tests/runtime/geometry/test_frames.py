@@ -47,12 +47,12 @@ class Model:
         return parent, pose, Outcome.EXTRAPOLATED
 
     def to_root(self, name: str, at_s: float) -> tuple[str, Any, list[tuple[str, Outcome]]]:
-        to_root, path = np.eye(4), []
+        matrix_to_root, path = np.eye(4), []
         for _ in range(COUNT + 2):
             parent, pose, outcome = self.placement(name, at_s)
             if parent is None:
-                return name, to_root, path
-            to_root = pose @ to_root
+                return name, matrix_to_root, path
+            matrix_to_root = pose @ matrix_to_root
             path.append((name, outcome))
             name = parent
         raise AssertionError("a cycle")
@@ -138,7 +138,7 @@ def compare(frames: Frames, model: Model, target: str, source: str, at_s: float)
 @given(steps=steps)
 def test_after_any_interleaving_every_answer_equals_that_of_the_model(steps: list[tuple[Any, ...]]) -> None:
     frames, model = Frames(), Model()
-    asked = []
+    questions = []
     for step in steps:
         match step:
             case ("set", *arguments):
@@ -147,8 +147,8 @@ def test_after_any_interleaving_every_answer_equals_that_of_the_model(steps: lis
                 model.poses.setdefault(child, {})[stamp_s] = (None, np.eye(4))
                 frames = frames.without_parent(child, stamp_s)
             case ("ask", target, source, at_s):
-                asked.append((target, source, at_s))
-        for question in asked[-6:]:
+                questions.append((target, source, at_s))
+        for question in questions[-6:]:
             compare(frames, model, *question)
 
 
@@ -218,8 +218,13 @@ def test_the_outcome_names_the_weakest_edge_and_the_longest_gap() -> None:
         ("STALE", "arm"),
     ]
     assert [round(transform.gap_s, 9) for transform in transforms] == [0.0, 0.1, 0.5, 1.0, 2.3]
-    of_arm = [frames.transform("base", "arm", at_s) for at_s in (9.0, 10.1, 10.4, 10.8)]
-    assert [transform.outcome.name for transform in of_arm] == ["CLAMPED", "INTERPOLATED", "EXTRAPOLATED", "CLAMPED"]
+    arm_transforms = [frames.transform("base", "arm", at_s) for at_s in (9.0, 10.1, 10.4, 10.8)]
+    assert [transform.outcome.name for transform in arm_transforms] == [
+        "CLAMPED",
+        "INTERPOLATED",
+        "EXTRAPOLATED",
+        "CLAMPED",
+    ]
 
 
 def test_a_static_edge_is_never_stale_and_moves_in_steps() -> None:
@@ -283,21 +288,21 @@ def test_earlier_frames_are_not_changed_by_later_poses() -> None:
     before = Frames().with_pose("robot", "world", turned(0.0, 1.0), 0.0)
     after = before.with_pose("robot", "world", turned(0.0, 3.0), 1.0)
     other = before.with_pose("robot", "world", turned(0.0, 9.0), 2.0)
-    asked = [frames.transform("world", "robot", 1.0) for frames in (before, after, other, before)]
-    assert [transform.pose.translation_m[0] for transform in asked] == [1.0, 3.0, 5.0, 1.0]
+    transforms = [frames.transform("world", "robot", 1.0) for frames in (before, after, other, before)]
+    assert [transform.pose.translation_m[0] for transform in transforms] == [1.0, 3.0, 5.0, 1.0]
 
 
 @settings(max_examples=30)
 @given(steps=steps)
 def test_every_earlier_state_gives_the_same_answers(steps: list[tuple[Any, ...]]) -> None:
-    frames, seen = Frames(), []
+    frames, answers = Frames(), []
     for step in steps:
         if step[0] == "ask" and step[1] in frames and step[2] in frames:
-            seen.append((frames, step[1:], answer(frames, *step[1:])))
+            answers.append((frames, step[1:], answer(frames, *step[1:])))
         elif step[0] == "set" and step[1] != step[2]:
             with contextlib.suppress(FrameError):
                 frames = frames.with_pose(*step[1:], FREE)
-    assert [answer(state, *question) for state, question, _ in seen] == [answered for *_, answered in seen]
+    assert [answer(state, *question) for state, question, _ in answers] == [answered for *_, answered in answers]
 
 
 def answer(frames: Frames, target: str, source: str, at_s: float) -> object:

@@ -59,16 +59,18 @@ def test_every_pattern_in_wakes_wakes_its_agent_independently() -> None:
 
 
 def test_a_second_request_of_a_task_wakes_its_executor_again() -> None:
-    clock, calls = SimClock(), []
+    clock, handovers = SimClock(), []
     with store(clock) as codra:
-        codra.agent("container_detection").on_wake(lambda change: calls.append(change.snapshot.handover("detecting")))
+        codra.agent("container_detection").on_wake(
+            lambda change: handovers.append(change.snapshot.handover("detecting"))
+        )
         picking = codra.agent("picking")
         first = picking.graph.request("detecting")
         clock.sleep(0.1)
         picking.graph.abort(first)
         picking.graph.request("detecting")
         clock.sleep(0.1)
-    assert [handover.number for handover in calls] == [1, 2]
+    assert [handover.number for handover in handovers] == [1, 2]
 
 
 def test_an_agent_without_wakes_is_called_once_and_stays_active() -> None:
@@ -173,8 +175,8 @@ def test_no_write_comes_between_the_check_of_a_rule_and_its_first_changes(tmp_pa
             with acting.transaction() as first:
                 first.acknowledge(request)
                 first.insert_node("box", "roll_container")
-        events = [event.what for event in codra.record.of(Kind.KNOWLEDGE, "container_detection.detect")]
-        assert events == ["begun", "refused", "unfulfilled"]
+        states = [event.what for event in codra.record.of(Kind.KNOWLEDGE, "container_detection.detect")]
+        assert states == ["begun", "refused", "unfulfilled"]
         why = codra.why("container_detection.detect")
         assert str(why).startswith("container_detection.detect is 'unfulfilled' at 0 s")
         assert "unfulfilled at 0 s: detecting.result == 'ok' does not hold" in str(why)
@@ -188,11 +190,11 @@ def test_a_rule_that_needs_a_type_reports_that_there_is_no_such_node() -> None:
     model = replace(AT_WORK, agents=(AgentModel(name="container_detection", rules=(looks,)),))
     with ContextManager[str, str](MODEL, clock=SimClock(), resources={}, knowledge=model) as codra:
         detection = codra.agent("container_detection").graph
-        unmet = "robot -close_to-> some roll_container does not hold"
-        with pytest.raises(RuleError, match=f"{unmet}: there is no roll_container$"):
+        unmet_text = "robot -close_to-> some roll_container does not hold"
+        with pytest.raises(RuleError, match=f"{unmet_text}: there is no roll_container$"):
             detection.acting("detect").__enter__()
         detection.insert_node("box", "roll_container")
-        with pytest.raises(RuleError, match=f"{unmet}$"):
+        with pytest.raises(RuleError, match=f"{unmet_text}$"):
             detection.acting("detect").__enter__()
 
 

@@ -45,46 +45,46 @@ class Handshake(RuleBasedStateMachine):
         self.stage, self.number, self.requester = "", 0, ""
         self.deadline_s, self.result, self.reason = float("inf"), None, ""
 
-    def step(self, agent: str, allowed: bool, possible: bool, take: object) -> bool:
+    def step(self, agent: str, is_allowed: bool, is_possible: bool, take: object) -> bool:
         """Take a step, which must be refused, must conflict, or must succeed; return whether it did."""
         assert callable(take)
-        if not allowed:
+        if not is_allowed:
             with pytest.raises(NotASourceError):
                 take(self.handles[agent])
-        elif not possible:
+        elif not is_possible:
             with pytest.raises(ConflictError):
                 take(self.handles[agent])
         else:
             take(self.handles[agent])
-        return allowed and possible
+        return is_allowed and is_possible
 
     @rule(agent=some.sampled_from(AGENTS))
     def request(self, agent: str) -> None:
-        possible = self.stage not in ("wants", "is")
-        if self.step(agent, agent in ("ann", "bob"), possible, lambda handle: handle.request("detecting")):
+        is_possible = self.stage not in ("wants", "is")
+        if self.step(agent, agent in ("ann", "bob"), is_possible, lambda handle: handle.request("detecting")):
             self.stage, self.number, self.requester = "wants", self.number + 1, agent
             self.deadline_s, self.result, self.reason = self.clock.now_s() + ACKNOWLEDGE_S, None, ""
 
     @rule(agent=some.sampled_from(AGENTS), back=some.integers(0, 2))
     def acknowledge(self, agent: str, back: int) -> None:
-        asked = Request("detecting", self.number - back)
-        possible = back == 0 and self.stage == "wants"
-        if self.step(agent, agent == "worker", possible, lambda handle: handle.acknowledge(asked)):
+        request = Request("detecting", self.number - back)
+        is_possible = back == 0 and self.stage == "wants"
+        if self.step(agent, agent == "worker", is_possible, lambda handle: handle.acknowledge(request)):
             self.stage, self.deadline_s = "is", self.clock.now_s() + FINISH_S
 
     @rule(agent=some.sampled_from(AGENTS), back=some.integers(0, 2), result=some.sampled_from(["found", "lost"]))
     def finish(self, agent: str, back: int, result: str) -> None:
-        asked = Request("detecting", self.number - back)
-        possible = back == 0 and self.stage == "is"
-        if self.step(agent, agent == "worker", possible, lambda handle: handle.finish(asked, result)):
+        request = Request("detecting", self.number - back)
+        is_possible = back == 0 and self.stage == "is"
+        if self.step(agent, agent == "worker", is_possible, lambda handle: handle.finish(request, result)):
             self.stage, self.deadline_s, self.result = "finished", float("inf"), result
 
     @rule(agent=some.sampled_from(AGENTS), back=some.integers(0, 2))
     def abort(self, agent: str, back: int) -> None:
-        asked = Request("detecting", self.number - back)
-        possible = back == 0 and self.stage in ("wants", "is")
-        allowed = agent == self.requester if possible else agent in ("ann", "bob")
-        if self.step(agent, allowed, possible, lambda handle: handle.abort(asked)):
+        request = Request("detecting", self.number - back)
+        is_possible = back == 0 and self.stage in ("wants", "is")
+        is_allowed = agent == self.requester if is_possible else agent in ("ann", "bob")
+        if self.step(agent, is_allowed, is_possible, lambda handle: handle.abort(request)):
             self.stage, self.deadline_s, self.reason = "aborted", float("inf"), "requester"
 
     @rule(duration_s=some.sampled_from([0.25, 0.5, 1.0, 2.0, 4.0]))
@@ -100,8 +100,10 @@ class Handshake(RuleBasedStateMachine):
         assert [edge.label for edge in seen.edges(target="detecting")] == ([self.stage] if self.stage else [])
         handover = seen.handover("detecting")
         assert (handover.stage or "", handover.number, handover.requester) == (self.stage, self.number, self.requester)
-        attributes = [seen.get("detecting", name).content for name in ("request", "requester", "result", "reason")]
-        assert attributes == [self.number or None, self.requester or None, self.result, self.reason or None]
+        attribute_values = [
+            seen.get("detecting", name).content for name in ("request", "requester", "result", "reason")
+        ]
+        assert attribute_values == [self.number or None, self.requester or None, self.result, self.reason or None]
         assert handover.deadline_s == self.deadline_s
 
 
@@ -179,17 +181,17 @@ def test_a_late_step_raises_an_error_with_the_stage_of_the_task(knowledge: Knowl
 
 def test_a_step_at_the_deadline_is_too_late_in_either_order_of_events(knowledge: Knowledge, clock: SimClock) -> None:
     ann, worker = knowledge.as_agent("ann"), knowledge.as_agent("worker")
-    errors: list[str] = []
+    messages: list[str] = []
 
     def acknowledge() -> None:
         with pytest.raises(ConflictError) as conflict:
             worker.acknowledge(Request("detecting", 1))
-        errors.append(str(conflict.value))
+        messages.append(str(conflict.value))
 
     clock.call_at(ACKNOWLEDGE_S, acknowledge)
     ann.request("detecting")
     clock.sleep(ACKNOWLEDGE_S)
-    assert errors == ["request 1 of 'detecting' is at the stage aborted (unacknowledged)"]
+    assert messages == ["request 1 of 'detecting' is at the stage aborted (unacknowledged)"]
     assert stage(knowledge) == (Stage.ABORTED, "unacknowledged")
 
 
@@ -237,23 +239,23 @@ def test_steps_of_a_handshake_are_part_of_a_transaction(knowledge: Knowledge) ->
         assert stage(knowledge) == (None, "")
     assert stage(knowledge) == (Stage.WANTS, "")
 
-    def job_run() -> None:
+    def run_transaction() -> None:
         with worker.transaction() as write:
             write.acknowledge(request)
             ann.abort(request)
 
     with pytest.raises(ConflictError, match=r"request 1 of 'detecting' is at the stage aborted \(requester\)"):
-        job_run()
+        run_transaction()
 
 
 def test_a_request_number_is_not_given_to_two_requesters(knowledge: Knowledge) -> None:
     ann, bob = knowledge.as_agent("ann"), knowledge.as_agent("bob")
 
-    def job_run() -> None:
+    def run_transaction() -> None:
         with ann.transaction() as write:
             write.request("detecting")
             bob.abort(bob.request("detecting"))
 
     with pytest.raises(ConflictError, match="was requested again while this transaction was open"):
-        job_run()
+        run_transaction()
     assert knowledge.snapshot().handover("detecting").number == 1

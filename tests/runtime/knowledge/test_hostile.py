@@ -37,9 +37,9 @@ def test_a_pose_that_is_not_a_rigid_motion_is_refused(message: str) -> None:
     knowledge = store()
     navigation, before = knowledge.as_agent("navigation"), knowledge.snapshot()
     for pose in NO_POSES[message]:
-        given: Any = pose
+        wrong_value: Any = pose
         with pytest.raises(ValueError, match=message):
-            navigation.place("world", "robot_pose", "robot", given)
+            navigation.place("world", "robot_pose", "robot", wrong_value)
     assert knowledge.snapshot().version == before.version
 
 
@@ -91,19 +91,19 @@ def test_a_path_of_thousands_of_edges_is_followed_from_any_named_node() -> None:
 NO_PATTERNS = (None, "robot -near-> box", 3, [], KnowledgeModel)
 
 
-@pytest.mark.parametrize("given", NO_PATTERNS)
-def test_wrong_patterns_callbacks_and_requests_are_reported(given: Any) -> None:
+@pytest.mark.parametrize("wrong_value", NO_PATTERNS)
+def test_wrong_patterns_callbacks_and_requests_are_reported(wrong_value: Any) -> None:
     knowledge = store()
     picking = knowledge.as_agent("picking")
     for ask in (knowledge.snapshot().holds, lambda it: knowledge.subscribe(print, it)):
         with pytest.raises(TypeError, match="a pattern is a path, an absence or a condition, not"):
-            ask(given)
+            ask(wrong_value)
     with pytest.raises(TypeError, match="expected the return value of request"):
-        picking.abort(given)
+        picking.abort(wrong_value)
     for hear in (knowledge.subscribe, picking.on_wake, lambda it: knowledge.follow("battery", "level", it)):
-        if not callable(given):
+        if not callable(wrong_value):
             with pytest.raises(TypeError, match="the callback must be a function, not"):
-                hear(given)
+                hear(wrong_value)
     with pytest.raises(FrameError, match="there is no frame None"):
         knowledge.transform(None, None)  # type: ignore[arg-type]
 
@@ -114,13 +114,13 @@ def test_a_cycle_of_new_parents_is_refused_with_its_transaction() -> None:
     hand.place("n0", "moves", "n1", Pose())
     hand.place("n1", "moves", "n2", Pose())
 
-    def job_run() -> None:
+    def run_transaction() -> None:
         with hand.transaction() as write:
             write.place("n3", "moves", "n1", Pose())
             write.place("n2", "moves", "n3", Pose())
 
     with pytest.raises(FrameError, match="'n3' cannot be placed in 'n2' from 0 s on"):
-        job_run()
+        run_transaction()
     assert [str(edge) for edge in knowledge.snapshot().edges("RT")] == ["n0 -RT-> n1", "n1 -RT-> n2"]
 
 
@@ -154,13 +154,13 @@ def put(knowledge: Knowledge, *names: str) -> None:
 
 
 def test_a_callback_that_deletes_its_matches_is_called_until_there_are_no_matches() -> None:
-    clock, received = SimClock(), []
+    clock, match_counts = SimClock(), []
     knowledge = store(clock)
     put(knowledge, "a", "b", "c")
     detection = knowledge.as_agent("container_detection")
 
     def delete(change: Change) -> None:
-        received.append((len(change.new), len(change.over), len(change.matches)))
+        match_counts.append((len(change.new), len(change.over), len(change.matches)))
         for match in change.matches:
             detection.delete_node(match.node("box"))
             with pytest.raises(AbsentError):
@@ -168,29 +168,29 @@ def test_a_callback_that_deletes_its_matches_is_called_until_there_are_no_matche
 
     knowledge.subscribe(delete, BOXES)
     clock.sleep(1.0)
-    assert received == [(3, 0, 3), (0, 3, 0)]
+    assert match_counts == [(3, 0, 3), (0, 3, 0)]
     assert knowledge.snapshot().edges("close_to") == ()
 
 
 def test_a_callback_may_end_its_own_subscription_and_begin_others() -> None:
-    clock, received, others = SimClock(), [], []
+    clock, match_counts, other_counts = SimClock(), [], []
     knowledge = store(clock)
 
     def once(change: Change) -> None:
-        received.append(len(change.matches))
+        match_counts.append(len(change.matches))
         subscription.unsubscribe()
         subscription.unsubscribe()
-        knowledge.subscribe(lambda other: others.append(len(other.matches)), BOXES)
+        knowledge.subscribe(lambda other: other_counts.append(len(other.matches)), BOXES)
 
     subscription = knowledge.subscribe(once, BOXES)
     for name in ("a", "b"):
         put(knowledge, name)
         clock.sleep(1.0)
-    assert (received, others) == ([1], [1, 2])
+    assert (match_counts, other_counts) == ([1], [1, 2])
 
 
 def test_callbacks_continue_after_one_has_ended_its_thread(caplog: pytest.LogCaptureFixture) -> None:
-    clock, calls, received = SimClock(), [], []
+    clock, calls, match_counts = SimClock(), [], []
     knowledge = store(clock)
 
     def end(_: Change) -> None:
@@ -198,12 +198,12 @@ def test_callbacks_continue_after_one_has_ended_its_thread(caplog: pytest.LogCap
         raise SystemExit(3)
 
     knowledge.subscribe(end, BOXES)
-    knowledge.subscribe(lambda change: received.append(len(change.matches)), BOXES)
+    knowledge.subscribe(lambda change: match_counts.append(len(change.matches)), BOXES)
     with caplog.at_level(logging.ERROR):
         for name in ("a", "b"):
             put(knowledge, name)
             clock.sleep(1.0)
-    assert (calls, received) == ([1, 1], [1, 2])
+    assert (calls, match_counts) == ([1, 1], [1, 2])
     assert "a callback raised" in caplog.text
 
 

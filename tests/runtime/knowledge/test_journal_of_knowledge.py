@@ -146,11 +146,14 @@ def test_the_graph_at_any_instant_is_the_same_live_and_from_a_file(tmp_path: Pat
     codra = run(tmp_path / "run.mcap")
     head, events = read(tmp_path / "run.mcap")
     for instant_s in (10.0, 10.5, 11.0, 11.5, 12.0, 12.5, 13.5, 14.5):
-        live, recorded = codra.knowledge.at(instant_s), knowledge_at(head, events, MODEL, KNOWLEDGE, instant_s)
-        assert _plain(recorded) == _plain(live)
-        assert recorded.handover("detecting") == live.handover("detecting")
-        if "box" in live:
-            assert recorded.transform("robot", "box") == live.transform("robot", "box")
+        live_snapshot, replayed_snapshot = (
+            codra.knowledge.at(instant_s),
+            knowledge_at(head, events, MODEL, KNOWLEDGE, instant_s),
+        )
+        assert _plain(replayed_snapshot) == _plain(live_snapshot)
+        assert replayed_snapshot.handover("detecting") == live_snapshot.handover("detecting")
+        if "box" in live_snapshot:
+            assert replayed_snapshot.transform("robot", "box") == live_snapshot.transform("robot", "box")
 
 
 def _plain(snapshot: Snapshot) -> object:
@@ -223,10 +226,10 @@ def test_why_explains_deleted_elements_and_recreated_ones() -> None:
             again.delete_node("box")
             again.insert_node("box", "roll_container")
             again.insert_edge("box", "close_to", "robot", distance=2.0)
-        explained = {
+        contents = {
             name: codra.why(name).reading.content for name in ("box", "box.locked", "box -close_to-> robot.distance")
         }
-        assert explained == {"box": True, "box.locked": None, "box -close_to-> robot.distance": 2.0}
+        assert contents == {"box": True, "box.locked": None, "box -close_to-> robot.distance": 2.0}
 
         with detection.transaction() as again:
             again.delete_edge("box", "close_to", "robot")

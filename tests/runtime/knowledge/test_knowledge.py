@@ -142,7 +142,10 @@ def test_an_attribute_has_a_stamp_a_writer_and_a_history() -> None:
         clock.sleep(10.0)
         navigation.set("battery", "level", level)
     navigation.set("battery", "level", 75.0, evidence_s=5.0)
-    history = [(seen.evidence_s, seen.value, seen.source) for seen in knowledge.snapshot().history("battery", "level")]
+    history = [
+        (reading.evidence_s, reading.value, reading.source)
+        for reading in knowledge.snapshot().history("battery", "level")
+    ]
     assert history == [
         (0.0, 80.0, ""),
         (5.0, 75.0, "navigation"),
@@ -344,7 +347,7 @@ def test_a_transaction_with_a_refused_part_has_no_effect(is_caught: bool) -> Non
     knowledge = store()
     detection = knowledge.as_agent("container_detection")
 
-    def job_run() -> None:
+    def run_transaction() -> None:
         with detection.transaction() as write:
             write.insert_node("box", "roll_container")
             try:
@@ -354,7 +357,7 @@ def test_a_transaction_with_a_refused_part_has_no_effect(is_caught: bool) -> Non
                     raise
 
     with pytest.raises(NotASourceError, match=r"'battery\.level' is for navigation"):
-        job_run()
+        run_transaction()
     assert "box" not in knowledge.snapshot()
     assert len(knowledge.refusals()) == 1
 
@@ -363,13 +366,13 @@ def test_an_interrupted_transaction_has_no_effect() -> None:
     knowledge = store()
     detection = knowledge.as_agent("container_detection")
 
-    def job_run() -> None:
+    def run_transaction() -> None:
         with detection.transaction() as write:
             write.insert_node("box", "roll_container")
             raise TimeoutError
 
     with pytest.raises(TimeoutError):
-        job_run()
+        run_transaction()
     assert "box" not in knowledge.snapshot()
 
 
@@ -377,13 +380,13 @@ def test_a_failed_transaction_leaves_no_readings() -> None:
     knowledge = store()
     navigation = knowledge.as_agent("navigation")
 
-    def job_run() -> None:
+    def run_transaction() -> None:
         with navigation.transaction() as write:
             write.set("battery", "level", 1.0)
             raise TimeoutError
 
     with pytest.raises(TimeoutError):
-        job_run()
+        run_transaction()
     navigation.set("battery", "level", 2.0)
     assert [reading.value for reading in knowledge.snapshot().history("battery", "level")] == [80.0, 2.0]
 
@@ -396,14 +399,14 @@ def test_a_transaction_is_applied_again_after_other_writes() -> None:
         people.insert_node("anna", "person")
     assert {"box", "anna"} <= {node.name for node in knowledge.snapshot().nodes()}
 
-    def job_run() -> None:
+    def run_transaction() -> None:
         with detection.transaction() as write:
             write.insert_node("crate", "roll_container")
             write.insert_node("case", "roll_container")
             detection.insert_node("crate", "roll_container")
 
     with pytest.raises(PresentError, match="the node 'crate' already exists"):
-        job_run()
+        run_transaction()
     assert "case" not in knowledge.snapshot()
 
 

@@ -134,7 +134,7 @@ def test_nodes_and_histories_never_change_despite_later_writes() -> None:
         kept.append((count, knowledge.snapshot(), knowledge.snapshot().node("a"), knowledge.snapshot().nodes()))
     for count, snapshot, node, nodes in kept:
         assert [reading.value for reading in snapshot.history("a", "count")] == list(range(count + 1))[-MOST:]
-        assert [version.attributes["count"].value for version in (node, *nodes)] == [count, count]
+        assert [seen_node.attributes["count"].value for seen_node in (node, *nodes)] == [count, count]
 
 
 def test_many_changes_at_one_instant_do_not_shorten_the_past() -> None:
@@ -201,15 +201,15 @@ def test_an_interrupted_write_is_complete_or_absent(names: tuple[str, ...]) -> N
     def counts() -> list[int]:
         return [knowledge.get(name, "count").value for name in names]
 
-    line, seen = 1, []
+    line, seen_counts = 1, []
     while _is_interrupted(agent, names, line):
         assert [knowledge.at(0.0).get(name, "count").value for name in names] == counts()
-        seen.append(counts())
+        seen_counts.append(counts())
         agent.set("another", "count", line)
-        assert counts() == seen[-1]
+        assert counts() == seen_counts[-1]
         line += 1
-    assert all(len(set(values)) == 1 for values in seen)
-    assert {values[0] == line for line, values in enumerate(seen, 1)} == {True, False}
+    assert all(len(set(values)) == 1 for values in seen_counts)
+    assert {values[0] == line for line, values in enumerate(seen_counts, 1)} == {True, False}
 
 
 @pytest.mark.parametrize("names", [("a", "b"), ("a",)])

@@ -52,22 +52,22 @@ class ByHand:
     placements: dict[str, dict[float, tuple[str, str, Any]]] = field(default_factory=dict)
 
     def pose_at(self, name: str, at_s: float) -> tuple[str, Any, Outcome]:
-        stamped = self.placements[name]
-        stamps_s = sorted(stamped)
+        stamped_poses = self.placements[name]
+        stamps_s = sorted(stamped_poses)
         before = [stamp_s for stamp_s in stamps_s if stamp_s <= at_s]
         if not before:
-            kind, parent, matrix = stamped[stamps_s[0]]
+            kind, parent, matrix = stamped_poses[stamps_s[0]]
             return parent, matrix, Outcome.CLAMPED
-        kind, parent, matrix = stamped[before[-1]]
+        kind, parent, matrix = stamped_poses[before[-1]]
         if kind == "fixed" or before[-1] == at_s:
             return parent, matrix, Outcome.EXACT
         after = [stamp_s for stamp_s in stamps_s if stamp_s > at_s]
-        if after and stamped[after[0]][:2] == (kind, parent):
-            return parent, between(before[-1], matrix, after[0], stamped[after[0]][2], at_s), Outcome.INTERPOLATED
+        if after and stamped_poses[after[0]][:2] == (kind, parent):
+            return parent, between(before[-1], matrix, after[0], stamped_poses[after[0]][2], at_s), Outcome.INTERPOLATED
         if at_s - before[-1] > EXTRAPOLATE_S:
             return parent, matrix, Outcome.CLAMPED
-        if len(before) > 1 and stamped[before[-2]][:2] == (kind, parent):
-            matrix = between(before[-2], stamped[before[-2]][2], before[-1], matrix, at_s)
+        if len(before) > 1 and stamped_poses[before[-2]][:2] == (kind, parent):
+            matrix = between(before[-2], stamped_poses[before[-2]][2], before[-1], matrix, at_s)
         return parent, matrix, Outcome.EXTRAPOLATED
 
     def to_root(self, name: str, at_s: float) -> tuple[Any, dict[str, Outcome]]:
@@ -176,20 +176,22 @@ def test_interpolation_between_poses_turns_at_a_constant_rate(seed: int) -> None
     hand.place("n0", "moves", "n1", a, stamp_s=0.0)
     hand.place("n0", "moves", "n1", b, stamp_s=1.0)
     for share in (0.25, 0.5, 0.9):
-        between_poses = knowledge.transform("n0", "n1", share).pose
-        assert a.angle_rad(between_poses) == pytest.approx(share * a.angle_rad(b), abs=1e-7)
-        assert a.distance_m(between_poses) == pytest.approx(share * a.distance_m(b))
+        interpolated_pose = knowledge.transform("n0", "n1", share).pose
+        assert a.angle_rad(interpolated_pose) == pytest.approx(share * a.angle_rad(b), abs=1e-7)
+        assert a.distance_m(interpolated_pose) == pytest.approx(share * a.distance_m(b))
 
 
 @settings(max_examples=25)
 @given(seed=some.integers(0, 2**32 - 1))
 def test_the_transforms_of_a_snapshot_never_change(seed: int) -> None:
-    tree, answers = Tree(seed), []
+    tree, earlier_answers = Tree(seed), []
     for _ in range(20):
         tree.place_some_part()
         seen, question = tree.knowledge.snapshot(), tree.question()
-        answers.append((seen, question, seen.transform(*question)))
-    assert [seen.transform(*question) for seen, question, _ in answers] == [answer for *_, answer in answers]
+        earlier_answers.append((seen, question, seen.transform(*question)))
+    assert [seen.transform(*question) for seen, question, _ in earlier_answers] == [
+        answer for *_, answer in earlier_answers
+    ]
 
 
 # Edges of the graph
@@ -274,9 +276,11 @@ def test_the_poses_of_deleted_nodes_do_not_pile_up() -> None:
         detection.place("world", "container_pose", f"box_{number}", Pose())
         clock.sleep(1.0)
         detection.delete_node(f"box_{number}")
-    known = [f"box_{number}" for number in range(200) if _is_known(knowledge, f"box_{number}", clock.now_s() - 3.5)]
-    assert 1 <= len(known) <= 10
-    assert "box_199" in known
+    known_names = [
+        f"box_{number}" for number in range(200) if _is_known(knowledge, f"box_{number}", clock.now_s() - 3.5)
+    ]
+    assert 1 <= len(known_names) <= 10
+    assert "box_199" in known_names
 
 
 def _is_known(knowledge: Knowledge, name: str, at_s: float) -> bool:

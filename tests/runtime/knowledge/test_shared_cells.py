@@ -264,7 +264,7 @@ def test_eight_threads_write_both_sides_and_no_foreign_write_gets_through() -> N
     assert len([event for event in recorded if event.what == "refused"]) == 5 * 400
 
 
-def test_the_main_execution_is_an_agent_if_it_is_a_source() -> None:
+def test_the_main_execution_is_an_agent_if_it_is_a_source_and_has_one_owner_at_a_time() -> None:
     with manager(SimClock()) as codra:
         main = codra.agent("main_execution")
         with main.graph.transaction() as transaction:
@@ -312,5 +312,5 @@ def test_a_session_has_an_agent_from_its_first_write_to_its_end() -> None:
         session.close()
         another.receive(written)
 
-        kinds = [message["error"]["kind"] if "error" in message else "answer" for message in replies]
+        kinds = [reply["error"]["kind"] if "error" in reply else "answer" for reply in replies]
         assert kinds == ["agent_taken", "answer", "agent_taken", "answer"]

@@ -119,17 +119,17 @@ def test_conditions_can_read_poses(knowledge: Knowledge, clock: SimClock) -> Non
 
 
 def notifications(knowledge: Knowledge, *patterns: Any) -> list[tuple[list[str], list[str]]]:
-    received: list[tuple[list[str], list[str]]] = []
+    changes: list[tuple[list[str], list[str]]] = []
 
     def callback(change: Change) -> None:
-        received.append(([match.node("who") for match in change.new], [match.node("who") for match in change.over]))
+        changes.append(([match.node("who") for match in change.new], [match.node("who") for match in change.over]))
 
     knowledge.subscribe(callback, *patterns)
-    return received
+    return changes
 
 
 def test_a_subscriber_is_notified_of_present_matches_and_then_of_changes(knowledge: Knowledge, clock: SimClock) -> None:
-    received = notifications(knowledge, path(some("person", called="who"), "close_to", "robot"))
+    changes = notifications(knowledge, path(some("person", called="who"), "close_to", "robot"))
     clock.sleep(1.0)
     people = knowledge.as_agent("person_detection")
     people.insert_edge("anna", "close_to", "robot")
@@ -139,11 +139,11 @@ def test_a_subscriber_is_notified_of_present_matches_and_then_of_changes(knowled
     clock.sleep(1.0)
     people.delete_node("bob")
     clock.sleep(1.0)
-    assert received == [(["bob"], []), (["anna"], []), ([], ["bob"])]
+    assert changes == [(["bob"], []), (["anna"], []), ([], ["bob"])]
 
 
 def test_changes_at_one_instant_cause_one_notification(knowledge: Knowledge, clock: SimClock) -> None:
-    received = notifications(knowledge, path(some("person", called="who"), "close_to", "robot"))
+    changes = notifications(knowledge, path(some("person", called="who"), "close_to", "robot"))
     clock.sleep(1.0)
     people = knowledge.as_agent("person_detection")
     for name in ("carl", "dora"):
@@ -152,7 +152,7 @@ def test_changes_at_one_instant_cause_one_notification(knowledge: Knowledge, clo
     people.delete_edge("bob", "close_to", "robot")
     people.insert_edge("bob", "close_to", "robot")
     clock.sleep(1.0)
-    assert received == [(["bob"], []), (["carl", "dora"], [])]
+    assert changes == [(["bob"], []), (["carl", "dora"], [])]
 
 
 def test_a_condition_changes_when_a_value_expires_and_when_it_reaches_an_age(

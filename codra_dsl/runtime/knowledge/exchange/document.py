@@ -1,7 +1,7 @@
 """A graph in the model of RoboComp's DSR: numbered nodes, labelled edges, attributes with a type code.
 
-It holds the complete content of a file, declared in the spec or not. Values are plain Python; `spelled` returns them as
-in RoboComp's JSON: integers of 64 bits as text, since other JSON readers parse numbers as doubles.
+It holds the complete content of a file, declared in the spec or not. Values are plain Python; `json_value` returns them
+as in RoboComp's JSON: integers of 64 bits as text, since other JSON readers parse numbers as doubles.
 """
 
 from __future__ import annotations
@@ -99,12 +99,12 @@ class DsrGraph:
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, DsrGraph):
             return NotImplemented
-        extras = (self.extra, self.model_extra) == (other.extra, other.model_extra)
-        return extras and self._ordered() == other._ordered()
+        has_equal_extras = (self.extra, self.model_extra) == (other.extra, other.model_extra)
+        return has_equal_extras and self._sorted_content() == other._sorted_content()
 
     __hash__ = None  # type: ignore[assignment]  # its content is not hashable
 
-    def _ordered(self) -> tuple[list[DsrNode], list[DsrEdge]]:
+    def _sorted_content(self) -> tuple[list[DsrNode], list[DsrEdge]]:
         edges = sorted(self.edges, key=lambda edge: (edge.origin, edge.target, edge.label))
         return sorted(self.nodes, key=lambda node: node.number), edges
 
@@ -114,10 +114,13 @@ class DsrGraph:
         Raises:
             KeyError: if the name is unknown.
         """
-        return next((node for node in self.nodes if node.name == name), None) or _no_node(name)
+        node = next((node for node in self.nodes if node.name == name), None)
+        if node is None:
+            raise KeyError(f"the node {name!r} does not exist")
+        return node
 
 
-def understood(code: int, given: object) -> object:
+def parse_value(code: int, json_data: object) -> object:
     """Return a value of a file as plain Python.
 
     As in RoboComp, integers and floats may be written as text, floats also with a decimal comma.
@@ -126,10 +129,10 @@ def understood(code: int, given: object) -> object:
         ValueError: if the value does not have the type of the code.
     """
     reader = _READERS.get(code)
-    return given if reader is None else reader(given)
+    return json_data if reader is None else reader(json_data)
 
 
-def spelled(value: DsrValue) -> object:
+def json_value(value: DsrValue) -> object:
     """Return a value as in RoboComp's JSON."""
     content = value.value
     match value.code:
@@ -158,93 +161,95 @@ def encode_value(content: object, code: int | None = None, extra: Mapping[str, o
     """
     if code is not None and code not in _READERS:
         return DsrValue(code=code, value=content, extra=dict(extra or {}))
-    plain = _plain(content)
-    for candidate in (*(() if code is None else (code,)), *_natural(plain)):
-        if _is_exactly(plain, candidate):
-            return DsrValue(code=candidate, value=plain, extra=dict(extra or {}))
+    plain_value = _plain_value(content)
+    for candidate_code in (*(() if code is None else (code,)), *_preferred_codes(plain_value)):
+        if _represents_exactly(plain_value, candidate_code):
+            return DsrValue(code=candidate_code, value=plain_value, extra=dict(extra or {}))
     raise ValueError(f"DSR has no type for {type(content).__name__} {content!r:.60}")
 
 
-def _is_exactly(plain: object, code: int) -> bool:
+def _represents_exactly(plain_value: object, code: int) -> bool:
     """Return whether a code represents a value without changing it."""
     try:
-        read = understood(code, list(plain) if isinstance(plain, (tuple, bytes)) else plain)
+        decoded_value = parse_value(code, list(plain_value) if isinstance(plain_value, (tuple, bytes)) else plain_value)
     except ValueError:
         return False
-    return type(read) is type(plain) and read == plain
+    return type(decoded_value) is type(plain_value) and decoded_value == plain_value
 
 
-def _plain(content: object) -> object:
-    item = getattr(content, "tolist", None)
-    content = item() if callable(item) else content
+def _plain_value(content: object) -> object:
+    to_list = getattr(content, "tolist", None)
+    content = to_list() if callable(to_list) else content
     return tuple(content) if isinstance(content, list) else content
 
 
-def _natural(plain: object) -> Sequence[int]:
+def _preferred_codes(plain_value: object) -> Sequence[int]:
     """Return the codes that may represent a value, in order of preference."""
-    if isinstance(plain, bool):
+    if isinstance(plain_value, bool):
         return (ValueCode.BOOL,)
-    if isinstance(plain, int):
+    if isinstance(plain_value, int):
         return (ValueCode.INT32, ValueCode.UINT64, ValueCode.DOUBLE)
-    if isinstance(plain, tuple):
-        is_integral = bool(plain) and all(type(number) is int for number in plain)
+    if isinstance(plain_value, tuple):
+        is_integral = bool(plain_value) and all(type(number) is int for number in plain_value)
         return (ValueCode.UINT64S, ValueCode.FLOATS) if is_integral else (ValueCode.FLOATS,)
-    return {str: (ValueCode.TEXT,), bytes: (ValueCode.BYTES,), float: (ValueCode.DOUBLE,)}.get(type(plain), ())
+    return {str: (ValueCode.TEXT,), bytes: (ValueCode.BYTES,), float: (ValueCode.DOUBLE,)}.get(type(plain_value), ())
 
 
-def _text(given: object) -> object:
-    if isinstance(given, str):
-        return given
-    raise ValueError(f"{_shown(given)} is not a text")
+def _text(json_data: object) -> object:
+    if isinstance(json_data, str):
+        return json_data
+    raise ValueError(f"{_value_text(json_data)} is not a text")
 
 
-def _bool(given: object) -> object:
-    if isinstance(given, bool):
-        return given
-    raise ValueError(f"{_shown(given)} is neither true nor false")
+def _bool(json_data: object) -> object:
+    if isinstance(json_data, bool):
+        return json_data
+    raise ValueError(f"{_value_text(json_data)} is neither true nor false")
 
 
-def _integer(given: object, low: int, high: int) -> int:
-    if (isinstance(given, str) and _INTEGER.fullmatch(given)) or (isinstance(given, float) and given.is_integer()):
-        given = int(given)
-    if isinstance(given, bool) or not isinstance(given, int):
-        raise ValueError(f"{_shown(given)} is not an integer")
-    if not low <= given <= high:
-        raise ValueError(f"{_shown(given)} lies outside [{low}, {high}]")
-    return given
+def _integer(json_data: object, low: int, high: int) -> int:
+    if (isinstance(json_data, str) and _INTEGER.fullmatch(json_data)) or (
+        isinstance(json_data, float) and json_data.is_integer()
+    ):
+        json_data = int(json_data)
+    if isinstance(json_data, bool) or not isinstance(json_data, int):
+        raise ValueError(f"{_value_text(json_data)} is not an integer")
+    if not low <= json_data <= high:
+        raise ValueError(f"{_value_text(json_data)} lies outside [{low}, {high}]")
+    return json_data
 
 
-def _uint32(given: object) -> object:
+def _uint32(json_data: object) -> object:
     """Return an unsigned number; RoboComp writes large ones as the negative number with the same bits."""
-    return _integer(given, -(2**31), 2**32 - 1) % 2**32
+    return _integer(json_data, -(2**31), 2**32 - 1) % 2**32
 
 
-def _real(given: object) -> object:
-    if given is None:
+def _real(json_data: object) -> object:
+    if json_data is None:
         return None
-    if isinstance(given, str):
+    if isinstance(json_data, str):
         try:
-            return float(given.replace(",", "."))
+            return float(json_data.replace(",", "."))
         except ValueError:
-            raise ValueError(f"{_shown(given)} is not a number") from None
-    if isinstance(given, bool) or not isinstance(given, (int, float)):
-        raise ValueError(f"{_shown(given)} is not a number")
+            raise ValueError(f"{_value_text(json_data)} is not a number") from None
+    if isinstance(json_data, bool) or not isinstance(json_data, (int, float)):
+        raise ValueError(f"{_value_text(json_data)} is not a number")
     try:
-        return float(given) if float(given) == given or given != given else given
+        return float(json_data) if float(json_data) == json_data or json_data != json_data else json_data
     except OverflowError:
-        raise ValueError(f"{_shown(given)} is too large") from None
+        raise ValueError(f"{_value_text(json_data)} is too large") from None
 
 
-def _list(given: object, read: Callable[[object], object], count: int | None = None) -> tuple[object, ...]:
-    if not isinstance(given, list):
-        raise ValueError(f"{_shown(given)} is not a list")
-    if count is not None and len(given) != count:
-        raise ValueError(f"there are {len(given)} numbers instead of {count}")
-    return tuple(read(number) for number in given)
+def _list(json_data: object, read: Callable[[object], object], count: int | None = None) -> tuple[object, ...]:
+    if not isinstance(json_data, list):
+        raise ValueError(f"{_value_text(json_data)} is not a list")
+    if count is not None and len(json_data) != count:
+        raise ValueError(f"there are {len(json_data)} numbers instead of {count}")
+    return tuple(read(number) for number in json_data)
 
 
-def _bytes(given: object) -> object:
-    return bytes(_integer(byte, 0, 255) for byte in _list(given, lambda byte: byte))
+def _bytes(json_data: object) -> object:
+    return bytes(_integer(byte, 0, 255) for byte in _list(json_data, lambda number: number))
 
 
 def _finite(content: object) -> object:
@@ -272,13 +277,9 @@ _READERS: Mapping[int, Callable[[object], object]] = {
 }
 
 
-def _shown(given: object) -> str:
-    if isinstance(given, (list, tuple)):
+def _value_text(json_data: object) -> str:
+    if isinstance(json_data, (list, tuple)):
         return "a list"
-    if given is None or isinstance(given, bool):
-        return {None: "null", True: "true", False: "false"}[given]
-    return "an object" if isinstance(given, dict) else f"{given!r:.60}"
-
-
-def _no_node(name: str) -> DsrNode:
-    raise KeyError(f"the node {name!r} does not exist")
+    if json_data is None or isinstance(json_data, bool):
+        return {None: "null", True: "true", False: "false"}[json_data]
+    return "an object" if isinstance(json_data, dict) else f"{json_data!r:.60}"

@@ -19,14 +19,14 @@ from codra_dsl.runtime.knowledge.exchange.document import (
     DsrValue,
     ExchangeError,
     ValueCode,
-    spelled,
-    understood,
+    json_value,
+    parse_value,
 )
 
-MOST_BYTES = 64 * 2**20
+MAX_BYTES = 64 * 2**20
 """The maximum size of a file in bytes."""
 
-DEEPEST = 40
+MAX_DEPTH = 40
 """The maximum nesting depth of objects and lists."""
 
 _Json = Mapping[str, object]
@@ -61,11 +61,11 @@ def read_text(path: Path) -> str:
         raise ExchangeError(f"{path}: this is not a file")
     try:
         with path.open("rb") as file:
-            content = file.read(MOST_BYTES + 1)
+            content = file.read(MAX_BYTES + 1)
     except (OSError, ValueError) as error:
         raise ExchangeError(f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})") from None
-    if len(content) > MOST_BYTES:
-        raise ExchangeError(f"{path}: it has more than {MOST_BYTES} bytes: leave out images and point clouds")
+    if len(content) > MAX_BYTES:
+        raise ExchangeError(f"{path}: it has more than {MAX_BYTES} bytes: leave out images and point clouds")
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -83,7 +83,7 @@ def parse_dsr(text: str, source: str = "<text>") -> DsrGraph:
     Raises:
         ExchangeError: if the text is not a DSR file.
     """
-    top = _object(_decoded(text, source), _Place(source, "$"))
+    top = _object(_parse_json(text, source), _Place(source, "$"))
     place = _Place(source, "$").key("DSRModel")
     if "DSRModel" not in top:
         place.complain('the key is missing: a DSR file is {"DSRModel": {"symbols": {...}}}')
@@ -91,15 +91,15 @@ def parse_dsr(text: str, source: str = "<text>") -> DsrGraph:
     symbols = place.key("symbols")
     nodes, links = [], []
     for key, symbol in _object(model.get("symbols", {}), symbols).items():
-        node, more = _node(key, symbol, symbols.key(key))
+        node, node_links = _node(key, symbol, symbols.key(key))
         nodes.append(node)
-        links.extend(more)
+        links.extend(node_links)
     _check_nodes(nodes, symbols)
     return DsrGraph(
         nodes=tuple(nodes),
         edges=tuple(_edges(links, {node.number for node in nodes})),
-        extra=_without(top, "DSRModel"),
-        model_extra=_without(model, "symbols"),
+        extra=_without_keys(top, "DSRModel"),
+        model_extra=_without_keys(model, "symbols"),
     )
 
 
@@ -113,13 +113,13 @@ def write_dsr(path: Path | str, graph: DsrGraph) -> None:
 
 
 def replace_file(path: Path, text: str) -> None:
-    """Replace a file atomically: write a file beside it, and rename this one."""
-    beside = path.with_name(f"{path.name}.{os.getpid()}.part")
+    """Replace a file atomically: write another file beside it, then rename that one."""
+    temporary_path = path.with_name(f"{path.name}.{os.getpid()}.part")
     try:
-        beside.write_text(text, encoding="utf-8")
-        beside.replace(path)
+        temporary_path.write_text(text, encoding="utf-8")
+        temporary_path.replace(path)
     finally:
-        beside.unlink(missing_ok=True)
+        temporary_path.unlink(missing_ok=True)
 
 
 def dsr_text(graph: DsrGraph) -> str:
@@ -140,7 +140,7 @@ def dsr_text(graph: DsrGraph) -> str:
                 "src": str(edge.origin),
                 "dst": str(edge.target),
                 "label": edge.label,
-                "linkAttribute": _spelled(edge.attributes),
+                "linkAttribute": _json_attributes(edge.attributes),
             }
         )
     symbols = {
@@ -149,7 +149,7 @@ def dsr_text(graph: DsrGraph) -> str:
             "id": str(node.number),
             "name": node.name,
             "type": node.type,
-            "attribute": _spelled(node.attributes),
+            "attribute": _json_attributes(node.attributes),
             "links": links[node.number],
         }
         for node in graph.nodes
@@ -165,22 +165,24 @@ def check_json(tree: object, source: str) -> None:
     Raises:
         ExchangeError: if an object has a duplicate key, a text has a lone surrogate, or the nesting is too deep.
     """
-    waiting: list[tuple[object, _Place, int]] = [(tree, _Place(source, "$"), 1)]
-    while waiting:
-        node, place, depth = waiting.pop()
-        if isinstance(node, _DuplicateKeys):
-            place.key(node.key).complain("this key occurs twice in one object: remove one of the two")
-        if isinstance(node, str) and any("\ud800" <= character <= "\udfff" for character in node):
+    pending: list[tuple[object, _Place, int]] = [(tree, _Place(source, "$"), 1)]
+    while pending:
+        part, place, depth = pending.pop()
+        if isinstance(part, _DuplicateKeys):
+            place.key(part.key).complain(
+                "this key occurs twice in one object: only one of the two can count, so remove the other"
+            )
+        if isinstance(part, str) and any("\ud800" <= character <= "\udfff" for character in part):
             place.complain("a text with a lone surrogate (half a character) cannot be written: remove it")
-        if depth > DEEPEST:
-            place.complain(f"objects and lists are nested more than {DEEPEST} levels deep")
-        if isinstance(node, dict):
-            waiting += [(key, place, 0) for key in node]
-            waiting += [(value, place.key(str(key)), depth + 1) for key, value in node.items()]
-        elif isinstance(node, (list, tuple)):
-            waiting += [(value, place.item(at), depth + 1) for at, value in enumerate(node)]
-        elif not isinstance(node, (str, int, float, bool, type(None))):
-            place.complain(f"JSON has no {type(node).__name__}")
+        if depth > MAX_DEPTH:
+            place.complain(f"objects and lists are nested more than {MAX_DEPTH} levels deep")
+        if isinstance(part, dict):
+            pending += [(key, place, 0) for key in part]
+            pending += [(value, place.key(str(key)), depth + 1) for key, value in part.items()]
+        elif isinstance(part, (list, tuple)):
+            pending += [(value, place.item(index), depth + 1) for index, value in enumerate(part)]
+        elif not isinstance(part, (str, int, float, bool, type(None))):
+            place.complain(f"JSON has no {type(part).__name__}")
 
 
 # Reading
@@ -189,84 +191,88 @@ def check_json(tree: object, source: str) -> None:
 class _Place:
     """A place in a file, as a JSON path, whose text is only built for a message."""
 
-    __slots__ = ("_above", "_source", "_step")
+    __slots__ = ("_outer_place", "_source", "_step")
 
-    def __init__(self, source: str, step: str, above: _Place | None = None) -> None:
+    def __init__(self, source: str, step: str, outer_place: _Place | None = None) -> None:
         self._source = source
         self._step = step
-        self._above = above
+        self._outer_place = outer_place
 
     def key(self, key: str) -> _Place:
         """Return the place of the value of a key."""
         return _Place(self._source, f".{key}" if key.isidentifier() else f"[{json.dumps(key)}]", self)
 
-    def item(self, at: int) -> _Place:
+    def item(self, index: int) -> _Place:
         """Return the place of an item of a list."""
-        return _Place(self._source, f"[{at}]", self)
+        return _Place(self._source, f"[{index}]", self)
 
-    def complain(self, why: str) -> NoReturn:
+    def complain(self, message: str) -> NoReturn:
         """Raise an error about this place."""
         steps: list[str] = []
         place: _Place | None = self
         while place is not None:
             steps.append(place._step)
-            place = place._above
-        raise ExchangeError(f"{self._source}: {''.join(reversed(steps))}: {why}")
+            place = place._outer_place
+        raise ExchangeError(f"{self._source}: {''.join(reversed(steps))}: {message}")
 
 
-def _decoded(text: str, source: str) -> object:
+def _parse_json(text: str, source: str) -> object:
     try:
-        tree: object = json.loads(text, object_pairs_hook=_pairs, parse_int=_int, parse_constant=_constant)
+        tree: object = json.loads(
+            text,
+            object_pairs_hook=_object_of_pairs,
+            parse_int=lambda digits: -0.0 if digits == "-0" else int(digits),
+            parse_constant=_refuse_constant,
+        )
     except json.JSONDecodeError as error:
         raise ExchangeError(f"{source}:{error.lineno}:{error.colno}: this is not JSON: {error.msg}") from None
     except RecursionError:
-        raise ExchangeError(f"{source}: objects and lists are nested more than {DEEPEST} levels deep") from None
+        raise ExchangeError(f"{source}: objects and lists are nested more than {MAX_DEPTH} levels deep") from None
     except ValueError as error:
         raise ExchangeError(f"{source}: this is not JSON: {error}") from None
     check_json(tree, source)
     return tree
 
 
-def _pairs(pairs: list[tuple[str, object]]) -> dict[str, object]:
-    mapping = dict(pairs)
-    if len(mapping) == len(pairs):
-        return mapping
-    duplicate = _DuplicateKeys(mapping)
+def _object_of_pairs(pairs: list[tuple[str, object]]) -> dict[str, object]:
+    plain_object = dict(pairs)
+    if len(plain_object) == len(pairs):
+        return plain_object
+    marked_object = _DuplicateKeys(plain_object)
     keys = [key for key, _ in pairs]
-    duplicate.key = next(key for at, key in enumerate(keys) if key in keys[:at])
-    return duplicate
+    marked_object.key = next(key for index, key in enumerate(keys) if key in keys[:index])
+    return marked_object
 
 
-def _int(digits: str) -> int | float:
-    return -0.0 if digits == "-0" else int(digits)
-
-
-def _constant(name: str) -> NoReturn:
+def _refuse_constant(name: str) -> NoReturn:
     raise ValueError(f"{name} is not a JSON number: write null, or the text {name!r}")
 
 
-def _object(given: object, place: _Place) -> _Json:
-    if not isinstance(given, dict):
+def _object(json_data: object, place: _Place) -> _Json:
+    if not isinstance(json_data, dict):
         place.complain("there must be an object: {...}")
-    return cast("_Json", given)
+    return cast("_Json", json_data)
 
 
-def _node(key: str, given: object, place: _Place) -> tuple[DsrNode, list[tuple[DsrEdge, _Place]]]:
-    symbol = _object(given, place)
+def _node(key: str, json_data: object, place: _Place) -> tuple[DsrNode, list[tuple[DsrEdge, _Place]]]:
+    symbol = _object(json_data, place)
     number = _number(symbol, "id", place)
     if key != str(number):
         place.complain(f"the symbol under this key has the id {number}: both must be the same")
     links = symbol.get("links", [])
     if not isinstance(links, list):
         place.key("links").complain("there must be a list: [...]")
-    places = [place.key("links").item(at) for at in range(len(links))]
-    edges = [(_edge(_object(link, at), at), at) for link, at in zip(links, places, strict=True)]
+    places = [place.key("links").item(index) for index in range(len(links))]
+    edges = [
+        (_edge(_object(link, link_place), link_place), link_place)
+        for link, link_place in zip(links, places, strict=True)
+    ]
     node = DsrNode(
         number=number,
-        name=_word(symbol, "name", place),
-        type=_word(symbol, "type", place),
+        name=_required_text(symbol, "name", place),
+        type=_required_text(symbol, "type", place),
         attributes=_values(symbol, "attribute", place),
-        extra=_without(symbol, "id", "name", "type", "attribute", "links"),
+        extra=_without_keys(symbol, "id", "name", "type", "attribute", "links"),
     )
     return node, edges
 
@@ -274,36 +280,38 @@ def _node(key: str, given: object, place: _Place) -> tuple[DsrNode, list[tuple[D
 def _edge(link: _Json, place: _Place) -> DsrEdge:
     return DsrEdge(
         origin=_number(link, "src", place),
-        label=_word(link, "label", place),
+        label=_required_text(link, "label", place),
         target=_number(link, "dst", place),
         attributes=_values(link, "linkAttribute", place),
-        extra=_without(link, "src", "dst", "label", "linkAttribute"),
+        extra=_without_keys(link, "src", "dst", "label", "linkAttribute"),
     )
 
 
 def _values(owner: _Json, key: str, place: _Place) -> dict[str, DsrValue]:
-    within = place.key(key)
-    return {name: _value(value, within.key(name)) for name, value in _object(owner.get(key, {}), within).items()}
+    values_place = place.key(key)
+    return {
+        name: _value(value, values_place.key(name)) for name, value in _object(owner.get(key, {}), values_place).items()
+    }
 
 
-def _value(given: object, place: _Place) -> DsrValue:
-    described = _object(given, place)
-    if "type" not in described or "value" not in described:
+def _value(json_data: object, place: _Place) -> DsrValue:
+    attribute_object = _object(json_data, place)
+    if "type" not in attribute_object or "value" not in attribute_object:
         place.complain('an attribute is {"type": NUMBER, "value": VALUE}')
-    code = described["type"]
+    code = attribute_object["type"]
     if isinstance(code, bool) or not isinstance(code, int):
         place.key("type").complain("the type of a value is an integer, such as 0 for text or 2 for a float")
     try:
-        value = understood(code, described["value"])
+        value = parse_value(code, attribute_object["value"])
     except ValueError as error:
         name = ValueCode(code).name.lower()
         place.key("value").complain(f"{error}, and type {code} is {name}: change one of the two")
-    return DsrValue(code=code, value=value, extra=_without(described, "type", "value"))
+    return DsrValue(code=code, value=value, extra=_without_keys(attribute_object, "type", "value"))
 
 
 def _number(owner: _Json, key: str, place: _Place) -> int:
     try:
-        number = cast("int", understood(ValueCode.UINT64, owner.get(key)))
+        number = cast("int", parse_value(ValueCode.UINT64, owner.get(key)))
     except ValueError:
         number = MOST_NUMBER + 1
     if number > MOST_NUMBER:
@@ -311,14 +319,14 @@ def _number(owner: _Json, key: str, place: _Place) -> int:
     return number
 
 
-def _word(owner: _Json, key: str, place: _Place) -> str:
-    word = owner.get(key)
-    if not isinstance(word, str) or not word:
+def _required_text(owner: _Json, key: str, place: _Place) -> str:
+    text = owner.get(key)
+    if not isinstance(text, str) or not text:
         place.key(key).complain("expected a text that is not empty")
-    return word
+    return text
 
 
-def _without(owner: _Json, *keys: str) -> dict[str, object]:
+def _without_keys(owner: _Json, *keys: str) -> dict[str, object]:
     return {key: value for key, value in owner.items() if key not in keys}
 
 
@@ -326,50 +334,52 @@ def _check_nodes(nodes: list[DsrNode], place: _Place) -> None:
     numbers: dict[str, int] = {}
     for node in nodes:
         if node.name in numbers:
-            also = place.key(str(node.number)).key("name")
-            also.complain(f"{node.name!r} is also the name of node {numbers[node.name]}: names must be unique")
+            name_place = place.key(str(node.number)).key("name")
+            name_place.complain(f"{node.name!r} is also the name of node {numbers[node.name]}: names must be unique")
         numbers[node.name] = node.number
 
 
 def _edges(links: list[tuple[DsrEdge, _Place]], numbers: set[int]) -> Iterator[DsrEdge]:
-    seen: set[tuple[int, str, int]] = set()
+    seen_keys: set[tuple[int, str, int]] = set()
     for edge, place in links:
         for key, number in (("src", edge.origin), ("dst", edge.target)):
             if number not in numbers:
                 place.key(key).complain(f"there is no symbol {number}: add it, or remove the link")
-        if edge.key in seen:
+        if edge.key in seen_keys:
             place.complain(f"there is already a link {edge.label!r} from {edge.origin} to {edge.target}")
-        seen.add(edge.key)
+        seen_keys.add(edge.key)
         yield edge
 
 
 # Writing
 
 
-def _spelled(attributes: Mapping[str, DsrValue]) -> dict[str, object]:
+def _json_attributes(attributes: Mapping[str, DsrValue]) -> dict[str, object]:
     return {
-        name: {**value.extra, "type": int(value.code), "value": spelled(value)} for name, value in attributes.items()
+        name: {**value.extra, "type": int(value.code), "value": json_value(value)} for name, value in attributes.items()
     }
 
 
 def _pieces(tree: object, indent: str) -> Iterator[str]:
     """Yield the text of JSON, indented as by Qt."""
-    within = f"{indent}    "
+    inner_indent = f"{indent}    "
     if isinstance(tree, dict):
-        ordered = sorted(tree.items(), key=lambda entry: str(entry[0]).encode("utf-16-be"))
-        yield from _enclosed("{}", [(f"{_scalar(key)}: ", value) for key, value in ordered], within, indent)
+        sorted_items = sorted(tree.items(), key=lambda entry: str(entry[0]).encode("utf-16-be"))
+        yield from _enclosed_pieces(
+            "{}", [(f"{_scalar(key)}: ", value) for key, value in sorted_items], inner_indent, indent
+        )
     elif isinstance(tree, (list, tuple)):
-        yield from _enclosed("[]", [("", value) for value in tree], within, indent)
+        yield from _enclosed_pieces("[]", [("", value) for value in tree], inner_indent, indent)
     else:
         yield _scalar(tree)
 
 
-def _enclosed(brackets: str, items: list[tuple[str, object]], within: str, indent: str) -> Iterator[str]:
+def _enclosed_pieces(brackets: str, items: list[tuple[str, object]], inner_indent: str, indent: str) -> Iterator[str]:
     yield f"{brackets[0]}\n"
-    for at, (key, value) in enumerate(items, 1):
-        yield f"{within}{key}"
-        yield from _pieces(value, within)
-        yield ",\n" if at < len(items) else "\n"
+    for index, (key, value) in enumerate(items, 1):
+        yield f"{inner_indent}{key}"
+        yield from _pieces(value, inner_indent)
+        yield ",\n" if index < len(items) else "\n"
     yield f"{indent}{brackets[1]}"
 
 

@@ -10,7 +10,7 @@ from codra_dsl.runtime.knowledge.declarations import RT
 from codra_dsl.runtime.knowledge.elements import Edge, Node
 from codra_dsl.runtime.knowledge.exchange.document import DsrEdge, DsrGraph, DsrNode, DsrValue, ValueCode, encode_value
 from codra_dsl.runtime.knowledge.exchange.import_ import DERIVED, EDGE_TYPE, DsrImport, Subject
-from codra_dsl.runtime.knowledge.exchange.rigid import MILLIMETRE_M, OF_RING, attributes_of, pose_of
+from codra_dsl.runtime.knowledge.exchange.rigid import MILLIMETRE_M, POSE_ATTRIBUTES, attributes_of, pose_of
 from codra_dsl.runtime.knowledge.graph_schema import GraphSchema, Stage
 from codra_dsl.runtime.knowledge.knowledge import Knowledge
 from codra_dsl.runtime.knowledge.snapshot import Snapshot
@@ -29,116 +29,134 @@ def export_dsr(knowledge: Knowledge, beside: DsrImport | None = None, *, unit_m:
     start = beside or DsrImport(
         model=knowledge.model, document=DsrGraph(), skipped=(), imported=frozenset(), unit_m=unit_m
     )
-    export = _Export(knowledge, start)
+    exporter = _Exporter(knowledge, start)
     return DsrGraph(
-        nodes=tuple(export.nodes()),
-        edges=tuple(export.edges()),
+        nodes=tuple(exporter.nodes()),
+        edges=tuple(exporter.edges()),
         extra=start.document.extra,
         model_extra=start.document.model_extra,
     )
 
 
-class _Export:
-    """The export of one snapshot, with the imported start."""
+class _Exporter:
+    """Exports one snapshot, with the import that the graph began with."""
 
     def __init__(self, knowledge: Knowledge, start: DsrImport) -> None:
         self._schema = GraphSchema(knowledge.model)
-        self._seen = knowledge.snapshot()
+        self._snapshot = knowledge.snapshot()
         self._start = start
-        self._before = {node.name: node for node in start.document.nodes}
+        self._nodes_before = {node.name: node for node in start.document.nodes}
         names = {node.number: node.name for node in start.document.nodes}
         self._edges_before = {
             (names[edge.origin], edge.label, names[edge.target]): edge for edge in start.document.edges
         }
-        self._numbers = self._numbered(names)
-        left = (key for key in self._edges_before if key not in start.imported and self._is_kept(key))
-        placed = [*left, *(edge.key for edge in self._seen.edges())]
-        self._parents = {key[2]: key[0] for key in placed if key[1] == RT}
-        read = sorted(self._edges_before, key=start.imported.__contains__)  # edges that the graph holds take precedence
-        self._parents_before = {key[2]: key[0] for key in read if key[1] == RT}
+        self._numbers = self._assign_numbers(names)
+        kept_keys = (key for key in self._edges_before if key not in start.imported and self._is_kept_edge(key))
+        edge_keys = [*kept_keys, *(edge.key for edge in self._snapshot.edges())]
+        self._parents = {key[2]: key[0] for key in edge_keys if key[1] == RT}
+        keys_before = sorted(
+            self._edges_before, key=start.imported.__contains__
+        )  # edges that the graph holds take precedence
+        self._parents_before = {key[2]: key[0] for key in keys_before if key[1] == RT}
 
     def nodes(self) -> Iterator[DsrNode]:
         """Yield the nodes: first those of the import, then the others, in their respective orders."""
         for node in self._start.document.nodes:
             if node.name in self._numbers:
-                yield self._node(self._seen.node(node.name), node) if node.name in self._seen else node
-        for mine in self._seen.nodes():
-            if mine.name not in self._before:
-                yield self._node(mine, None)
+                yield self._node(self._snapshot.node(node.name), node) if node.name in self._snapshot else node
+        for own_node in self._snapshot.nodes():
+            if own_node.name not in self._nodes_before:
+                yield self._node(own_node, None)
 
     def edges(self) -> Iterator[DsrEdge]:
         """Yield the edges, in the same order."""
-        present = {edge.key: edge for edge in self._seen.edges()}
+        present_edges = {edge.key: edge for edge in self._snapshot.edges()}
         for key, edge in self._edges_before.items():
-            if key in present:
-                yield self._edge(present[key], edge)
-            elif key not in self._start.imported and self._is_kept(key):
+            if key in present_edges:
+                yield self._edge(present_edges[key], edge)
+            elif key not in self._start.imported and self._is_kept_edge(key):
                 yield edge
-        for key, mine in present.items():
+        for key, own_edge in present_edges.items():
             if key not in self._edges_before:
-                yield self._edge(mine, None)
+                yield self._edge(own_edge, None)
 
-    def _numbered(self, names: Mapping[int, str]) -> dict[str, int]:
+    def _assign_numbers(self, names: Mapping[int, str]) -> dict[str, int]:
         """Return the numbers of all nodes; new nodes get unused numbers."""
         numbers = {
-            name: number for number, name in names.items() if name in self._seen or (name,) not in self._start.imported
+            name: number
+            for number, name in names.items()
+            if name in self._snapshot or (name,) not in self._start.imported
         }
-        free = (number for number in range(1, 2**64) if number not in names)
-        for node in self._seen.nodes():
+        free_numbers = (number for number in range(1, 2**64) if number not in names)
+        for node in self._snapshot.nodes():
             if node.name not in numbers:
-                numbers[node.name] = next(free)
+                numbers[node.name] = next(free_numbers)
         return numbers
 
-    def _is_kept(self, key: Subject) -> bool:
+    def _is_kept_edge(self, key: Subject) -> bool:
         """Return whether an edge outside the graph has both its nodes, and no step of its task has superseded it."""
         origin, label, target = key
         is_of_task = target in self._schema.tasks and label in set(Stage)
-        if is_of_task and self._seen.handover(target).stage is not None:
+        if is_of_task and self._snapshot.handover(target).stage is not None:
             return False
         return origin in self._numbers and target in self._numbers
 
-    def _node(self, node: Node, before: DsrNode | None) -> DsrNode:
-        kept = {} if before is None else self._kept(before.attributes, (node.name,))
-        readings = _known(node.attributes, self._seen)
-        attributes = {**kept, **self._derived(node.name), **_encoded(readings, before)}
-        if before is not None:
-            return replace(before, type=str(node.type), attributes=attributes)
+    def _node(self, node: Node, node_before: DsrNode | None) -> DsrNode:
+        attributes_before = (
+            {} if node_before is None else self._attributes_outside_graph(node_before.attributes, (node.name,))
+        )
+        readings = _known_values(node.attributes, self._snapshot)
+        attributes = {
+            **attributes_before,
+            **self._parent_attributes(node.name),
+            **_encode_values(readings, node_before),
+        }
+        if node_before is not None:
+            return replace(node_before, type=str(node.type), attributes=attributes)
         return DsrNode(number=self._numbers[node.name], name=str(node.name), type=str(node.type), attributes=attributes)
 
-    def _edge(self, edge: Edge, before: DsrEdge | None) -> DsrEdge:
-        kept = {} if before is None else self._kept(before.attributes, edge.key)
-        attributes = {**kept, **self._choice(edge), **_encoded(_known(edge.attributes, self._seen), before)}
+    def _edge(self, edge: Edge, edge_before: DsrEdge | None) -> DsrEdge:
+        attributes_before = (
+            {} if edge_before is None else self._attributes_outside_graph(edge_before.attributes, edge.key)
+        )
+        attributes = {
+            **attributes_before,
+            **self._type_attribute(edge),
+            **_encode_values(_known_values(edge.attributes, self._snapshot), edge_before),
+        }
         if edge.label == RT:
-            attributes = self._posed(edge, attributes)
-        if before is not None:
-            return replace(before, attributes=attributes)
+            attributes = self._with_pose(edge, attributes)
+        if edge_before is not None:
+            return replace(edge_before, attributes=attributes)
         origin, label, target = edge.key
         return DsrEdge(
             origin=self._numbers[origin], label=str(label), target=self._numbers[target], attributes=attributes
         )
 
-    def _kept(self, attributes: Mapping[str, DsrValue], owner: Subject) -> dict[str, DsrValue]:
-        """Return the imported attributes of a node or edge that the graph does not hold."""
+    def _attributes_outside_graph(self, attributes: Mapping[str, DsrValue], owner: Subject) -> dict[str, DsrValue]:
+        """Return the attributes that were read for a node or edge, and that the graph does not hold."""
         return {name: value for name, value in attributes.items() if (*owner, name) not in self._start.imported}
 
-    def _posed(self, edge: Edge, attributes: dict[str, DsrValue]) -> dict[str, DsrValue]:
-        pose = self._seen.transform(edge.origin, edge.target).pose
+    def _with_pose(self, edge: Edge, attributes: dict[str, DsrValue]) -> dict[str, DsrValue]:
+        pose = self._snapshot.transform(edge.origin, edge.target).pose
         if pose == pose_of(attributes, self._start.unit_m):
             return attributes
-        others = {name: value for name, value in attributes.items() if name not in OF_RING}
-        return {**others, **attributes_of(pose, self._start.unit_m)}
+        other_attributes = {name: value for name, value in attributes.items() if name not in POSE_ATTRIBUTES}
+        return {**other_attributes, **attributes_of(pose, self._start.unit_m)}
 
-    def _choice(self, edge: Edge) -> dict[str, DsrValue]:
+    def _type_attribute(self, edge: Edge) -> dict[str, DsrValue]:
         """Return the attribute that states the type of an edge, if its label and ends leave a choice."""
-        ends = self._seen.node(edge.origin), self._seen.node(edge.target)
-        fitting = [kind for kind in self._schema.labelled(edge.label) if kind.fits(*ends)]
-        return {EDGE_TYPE: encode_value(str(edge.type))} if len(fitting) > 1 else {}
+        ends = self._snapshot.node(edge.origin), self._snapshot.node(edge.target)
+        fitting_types = [
+            edge_type for edge_type in self._schema.edge_types_with_label(edge.label) if edge_type.fits(*ends)
+        ]
+        return {EDGE_TYPE: encode_value(str(edge.type))} if len(fitting_types) > 1 else {}
 
-    def _derived(self, name: str) -> dict[str, DsrValue]:
+    def _parent_attributes(self, name: str) -> dict[str, DsrValue]:
         """Return a node's parent and depth as DSR attributes, unless they are unchanged since the import."""
         chain = _chain(name, self._parents)
         is_placed = len(chain) > 1 or name in self._parents.values()
-        if name in self._before and chain == _chain(name, self._parents_before):
+        if name in self._nodes_before and chain == _chain(name, self._parents_before):
             return {}
         if not is_placed:
             return {}
@@ -147,26 +165,28 @@ class _Export:
         return dict(zip(DERIVED, values, strict=True))
 
 
-def _known(readings: Mapping[str, Reading[Any]], seen: Snapshot) -> dict[str, object]:
-    present = {name: reading.at(seen.instant_s) for name, reading in readings.items()}
-    return {name: reading.value for name, reading in present.items() if reading.known}
+def _known_values(readings: Mapping[str, Reading[Any]], snapshot: Snapshot) -> dict[str, object]:
+    present_readings = {name: reading.at(snapshot.instant_s) for name, reading in readings.items()}
+    return {name: reading.value for name, reading in present_readings.items() if reading.known}
 
 
-def _encoded(values: Mapping[str, object], before: DsrNode | DsrEdge | None) -> dict[str, DsrValue]:
+def _encode_values(values: Mapping[str, object], element_before: DsrNode | DsrEdge | None) -> dict[str, DsrValue]:
     """Return values with the codes of the import, or with codes for their types."""
-    was = {} if before is None else before.attributes
-    return dict(_encoded_items(values.items(), was))
+    values_before = {} if element_before is None else element_before.attributes
+    return dict(_encode_items(values.items(), values_before))
 
 
-def _encoded_items(values: Iterable[tuple[str, object]], was: Mapping[str, DsrValue]) -> Iterator[tuple[str, DsrValue]]:
+def _encode_items(
+    values: Iterable[tuple[str, object]], values_before: Mapping[str, DsrValue]
+) -> Iterator[tuple[str, DsrValue]]:
     for name, value in values:
-        known = was.get(name)
-        if known is None:
+        value_before = values_before.get(name)
+        if value_before is None:
             yield name, encode_value(value)
-        elif known.value == value:
-            yield name, known
+        elif value_before.value == value:
+            yield name, value_before
         else:
-            yield name, encode_value(value, known.code, known.extra)
+            yield name, encode_value(value, value_before.code, value_before.extra)
 
 
 def _chain(name: str, parents: Mapping[str, str]) -> tuple[str, ...]:

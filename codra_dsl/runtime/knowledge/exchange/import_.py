@@ -11,7 +11,7 @@ from codra_dsl.runtime.geometry import Pose
 from codra_dsl.runtime.knowledge.declarations import RT, TASK, EdgeModel, KnowledgeModel, NodeModel
 from codra_dsl.runtime.knowledge.elements import NO_HISTORIES, Attribute, Node
 from codra_dsl.runtime.knowledge.exchange.document import DsrEdge, DsrGraph, DsrNode, DsrValue
-from codra_dsl.runtime.knowledge.exchange.rigid import MILLIMETRE_M, OF_RING, pose_of
+from codra_dsl.runtime.knowledge.exchange.rigid import MILLIMETRE_M, POSE_ATTRIBUTES, pose_of
 from codra_dsl.runtime.knowledge.graph_schema import EdgeType, GraphSchema
 from codra_dsl.runtime.values.model import NotOfTypeError
 
@@ -69,7 +69,7 @@ def import_dsr(model: KnowledgeModel, document: DsrGraph, *, unit_m: float = MIL
         document: the DSR graph.
         unit_m: the unit of its translations, in metres.
     """
-    importer = _Import(model, document, unit_m)
+    importer = _Importer(model, document, unit_m)
     importer.import_nodes()
     importer.import_edges()
     return DsrImport(
@@ -81,7 +81,7 @@ def import_dsr(model: KnowledgeModel, document: DsrGraph, *, unit_m: float = MIL
     )
 
 
-class _Import:
+class _Importer:
     """Imports a DSR graph, node by node and edge by edge.
 
     Attributes:
@@ -97,22 +97,22 @@ class _Import:
         self._unit_m = unit_m
         self.nodes = {node.name: node for node in model.nodes}
         self.edges = {(edge.origin, self._schema.edge_type(edge.type).label, edge.target): edge for edge in model.edges}
-        self._above = {target: origin for origin, label, target in self.edges if label == RT}
+        self._parents = {target: origin for origin, label, target in self.edges if label == RT}
         self.skipped: list[SkippedPart] = []
         self.imported: set[Subject] = set()
 
     def import_nodes(self) -> None:
         """Import the nodes with declared types, with their declared attributes."""
         for node in self._document.nodes:
-            why = self._why_not(node)
-            if why:
-                self._skip(f"node {node.name!r}", why)
+            reason = self._reason_against_node(node)
+            if reason:
+                self._skip(f"node {node.name!r}", reason)
                 continue
             self.imported.add((node.name,))
-            begun = self.nodes.get(node.name) or NodeModel(name=node.name, type=node.type)
-            declared = self._schema.of_node(_as_node(node.name, node.type))
-            values = dict(self._values(declared, (node.name,), node.name, node.attributes, DERIVED))
-            self.nodes[node.name] = replace(begun, values={**begun.values, **values})
+            node_model = self.nodes.get(node.name) or NodeModel(name=node.name, type=node.type)
+            declared_attributes = self._schema.attributes_of_node(_as_node(node.name, node.type))
+            values = dict(self._values(declared_attributes, (node.name,), node.name, node.attributes, DERIVED))
+            self.nodes[node.name] = replace(node_model, values={**node_model.values, **values})
 
     def import_edges(self) -> None:
         """Import the edges with declared types between imported nodes."""
@@ -124,34 +124,40 @@ class _Import:
             if (origin,) not in self.imported or (target,) not in self.imported:
                 self._skip(subject, "one of its nodes is not in the graph")
                 continue
-            kind = self._type_of(edge, _as_node(origin, types[origin]), _as_node(target, types[target]))
-            why = kind if isinstance(kind, str) else self._why_not_rigid(edge, kind, origin, target)
-            if isinstance(kind, str) or why:
-                self._skip(subject, why)
+            edge_type = self._type_of(edge, _as_node(origin, types[origin]), _as_node(target, types[target]))
+            reason = (
+                edge_type if isinstance(edge_type, str) else self._reason_against_pose(edge, edge_type, origin, target)
+            )
+            if isinstance(edge_type, str) or reason:
+                self._skip(subject, reason)
             else:
-                self._import_edge(edge, kind, origin, target)
+                self._import_edge(edge, edge_type, origin, target)
 
-    def _import_edge(self, edge: DsrEdge, kind: EdgeType, origin: str, target: str) -> None:
+    def _import_edge(self, edge: DsrEdge, edge_type: EdgeType, origin: str, target: str) -> None:
         key = (origin, edge.label, target)
         self.imported.add(key)
-        understood = (EDGE_TYPE, *(OF_RING if kind.model.motion is not None else ()))
-        begun = self.edges.get(key)
-        values = dict(begun.values) if begun is not None and begun.type == kind.model.name else {}
-        values.update(
-            self._values(kind.attributes, key, f"{origin} -{edge.label}-> {target}", edge.attributes, understood)
+        handled_names = (EDGE_TYPE, *(POSE_ATTRIBUTES if edge_type.model.motion is not None else ()))
+        edge_before = self.edges.get(key)
+        values = (
+            dict(edge_before.values) if edge_before is not None and edge_before.type == edge_type.model.name else {}
         )
-        made = EdgeModel(origin=origin, type=kind.model.name, target=target, values=values)
-        pose = self._pose(edge) if kind.model.motion is not None else None
+        values.update(
+            self._values(
+                edge_type.attributes, key, f"{origin} -{edge.label}-> {target}", edge.attributes, handled_names
+            )
+        )
+        edge_model = EdgeModel(origin=origin, type=edge_type.model.name, target=target, values=values)
+        pose = self._pose(edge) if edge_type.model.motion is not None else None
         if pose is not None:
-            self._above[target] = origin
-        self.edges[key] = made if pose is None else replace(made, pose=pose)
+            self._parents[target] = origin
+        self.edges[key] = edge_model if pose is None else replace(edge_model, pose=pose)
 
-    def _why_not(self, node: DsrNode) -> str:
-        begun = self.nodes.get(node.name)
+    def _reason_against_node(self, node: DsrNode) -> str:
+        node_model = self.nodes.get(node.name)
         if node.type == TASK or node.name in self._schema.tasks:
             return "it is a task, which only the steps of its handshake write"
-        if begun is not None and begun.type != node.type:
-            return f"its type is {node.type!r}, but it is declared as {str(begun.type)!r}"
+        if node_model is not None and node_model.type != node.type:
+            return f"its type is {node.type!r}, but it is declared as {str(node_model.type)!r}"
         try:
             self._schema.node_type(node.type)
         except UnknownNameError as error:
@@ -160,19 +166,19 @@ class _Import:
 
     def _values(
         self,
-        declared: Mapping[str, Attribute],
+        declared_attributes: Mapping[str, Attribute],
         owner: Subject,
         subject: str,
         attributes: Mapping[str, DsrValue],
-        understood: Iterable[str],
+        handled_names: Iterable[str],
     ) -> Iterator[tuple[str, Value]]:
         for name, value in attributes.items():
-            if name not in declared:
-                if name not in understood:
+            if name not in declared_attributes:
+                if name not in handled_names:
                     self._skip(f"{subject}.{name}", "no such attribute is declared")
                 continue
             try:
-                content = declared[name].model.type.convert(value.value)
+                content = declared_attributes[name].model.type.convert(value.value)
             except NotOfTypeError as error:
                 self._skip(f"{subject}.{name}", str(error))
                 continue
@@ -184,37 +190,38 @@ class _Import:
 
     def _type_of(self, edge: DsrEdge, origin: Node, target: Node) -> EdgeType | str:
         """Return the type of an edge by its label and its ends, or the reason why it has no type."""
-        labelled = self._schema.labelled(edge.label)
-        fitting = [kind for kind in labelled if kind.fits(origin, target)]
-        chosen = edge.attributes.get(EDGE_TYPE)
-        if len(fitting) > 1 and chosen is not None:
-            fitting = [kind for kind in fitting if kind.model.name == chosen.value]
-        if len(fitting) == 1:
-            return fitting[0]
-        if not labelled:
+        labelled_types = self._schema.edge_types_with_label(edge.label)
+        fitting_types = [edge_type for edge_type in labelled_types if edge_type.fits(origin, target)]
+        type_value = edge.attributes.get(EDGE_TYPE)
+        if len(fitting_types) > 1 and type_value is not None:
+            fitting_types = [edge_type for edge_type in fitting_types if edge_type.model.name == type_value.value]
+        if len(fitting_types) == 1:
+            return fitting_types[0]
+        if not labelled_types:
             return "no edges with this label are declared"
-        if not fitting:
+        if not fitting_types:
             return f"edges with this label do not go from {origin.type} to {target.type}"
-        return f"it may be a {' or a '.join(kind.model.name for kind in fitting)}: state which in {EDGE_TYPE!r}"
+        names = " or a ".join(edge_type.model.name for edge_type in fitting_types)
+        return f"it may be a {names}: state which in {EDGE_TYPE!r}"
 
-    def _why_not_rigid(self, edge: DsrEdge, kind: EdgeType, origin: str, target: str) -> str:
-        if kind.model.motion is None:
+    def _reason_against_pose(self, edge: DsrEdge, edge_type: EdgeType, origin: str, target: str) -> str:
+        if edge_type.model.motion is None:
             return ""
         if self._pose(edge) is None:
             return "it has no pose: three numbers each as rt_translation and rt_rotation_euler_xyz"
-        at: str | None = origin
-        while at is not None:
-            if at == target:
-                return f"{target!r} would be its own parent"
-            at = self._above.get(at)
-        other = self._above.get(target, origin)
-        return "" if other == origin else f"{target!r} already has the parent {other!r}"
+        ancestor: str | None = origin
+        while ancestor is not None:
+            if ancestor == target:
+                return f"{target!r} would be its own ancestor"
+            ancestor = self._parents.get(ancestor)
+        present_parent = self._parents.get(target, origin)
+        return "" if present_parent == origin else f"{target!r} already has the parent {present_parent!r}"
 
     def _pose(self, edge: DsrEdge) -> Pose | None:
         return pose_of(edge.attributes, self._unit_m)
 
-    def _skip(self, subject: str, why: str) -> None:
-        self.skipped.append(SkippedPart(subject=subject, why=why))
+    def _skip(self, subject: str, reason: str) -> None:
+        self.skipped.append(SkippedPart(subject=subject, why=reason))
 
 
 def _as_node(name: str, type_name: str) -> Node:

@@ -12,12 +12,12 @@ TRANSLATION = "rt_translation"
 ROTATION = "rt_rotation_euler_xyz"
 STAMPS = "rt_timestamps"
 HEAD = "rt_head_index"
-OF_RING = (TRANSLATION, ROTATION, STAMPS, HEAD)
+POSE_ATTRIBUTES = (TRANSLATION, ROTATION, STAMPS, HEAD)
 """The attributes that hold the poses of an edge, the present one and earlier ones."""
 
 MILLIMETRE_M = 0.001
 
-_NO_TURN = 1e-12
+_GIMBAL_LOCK_COSINE = 1e-12
 """The cosine of the second angle below which only the sum of the other two angles is determined."""
 
 
@@ -31,13 +31,13 @@ def pose_of(attributes: Mapping[str, DsrValue], unit_m: float) -> Pose | None:
         attributes: the attributes of the edge.
         unit_m: the unit of translations, in metres.
     """
-    at = 3 * _newest(attributes.get(STAMPS))
-    moved, turned = (_three(attributes.get(name), at) for name in (TRANSLATION, ROTATION))
-    if moved is None or turned is None:
+    start = 3 * _newest_index(attributes.get(STAMPS))
+    translation, angles_rad = (_three_numbers(attributes.get(name), start) for name in (TRANSLATION, ROTATION))
+    if translation is None or angles_rad is None:
         return None
-    x, y, z = moved
+    x, y, z = translation
     pose = Pose.of((unit_m * x, unit_m * y, unit_m * z))
-    for axis, angle_rad in zip(((1, 0, 0), (0, 1, 0), (0, 0, 1)), turned, strict=True):
+    for axis, angle_rad in zip(((1, 0, 0), (0, 1, 0), (0, 0, 1)), angles_rad, strict=True):
         pose @= Pose.about(axis, angle_rad)
     return pose
 
@@ -49,9 +49,9 @@ def attributes_of(pose: Pose, unit_m: float) -> dict[str, DsrValue]:
         pose: the pose of the target in the origin.
         unit_m: the unit of translations, in metres.
     """
-    moved = tuple(metres / unit_m for metres in pose.translation_m)
+    translation = tuple(component_m / unit_m for component_m in pose.translation_m)
     return {
-        TRANSLATION: DsrValue(code=ValueCode.FLOATS, value=moved),
+        TRANSLATION: DsrValue(code=ValueCode.FLOATS, value=translation),
         ROTATION: DsrValue(code=ValueCode.FLOATS, value=_euler_rad(pose)),
     }
 
@@ -59,20 +59,20 @@ def attributes_of(pose: Pose, unit_m: float) -> dict[str, DsrValue]:
 def _euler_rad(pose: Pose) -> tuple[float, float, float]:
     (a, b, c, _), (_, e, f, _), (_, h, i, _), _ = pose.matrix()
     cosine = math.hypot(a, b)
-    if cosine < _NO_TURN:  # the first and the third axis coincide
+    if cosine < _GIMBAL_LOCK_COSINE:  # the first and the third axis coincide
         return (math.atan2(h, e), math.atan2(c, cosine), 0.0)
     return (math.atan2(-f, i), math.atan2(c, cosine), math.atan2(-b, a))
 
 
-def _newest(stamps: DsrValue | None) -> int:
+def _newest_index(stamps: DsrValue | None) -> int:
     if stamps is None or not isinstance(stamps.value, tuple) or not stamps.value:
         return 0
     return stamps.value.index(max(stamps.value))
 
 
-def _three(value: DsrValue | None, at: int) -> tuple[float, float, float] | None:
+def _three_numbers(value: DsrValue | None, start: int) -> tuple[float, float, float] | None:
     """Return three numbers of a list from a position on, if they exist and are finite."""
-    numbers = value.value[at : at + 3] if value is not None and isinstance(value.value, tuple) else ()
+    numbers = value.value[start : start + 3] if value is not None and isinstance(value.value, tuple) else ()
     if len(numbers) != 3 or not all(isinstance(number, (int, float)) and math.isfinite(number) for number in numbers):
         return None
     return (float(numbers[0]), float(numbers[1]), float(numbers[2]))

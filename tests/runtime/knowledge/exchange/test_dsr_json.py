@@ -38,8 +38,8 @@ def graph() -> DsrGraph:
 
 
 def float32(number: float) -> float:
-    single: float = struct.unpack("f", struct.pack("f", number))[0]
-    return single
+    single_precision: float = struct.unpack("f", struct.pack("f", number))[0]
+    return single_precision
 
 
 def by_number(graph: DsrGraph, number: int) -> DsrNode:
@@ -107,13 +107,13 @@ ON_EDGE: dict[str, tuple[int, object]] = {
 }
 
 
-def coded_values(attributes: Any, names: Any) -> dict[str, tuple[int, object]]:
+def codes_and_values(attributes: Any, names: Any) -> dict[str, tuple[int, object]]:
     return {name: (attributes[name].code, attributes[name].value) for name in names}
 
 
 def test_every_type_is_decoded_on_nodes_and_on_edges(graph: DsrGraph) -> None:
-    assert coded_values(by_number(graph, 900).attributes, ON_NODE) == ON_NODE
-    assert coded_values(edge_of(graph, 200, "close_to", 300).attributes, ON_EDGE) == ON_EDGE
+    assert codes_and_values(by_number(graph, 900).attributes, ON_NODE) == ON_NODE
+    assert codes_and_values(edge_of(graph, 200, "close_to", 300).attributes, ON_EDGE) == ON_EDGE
     assert {code for code, _ in ON_NODE.values()} == set(ValueCode) == {code for code, _ in ON_EDGE.values()}
 
 
@@ -161,11 +161,13 @@ extras = some.sampled_from([{}, {"note": [1, "two"]}, {"Tipo": {"é": 1.5}}])
 @some.composite
 def graphs(draw: some.DrawFn) -> DsrGraph:
     """Draw a graph with arbitrary valid content."""
-    called = draw(some.lists(names, unique=True, max_size=4))
-    numbers = draw(some.lists(some.integers(0, LARGEST), unique=True, min_size=len(called), max_size=len(called)))
+    node_names = draw(some.lists(names, unique=True, max_size=4))
+    numbers = draw(
+        some.lists(some.integers(0, LARGEST), unique=True, min_size=len(node_names), max_size=len(node_names))
+    )
     nodes = [
         DsrNode(number=number, name=name, type=draw(names), attributes=draw(attributes), extra=draw(extras))
-        for number, name in zip(numbers, called, strict=True)
+        for number, name in zip(numbers, node_names, strict=True)
     ]
     ends = some.sampled_from(numbers) if numbers else some.nothing()
     keys = draw(some.lists(some.tuples(ends, names, ends), unique=True, max_size=4 if numbers else 0))
@@ -198,7 +200,7 @@ def symbol(**changed: object) -> dict[str, Any]:
 
 
 def file(*symbols: dict[str, Any], **more: object) -> str:
-    return json.dumps({"DSRModel": {"symbols": {str(symbol_["id"]): symbol_ for symbol_ in symbols}}} | more)
+    return json.dumps({"DSRModel": {"symbols": {str(content["id"]): content for content in symbols}}} | more)
 
 
 def link(**changed: object) -> dict[str, Any]:
@@ -251,10 +253,10 @@ WRONG = {
 
 @pytest.mark.parametrize("message", WRONG)
 def test_mistakes_in_a_file_are_reported_with_their_place_and_help(message: str) -> None:
-    with pytest.raises(ExchangeError) as raised:
+    with pytest.raises(ExchangeError) as error:
         parse_dsr(WRONG[message], "f.json")
-    assert str(raised.value).startswith(message)
-    assert len(str(raised.value)) < 400
+    assert str(error.value).startswith(message)
+    assert len(str(error.value)) < 400
 
 
 @settings(max_examples=300)

@@ -107,13 +107,13 @@ SHOP = DsrGraph(
 )
 
 
-def begun(document: DsrGraph = SHOP, model: KnowledgeModel = ROBOCOMP) -> tuple[DsrImport, Knowledge]:
+def import_graph(document: DsrGraph = SHOP, model: KnowledgeModel = ROBOCOMP) -> tuple[DsrImport, Knowledge]:
     start = import_dsr(model, document)
     return start, Knowledge(start.model, clock=SimClock())
 
 
 def test_declared_parts_are_imported_and_the_others_are_reported() -> None:
-    start, knowledge = begun()
+    start, knowledge = import_graph()
     seen = knowledge.snapshot()
     assert [node.name for node in seen.nodes()] == ["world", "robot", "battery", "box"]
     assert (seen.get("battery", "battery_load").value, seen.get("battery", "battery_load").source) == (80.0, "")
@@ -129,21 +129,21 @@ def test_declared_parts_are_imported_and_the_others_are_reported() -> None:
 
 
 def test_unchanged_parts_are_exported_as_they_were_read_declared_or_not() -> None:
-    start, knowledge = begun()
+    start, knowledge = import_graph()
     assert export_dsr(knowledge, start) == SHOP
 
 
 def test_the_file_with_every_type_is_imported_and_exported_without_loss() -> None:
     document = read_dsr(EVERY_TYPE)
     for model in (ROBOCOMP, replace(STORE, nodes=(), edges=(), tasks=(), agents=())):
-        start, knowledge = begun(document, model)
+        start, knowledge = import_graph(document, model)
         assert len(knowledge.snapshot()) >= 3
-        exported = export_dsr(knowledge, start)
-        assert json.loads(dsr_text(exported)) == json.loads(EVERY_TYPE.read_bytes())
+        exported_graph = export_dsr(knowledge, start)
+        assert json.loads(dsr_text(exported_graph)) == json.loads(EVERY_TYPE.read_bytes())
 
 
 def test_the_newest_pose_of_a_ring_counts_regardless_of_its_head() -> None:
-    _, knowledge = begun(read_dsr(EVERY_TYPE))
+    _, knowledge = import_graph(read_dsr(EVERY_TYPE))
     pose = knowledge.transform("world", "robot").pose
     np.testing.assert_allclose(pose.translation_m, (1.4, 0.2505, 0.0), atol=1e-12)
     assert pose.angle_rad(Pose.about((0.0, 0.0, 1.0), 1.5707963705062866)) == pytest.approx(0.0, abs=1e-9)
@@ -151,32 +151,36 @@ def test_the_newest_pose_of_a_ring_counts_regardless_of_its_head() -> None:
 
 @given(graph=graphs())
 def test_any_graph_is_imported_and_exported_without_declarations(graph: DsrGraph) -> None:
-    start, knowledge = begun(graph, KnowledgeModel(name="empty"))
+    start, knowledge = import_graph(graph, KnowledgeModel(name="empty"))
     assert parts(export_dsr(knowledge, start)) == parts(graph)
     assert len({part.subject for part in start.skipped}) >= len(graph.nodes)
 
 
 def test_values_of_agents_are_exported_with_the_imported_types() -> None:
-    start, knowledge = begun()
+    start, knowledge = import_graph()
     with knowledge.as_agent("base") as base:
         base.set("battery", "battery_load", 55.5)
         base.insert_edge("robot", "close_to", "box", distance_to_robot=1)
         base.place("robot", "stands", "box", Pose.about((1.0, 0.0, 0.0), 0.3, (0.1, 0.2, 0.3)))
         base.insert_node("cage", "roll_container", mass=12)
         base.place("robot", "stands", "cage", Pose())
-    exported = export_dsr(knowledge, start)
-    assert exported.node("battery").attributes == {"battery_load": number(2, 55.5), "colour": number(0, "red")}
-    cage = exported.node("cage")
+    exported_graph = export_dsr(knowledge, start)
+    assert exported_graph.node("battery").attributes == {"battery_load": number(2, 55.5), "colour": number(0, "red")}
+    cage = exported_graph.node("cage")
     assert cage.attributes == {"mass": number(1, 12), "parent": number(7, 2), "level": number(1, 2)}
-    assert exported.node("box").attributes == {"mass": number(8, 30.0), "parent": number(7, 2), "level": number(1, 2)}
-    edges = {edge.key: edge.attributes for edge in exported.edges}
+    assert exported_graph.node("box").attributes == {
+        "mass": number(8, 30.0),
+        "parent": number(7, 2),
+        "level": number(1, 2),
+    }
+    edges = {edge.key: edge.attributes for edge in exported_graph.edges}
     assert (1, "RT", 7) not in edges
     assert edges[2, "close_to", 7] == {"distance_to_robot": number(2, 1.0)}
     np.testing.assert_allclose(numbers(edges[2, "RT", 7]["rt_translation"]), (100.0, 200.0, 300.0))
     np.testing.assert_allclose(numbers(edges[2, "RT", 7]["rt_rotation_euler_xyz"]), (0.3, 0.0, 0.0), atol=1e-12)
-    again, same = begun(parse_dsr(dsr_text(exported)))
+    again, same = import_graph(parse_dsr(dsr_text(exported_graph)))
     assert same.transform("world", "box").pose.distance_m(knowledge.transform("world", "box").pose) < 1e-12
-    assert export_dsr(same, again) == parse_dsr(dsr_text(exported))
+    assert export_dsr(same, again) == parse_dsr(dsr_text(exported_graph))
 
 
 def numbers(value: DsrValue) -> Any:
@@ -185,35 +189,35 @@ def numbers(value: DsrValue) -> Any:
 
 def test_deleted_nodes_and_their_edges_are_not_exported() -> None:
     document = replace(SHOP, edges=(*SHOP.edges, DsrEdge(origin=9, label="sees", target=7)))
-    start, knowledge = begun(document)
+    start, knowledge = import_graph(document)
     base = knowledge.as_agent("base")
     base.delete_node("box")
     base.delete_edge("robot", "has", "battery")
-    exported = export_dsr(knowledge, start)
-    assert [node.name for node in exported.nodes] == ["world", "robot", "battery", "drone"]
-    assert [edge.key for edge in exported.edges] == [(1, "RT", 2), (1, "RT", 9), (2, "likes", 3)]
+    exported_graph = export_dsr(knowledge, start)
+    assert [node.name for node in exported_graph.nodes] == ["world", "robot", "battery", "drone"]
+    assert [edge.key for edge in exported_graph.edges] == [(1, "RT", 2), (1, "RT", 9), (2, "likes", 3)]
 
 
 def test_a_graph_without_an_import_is_exported_with_new_numbers() -> None:
     knowledge = Knowledge(STORE, clock=SimClock())
     knowledge.as_agent("decision_maker").request("navigating", goal_x=2.5, goal_y=1.0)
-    exported = export_dsr(knowledge, unit_m=1.0)
-    assert [node.number for node in exported.nodes] == list(range(1, len(exported.nodes) + 1))
-    (wants,) = [edge for edge in exported.edges if edge.label == "wants"]
-    task = next(node for node in exported.nodes if node.number == wants.target)
+    exported_graph = export_dsr(knowledge, unit_m=1.0)
+    assert [node.number for node in exported_graph.nodes] == list(range(1, len(exported_graph.nodes) + 1))
+    (wants,) = [edge for edge in exported_graph.edges if edge.label == "wants"]
+    task = next(node for node in exported_graph.nodes if node.number == wants.target)
     assert (task.name, task.type, task.attributes["goal_x"]) == ("navigating", "task", number(8, 2.5))
-    mount = next(edge for edge in exported.edges if edge.label == "RT")
+    mount = next(edge for edge in exported_graph.edges if edge.label == "RT")
     np.testing.assert_allclose(numbers(mount.attributes["rt_translation"]), (0.2, 0.0, 1.0))
-    start = import_dsr(replace(STORE, nodes=(), edges=()), exported, unit_m=1.0)
+    start = import_dsr(replace(STORE, nodes=(), edges=()), exported_graph, unit_m=1.0)
     subjects = {part.subject for part in start.skipped}
     assert subjects == {*(f"node {task.name!r}" for task in STORE.tasks), "edge robot -wants-> navigating"}
-    assert parts(export_dsr(Knowledge(start.model, clock=SimClock()), start)) == parts(exported)
+    assert parts(export_dsr(Knowledge(start.model, clock=SimClock()), start)) == parts(exported_graph)
 
 
 def test_an_imported_step_of_a_task_is_not_exported_once_the_task_is_requested() -> None:
     knowledge = Knowledge(STORE, clock=SimClock())
     knowledge.as_agent("decision_maker").request("navigating")
-    start, again = begun(export_dsr(knowledge), STORE)
+    start, again = import_graph(export_dsr(knowledge), STORE)
     assert [edge.label for edge in export_dsr(again, start).edges if edge.label in {"wants", "aborted"}] == ["wants"]
     decider = again.as_agent("decision_maker")
     decider.abort(decider.request("navigating"))
@@ -233,14 +237,14 @@ TWO_WAYS = replace(
 
 def test_an_edge_whose_label_leaves_a_choice_states_its_type() -> None:
     document = DsrGraph(nodes=(ROBOT, CONTAINER), edges=(rt(2, 7),))
-    start, knowledge = begun(document, TWO_WAYS)
+    start, knowledge = import_graph(document, TWO_WAYS)
     assert str(start.skipped[-1]) == "edge robot -RT-> box: it may be a held or a pushed: state which in 'codra_type'"
     knowledge.as_agent("base").place("robot", "pushed", "box", Pose())
-    exported = export_dsr(knowledge, start)
-    assert exported.edges[0].attributes["codra_type"] == number(0, "pushed")
-    start, again = begun(exported, TWO_WAYS)
+    exported_graph = export_dsr(knowledge, start)
+    assert exported_graph.edges[0].attributes["codra_type"] == number(0, "pushed")
+    start, again = import_graph(exported_graph, TWO_WAYS)
     assert again.snapshot().has_edge("robot", "pushed", "box")
-    assert export_dsr(again, start) == exported
+    assert export_dsr(again, start) == exported_graph
 
 
 @pytest.mark.parametrize(
@@ -260,7 +264,7 @@ def test_an_edge_whose_label_leaves_a_choice_states_its_type() -> None:
 )
 def test_rt_edges_that_do_not_form_a_tree_are_kept_and_exported(edges: tuple[DsrEdge, ...], why: str) -> None:
     document = DsrGraph(nodes=(WORLD, ROBOT, CONTAINER), edges=edges)
-    start, knowledge = begun(document)
+    start, knowledge = import_graph(document)
     assert str(start.skipped[-1]) == why
     assert export_dsr(knowledge, start) == document
 
@@ -270,10 +274,10 @@ def test_frames_in_a_cycle_are_kept_and_exported() -> None:
     model = KnowledgeModel(name="ring", node_types=(NodeTypeModel(name="robot"),), edge_types=(anything,))
     nodes = tuple(DsrNode(number=at, name=f"r{at}", type="robot") for at in range(3))
     document = DsrGraph(nodes=nodes, edges=(rt(0, 1), rt(1, 2), rt(2, 0), rt(1, 1)))
-    start, knowledge = begun(document, model)
+    start, knowledge = import_graph(document, model)
     assert [str(part) for part in start.skipped] == [
-        "edge r2 -RT-> r0: 'r0' would be its own parent",
-        "edge r1 -RT-> r1: 'r1' would be its own parent",
+        "edge r2 -RT-> r0: 'r0' would be its own ancestor",
+        "edge r1 -RT-> r1: 'r1' would be its own ancestor",
     ]
     assert export_dsr(knowledge, start) == document
 
@@ -294,12 +298,12 @@ def test_euler_angles_are_those_of_robocomp_and_give_the_same_rotation_again(
             "rt_rotation_euler_xyz": number(3, turned),
         },
     )
-    _, knowledge = begun(DsrGraph(nodes=(WORLD, ROBOT), edges=(edge,)))
+    _, knowledge = import_graph(DsrGraph(nodes=(WORLD, ROBOT), edges=(edge,)))
     expected = Rotation.from_euler("XYZ", turned).as_matrix()
     matrix = np.array(knowledge.transform("world", "robot").pose.matrix())[:3, :3]
     np.testing.assert_allclose(matrix, expected, atol=1e-9)
-    exported = next(candidate for candidate in export_dsr(knowledge).edges if candidate.label == "RT")
-    back = Rotation.from_euler("XYZ", numbers(exported.attributes["rt_rotation_euler_xyz"])).as_matrix()
+    exported_edge = next(exported_edge for exported_edge in export_dsr(knowledge).edges if exported_edge.label == "RT")
+    back = Rotation.from_euler("XYZ", numbers(exported_edge.attributes["rt_rotation_euler_xyz"])).as_matrix()
     np.testing.assert_allclose(back, expected, atol=1e-9)
 
 
@@ -310,12 +314,12 @@ def test_a_graph_of_many_nodes_is_read_as_exported_and_a_context_manager_begins_
         for number in range(12):
             detection.insert_node(f"box_{number}", "roll_container")
             detection.place("world", "container_pose", f"box_{number}", Pose.of((number, 0.0, 0.0)))
-        exported = export_dsr(codra.knowledge)
-    write_dsr(tmp_path / "shop.json", exported)
+        exported_graph = export_dsr(codra.knowledge)
+    write_dsr(tmp_path / "shop.json", exported_graph)
     read = read_dsr(tmp_path / "shop.json")
-    assert read == exported
-    assert from_networkx(to_networkx(exported)) == exported
-    assert read != replace(exported, nodes=exported.nodes[1:])
+    assert read == exported_graph
+    assert from_networkx(to_networkx(exported_graph)) == exported_graph
+    assert read != replace(exported_graph, nodes=exported_graph.nodes[1:])
 
     start = import_dsr(KNOWLEDGE, read)
     journal = tmp_path / "run.mcap"
