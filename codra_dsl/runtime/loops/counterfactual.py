@@ -52,7 +52,9 @@ class Counterfactual:
 def smallest_changes(
     model: MapeModel, course: CourseModel, decision: Decision, more: Iterable[InputModel] = ()
 ) -> tuple[Counterfactual, ...]:
-    """Return the smallest change of an input and of a weight that would have kept the course, the smaller one first.
+    """Return the smallest change of an input, and that of a weight, that would have kept the course.
+
+    The smaller change comes first; the result is empty if no single change would have kept the course.
 
     Args:
         model: the model of the loops.
@@ -61,7 +63,7 @@ def smallest_changes(
         more: inputs that hard rules read and no stage reads.
     """
     if not decision.before or would_keep(course, decision.assessment, decision.before, decision.instant_s):
-        return ()  # earlier weights decided, by smoothing or hold: the present ones would have kept it
+        return ()  # smoothed or held weights decided; the present ones would have kept the course
     asked = {model_input.variable: model_input for model_input in (*more, *_inputs(model))}
     inputs = [change for model_input in asked.values() for change in _of_input(model, course, decision, model_input)]
     weights = [] if decision.rule is not None else list(_of_weights(course, decision))
@@ -70,7 +72,10 @@ def smallest_changes(
 
 
 def would_keep(course: CourseModel, assessment: Assessment, action: str, now_s: float) -> bool:
-    """Return whether an action stays the course: no hard rule demands another one, and no other weight leads."""
+    """Return whether an action stays the course.
+
+    The first hard rule that holds decides. Without one, its weight must be known, and no other weight may lead it.
+    """
     rule = hard_rule(course, assessment, now_s)
     if rule is not None:
         return rule.action == action
@@ -121,7 +126,7 @@ def _of_input(
 
 
 def _nearest(model_input: InputModel, number: float, keeps: Callable[[float], bool]) -> float | None:
-    """Return the value nearest to a number that keeps the course, if any; the least such value if it is unknown."""
+    """Return the nearest value to a number that keeps the course, if any; the least such value if the number is NaN."""
     low, high = model_input.range.low, model_input.range.high
     if model_input.members:
         places = [float(index) for index in range(len(model_input.members)) if index != number]

@@ -75,7 +75,7 @@ def urgent(model: MapeModel, course: CourseModel, course_state: CourseState, ass
     """Return the actions that lead the course only because a metric has become worse since it was chosen.
 
     The effect on the weights makes an action urgent, not the size of the metric's change: the action would not lead
-    with the metrics of the last switch.
+    if the metrics that have become worse still had their values of the last switch.
     """
     running = course_state.state.action
     worse = worsened(model, metrics_of(model, assessment), course_state.metrics) if running else {}

@@ -3,7 +3,7 @@
 Writing the entry that the guards read chooses a course. Before that the tree is halted, which aborts the tasks that
 its leaves have handed over. The tree is ticked again when none of these tasks is open, or when their time is over.
 
-The tree is not ticked while its old branch ends, so the next branch never begins beside it. Because the tree is halted
+The tree is not ticked while its old branch ends, so the next branch does not begin beside it before that time is over. Because the tree is halted
 completely, it needs no branch for the time between.
 """
 
@@ -174,7 +174,7 @@ class Execution:
 
     def _schedule(self) -> None:
         now_s, wanted_s = self._clock.now_s(), self.tree.due_s
-        if wanted_s is None or wanted_s <= now_s:  # the waiting branch has been halted since
+        if wanted_s is None or wanted_s <= now_s:  # what waited for an instant before now has been halted since
             wanted_s = math.inf
         over_s = math.inf if self._leaving is None else self._leaving.until_s
         self.due_s = min(now_s + self.model.period_s, wanted_s, over_s)

@@ -245,7 +245,10 @@ class Loop:
         self._wake_at(self._clock.now_s())
 
     def stop(self) -> None:
-        """Stop, and halt the trees. If a round is running in another thread, wait for its end first."""
+        """Stop, and halt the trees.
+
+        If a round is running in another thread, wait for its end first, at most for the longest `abort_s` of the courses.
+        """
         with self._lock:
             if not self._is_on:
                 return

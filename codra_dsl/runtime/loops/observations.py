@@ -12,12 +12,12 @@ from codra_dsl.runtime.loops.fuzzy.bounds import Bounds, point
 from codra_dsl.runtime.values.cell import BEFORE_ALL_S, Reading
 
 LEAST_SHARE = 0.5
-"""The share of a rate's window that the readings must span."""
+"""The smallest share of a rate's window that the readings must span."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Observation:
-    """The knowledge about one variable at one instant.
+    """The value of one variable at one instant, or why it is unknown.
 
     Attributes:
         value: the value; None if it is unknown.
@@ -108,7 +108,7 @@ def rate(model: RateModel, history: Sequence[Reading[Value]], present: Observati
 
 
 def _points(history: Sequence[Reading[Value]], since_s: float) -> list[tuple[float, float]]:
-    """Return instants and values since the variable was last unknown, at most those of the window."""
+    """Return instants and values since the variable was last unknown, but none from before the window."""
     points: list[tuple[float, float]] = []
     for reading in reversed(history):
         if reading.evidence_s < since_s or not isinstance(reading.content, (int, float)):

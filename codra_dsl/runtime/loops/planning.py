@@ -144,7 +144,7 @@ class Planner(Protocol):
 
 
 Planners = Callable[[MapeModel, LoopModel, Mapping[str, ValueType]], Planner]
-"""Makes the planner of a loop from the model of all loops, its own model, and the types of the context-variables."""
+"""Makes the planner of a loop from the model of all loops, the model of this loop, and the types of the variables."""
 
 
 @dataclass(slots=True)
@@ -329,7 +329,7 @@ class Planning:
         return tuple(settings), due_s
 
     def _is_urgent(self, model: ParameterModel, assessment: Assessment, present: _Parameter, now_s: float) -> bool:
-        """Return whether the value would be the same if no metric had become worse since it was set."""
+        """Return whether the parameter would keep its value if no metric had become worse since that was set."""
         worse = worsened(self.model, metrics_of(self.model, assessment), present.metrics)
         if not worse:
             return False

@@ -59,7 +59,7 @@ class Shift:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Switch:
-    """A change of the action with the highest weight.
+    """A change of the action from one value of the input to another.
 
     Attributes:
         low: with `high` the two values between which the change lies; adjacent for numbers.
@@ -149,7 +149,7 @@ def sweep(
         known: everything that the stages and hard rules read, except the results of stages; None is unknown.
         variable: the input that is varied.
         values: the values of this input, in order; at least one.
-        unit: the unit of the input, for the printed table.
+        unit: the unit of the input, for the printed text.
 
     Raises:
         UnknownNameError: if no stage and no hard rule reads the variable.

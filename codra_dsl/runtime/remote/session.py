@@ -45,10 +45,10 @@ Send = Callable[[Plain], None]
 
 
 def open_session(codra: ContextManager[Any, Any], send: Send) -> Session:
-    """Begin a session for one more main execution, which speaks in messages: plain data, from wherever it is.
+    """Begin a session for one more main execution, which sends messages of plain data from wherever it is.
 
     Args:
-        codra: is asked.
+        codra: the context manager.
         send: takes answers and notices, from any thread; it must neither wait nor raise.
     """
     return Session(codra, codra.clock, codra.next_party(), send)
@@ -257,7 +257,7 @@ class Session:
         return {}
 
     def _watch(self) -> None:
-        """End the session when its lease is over; messages since the last check have extended the lease."""
+        """End the session if its lease is over; otherwise check again at the end that later messages have given it."""
         with self._lock:
             if self._over:
                 return

@@ -21,7 +21,7 @@ class Difference:
         position: the position of the event among all compared events, from 1.
         recorded: the event of the journal; None if it has none at this position.
         replayed: the event of the replay; None if it has none at this position.
-        because: the name in the journal that the package lacks, if the replay stopped for that reason.
+        because: why the replay could not follow the journal, e.g. a variable that the package lacks; may be empty.
         changes: the changes of the package since the run, those nearest to the event first.
     """
 

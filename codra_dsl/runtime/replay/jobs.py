@@ -19,11 +19,14 @@ Key = tuple[str, int]
 
 
 class DivergedError(Exception):
-    """The replay cannot follow the journal any further; if the package lacks a name, the message states it."""
+    """The replay cannot follow the journal any further.
+
+    If the package does not have a variable or skill that the run used, the message names it.
+    """
 
 
 class _ReplayedWork(Work):
-    """The time of a job whose function is not called: only its reports about its evidence are repeated."""
+    """The time within a replayed job: the instants of its recorded reports about evidence, since no function is called."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -40,8 +43,8 @@ class ReplayedJobs:
     """The jobs of a journal: their reports about evidence, and their results.
 
     Attributes:
-        calls: repeats the calls that the function of a job made on the context manager, by the number of the job among
-            all jobs.
+        calls: a function that repeats the calls that a job's function made on the context manager; its argument is the number
+            of the job among all jobs.
     """
 
     def __init__(self, events: Iterable[Event]) -> None:
@@ -73,7 +76,7 @@ class ReplayedJobs:
                 pass
 
     def find(self, algorithm: Algorithm) -> Function:
-        """Return a replacement for the function of an algorithm, which repeats its recorded reports."""
+        """Return a replacement for the function of an algorithm, which repeats its recorded reports and calls."""
         self._returns[algorithm.name] = tuple(algorithm.returns)
 
         def play(*, job: Job, **_: object) -> Mapping[str, Value]:
@@ -105,14 +108,17 @@ class ReplayedJobs:
         return work
 
     def _call(self) -> None:
-        """Repeat the calls of the present job; keep their error, since errors in a job do not reach its caller."""
+        """Repeat the calls of the present job.
+
+        If they diverge, keep the error for `start` to raise, because an error in a job does not reach the job's caller.
+        """
         try:
             self.calls(self._works)
         except DivergedError as error:
             self._diverged = error
 
     def deliver(self, key: Key) -> None:
-        """End a job with its result in the run."""
+        """End a job with the result that it had in the recorded run."""
         deliver = self._pending.pop(key, None)
         if deliver is None:
             raise DivergedError

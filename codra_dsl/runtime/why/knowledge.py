@@ -104,7 +104,7 @@ def _named(summary: SpecSummary, latest_events: LatestEvents, name: str) -> str:
 
 
 def _of_pattern(latest_events: LatestEvents, name: str) -> UnknownNameError | None:
-    """Return the error for a pattern with `some TYPE`, which names no single node; None for any other name."""
+    """Return the error for a pattern with `some TYPE`, which names no single node or edge; None for any other name."""
     match = _SOME.search(name)
     if match is None:
         return None
@@ -114,7 +114,7 @@ def _of_pattern(latest_events: LatestEvents, name: str) -> UnknownNameError | No
         if any(event.what == "node_inserted" and event.details.get("type") == match[1] for event in past.values())
     ]
     existing = f"there were {', '.join(sorted(nodes)[:_MOST_NAMED])}" if nodes else "there was none until then"
-    return UnknownNameError(f"{name!r} names no single node: ask about one {match[1]} by its name; {existing}")
+    return UnknownNameError(f"{name!r} names no single node or edge: ask about one {match[1]} by its name; {existing}")
 
 
 def _reading(name: str, past: _Past, latest_events: LatestEvents, at_s: float) -> Reading[Value]:

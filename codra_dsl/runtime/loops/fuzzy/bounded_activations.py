@@ -19,7 +19,7 @@ def _perhaps(degree: Bounds) -> Bounds:
 
 
 class Gate:
-    """Admits the first rules that are strong enough, up to a limit."""
+    """Admits rules that are strong enough, in the order of the calls and up to a limit."""
 
     __slots__ = ("_perhaps_before", "_rules", "_surely_before", "_threshold")
 

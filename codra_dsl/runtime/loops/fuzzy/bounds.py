@@ -69,10 +69,10 @@ ANYTHING = Bounds(-math.inf, math.inf, may_be_unknown=True)
 UNKNOWN = Bounds(math.nan, math.nan, may_be_unknown=True)
 
 _EXACT = frozenset({norms.minimum, norms.maximum, norms.bounded_sum, norms.unbounded_sum, norms.bounded_difference})
-"""The norms that are monotone in both operands everywhere, also after rounding."""
+"""The norms that never fall while an operand rises, also after rounding."""
 
 _ROUNDING = 1e-15
-"""The margin for other norms: after a jump, rounding may have moved a value across it."""
+"""The margin for other norms: rounding may have moved a value across a place where the norm jumps."""
 
 
 def point(value: float) -> Bounds:

@@ -82,7 +82,7 @@ class Integral:
     def is_plain(self) -> bool:
         """Whether all samples are degrees from 0 to 1.
 
-        Only then a conclusion with degree 0 changes nothing, and can be left out.
+        Then a conclusion with degree 0 changes nothing, and can be left out.
         """
         return all(bool(np.all((samples >= 0.0) & (samples <= 1.0))) for samples in self.terms)
 
