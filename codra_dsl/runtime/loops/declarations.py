@@ -152,7 +152,8 @@ class CourseModel:
         smooth_s: the time constant of the exponential smoothing of weights; 0 for no smoothing.
         lead: by how much a weight must exceed that of the running action.
         hold_s: how long it must do so without a break.
-        dwell_s: the shortest time for which an action runs. A hard rule breaks it, and so does a metric that became worse.
+        dwell_s: the shortest time for which an action runs. A hard rule breaks it, and so does a metric that
+            became worse.
         cooldown_s: how long an action is not chosen again after it was left. The same two exceptions apply.
         abort_s: how long a branch may take to end after the course has left it.
         always: hard rules; the first one that holds decides.

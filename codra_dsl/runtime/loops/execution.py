@@ -3,8 +3,8 @@
 Writing the entry that the guards read chooses a course. Before that the tree is halted, which aborts the tasks that
 its leaves have handed over. The tree is ticked again when none of these tasks is open, or when their time is over.
 
-The tree is not ticked while its old branch ends, so the next branch does not begin beside it before that time is over. Because the tree is halted
-completely, it needs no branch for the time between.
+The tree is not ticked while its old branch ends, so the next branch does not begin beside it before that time is over.
+Because the tree is halted completely, it needs no branch for the time between.
 """
 
 from __future__ import annotations

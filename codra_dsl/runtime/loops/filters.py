@@ -90,7 +90,7 @@ class FilterState:
         return self.left_s.get(action, -math.inf) + model.cooldown_s
 
     def resumed(self) -> FilterState:
-        """Return the state for a step after a pause, without smoothed weights and leads: the weights meanwhile are not known."""
+        """Return the state after a pause, without smoothed weights and leads: the weights meanwhile are not known."""
         return replace(self, tracked={}, unknown_since_s=None)
 
 

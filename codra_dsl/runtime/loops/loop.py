@@ -247,7 +247,8 @@ class Loop:
     def stop(self) -> None:
         """Stop, and halt the trees.
 
-        If a round is running in another thread, wait for its end first, at most for the longest `abort_s` of the courses.
+        If a round is running in another thread, wait for its end first, but at most for the longest `abort_s` of the
+        courses.
         """
         with self._lock:
             if not self._is_on:

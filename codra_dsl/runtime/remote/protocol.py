@@ -1,6 +1,7 @@
 """Version 1 of the manager's message interface: requests, answers and notices, all of plain data.
 
-A message is a JSON object. A request names its operation in `ask` and may have an `id`, which its answer or error repeats:
+A message is a JSON object. A request names its operation in `ask`. It may have an `id`, which its answer or error
+repeats:
 
     {"codra": 1, "id": 7, "ask": "get", "variable": "door_open"}
     {"codra": 1, "id": 7, "answer": {"reading": {"variable": "door_open", "known": true, "value": false, ...}}}

@@ -26,7 +26,7 @@ class DivergedError(Exception):
 
 
 class _ReplayedWork(Work):
-    """The time within a replayed job: the instants of its recorded reports about evidence, since no function is called."""
+    """The time within a replayed job, from its recorded reports about evidence: its function is not called."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -43,8 +43,8 @@ class ReplayedJobs:
     """The jobs of a journal: their reports about evidence, and their results.
 
     Attributes:
-        calls: a function that repeats the calls that a job's function made on the context manager; its argument is the number
-            of the job among all jobs.
+        calls: a function that repeats the calls that a job's function made on the context manager; its argument is the
+            number of the job among all jobs.
     """
 
     def __init__(self, events: Iterable[Event]) -> None:

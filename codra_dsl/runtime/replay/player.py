@@ -148,7 +148,8 @@ def replay(  # noqa: PLR0917 - the parts of a journal and of a package
         events: the events of the journal.
         model: the model of the compiled spec.
         build: creates the context manager of the package.
-        copy: takes the derived events, e.g. a `Journal`; without a difference, its file equals the journal's byte for byte.
+        copy: takes the derived events, e.g. a `Journal`; without a difference, its file equals the journal's, byte for
+            byte.
         knowledge: the knowledge graph of the spec, if it has one.
     """
     comparison = Comparison([event for event in events if event.kind is not Kind.INPUT], copy)

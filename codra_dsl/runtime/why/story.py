@@ -88,7 +88,7 @@ def _of_later(name: str, latest_events: LatestEvents) -> Iterator[str]:
                 message = last.details.get("message", "")
                 yield f"{_counted(count, 'look')} rejected since then, {at}: {message} ({last.name})"
             case "too_old":
-                yield f"{_counted(count, 'value')} did not count, {at}: the evidence is from before or during an action of a skill"
+                yield f"{_counted(count, 'value')} did not count, {at}: the evidence was being taken when a skill acted"
             case "refused":
                 yield f"{_counted(count, 'write')} by {last.details['source']} refused, {at}"
             case _:
