@@ -49,7 +49,9 @@ def play(model: CourseModel, moments: list[Moment], extra_s: tuple[float, ...] =
         between = [instant_s for instant_s in extra_s if moment.instant_s < instant_s < after.instant_s]
         asked_s = moment.instant_s
         while asked_s < after.instant_s:
-            chosen = step(model, state, asked_s, moment.weights, urgent=moment.urgent, forced=moment.forced)
+            chosen = step(
+                model, state, asked_s, moment.weights, urgent_actions=moment.urgent, forced_action=moment.forced
+            )
             if chosen.because is not None:
                 switches.append(Switch(asked_s, chosen.state.action, chosen.because))
             state, due_s = chosen.state, chosen.due_s
@@ -168,7 +170,9 @@ def test_an_unknown_weight_never_wins(model: CourseModel, moments: list[Moment])
 def test_while_a_hard_rule_holds_its_action_is_the_course(model: CourseModel, moments: list[Moment]) -> None:
     state = FilterState()
     for moment in moments:
-        chosen = step(model, state, moment.instant_s, moment.weights, urgent=moment.urgent, forced=moment.forced)
+        chosen = step(
+            model, state, moment.instant_s, moment.weights, urgent_actions=moment.urgent, forced_action=moment.forced
+        )
         state = chosen.state
         assert not moment.forced or state.action == moment.forced
 
@@ -189,7 +193,7 @@ def test_a_dwell_delays_a_leading_action_but_not_an_urgent_one() -> None:
     model = course(dwell_s=5.0)
     calm = changes((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
     assert [switch.instant_s for switch in play(model, calm)] == [0.0, pytest.approx(5.0, abs=1e-5)]
-    urgent = [calm[0], Moment(1.0, calm[1].weights, urgent=("start",))]
+    urgent = [calm[0], Moment(1.0, calm[1].weights, urgent_actions=("start",))]
     assert play(model, urgent)[1:] == [Switch(1.0, "start", SwitchReason.WORSE)]
 
 
