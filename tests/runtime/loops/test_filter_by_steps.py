@@ -29,7 +29,7 @@ class Stepped:
         self.action = ""
         self._smoothed: dict[str, float | None] = dict.fromkeys(model.choose)
         self._led_s: dict[str, float] = {}
-        self._stayed_s = math.inf
+        self._course_age_s = math.inf
         self._gone_s: dict[str, float] = {}
         self._dark_s = -STEP_S
 
@@ -41,7 +41,7 @@ class Stepped:
                 self._smoothed[action] = smoothed + (weight - smoothed) * -math.expm1(-STEP_S / self._model.smooth_s)
         self._led_s = {action: led_s + STEP_S for action, led_s in self._led_s.items()}
         self._gone_s = {action: gone_s + STEP_S for action, gone_s in self._gone_s.items()}
-        self._stayed_s += STEP_S
+        self._course_age_s += STEP_S
         self._dark_s += STEP_S
 
     def take(self, moment: Moment) -> None:
@@ -62,8 +62,8 @@ class Stepped:
 
     def _choose(self, moment: Moment, known: list[str]) -> None:
         wanted = self.action
-        if moment.forced:
-            wanted = moment.forced
+        if moment.forced_action:
+            wanted = moment.forced_action
         elif not self.action:
             wanted = self._heaviest(known) or self._model.otherwise
         elif not known:
@@ -71,17 +71,17 @@ class Stepped:
         else:
             wanted = self._heaviest([action for action in known if self._is_ready(action, moment)]) or self.action
         if wanted != self.action:
-            is_makeshift = not self.action and not known and not moment.forced
+            is_makeshift = not self.action and not known and not moment.forced_action
             self._gone_s[self.action] = 0.0
-            self.action, self._stayed_s = wanted, math.inf if is_makeshift else 0.0
+            self.action, self._course_age_s = wanted, math.inf if is_makeshift else 0.0
             self._led_s = {action: 0.0 for action in known if action != wanted and self._leads(action)}
 
     def _is_ready(self, action: str, moment: Moment) -> bool:
         if action not in self._led_s or self._led_s[action] < self._model.hold_s - STEP_S / 2:
             return False
-        is_free = self._stayed_s >= self._model.dwell_s - STEP_S / 2
+        is_free = self._course_age_s >= self._model.dwell_s - STEP_S / 2
         is_cool = self._gone_s.get(action, math.inf) >= self._model.cooldown_s - STEP_S / 2
-        return action in moment.urgent or (is_free and is_cool)
+        return action in moment.urgent_actions or (is_free and is_cool)
 
     def _heaviest(self, among: list[str]) -> str:
         weighed = [(self._smoothed[action] or 0.0, action) for action in self._model.choose if action in among]
@@ -90,10 +90,10 @@ class Stepped:
 
 def stepped(model: CourseModel, moments: list[Moment], end_s: float) -> list[tuple[float, str]]:
     """Return the instants at which the course changed, with the new actions."""
-    filter_, numbered, switches = Stepped(model), dict(enumerate(moments)), [(0.0, "")]
+    filter_, moments_by_index, switches = Stepped(model), dict(enumerate(moments)), [(0.0, "")]
     for number in range(round(moments[0].instant_s / STEP_S), round(end_s / STEP_S)):
         now_s = number * STEP_S
-        present = max(index for index, moment in numbered.items() if moment.instant_s <= now_s + STEP_S / 2)
+        present = max(index for index, moment in moments_by_index.items() if moment.instant_s <= now_s + STEP_S / 2)
         filter_.take(moments[present])
         if filter_.action != switches[-1][1]:
             switches.append((now_s, filter_.action))

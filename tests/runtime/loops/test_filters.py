@@ -28,8 +28,8 @@ class Moment:
 
     instant_s: float
     weights: dict[str, float | None]
-    urgent: tuple[str, ...] = ()
-    forced: str = ""
+    urgent_actions: tuple[str, ...] = ()
+    forced_action: str = ""
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,12 @@ def play(model: CourseModel, moments: list[Moment], extra_s: tuple[float, ...] =
         asked_s = moment.instant_s
         while asked_s < after.instant_s:
             chosen = step(
-                model, state, asked_s, moment.weights, urgent_actions=moment.urgent, forced_action=moment.forced
+                model,
+                state,
+                asked_s,
+                moment.weights,
+                urgent_actions=moment.urgent_actions,
+                forced_action=moment.forced_action,
             )
             if chosen.because is not None:
                 switches.append(Switch(asked_s, chosen.state.action, chosen.because))
@@ -161,9 +166,9 @@ def test_the_same_story_gives_the_same_switches(model: CourseModel, moments: lis
 @given(settings, stories())
 def test_an_unknown_weight_never_wins(model: CourseModel, moments: list[Moment]) -> None:
     for switch in play(model, moments):
-        latest = [moment for moment in moments if moment.instant_s <= switch.instant_s][-1]
+        latest_moment = [moment for moment in moments if moment.instant_s <= switch.instant_s][-1]
         if switch.because in (SwitchReason.FIRST, SwitchReason.LEADS, SwitchReason.WORSE):
-            assert latest.weights[switch.action] is not None
+            assert latest_moment.weights[switch.action] is not None
 
 
 @given(settings, stories())
@@ -171,10 +176,15 @@ def test_while_a_hard_rule_holds_its_action_is_the_course(model: CourseModel, mo
     state = FilterState()
     for moment in moments:
         chosen = step(
-            model, state, moment.instant_s, moment.weights, urgent_actions=moment.urgent, forced_action=moment.forced
+            model,
+            state,
+            moment.instant_s,
+            moment.weights,
+            urgent_actions=moment.urgent_actions,
+            forced_action=moment.forced_action,
         )
         state = chosen.state
-        assert not moment.forced or state.action == moment.forced
+        assert not moment.forced_action or state.action == moment.forced_action
 
 
 def test_the_action_with_the_highest_weight_begins_without_waiting() -> None:
