@@ -31,7 +31,11 @@ def chain_of(loop: str, course: CourseModel, decision: Decision) -> Details:
         place=(course.place if rule is None else rule.place) or None,
         since_s=_finite(before.since_s),
         dwell_until_s=_finite(before.dwell_until_s(course)),
-        weights=[_weight_details(course, decision, weight) for weight in _course_weights(course, decision)],
+        weights=[
+            _weight_details(course, decision, weight)
+            for weight in decision.assessment.actions.outputs
+            if weight.name in course.choose
+        ],
         **evidence_of(decision.assessment, [name for rule in course.always for name in rule.condition.variables()]),
     )
 
@@ -161,10 +165,6 @@ def _output_details(output: OutputResult) -> Details:
         value=output.value,
         evidence_s=_finite(output.evidence_s),
     )
-
-
-def _course_weights(course: CourseModel, decision: Decision) -> list[OutputResult]:
-    return [output for output in decision.assessment.actions.outputs if output.name in course.choose]
 
 
 def _weight_details(course: CourseModel, decision: Decision, weight: OutputResult) -> Details:

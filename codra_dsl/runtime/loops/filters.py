@@ -265,11 +265,7 @@ def _best_action(model: CourseModel, state: FilterState, allowed_actions: Collec
     """Return the first action with the highest weight; empty if no weight is known."""
     weights = [(state.tracked[action].smoothed, action) for action in model.choose if action in allowed_actions]
     known_weights = [(weight, action) for weight, action in weights if weight is not None]
-    return max(known_weights, key=_weight)[1] if known_weights else ""
-
-
-def _weight(of: tuple[float, str]) -> float:
-    return of[0]
+    return max(known_weights, key=lambda pair: pair[0])[1] if known_weights else ""
 
 
 def _free_s(model: CourseModel, state: FilterState, action: str) -> float:

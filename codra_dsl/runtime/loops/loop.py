@@ -264,7 +264,7 @@ class Loop:
                 self._timer.cancel()
                 self._timer = None
         self._listener.end()
-        self._idle.wait(self._longest_abort_s())
+        self._idle.wait(max((course.abort_s for course in self.planning.courses.values()), default=0.0))
         for tree in self.trees.values():
             tree.halt()
         self._declaration.end()
@@ -278,9 +278,6 @@ class Loop:
     def _stop_listening(self) -> None:
         if self._subscription is not None:
             self._subscription.unsubscribe()
-
-    def _longest_abort_s(self) -> float:
-        return max((course.abort_s for course in self.planning.courses.values()), default=0.0)
 
     # Scheduling
 

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from codra_dsl.runtime.journal.spec_summary import Place
-from codra_dsl.runtime.loops.declarations import CourseModel, MapeModel, ParameterModel, StageModel, StageRuleModel
+from codra_dsl.runtime.loops.declarations import CourseModel, MapeModel, StageModel, StageRuleModel
 
 Places = Mapping[str, Place]
 
@@ -28,7 +28,10 @@ def with_places(model: MapeModel, places: Places) -> MapeModel:
         metrics=_stage_with_places(model.metrics, "metric", places),
         actions=_stage_with_places(model.actions, "action", places),
         courses=tuple(_course_with_places(course, places) for course in model.courses),
-        parameters=tuple(_parameter(parameter, places) for parameter in model.parameters),
+        parameters=tuple(
+            replace(parameter, place=parameter.place or _place_text(places, f"adaptation/{parameter.name}"))
+            for parameter in model.parameters
+        ),
     )
 
 
@@ -51,10 +54,6 @@ def _course_with_places(model: CourseModel, places: Places) -> CourseModel:
         for number, rule in enumerate(model.always)
     )
     return replace(model, place=model.place or _place_text(places, key), always=always)
-
-
-def _parameter(model: ParameterModel, places: Places) -> ParameterModel:
-    return replace(model, place=model.place or _place_text(places, f"adaptation/{model.name}"))
 
 
 def _place_text(places: Places, key: str) -> str:

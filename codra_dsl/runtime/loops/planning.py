@@ -257,7 +257,8 @@ class Planning:
         for name in self._rates:
             observation = assessment.scene[name]
             yield Written(variable=name, value=observation.value, evidence_s=observation.evidence_s)
-        yield from (_written(output) for output in self._outputs(assessment))
+        for output in self._outputs(assessment):
+            yield Written(variable=output.variable, value=output.value, evidence_s=output.evidence_s)
 
     def _outputs(self, assessment: Assessment) -> Iterator[OutputResult]:
         """Yield the metrics and weights that this loop computes."""
@@ -349,10 +350,6 @@ class Planning:
         terms += [parameter.value for parameter in self._parameters]
         waits_s = (term.flips_s(scope) for term in terms)
         return min((now_s + wait_s for wait_s in waits_s if wait_s is not None), default=math.inf)
-
-
-def _written(judged: OutputResult) -> Written:
-    return Written(variable=judged.variable, value=judged.value, evidence_s=judged.evidence_s)
 
 
 def _are_same(before: Bounds | None, now: Bounds) -> bool:

@@ -83,7 +83,7 @@ class Session:
         self._subscriptions: dict[int, Subscription] = {}
         self._subscription_count = 0
         self._agents: dict[str, Agent[Any, Any]] = {}
-        self._lease = Timer(math.inf, _ignore)
+        self._lease = Timer(math.inf, lambda: None)
         self._check_lease()
 
     @property
@@ -310,7 +310,3 @@ class _Wait:
     def end(self) -> None:
         self.timer.cancel()
         self.acquisition.unsubscribe()
-
-
-def _ignore() -> None:
-    pass

@@ -48,7 +48,7 @@ class ReplayedJobs:
     """
 
     def __init__(self, events: Iterable[Event]) -> None:
-        self.repeat_calls: Callable[[int], None] = _ignore
+        self.repeat_calls: Callable[[int], None] = lambda _: None
         self._work_count = 0
         self._divergence: DivergedError | None = None
         self._reports: dict[Key, list[tuple[float, Interval]]] = {}
@@ -185,7 +185,3 @@ class ReplayedClock(Clock):
     def wait_until(self, ready: Callable[[], bool], timeout_s: float) -> bool:
         """Fail: a replay never waits."""
         raise AssertionError(f"a replay cannot wait {timeout_s} s for {ready}")
-
-
-def _ignore(_number: int) -> None:
-    pass

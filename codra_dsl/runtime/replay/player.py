@@ -97,7 +97,7 @@ class _Player:
                 (evidence_s,) = details.get("evidence_s", (None,))
                 commands.write(details["variable"], details.get("value"), event.name, evidence_s)
             case "request":
-                commands.request_slots(tuple(details["resources"]), _ignore)
+                commands.request_slots(tuple(details["resources"]), lambda: None)
             case "release":
                 commands.release_slots(details["number"])
             case "delivered":
@@ -213,7 +213,9 @@ def _play_journal(  # noqa: PLR0917 - the arguments of `replay`
     player = _Player(manager, model, jobs, inputs)
     try:
         _pass_inputs(player, clock, comparison, [event for event in inputs if "work" not in event.details])
-        _run_on(clock, comparison, events[-1].instant_s if events else header.start_s)
+        end_s = events[-1].instant_s if events else header.start_s
+        while not comparison.is_over and clock.next_s() <= end_s:
+            clock.step()  # for a journal that ends in the middle of a run, after its last input
     except DivergedError as error:
         return manager, clock, str(error)
     return manager, clock, ""
@@ -240,13 +242,3 @@ def _pass_inputs(player: _Player, clock: ReplayedClock, comparison: Comparison, 
         clock.advance(event.instant_s)
         comparison.may_go_on |= event is last_input  # a journal may be torn amid the events of its last input
         player.take(event)
-
-
-def _run_on(clock: ReplayedClock, comparison: Comparison, end_s: float) -> None:
-    """Execute the events after the last input, for a journal that ends in the middle of a run."""
-    while not comparison.is_over and clock.next_s() <= end_s:
-        clock.step()
-
-
-def _ignore() -> None:
-    pass

@@ -131,7 +131,7 @@ class _Explanation:
             story=tuple(story(name, reading, context.latest_events, self._summary)),
             look=look,
             poses=poses,
-            ways=ways if not reading.known or (is_asked and _are_blocked(ways)) else (),
+            ways=ways if not reading.known or (is_asked and all(way.blocked_by for way in ways)) else (),
             missing=tuple(self._missing(name, context, ways)) if is_asked else (),
         )
 
@@ -233,7 +233,3 @@ class _Explanation:
             condition = retry_text if has_failed else f"declare {name}: {observer.name} is not running"
             yield Missing(variable=name, condition=condition, place=observer.place)
         yield from min((way.missing for way in ways), key=len, default=())
-
-
-def _are_blocked(ways: tuple[Way, ...]) -> bool:
-    return all(way.blocked_by for way in ways)

@@ -90,7 +90,7 @@ def _later_lines(name: str, latest_events: LatestEvents) -> Iterator[str]:
                 message = last.details.get("message", "")
                 yield f"{_count_text(count, 'look')} rejected since then, {at}: {message} ({last.name})"
             case "too_old":
-                yield f"{_count_text(count, 'value')} did not count, {at}: the evidence was being taken when a skill acted"
+                yield f"{_count_text(count, 'value')} did not count, {at}: a skill acted while the evidence was taken"
             case "refused":
                 yield f"{_count_text(count, 'write')} by {last.details['source']} refused, {at}"
             case _:
