@@ -57,7 +57,7 @@ class Execution:
         clock: Clock,
         knowledge: Knowledge | None,
         abort_s: float,
-        record: RecordEvent,
+        record_event: RecordEvent,
     ) -> None:
         """Make the tree; nothing is ticked yet.
 
@@ -67,7 +67,7 @@ class Execution:
             clock: the clock for the tree and for the time limit of ending branches.
             knowledge: holds the tasks; None without tasks.
             abort_s: how long a branch may take to end after the course has left it.
-            record: called for each event about a branch, and for each failure.
+            record_event: called for each event about a branch, and for each failure.
 
         Raises:
             TreeError: if the robot lacks an action.
@@ -79,7 +79,7 @@ class Execution:
         self._knowledge = knowledge
         self._clock = clock
         self._abort_s = abort_s
-        self._record = record
+        self._record_event = record_event
         self._result = Result.IDLE
         self._ending: _EndingBranch | None = None
         self._is_resting = False
@@ -138,7 +138,7 @@ class Execution:
         try:
             run()
         except Exception as error:  # noqa: BLE001 - the robot's actions may raise any exception
-            self._record(self.model.name, "failed", {"message": f"{type(error).__name__}: {error}"})
+            self._record_event(self.model.name, "failed", {"message": f"{type(error).__name__}: {error}"})
             return False
         return True
 
@@ -150,7 +150,7 @@ class Execution:
         if not open_tasks:
             ending.is_reported = True
             details = {"action": ending.action, "branch": ending.branch, "result": ending.result}
-            self._record(
+            self._record_event(
                 self.model.name, "ended", {**self._course_details(), **details, "took_s": now_s - ending.since_s}
             )
         return True
@@ -163,7 +163,7 @@ class Execution:
                 return
             ending.is_reported = True
         details = {"action": ending.action, "branch": ending.branch, "tasks": open_tasks}
-        self._record(
+        self._record_event(
             self.model.name, "overdue", {**self._course_details(), **details, "took_s": now_s - ending.since_s}
         )
 

@@ -230,7 +230,7 @@ class Loop:
             clock=self._clock,
             knowledge=knowledge,
             abort_s=min((course.abort_s for course in courses), default=0.0),
-            record=self._record,
+            record_event=self._record,
         )
 
     @property

@@ -114,8 +114,8 @@ def _choice_lines(event: Event) -> Iterator[str]:
     if before is not None and "dwell_until_s" in details:
         is_within = details["dwell_until_s"] > event.instant_s
         end_text = ", which this decision ended early" if is_within else ""
-        yield f"{before} had been the course since {_at(details, 'since_s')}, with a dwell time until " + (
-            f"{_at(details, 'dwell_until_s')}{end_text}"
+        yield f"{before} had been the course since {_instant_text(details, 'since_s')}, with a dwell time until " + (
+            f"{_instant_text(details, 'dwell_until_s')}{end_text}"
         )
 
 
@@ -124,14 +124,14 @@ def _setting_lines(event: Event) -> Iterator[str]:
     place_text = f"  [{details['place']}]" if "place" in details else ""
     yield f"set at {instant(event.instant_s)} to {value_text(details['value'])}: {details['rule']}{place_text}"
     if details["because"] == "worse":
-        yield f"a metric became worse, which ended the dwell time before {_at(details, 'dwell_until_s')}"
+        yield f"a metric became worse, which ended the dwell time before {_instant_text(details, 'dwell_until_s')}"
     yield from _evidence_lines(details)
 
 
 def _weight_lines(details: Part) -> Iterator[str]:
     for weight in details["weights"]:
         smoothed_text = f", smoothed {value_text(weight['smoothed'])}" if "smoothed" in weight else ""
-        lead_text = f", leading since {_at(weight, 'leads_since_s')}" if "leads_since_s" in weight else ""
+        lead_text = f", leading since {_instant_text(weight, 'leads_since_s')}" if "leads_since_s" in weight else ""
         yield f"weight of {weight['name']}: {_result_text(weight)}{smoothed_text}{lead_text}"
         yield from _rule_lines(details["rules"], weight["name"])
 
@@ -186,7 +186,9 @@ def _change_text(change: Part) -> str:
 def _observation_text(reading: Part) -> str:
     if "value" not in reading:
         return f"{reading['variable']} was unknown: {reading.get('because', '')}"
-    evidence_text = f", from evidence taken at {_at(reading, 'evidence_s')}" if "evidence_s" in reading else ""
+    evidence_text = (
+        f", from evidence taken at {_instant_text(reading, 'evidence_s')}" if "evidence_s" in reading else ""
+    )
     return f"{reading['variable']} was {value_text(json.loads(reading['value']))}{evidence_text}"
 
 
@@ -203,5 +205,5 @@ def _bounds_text(part: Part) -> str:
     return value_text(low) if low == high else f"{value_text(low)} to {value_text(high)}"
 
 
-def _at(part: Part, key: str) -> str:
+def _instant_text(part: Part, key: str) -> str:
     return instant(part[key]) if key in part else "the beginning"

@@ -38,7 +38,7 @@ class Missing:
 
     def __str__(self) -> str:
         if self.value is not None:
-            return f"{self.variable} = {value_text(self.value)}{_spaced(self.unit)}"
+            return f"{self.variable} = {value_text(self.value)}{_unit_text(self.unit)}"
         return self.condition if self.from_s is None else f"{self.condition}, from {instant(self.from_s)} on"
 
 
@@ -174,7 +174,7 @@ def _lines_of(why: Why) -> Iterator[str]:
 
 def _lines_of_look(look: Look) -> Iterator[str]:
     units = look.units
-    values = (f"{key} = {value_text(value)}{_spaced(units.get(key))}" for key, value in look.values.items())
+    values = (f"{key} = {value_text(value)}{_unit_text(units.get(key))}" for key, value in look.values.items())
     yield f"perception {look.algorithm} saw {', '.join(values) or 'nothing'} (job {look.index})"
     yield f"{_INDENT}by the rule: {look.rule}{_place_text(look.place)}"
     for condition in look.under:
@@ -212,7 +212,7 @@ def _place_text(place: Place | None) -> str:
     return "" if place is None else f"  [{place}]"
 
 
-def _spaced(unit: str | None) -> str:
+def _unit_text(unit: str | None) -> str:
     return f" {unit}" if unit else ""
 
 
