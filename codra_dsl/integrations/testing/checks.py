@@ -16,7 +16,7 @@ from codra_dsl.integrations.testing.timeline import Belief, Check, Moment, Outco
 from codra_dsl.language.diagnostics import Place
 from codra_dsl.language.load.yaml.source import Source
 from codra_dsl.runtime import ContextManager, EventLog, Kind, Why
-from codra_dsl.runtime.why.values import instant, value_text
+from codra_dsl.runtime.why.values import instant, shown
 from codra_dsl.tooling.report.findings import visible_lines
 
 _NEARLY = 1e-9
@@ -105,8 +105,8 @@ def _wanted(check: Belief, why: Why) -> str | None:
         wanted = "unknown" if check.reason is None else f"unknown ({check.reason})"
         fits = not why.known and check.reason in (None, why.reading.reason)
     else:
-        within = "" if check.within is None else f" within {value_text(check.within)}"
-        wanted = f"{value_text(check.value)}{_spaced(why.unit)}{within}" if check.is_stated else "known"
+        within = "" if check.within is None else f" within {shown(check.within)}"
+        wanted = f"{shown(check.value)}{_spaced(why.unit)}{within}" if check.is_stated else "known"
         wanted += f" from {check.source}" if check.source else ""
         fits = why.known and _is_value(check, why) and check.source in ("", why.reading.source)
     if check.because:
@@ -130,7 +130,7 @@ def _state(why: Why) -> str:
     reading = why.reading
     if not reading.known:
         return f"unknown ({reading.reason})"
-    return f"{value_text(reading.content)}{_spaced(why.unit)} from {reading.source}"
+    return f"{shown(reading.content)}{_spaced(why.unit)} from {reading.source}"
 
 
 def _failure_of_observer(check: Running, at_s: float, record: EventLog) -> Failure | None:

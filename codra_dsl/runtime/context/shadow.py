@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from codra_dsl.logic import Value
 from codra_dsl.runtime.journal.events import Event, Kind
-from codra_dsl.runtime.why.values import instant, value_text
+from codra_dsl.runtime.why.values import instant, shown
 
 MOST_SHOWN = 5
 """The largest number of disagreements per decision in the text; the newest are shown."""
@@ -142,8 +142,8 @@ def _lines(rows: Iterable[Shadowed]) -> Iterator[str]:
         if left > 0:
             yield f"  {left} earlier disagreements"
         for disagreement in row.disagreements[-MOST_SHOWN:]:
-            held = f"context held {value_text(disagreement.held)} ({disagreement.source})"
-            yield f"  {instant(disagreement.instant_s)}: {held}, the robot saw {value_text(disagreement.seen)}"
+            held = f"context held {shown(disagreement.held)} ({disagreement.source})"
+            yield f"  {instant(disagreement.instant_s)}: {held}, the robot saw {shown(disagreement.seen)}"
 
 
 def _not_compared(row: Shadowed) -> Iterator[str]:

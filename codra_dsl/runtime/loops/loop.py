@@ -31,7 +31,7 @@ from codra_dsl.runtime.loops.courses import CourseState, Decision
 from codra_dsl.runtime.loops.declarations import LoopModel, MapeModel, TreeModel
 from codra_dsl.runtime.loops.event_details import analysis_of, chain_of, evidence_of, kept_by, plain
 from codra_dsl.runtime.loops.execution import Execution
-from codra_dsl.runtime.loops.places import with_places
+from codra_dsl.runtime.loops.places import placed
 from codra_dsl.runtime.loops.planning import Plan, Planner, Planners, Planning, Setting, Written
 from codra_dsl.runtime.values.cell import BEFORE_ALL_S
 
@@ -75,7 +75,7 @@ class Mape:
             ValueError: if a tree lacks the branch of an action that its course chooses from, or the course.
             AgentTakenError: if the handle of the analyst or of the adapter is already taken.
         """
-        self.model = model = with_places(model, places_in(package_folder(codra), codra.model.name))
+        self.model = model = placed(model, places_in(package_folder(codra), codra.model.name))
         self._writers = _AgentWriters(codra, model)
         leaves = _robots_of_trees(model, Robot() if robot is None else robot)
         types = {variable.name: variable.type for variable in codra.model.variables}

@@ -15,7 +15,7 @@ from codra_dsl.runtime.loops.declarations import CourseModel, MapeModel, StageMo
 Places = Mapping[str, Place]
 
 
-def with_places(model: MapeModel, places: Places) -> MapeModel:
+def placed(model: MapeModel, places: Places) -> MapeModel:
     """Return the loops, with places added where they are missing.
 
     Args:

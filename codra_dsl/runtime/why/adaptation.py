@@ -9,7 +9,7 @@ from typing import Any
 from codra_dsl.runtime.journal.events import Event
 from codra_dsl.runtime.journal.latest_events import LatestEvents
 from codra_dsl.runtime.values.cell import Reading, Reason
-from codra_dsl.runtime.why.values import Why, instant, seconds, value_text
+from codra_dsl.runtime.why.values import Why, instant, seconds, shown
 
 Part = Mapping[str, Any]
 
@@ -122,7 +122,7 @@ def _choice_lines(event: Event) -> Iterator[str]:
 def _setting_lines(event: Event) -> Iterator[str]:
     details = event.details
     place_text = f"  [{details['place']}]" if "place" in details else ""
-    yield f"set at {instant(event.instant_s)} to {value_text(details['value'])}: {details['rule']}{place_text}"
+    yield f"set at {instant(event.instant_s)} to {shown(details['value'])}: {details['rule']}{place_text}"
     if details["because"] == "worse":
         yield f"a metric became worse, which ended the dwell time before {_instant_text(details, 'dwell_until_s')}"
     yield from _evidence_lines(details)
@@ -130,7 +130,7 @@ def _setting_lines(event: Event) -> Iterator[str]:
 
 def _weight_lines(details: Part) -> Iterator[str]:
     for weight in details["weights"]:
-        smoothed_text = f", smoothed {value_text(weight['smoothed'])}" if "smoothed" in weight else ""
+        smoothed_text = f", smoothed {shown(weight['smoothed'])}" if "smoothed" in weight else ""
         lead_text = f", leading since {_instant_text(weight, 'leads_since_s')}" if "leads_since_s" in weight else ""
         yield f"weight of {weight['name']}: {_result_text(weight)}{smoothed_text}{lead_text}"
         yield from _rule_lines(details["rules"], weight["name"])
@@ -179,8 +179,8 @@ def _aftermath_lines(event: Event) -> Iterator[str]:
 
 def _change_text(change: Part) -> str:
     name = change["name"] if change["kind"] == "input" else f"the weight of {change['name']}"
-    old_text = value_text(json.loads(change["value"])) if "value" in change else "unknown"
-    return f"{name} = {value_text(json.loads(change['other']))} instead of {old_text}"
+    old_text = shown(json.loads(change["value"])) if "value" in change else "unknown"
+    return f"{name} = {shown(json.loads(change['other']))} instead of {old_text}"
 
 
 def _observation_text(reading: Part) -> str:
@@ -189,20 +189,20 @@ def _observation_text(reading: Part) -> str:
     evidence_text = (
         f", from evidence taken at {_instant_text(reading, 'evidence_s')}" if "evidence_s" in reading else ""
     )
-    return f"{reading['variable']} was {value_text(json.loads(reading['value']))}{evidence_text}"
+    return f"{reading['variable']} was {shown(json.loads(reading['value']))}{evidence_text}"
 
 
 def _result_text(part: Part) -> str:
     if "value" not in part:
         return "unknown"
     if part.get("low") == part.get("high"):
-        return value_text(part["value"])
-    return f"{value_text(part['value'])}, the worse bound of {_bounds_text(part)}"
+        return shown(part["value"])
+    return f"{shown(part['value'])}, the worse bound of {_bounds_text(part)}"
 
 
 def _bounds_text(part: Part) -> str:
     low, high = part.get("low"), part.get("high")
-    return value_text(low) if low == high else f"{value_text(low)} to {value_text(high)}"
+    return shown(low) if low == high else f"{shown(low)} to {shown(high)}"
 
 
 def _instant_text(part: Part, key: str) -> str:

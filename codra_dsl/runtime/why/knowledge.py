@@ -12,7 +12,7 @@ from codra_dsl.runtime.journal.events import Event
 from codra_dsl.runtime.journal.latest_events import LatestEvents
 from codra_dsl.runtime.journal.spec_summary import Place, SpecSummary
 from codra_dsl.runtime.values.cell import FOREVER_S, Reading, Reason
-from codra_dsl.runtime.why.values import Why, instant, value_text
+from codra_dsl.runtime.why.values import Why, instant, shown
 
 _STAGES = ("wants", "is", "finished", "aborted")
 _RULES = ("begun", "broken", "fulfilled", "unfulfilled")
@@ -206,7 +206,7 @@ def _task_text(details: Mapping[str, object]) -> str:
 def _change_text(event: Event) -> str:
     details = event.details
     if event.what == "written":
-        return "written as unknown" if details.get("value") is None else f"written as {value_text(details['value'])}"
+        return "written as unknown" if details.get("value") is None else f"written as {shown(details['value'])}"
     if event.what == "placed":
         return f"placed at ({', '.join(f'{number:.6g}' for number in details['translation_m'])}) m"
     return _CHANGE_TEXTS[event.what]

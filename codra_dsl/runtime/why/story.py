@@ -11,7 +11,7 @@ from codra_dsl.runtime.journal.latest_events import LatestEvents
 from codra_dsl.runtime.journal.spec_summary import AlgorithmSummary, SpecSummary
 from codra_dsl.runtime.values.cell import Reading, Reason
 from codra_dsl.runtime.values.declarations import POSES
-from codra_dsl.runtime.why.values import instant, seconds, value_text
+from codra_dsl.runtime.why.values import instant, seconds, shown
 
 MAIN = "main_execution"
 
@@ -75,7 +75,7 @@ def _unknown_lines(reading: Reading[Value], latest_events: LatestEvents, summary
         case _:
             yield f"{reading.reason} at {since}: {reading.detail} ({reading.source})"
     if last_known is not None:
-        value, source = value_text(last_known.details.get("value")), last_known.details["source"]
+        value, source = shown(last_known.details.get("value")), last_known.details["source"]
         yield f"it was {value} before, from {source} at {instant(last_known.instant_s)}"
 
 

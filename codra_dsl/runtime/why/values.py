@@ -38,7 +38,7 @@ class Missing:
 
     def __str__(self) -> str:
         if self.value is not None:
-            return f"{self.variable} = {value_text(self.value)}{_unit_text(self.unit)}"
+            return f"{self.variable} = {shown(self.value)}{_unit_text(self.unit)}"
         return self.condition if self.from_s is None else f"{self.condition}, from {instant(self.from_s)} on"
 
 
@@ -157,7 +157,7 @@ class Why:
 def _lines_of(why: Why) -> Iterator[str]:
     reading = why.reading
     unit_text = f" {why.unit}" if why.unit else ""
-    state_text = f"{value_text(reading.content)}{unit_text}" if reading.known else f"unknown ({reading.reason})"
+    state_text = f"{shown(reading.content)}{unit_text}" if reading.known else f"unknown ({reading.reason})"
     repeated_text = ", as explained above" if why.is_told else ""
     yield f"{why.variable} is {state_text} at {instant(why.at_s)}{repeated_text}{_place_text(why.place)}"
     for sentence in why.story:
@@ -174,7 +174,7 @@ def _lines_of(why: Why) -> Iterator[str]:
 
 def _lines_of_look(look: Look) -> Iterator[str]:
     units = look.units
-    values = (f"{key} = {value_text(value)}{_unit_text(units.get(key))}" for key, value in look.values.items())
+    values = (f"{key} = {shown(value)}{_unit_text(units.get(key))}" for key, value in look.values.items())
     yield f"perception {look.algorithm} saw {', '.join(values) or 'nothing'} (job {look.index})"
     yield f"{_INDENT}by the rule: {look.rule}{_place_text(look.place)}"
     for condition in look.under:
@@ -216,7 +216,7 @@ def _unit_text(unit: str | None) -> str:
     return f" {unit}" if unit else ""
 
 
-def value_text(value: Value | None) -> str:
+def shown(value: Value | None) -> str:
     """Return a value as text."""
     if isinstance(value, bool):
         return str(value).lower()
