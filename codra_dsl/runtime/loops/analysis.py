@@ -13,7 +13,7 @@ from functools import lru_cache
 
 from codra_dsl.runtime.loops.declarations import InputModel, MapeModel, OutputModel, StageModel
 from codra_dsl.runtime.loops.fuzzy.bounds import UNKNOWN, Bounds, is_finite, joined
-from codra_dsl.runtime.loops.observations import Observation, Scene, number_of, possible
+from codra_dsl.runtime.loops.observations import Observation, Scene, number_of, possible_values
 from codra_dsl.runtime.values.cell import BEFORE_ALL_S
 
 MOST_BOXES = 256
@@ -21,10 +21,10 @@ MOST_BOXES = 256
 
 Box = tuple[Bounds, ...]
 
-MOST_KEPT = 4096
+MOST_CACHED_BOUNDS = 4096
 """How many bounds are cached: an input stays unknown for a while, and every change of another input asks for them."""
 
-_MOST_INFERRED = 64
+_MOST_CACHED_INFERENCES = 64
 """How many results of a stage are cached: most changes that wake a loop do not change the inputs of its rules."""
 
 _ROUNDING = 1e-9
@@ -41,7 +41,7 @@ class Degree:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Fired:
+class RuleActivation:
     """The strength with which a rule acts, as bounds; both are equal if the inputs that it reads are known."""
 
     text: str
@@ -52,7 +52,7 @@ class Fired:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Judged:
+class OutputResult:
     """The result for one output.
 
     Attributes:
@@ -79,8 +79,8 @@ class Stage:
 
     inputs: tuple[Observation, ...] = ()
     degrees: tuple[Degree, ...] = ()
-    rules: tuple[Fired, ...] = ()
-    outputs: tuple[Judged, ...] = ()
+    rules: tuple[RuleActivation, ...] = ()
+    outputs: tuple[OutputResult, ...] = ()
 
     def value(self, name: str) -> float | None:
         """Return the value that counts for an output."""
@@ -113,57 +113,62 @@ def assess(model: MapeModel, scene: Scene, *, metrics: Mapping[str, float | None
         metrics: values that replace the computed values of some metrics in the second stage.
     """
     first = Stage() if model.metrics is None else infer(model.metrics, scene)
-    judged = {output.variable: _observed(output) for output in first.outputs}
-    complete = {**scene, **judged}
+    metric_observations = {output.variable: _observation_of(output) for output in first.outputs}
+    full_scene = {**scene, **metric_observations}
     for variable, value in (metrics or {}).items():
-        complete[variable] = Observation(variable=variable, value=value, evidence_s=complete[variable].evidence_s)
-    second = Stage() if model.actions is None else infer(model.actions, complete)
-    return Assessment(scene=complete, metrics=first, actions=second)
+        full_scene[variable] = Observation(variable=variable, value=value, evidence_s=full_scene[variable].evidence_s)
+    second = Stage() if model.actions is None else infer(model.actions, full_scene)
+    return Assessment(scene=full_scene, metrics=first, actions=second)
 
 
-def _observed(judged: Judged) -> Observation:
-    because = "no rule may act" if judged.value is None else ""
-    return Observation(variable=judged.variable, value=judged.value, evidence_s=judged.evidence_s, because=because)
+def _observation_of(output: OutputResult) -> Observation:
+    because = "no rule may act" if output.value is None else ""
+    return Observation(variable=output.variable, value=output.value, evidence_s=output.evidence_s, because=because)
 
 
 def infer(model: StageModel, scene: Scene) -> Stage:
     """Return the result of a stage."""
     inputs = tuple(scene[model_input.variable] for model_input in model.inputs)
     numbers = (number_of(model_input, seen.value) for model_input, seen in zip(model.inputs, inputs, strict=True))
-    inferred = _inferred(model, tuple(None if number != number else number for number in numbers))
+    inference = _inference_of(model, tuple(None if number != number else number for number in numbers))
     return Stage(
         inputs=inputs,
-        degrees=inferred.degrees,
-        rules=inferred.rules,
+        degrees=inference.degrees,
+        rules=inference.rules,
         outputs=tuple(
-            _judged(model, output, bounds, scene) for output, bounds in zip(model.outputs, inferred.values, strict=True)
+            _output_result(model, output, bounds, scene)
+            for output, bounds in zip(model.outputs, inference.values, strict=True)
         ),
     )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Inferred:
+class _StageInference:
     """The result of a stage for some numbers, independent of the age of their evidence."""
 
     degrees: tuple[Degree, ...]
-    rules: tuple[Fired, ...]
+    rules: tuple[RuleActivation, ...]
     values: tuple[Bounds, ...]
 
 
-@lru_cache(maxsize=_MOST_INFERRED)
-def _inferred(model: StageModel, known: tuple[float | None, ...]) -> _Inferred:
+@lru_cache(maxsize=_MOST_CACHED_INFERENCES)
+def _inference_of(model: StageModel, known: tuple[float | None, ...]) -> _StageInference:
     """Return the result of a stage for its inputs; None is an unknown input."""
     numbers = [math.nan if number is None else number for number in known]
-    certain = model.infer(*numbers)
-    values = [Bounds(value, value) if value == value else UNKNOWN for value in certain.values]
-    strengths = [Bounds(strength, strength) for strength in certain.strengths]
-    unknown = {model_input.variable for model_input, number in zip(model.inputs, known, strict=True) if number is None}
-    if unknown:
-        _widen(model, numbers, unknown, values, strengths)
-    return _Inferred(
+    certain_inference = model.infer(*numbers)
+    values = [Bounds(value, value) if value == value else UNKNOWN for value in certain_inference.values]
+    strengths = [Bounds(strength, strength) for strength in certain_inference.strengths]
+    unknown_variables = {
+        model_input.variable for model_input, number in zip(model.inputs, known, strict=True) if number is None
+    }
+    if unknown_variables:
+        _widen(model, numbers, unknown_variables, values, strengths)
+    return _StageInference(
         degrees=tuple(_degrees(model.inputs, numbers)),
         rules=tuple(
-            Fired(text=rule.text, concludes=rule.concludes, place=rule.place, low=strength.low, high=strength.high)
+            RuleActivation(
+                text=rule.text, concludes=rule.concludes, place=rule.place, low=strength.low, high=strength.high
+            )
             for rule, strength in zip(model.rules, strengths, strict=True)
         ),
         values=tuple(values),
@@ -171,25 +176,32 @@ def _inferred(model: StageModel, known: tuple[float | None, ...]) -> _Inferred:
 
 
 def _widen(
-    model: StageModel, numbers: Sequence[float], unknown: set[str], values: list[Bounds], strengths: list[Bounds]
+    model: StageModel,
+    numbers: Sequence[float],
+    unknown_variables: set[str],
+    values: list[Bounds],
+    strengths: list[Bounds],
 ) -> None:
     """Replace the values and strengths that depend on an unknown input by bounds."""
     for index, output in enumerate(model.outputs):
-        reads = _reads(model, output)
-        if unknown & reads:
-            known = zip(model.inputs, numbers, strict=True)
-            seen = (
-                number if number == number and model_input.variable in reads else None for model_input, number in known
+        reads = _variables_read_for(model, output)
+        if unknown_variables & reads:
+            inputs_with_numbers = zip(model.inputs, numbers, strict=True)
+            read_numbers = (
+                number if number == number and model_input.variable in reads else None
+                for model_input, number in inputs_with_numbers
             )
-            values[index] = _bounds(model, index, tuple(seen))
-    choices = [_hull(possible(model_input, number)) for model_input, number in zip(model.inputs, numbers, strict=True)]
-    widened = model.infer_bounds(*choices).strengths
+            values[index] = _bounds(model, index, tuple(read_numbers))
+    choices = [
+        _hull(possible_values(model_input, number)) for model_input, number in zip(model.inputs, numbers, strict=True)
+    ]
+    widened_strengths = model.infer_bounds(*choices).strengths
     for index, rule in enumerate(model.rules):
-        if unknown & set(rule.reads):
-            strengths[index] = widened[index]
+        if unknown_variables & set(rule.reads):
+            strengths[index] = widened_strengths[index]
 
 
-@lru_cache(maxsize=MOST_KEPT)
+@lru_cache(maxsize=MOST_CACHED_BOUNDS)
 def _bounds(model: StageModel, index: int, numbers: tuple[float | None, ...]) -> Bounds:
     """Return the bounds of all possible values of an output.
 
@@ -198,10 +210,10 @@ def _bounds(model: StageModel, index: int, numbers: tuple[float | None, ...]) ->
         index: the index of the output.
         numbers: the inputs; None for unknown inputs, and for inputs that no rule of the output reads.
     """
-    return _Cutting(model, numbers, index).bounds()
+    return _BoxCutter(model, numbers, index).bounds()
 
 
-class _Cutting:
+class _BoxCutter:
     """The bounds of one output: the union of the bounds of boxes into which its unknown inputs are cut.
 
     In a box, two mentions of one input count as two inputs. It can therefore seem possible that no rule acts although
@@ -212,30 +224,30 @@ class _Cutting:
         self._model = model
         self._index = index
         self._ranges = [model_input.range.high - model_input.range.low for model_input in model.inputs]
-        reads = _reads(model, model.outputs[index])
-        given = list(zip(model.inputs, numbers, strict=True))
+        reads = _variables_read_for(model, model.outputs[index])
+        inputs_with_numbers = list(zip(model.inputs, numbers, strict=True))
         self._is_open = [
             number is None and model_input.variable in reads and not model_input.members
-            for model_input, number in given
+            for model_input, number in inputs_with_numbers
         ]
         self._choices = [
-            possible(model_input, math.nan if number is None else number)
+            possible_values(model_input, math.nan if number is None else number)
             if number is not None or model_input.variable in reads
             else (model_input.range,)
-            for model_input, number in given
+            for model_input, number in inputs_with_numbers
         ]
-        self._left = MOST_BOXES
+        self._boxes_left = MOST_BOXES
 
     def bounds(self) -> Bounds:
         """Return the bounds of all possible values of the output."""
         union: Bounds | None = None
-        pending = list(self._boxes())
-        while pending:
-            box = pending.pop()
-            self._left -= 1
+        pending_boxes = list(self._boxes())
+        while pending_boxes:
+            box = pending_boxes.pop()
+            self._boxes_left -= 1
             value = self._model.infer_bounds(*box).values[self._index]
-            halves = self._halves(box) if value.may_be_unknown and self._left > 0 else ()
-            pending.extend(halves)
+            halves = self._halves(box) if value.may_be_unknown and self._boxes_left > 0 else ()
+            pending_boxes.extend(halves)
             if not halves:
                 union = value if union is None else joined(union, value)
         assert union is not None
@@ -243,14 +255,14 @@ class _Cutting:
 
     def _boxes(self) -> Iterator[Box]:
         """Yield the initial boxes: one for each member, and equal pieces of ranges."""
-        open_ones = sum(self._is_open)
-        most = max(1.0, MOST_BOXES / 4 / math.prod(map(len, self._choices)))
-        pieces = max(1, min(self._model.pieces, int(most ** (1 / max(1, open_ones)) + _ROUNDING)))
-        cut = [
+        open_count = sum(self._is_open)
+        max_range_boxes = max(1.0, MOST_BOXES / 4 / math.prod(map(len, self._choices)))
+        pieces = max(1, min(self._model.pieces, int(max_range_boxes ** (1 / max(1, open_count)) + _ROUNDING)))
+        pieces_of_inputs = [
             tuple(part for choice in choices for part in _pieces(choice, pieces if is_open else 1))
             for choices, is_open in zip(self._choices, self._is_open, strict=True)
         ]
-        yield from itertools.product(*cut)
+        yield from itertools.product(*pieces_of_inputs)
 
     def _halves(self, box: Box) -> tuple[Box, ...]:
         """Return both halves of a box along its longest side; nothing if no rule acts in its middle."""
@@ -279,20 +291,20 @@ def _hull(choices: Sequence[Bounds]) -> Bounds:
     return Bounds(min(choice.low for choice in choices), max(choice.high for choice in choices))
 
 
-def _reads(model: StageModel, output: OutputModel) -> set[str]:
+def _variables_read_for(model: StageModel, output: OutputModel) -> set[str]:
     return {variable for rule in model.rules if output.name in rule.concludes for variable in rule.reads}
 
 
-def _judged(model: StageModel, output: OutputModel, bounds: Bounds, scene: Scene) -> Judged:
-    worse = bounds.worse(output.worse)
-    seen = (scene[variable] for variable in _reads(model, output))
-    stamps = [observation.evidence_s for observation in seen if observation.value is not None]
-    return Judged(
+def _output_result(model: StageModel, output: OutputModel, bounds: Bounds, scene: Scene) -> OutputResult:
+    worse_end = bounds.worse(output.worse)
+    observations = (scene[variable] for variable in _variables_read_for(model, output))
+    stamps_s = [observation.evidence_s for observation in observations if observation.value is not None]
+    return OutputResult(
         name=output.name,
         variable=output.variable,
         bounds=bounds,
-        value=worse if math.isfinite(worse) else None,
-        evidence_s=min(stamps, default=BEFORE_ALL_S),
+        value=worse_end if math.isfinite(worse_end) else None,
+        evidence_s=min(stamps_s, default=BEFORE_ALL_S),
     )
 
 

@@ -24,7 +24,7 @@ _HALVINGS = 30
 _MARGIN = 1e-6
 
 
-class Changed(StrEnum):
+class ChangeKind(StrEnum):
     """The kind of value that is changed."""
 
     INPUT = "input"
@@ -42,7 +42,7 @@ class Counterfactual:
         share: the size of the change as a share of the range; 1 if the value was unknown.
     """
 
-    kind: Changed
+    kind: ChangeKind
     name: str
     value: Value | None
     other: Value
@@ -52,7 +52,9 @@ class Counterfactual:
 def smallest_changes(
     model: MapeModel, course: CourseModel, decision: Decision, more: Iterable[InputModel] = ()
 ) -> tuple[Counterfactual, ...]:
-    """Return the smallest change of an input and of a weight that would have kept the course, the smaller one first.
+    """Return the smallest change of an input, and that of a weight, that would have kept the course.
+
+    The smaller change comes first; the result is empty if no single change would have kept the course.
 
     Args:
         model: the model of the loops.
@@ -61,24 +63,32 @@ def smallest_changes(
         more: inputs that hard rules read and no stage reads.
     """
     if not decision.before or would_keep(course, decision.assessment, decision.before, decision.instant_s):
-        return ()  # earlier weights decided, by smoothing or hold: the present ones would have kept it
-    asked = {model_input.variable: model_input for model_input in (*more, *_inputs(model))}
-    inputs = [change for model_input in asked.values() for change in _of_input(model, course, decision, model_input)]
-    weights = [] if decision.rule is not None else list(_of_weights(course, decision))
-    smallest = [min(changes, key=_share) for changes in (inputs, weights) if changes]
+        return ()  # smoothed or held weights decided; the present ones would have kept the course
+    model_inputs = {model_input.variable: model_input for model_input in (*more, *_inputs(model))}
+    input_changes = [
+        change
+        for model_input in model_inputs.values()
+        for change in _input_changes(model, course, decision, model_input)
+    ]
+    weight_changes = [] if decision.rule is not None else list(_weight_changes(course, decision))
+    smallest = [min(changes, key=_share) for changes in (input_changes, weight_changes) if changes]
     return tuple(sorted(smallest, key=_share))
 
 
 def would_keep(course: CourseModel, assessment: Assessment, action: str, now_s: float) -> bool:
-    """Return whether an action stays the course: no hard rule demands another one, and no other weight leads."""
+    """Return whether an action stays the course.
+
+    The first hard rule that holds decides. Without one, the action's weight must be known, and no other weight may
+    lead it.
+    """
     rule = hard_rule(course, assessment, now_s)
     if rule is not None:
         return rule.action == action
     weights = assessment.weights()
-    of_action = weights[action]
-    if of_action is None:
+    action_weight = weights[action]
+    if action_weight is None:
         return False
-    return not any(leads(course, weights[other], of_action) for other in course.choose if other != action)
+    return not any(leads(course, weights[other], action_weight) for other in course.choose if other != action)
 
 
 def _share(change: Counterfactual) -> float:
@@ -88,84 +98,93 @@ def _share(change: Counterfactual) -> float:
 def _inputs(model: MapeModel) -> Iterator[InputModel]:
     """Yield the inputs that the stages read and no stage computes, each once."""
     stages = [stage for stage in (model.metrics, model.actions) if stage is not None]
-    judged = set() if model.metrics is None else {output.variable for output in model.metrics.outputs}
+    metric_variables = set() if model.metrics is None else {output.variable for output in model.metrics.outputs}
     inputs = {
         model_input.variable: model_input
         for stage in stages
         for model_input in stage.inputs
-        if model_input.variable not in judged
+        if model_input.variable not in metric_variables
     }
     yield from inputs.values()
 
 
-def _of_input(
+def _input_changes(
     model: MapeModel, course: CourseModel, decision: Decision, model_input: InputModel
 ) -> Iterator[Counterfactual]:
     """Yield the nearest value of an input that would have kept the course."""
     scene = decision.assessment.scene
-    seen = scene[model_input.variable]
-    number, width = number_of(model_input, seen.value), model_input.range.high - model_input.range.low
+    observation = scene[model_input.variable]
+    number, width = number_of(model_input, observation.value), model_input.range.high - model_input.range.low
 
-    def keeps(other: float) -> bool:
-        changed = Observation(
+    def keeps_course(other: float) -> bool:
+        changed_observation = Observation(
             variable=model_input.variable, value=value_of(model_input, other), evidence_s=decision.instant_s
         )
-        assessment = assess(model, {**scene, model_input.variable: changed})
+        assessment = assess(model, {**scene, model_input.variable: changed_observation})
         return would_keep(course, assessment, decision.before, decision.instant_s)
 
-    nearest = _nearest(model_input, number, keeps)
+    nearest = _nearest(model_input, number, keeps_course)
     if nearest is not None:
         value = value_of(model_input, nearest)
         share = 1.0 if number != number else abs(nearest - number) / width
-        yield Counterfactual(kind=Changed.INPUT, name=model_input.variable, value=seen.value, other=value, share=share)
+        yield Counterfactual(
+            kind=ChangeKind.INPUT, name=model_input.variable, value=observation.value, other=value, share=share
+        )
 
 
-def _nearest(model_input: InputModel, number: float, keeps: Callable[[float], bool]) -> float | None:
-    """Return the value nearest to a number that keeps the course, if any; the least such value if it is unknown."""
+def _nearest(model_input: InputModel, number: float, keeps_course: Callable[[float], bool]) -> float | None:
+    """Return the nearest value to a number that keeps the course, if any; the least such value if the number is NaN."""
     low, high = model_input.range.low, model_input.range.high
     if model_input.members:
-        places = [float(index) for index in range(len(model_input.members)) if index != number]
+        candidates = [float(index) for index in range(len(model_input.members)) if index != number]
     elif math.isfinite(high - low):
-        places = [low + (high - low) * index / _STEPS for index in range(_STEPS + 1)]
+        candidates = [low + (high - low) * index / _STEPS for index in range(_STEPS + 1)]
     else:
         return None
     start = number if number == number else low
-    nearest = next((place for place in sorted(places, key=lambda place: abs(place - start)) if keeps(place)), None)
+    nearest = next(
+        (
+            candidate
+            for candidate in sorted(candidates, key=lambda candidate: abs(candidate - start))
+            if keeps_course(candidate)
+        ),
+        None,
+    )
     if nearest is None or model_input.members or number != number:
         return nearest
-    return _narrowed(number, nearest, keeps)
+    return _bisect(number, nearest, keeps_course)
 
 
-def _narrowed(away: float, kept: float, keeps: Callable[[float], bool]) -> float:
+def _bisect(failing: float, keeping: float, keeps_course: Callable[[float], bool]) -> float:
     """Return a value that keeps the course and is as near as bisection can determine."""
     for _ in range(_HALVINGS):
-        middle = (away + kept) / 2.0
-        if keeps(middle):
-            kept = middle
+        middle = (failing + keeping) / 2.0
+        if keeps_course(middle):
+            keeping = middle
         else:
-            away = middle
-    return kept
+            failing = middle
+    return keeping
 
 
-def _of_weights(course: CourseModel, decision: Decision) -> Iterator[Counterfactual]:
+def _weight_changes(course: CourseModel, decision: Decision) -> Iterator[Counterfactual]:
     """Yield the changes of a single weight that would have kept the course."""
     weights = decision.assessment.weights()
-    of_course, reach = weights[decision.before], threshold(course)
+    course_weight, lead = weights[decision.before], threshold(course)
     rivals = (weights[action] for action in course.choose if action != decision.before)
-    others = [value for value in rivals if value is not None]
-    wanted = {decision.before: max(others, default=0.0) - reach + _MARGIN}
-    if of_course is not None:
-        wanted[decision.action] = of_course + reach - _MARGIN
-    for action, other in wanted.items():
-        nearest = min(1.0, max(0.0, other))
+    rival_weights = [value for value in rivals if value is not None]
+    sufficient_weights = {decision.before: max(rival_weights, default=0.0) - lead + _MARGIN}
+    if course_weight is not None:
+        sufficient_weights[decision.action] = course_weight + lead - _MARGIN
+    for action, weight in sufficient_weights.items():
+        nearest = min(1.0, max(0.0, weight))
         if _would_keep_with(course, decision, action, nearest):
             value = weights[action]
             share = 1.0 if value is None else abs(nearest - value)
-            yield Counterfactual(kind=Changed.WEIGHT, name=action, value=value, other=nearest, share=share)
+            yield Counterfactual(kind=ChangeKind.WEIGHT, name=action, value=value, other=nearest, share=share)
 
 
 def _would_keep_with(course: CourseModel, decision: Decision, action: str, weight: float) -> bool:
     stage = decision.assessment.actions
     outputs = tuple(replace(output, value=weight) if output.name == action else output for output in stage.outputs)
-    changed = replace(decision.assessment, actions=replace(stage, outputs=outputs))
-    return would_keep(course, changed, decision.before, decision.instant_s)
+    changed_assessment = replace(decision.assessment, actions=replace(stage, outputs=outputs))
+    return would_keep(course, changed_assessment, decision.before, decision.instant_s)

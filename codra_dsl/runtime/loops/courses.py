@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 
 from codra_dsl.runtime.loops.analysis import Assessment, assess
 from codra_dsl.runtime.loops.declarations import CourseModel, HardRuleModel, MapeModel, OutputModel
-from codra_dsl.runtime.loops.filters import Chosen, FilterState, SwitchReason, leads, step
+from codra_dsl.runtime.loops.filters import FilterState, FilterStep, SwitchReason, leads, step
 from codra_dsl.runtime.loops.fuzzy.bounds import End
 from codra_dsl.runtime.loops.observations import SceneScope
 
-_SAME = 1e-9
+_TOLERANCE = 1e-9
 
 Metrics = Mapping[str, float | None]
 """The value that counts for each metric, by variable."""
@@ -45,7 +45,7 @@ class Decision:
     before: str
     because: SwitchReason
     assessment: Assessment
-    chosen: Chosen
+    chosen: FilterStep
     rule: HardRuleModel | None = None
 
 
@@ -55,7 +55,7 @@ def metrics_of(model: MapeModel, assessment: Assessment) -> Metrics:
     return {metric.variable: _number(assessment.scene[metric.variable].value) for metric in outputs}
 
 
-def worsened(model: MapeModel, now: Metrics, then: Metrics) -> Metrics:
+def values_before_worsening(model: MapeModel, now: Metrics, then: Metrics) -> Metrics:
     """Return the old values of the metrics that have become worse."""
     outputs = () if model.metrics is None else model.metrics.outputs
     return {
@@ -71,22 +71,27 @@ def hard_rule(model: CourseModel, assessment: Assessment, now_s: float) -> HardR
     return next((rule for rule in model.always if rule.condition.holds(scope)), None)
 
 
-def urgent(model: MapeModel, course: CourseModel, course_state: CourseState, assessment: Assessment) -> frozenset[str]:
+def urgent_actions(
+    model: MapeModel, course: CourseModel, course_state: CourseState, assessment: Assessment
+) -> frozenset[str]:
     """Return the actions that lead the course only because a metric has become worse since it was chosen.
 
     The effect on the weights makes an action urgent, not the size of the metric's change: the action would not lead
-    with the metrics of the last switch.
+    if the metrics that have become worse still had their values of the last switch.
     """
     running = course_state.state.action
-    worse = worsened(model, metrics_of(model, assessment), course_state.metrics) if running else {}
-    if not worse:
+    former_metrics = (
+        values_before_worsening(model, metrics_of(model, assessment), course_state.metrics) if running else {}
+    )
+    if not former_metrics:
         return frozenset()
-    present = assessment.weights()
-    otherwise = assess(model, assessment.scene, metrics=worse).weights()
+    weights = assessment.weights()
+    former_weights = assess(model, assessment.scene, metrics=former_metrics).weights()
     return frozenset(
         action
         for action in course.choose
-        if leads(course, present[action], present[running]) and not leads(course, otherwise[action], otherwise[running])
+        if leads(course, weights[action], weights[running])
+        and not leads(course, former_weights[action], former_weights[running])
     )
 
 
@@ -100,33 +105,33 @@ def choose(
     """
     rule = hard_rule(course, assessment, now_s)
     weights = assessment.weights()
-    chosen = step(
+    filter_step = step(
         course,
         course_state.state,
         now_s,
         {action: weights[action] for action in course.choose},
-        urgent=urgent(model, course, course_state, assessment),
-        forced="" if rule is None else rule.action,
+        urgent_actions=urgent_actions(model, course, course_state, assessment),
+        forced_action="" if rule is None else rule.action,
     )
-    if chosen.because is None:
-        return CourseState(state=chosen.state, metrics=course_state.metrics), None, chosen.due_s
+    if filter_step.because is None:
+        return CourseState(state=filter_step.state, metrics=course_state.metrics), None, filter_step.due_s
     decision = Decision(
         instant_s=now_s,
         course=course.name,
-        action=chosen.state.action,
+        action=filter_step.state.action,
         before=course_state.state.action,
-        because=chosen.because,
+        because=filter_step.because,
         assessment=assessment,
-        chosen=chosen,
+        chosen=filter_step,
         rule=rule,
     )
-    return CourseState(state=chosen.state, metrics=metrics_of(model, assessment)), decision, chosen.due_s
+    return CourseState(state=filter_step.state, metrics=metrics_of(model, assessment)), decision, filter_step.due_s
 
 
 def _is_worse(output: OutputModel, now: float | None, then: float | None) -> bool:
     if then is None or now is None:
         return then is not None
-    return now < then - _SAME if output.worse is End.LOW else now > then + _SAME
+    return now < then - _TOLERANCE if output.worse is End.LOW else now > then + _TOLERANCE
 
 
 def _number(value: object) -> float | None:

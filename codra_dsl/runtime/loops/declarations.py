@@ -152,7 +152,8 @@ class CourseModel:
         smooth_s: the time constant of the exponential smoothing of weights; 0 for no smoothing.
         lead: by how much a weight must exceed that of the running action.
         hold_s: how long it must do so without a break.
-        dwell_s: the shortest time for which an action runs. A hard rule breaks it, and so does a worse metric.
+        dwell_s: the shortest time for which an action runs. A hard rule breaks it, and so does a metric that
+            became worse.
         cooldown_s: how long an action is not chosen again after it was left. The same two exceptions apply.
         abort_s: how long a branch may take to end after the course has left it.
         always: hard rules; the first one that holds decides.
@@ -240,9 +241,9 @@ class LoopModel:
         name: the name of the loop.
         rates: the variables of the rates that it computes; each belongs to one loop.
         analyse: the metrics that it computes; each belongs to one loop.
-        adapt: courses and parameters; the weights of a course's actions are computed with the course.
+        adapt: courses and parameters; the loop also computes the weights of the actions of its courses.
         execute: the trees that it ticks.
-        period_s: the longest time between two analyses; without a change of the inputs, the next one runs after it.
+        period_s: the time after an analysis at which the next one takes place even if no input has changed.
     """
 
     name: str

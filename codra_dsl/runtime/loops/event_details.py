@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from codra_dsl.runtime.journal.encoding import json_text
-from codra_dsl.runtime.loops.analysis import Assessment, Degree, Fired, Judged, Stage
+from codra_dsl.runtime.loops.analysis import Assessment, Degree, OutputResult, RuleActivation, Stage
 from codra_dsl.runtime.loops.counterfactual import Counterfactual
 from codra_dsl.runtime.loops.courses import Decision
 from codra_dsl.runtime.loops.declarations import CourseModel, MapeModel, StageModel
@@ -31,7 +31,11 @@ def chain_of(loop: str, course: CourseModel, decision: Decision) -> Details:
         place=(course.place if rule is None else rule.place) or None,
         since_s=_finite(before.since_s),
         dwell_until_s=_finite(before.dwell_until_s(course)),
-        weights=[_weighed(course, decision, weight) for weight in _weights(course, decision)],
+        weights=[
+            _weight_details(course, decision, weight)
+            for weight in decision.assessment.actions.outputs
+            if weight.name in course.choose
+        ],
         **evidence_of(decision.assessment, [name for rule in course.always for name in rule.condition.variables()]),
     )
 
@@ -45,27 +49,28 @@ def evidence_of(assessment: Assessment, more: Iterable[str] = ()) -> Details:
     """
     stages = (assessment.metrics, assessment.actions)
     return {
-        "readings": _readings(stages, [assessment.scene[name] for name in sorted(set(more))]),
+        "readings": _readings_details(stages, [assessment.scene[name] for name in sorted(set(more))]),
         "degrees": [
-            _degree(degree) for degree in dict.fromkeys(degree for stage in stages for degree in stage.degrees)
+            _degree_details(degree) for degree in dict.fromkeys(degree for stage in stages for degree in stage.degrees)
         ],
-        "rules": [_rule(rule) for stage in stages for rule in stage.rules],
-        "metrics": [_judged(metric) for metric in assessment.metrics.outputs],
+        "rules": [_rule_details(rule) for stage in stages for rule in stage.rules],
+        "metrics": [_output_details(metric) for metric in assessment.metrics.outputs],
     }
 
 
 def analysis_of(model: MapeModel, assessment: Assessment, variables: Collection[str]) -> Details:
     """Return the derivation of some metrics and weights, from the readings to the results."""
-    metrics = () if model.metrics is None else _explained_outputs(model.metrics, assessment.metrics, variables)
-    weights = () if model.actions is None else _explained_outputs(model.actions, assessment.actions, variables)
+    metrics = () if model.metrics is None else _explain_outputs(model.metrics, assessment.metrics, variables)
+    weights = () if model.actions is None else _explain_outputs(model.actions, assessment.actions, variables)
     outputs = [*metrics, *weights]
     inputs = {observation.variable: observation for output in outputs for observation in output.inputs}
     return {
-        "readings": [_reading(observation) for observation in inputs.values()],
+        "readings": [_reading_details(observation) for observation in inputs.values()],
         "degrees": [
-            _degree(degree) for degree in dict.fromkeys(degree for output in outputs for degree in output.degrees)
+            _degree_details(degree)
+            for degree in dict.fromkeys(degree for output in outputs for degree in output.degrees)
         ],
-        "rules": [_rule(rule) for rule in dict.fromkeys(rule for output in outputs for rule in output.rules)],
+        "rules": [_rule_details(rule) for rule in dict.fromkeys(rule for output in outputs for rule in output.rules)],
         "metrics": [output.details() for output in metrics],
         "weights": [output.details() for output in weights],
     }
@@ -75,32 +80,32 @@ def analysis_of(model: MapeModel, assessment: Assessment, variables: Collection[
 class _ExplainedOutput:
     """An output with the inputs, degrees and rules that it follows from, except rules that did not act."""
 
-    output: Judged
+    output: OutputResult
     inputs: tuple[Observation, ...]
     degrees: tuple[Degree, ...]
-    rules: tuple[Fired, ...]
+    rules: tuple[RuleActivation, ...]
 
     def details(self) -> Details:
         """Return the output, and the variables that its rules read."""
         reads = [observation.variable for observation in self.inputs]
-        return _judged(self.output) | {"variable": self.output.variable, "reads": reads}
+        return _output_details(self.output) | {"variable": self.output.variable, "reads": reads}
 
 
-def _explained_outputs(model: StageModel, stage: Stage, variables: Collection[str]) -> tuple[_ExplainedOutput, ...]:
+def _explain_outputs(model: StageModel, stage: Stage, variables: Collection[str]) -> tuple[_ExplainedOutput, ...]:
     outputs = (output for output in stage.outputs if output.variable in variables)
-    return tuple(_explained(model, stage, output) for output in outputs)
+    return tuple(_explain_output(model, stage, output) for output in outputs)
 
 
-def _explained(model: StageModel, stage: Stage, output: Judged) -> _ExplainedOutput:
-    about = [
+def _explain_output(model: StageModel, stage: Stage, output: OutputResult) -> _ExplainedOutput:
+    rules_of_output = [
         (rule, fired) for rule, fired in zip(model.rules, stage.rules, strict=True) if output.name in rule.concludes
     ]
-    reads = {variable for rule, _ in about for variable in rule.reads}
+    reads = {variable for rule, _ in rules_of_output for variable in rule.reads}
     return _ExplainedOutput(
         output=output,
         inputs=tuple(observation for observation in stage.inputs if observation.variable in reads),
         degrees=tuple(degree for degree in stage.degrees if degree.variable in reads),
-        rules=tuple(fired for _, fired in about if fired.high > 0.0),
+        rules=tuple(fired for _, fired in rules_of_output if fired.high > 0.0),
     )
 
 
@@ -118,14 +123,18 @@ def kept_by(counterfactuals: Iterable[Counterfactual]) -> list[Details]:
     ]
 
 
-def _readings(stages: Sequence[Stage], more: Sequence[Observation]) -> list[Details]:
+def _readings_details(stages: Sequence[Stage], more: Sequence[Observation]) -> list[Details]:
     inputs = [*(observation for stage in stages for observation in stage.inputs), *more]
     observations: dict[str, Observation] = {observation.variable: observation for observation in inputs}
-    judged = {output.variable for stage in stages for output in stage.outputs}
-    return [_reading(observation) for observation in observations.values() if observation.variable not in judged]
+    computed_variables = {output.variable for stage in stages for output in stage.outputs}
+    return [
+        _reading_details(observation)
+        for observation in observations.values()
+        if observation.variable not in computed_variables
+    ]
 
 
-def _reading(observation: Observation) -> Details:
+def _reading_details(observation: Observation) -> Details:
     return _without_none(
         variable=observation.variable,
         value=None if observation.value is None else json_text(observation.value),
@@ -134,7 +143,7 @@ def _reading(observation: Observation) -> Details:
     )
 
 
-def _rule(rule: Fired) -> Details:
+def _rule_details(rule: RuleActivation) -> Details:
     return _without_none(
         text=rule.text,
         concludes=list(rule.concludes),
@@ -144,11 +153,11 @@ def _rule(rule: Fired) -> Details:
     )
 
 
-def _degree(degree: Degree) -> Details:
+def _degree_details(degree: Degree) -> Details:
     return _without_none(variable=degree.variable, term=degree.term, low=_finite(degree.low), high=_finite(degree.high))
 
 
-def _judged(output: Judged) -> Details:
+def _output_details(output: OutputResult) -> Details:
     return _without_none(
         name=output.name,
         low=_finite(output.bounds.low),
@@ -158,14 +167,10 @@ def _judged(output: Judged) -> Details:
     )
 
 
-def _weights(course: CourseModel, decision: Decision) -> list[Judged]:
-    return [output for output in decision.assessment.actions.outputs if output.name in course.choose]
-
-
-def _weighed(course: CourseModel, decision: Decision, weight: Judged) -> Details:
+def _weight_details(course: CourseModel, decision: Decision, weight: OutputResult) -> Details:
     before = decision.chosen.before
     tracked = before.tracked[weight.name]
-    return _judged(weight) | _without_none(
+    return _output_details(weight) | _without_none(
         smoothed=tracked.smoothed,
         leads_since_s=tracked.leads_since_s,
         cooldown_until_s=_finite(before.cooldown_until_s(course, weight.name)),

@@ -3,8 +3,8 @@
 Writing the entry that the guards read chooses a course. Before that the tree is halted, which aborts the tasks that
 its leaves have handed over. The tree is ticked again when none of these tasks is open, or when their time is over.
 
-The tree is not ticked while its old branch ends, so the next branch never begins beside it. Because the tree is halted
-completely, it needs no branch for the time between.
+The tree is not ticked while its old branch ends, so the next branch does not begin beside it before that time is over.
+Because the tree is halted completely, it needs no branch for the time between.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ RecordEvent = Callable[[str, str, dict[str, object]], None]
 
 
 @dataclass(slots=True)
-class _Leaving:
+class _EndingBranch:
     """A branch that is ending.
 
     Attributes:
@@ -57,7 +57,7 @@ class Execution:
         clock: Clock,
         knowledge: Knowledge | None,
         abort_s: float,
-        record: RecordEvent,
+        record_event: RecordEvent,
     ) -> None:
         """Make the tree; nothing is ticked yet.
 
@@ -67,7 +67,7 @@ class Execution:
             clock: the clock for the tree and for the time limit of ending branches.
             knowledge: holds the tasks; None without tasks.
             abort_s: how long a branch may take to end after the course has left it.
-            record: called for each event about a branch, and for each failure.
+            record_event: called for each event about a branch, and for each failure.
 
         Raises:
             TreeError: if the robot lacks an action.
@@ -79,11 +79,11 @@ class Execution:
         self._knowledge = knowledge
         self._clock = clock
         self._abort_s = abort_s
-        self._record = record
+        self._record_event = record_event
         self._result = Result.IDLE
-        self._leaving: _Leaving | None = None
+        self._ending: _EndingBranch | None = None
         self._is_resting = False
-        self._reporting = threading.Lock()
+        self._report_lock = threading.Lock()
 
     @property
     def branch(self) -> str:
@@ -93,19 +93,19 @@ class Execution:
 
     def choose(self, action: str) -> None:
         """Halt the present branch within this call, and run the branch of another action once it has ended."""
-        left, now_s = self.action, self._clock.now_s()
+        old_action, now_s = self.action, self._clock.now_s()
         self.action = action
         self._is_resting = False
-        if self._leaving is not None or not left:
+        if self._ending is not None or not old_action:
             self.due_s = now_s
             return
         result = "halted" if self._result is Result.RUNNING else str(self._result)
-        leaving = _Leaving(left, self.branch, now_s, now_s + self._abort_s, result)
-        self._leaving = leaving
-        self._clock.call_at(leaving.until_s, lambda: self._record_overdue(leaving))
+        ending = _EndingBranch(old_action, self.branch, now_s, now_s + self._abort_s, result)
+        self._ending = ending
+        self._clock.call_at(ending.until_s, lambda: self._record_overdue(ending))
         if not self._attempt(self.halt):
-            leaving.result = FAILED
-        leaving.is_halting = False
+            ending.result = FAILED
+        ending.is_halting = False
         self.due_s = self._clock.now_s()
 
     def tick(self) -> None:
@@ -116,8 +116,8 @@ class Execution:
             self._schedule()
 
     def _advance(self) -> None:
-        if self._leaving is None or self._has_ended(self._leaving):
-            self._leaving = None
+        if self._ending is None or self._has_ended(self._ending):
+            self._ending = None
             if self.action and self.branch != self.model.branches[self.action]:
                 self.tree.scope.create(self.model.entry, self.model.branches[self.action])
             if not self._is_resting and (self.action or not self.model.course):
@@ -133,37 +133,41 @@ class Execution:
         self._result = self.tree.tick()
         self._is_resting = self._result.is_completed and self.model.repeat is Repeat.ON_SWITCH
 
-    def _attempt(self, part: Callable[[], None]) -> bool:
+    def _attempt(self, run: Callable[[], None]) -> bool:
         """Call a function that runs actions of the robot; return whether it raised no exception."""
         try:
-            part()
+            run()
         except Exception as error:  # noqa: BLE001 - the robot's actions may raise any exception
-            self._record(self.model.name, "failed", {"message": f"{type(error).__name__}: {error}"})
+            self._record_event(self.model.name, "failed", {"message": f"{type(error).__name__}: {error}"})
             return False
         return True
 
-    def _has_ended(self, leaving: _Leaving) -> bool:
-        now_s, is_open = self._clock.now_s(), self._open_tasks()
-        if is_open and now_s < leaving.until_s:
+    def _has_ended(self, ending: _EndingBranch) -> bool:
+        now_s, open_tasks = self._clock.now_s(), self._open_tasks()
+        if open_tasks and now_s < ending.until_s:
             return False
-        self._record_overdue(leaving)
-        if not is_open:
-            leaving.is_reported = True
-            details = {"action": leaving.action, "branch": leaving.branch, "result": leaving.result}
-            self._record(self.model.name, "ended", {**self._course(), **details, "took_s": now_s - leaving.since_s})
+        self._record_overdue(ending)
+        if not open_tasks:
+            ending.is_reported = True
+            details = {"action": ending.action, "branch": ending.branch, "result": ending.result}
+            self._record_event(
+                self.model.name, "ended", {**self._course_details(), **details, "took_s": now_s - ending.since_s}
+            )
         return True
 
-    def _record_overdue(self, leaving: _Leaving) -> None:
+    def _record_overdue(self, ending: _EndingBranch) -> None:
         """Report once that a branch has not ended in time."""
-        now_s, tasks = self._clock.now_s(), self._open_tasks()
-        with self._reporting:
-            if leaving.is_reported or now_s < leaving.until_s or not (tasks or leaving.is_halting):
+        now_s, open_tasks = self._clock.now_s(), self._open_tasks()
+        with self._report_lock:
+            if ending.is_reported or now_s < ending.until_s or not (open_tasks or ending.is_halting):
                 return
-            leaving.is_reported = True
-        details = {"action": leaving.action, "branch": leaving.branch, "tasks": tasks}
-        self._record(self.model.name, "overdue", {**self._course(), **details, "took_s": now_s - leaving.since_s})
+            ending.is_reported = True
+        details = {"action": ending.action, "branch": ending.branch, "tasks": open_tasks}
+        self._record_event(
+            self.model.name, "overdue", {**self._course_details(), **details, "took_s": now_s - ending.since_s}
+        )
 
-    def _course(self) -> dict[str, object]:
+    def _course_details(self) -> dict[str, object]:
         return {"course": self.model.course}
 
     def _open_tasks(self) -> list[str]:
@@ -173,8 +177,8 @@ class Execution:
         return [handover.task for handover in handovers if handover.is_open and handover.requester == self.model.agent]
 
     def _schedule(self) -> None:
-        now_s, wanted_s = self._clock.now_s(), self.tree.due_s
-        if wanted_s is None or wanted_s <= now_s:  # the waiting branch has been halted since
-            wanted_s = math.inf
-        over_s = math.inf if self._leaving is None else self._leaving.until_s
-        self.due_s = min(now_s + self.model.period_s, wanted_s, over_s)
+        now_s, tree_due_s = self._clock.now_s(), self.tree.due_s
+        if tree_due_s is None or tree_due_s <= now_s:  # what waited for an instant before now has been halted since
+            tree_due_s = math.inf
+        limit_s = math.inf if self._ending is None else self._ending.until_s
+        self.due_s = min(now_s + self.model.period_s, tree_due_s, limit_s)

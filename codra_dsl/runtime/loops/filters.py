@@ -47,7 +47,7 @@ class SwitchReason(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Tracked:
+class TrackedAction:
     """An action in the filter.
 
     Attributes:
@@ -77,7 +77,7 @@ class FilterState:
     instant_s: float = -math.inf
     action: str = ""
     since_s: float = -math.inf
-    tracked: Mapping[str, Tracked] = field(default_factory=dict)
+    tracked: Mapping[str, TrackedAction] = field(default_factory=dict)
     left_s: Mapping[str, float] = field(default_factory=dict)
     unknown_since_s: float | None = None
 
@@ -89,13 +89,13 @@ class FilterState:
         """Return the end of the cooldown of an action, before which it is not chosen again."""
         return self.left_s.get(action, -math.inf) + model.cooldown_s
 
-    def resumed(self) -> FilterState:
-        """Return the state without smoothed weights and leads: the weights between the two steps are not known."""
+    def after_pause(self) -> FilterState:
+        """Return the state after a pause, without smoothed weights and leads: the weights meanwhile are not known."""
         return replace(self, tracked={}, unknown_since_s=None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Chosen:
+class FilterStep:
     """The result of a step.
 
     Attributes:
@@ -117,9 +117,9 @@ def step(
     now_s: float,
     weights: Mapping[str, float | None],
     *,
-    urgent: Collection[str] = (),
-    forced: str = "",
-) -> Chosen:
+    urgent_actions: Collection[str] = (),
+    forced_action: str = "",
+) -> FilterStep:
     """Take the weights of an instant, and choose an action.
 
     Args:
@@ -127,10 +127,10 @@ def step(
         state: the state after the previous step.
         now_s: the instant; not before that of the state.
         weights: the weights of all actions that the course chooses from.
-        urgent: actions that need not wait for dwell and cooldown, because a metric has become worse.
-        forced: the action that a hard rule demands; empty if no hard rule holds.
+        urgent_actions: actions that need not wait for dwell and cooldown, because a metric has become worse.
+        forced_action: the action that a hard rule demands; empty if no hard rule holds.
     """
-    tracked = {action: _tracked(model, state, action, now_s, weights[action]) for action in model.choose}
+    tracked = {action: _track(model, state, action, now_s, weights[action]) for action in model.choose}
     tracked = _with_leads(model, tracked, state.action, now_s)
     is_known = any(candidate.smoothed is not None for candidate in tracked.values())
     unknown_since_s = None if is_known else now_s if state.unknown_since_s is None else state.unknown_since_s
@@ -142,11 +142,13 @@ def step(
         left_s=state.left_s,
         unknown_since_s=unknown_since_s,
     )
-    action, reason = _decided(model, before, urgent, forced)
+    action, reason = _decide(model, before, urgent_actions, forced_action)
     if action == state.action:
-        return Chosen(state=before, before=before, because=None, due_s=_due_s(model, before, urgent, forced))
-    after = _switched(model, before, action, reason)
-    return Chosen(state=after, before=before, because=reason, due_s=_due_s(model, after, (), forced))
+        return FilterStep(
+            state=before, before=before, because=None, due_s=_due_s(model, before, urgent_actions, forced_action)
+        )
+    after = _state_after_switch(model, before, action, reason)
+    return FilterStep(state=after, before=before, because=reason, due_s=_due_s(model, after, (), forced_action))
 
 
 def threshold(model: CourseModel) -> float:
@@ -164,33 +166,35 @@ def leads(model: CourseModel, weight: float | None, of_course: float | None) -> 
     return of_course is None or weight - of_course >= threshold(model)
 
 
-def _tracked(model: CourseModel, state: FilterState, action: str, now_s: float, weight: float | None) -> Tracked:
+def _track(model: CourseModel, state: FilterState, action: str, now_s: float, weight: float | None) -> TrackedAction:
     """Return the state of an action at an instant, including changes of its lead since the last step."""
-    old, course = state.tracked.get(action, Tracked()), state.tracked.get(state.action, Tracked())
-    smoothed = _smoothed(model, old, now_s - state.instant_s, weight)
+    old, course = state.tracked.get(action, TrackedAction()), state.tracked.get(state.action, TrackedAction())
+    smoothed = _smooth(model, old, now_s - state.instant_s, weight)
     if not state.action or action == state.action:
-        return Tracked(weight=weight, smoothed=smoothed)
+        return TrackedAction(weight=weight, smoothed=smoothed)
     since_s = _leads_since_s(model, old, course, state.instant_s, now_s)
-    return Tracked(weight=weight, smoothed=smoothed, leads_since_s=since_s)
+    return TrackedAction(weight=weight, smoothed=smoothed, leads_since_s=since_s)
 
 
-def _smoothed(model: CourseModel, old: Tracked, elapsed_s: float, weight: float | None) -> float | None:
+def _smooth(model: CourseModel, old: TrackedAction, elapsed_s: float, weight: float | None) -> float | None:
     if weight is None or old.smoothed is None or old.weight is None or model.smooth_s <= 0.0:
         return weight
     return old.weight + (old.smoothed - old.weight) * math.exp(-elapsed_s / model.smooth_s)
 
 
-def _leads_since_s(model: CourseModel, old: Tracked, course: Tracked, then_s: float, now_s: float) -> float | None:
+def _leads_since_s(
+    model: CourseModel, old: TrackedAction, course: TrackedAction, then_s: float, now_s: float
+) -> float | None:
     """Return since when an action has led, just before the new weights are taken; None if it does not lead."""
     if old.smoothed is None:
         return None
     if course.smoothed is None:
         return old.leads_since_s
     gap, limit = _gaps(model, old, course)
-    reach = threshold(model)
+    lead = threshold(model)
     elapsed_s = now_s - then_s
-    present = limit + (gap - limit) * math.exp(-elapsed_s / model.smooth_s) if model.smooth_s > 0.0 else limit
-    if present < reach:
+    gap_now = limit + (gap - limit) * math.exp(-elapsed_s / model.smooth_s) if model.smooth_s > 0.0 else limit
+    if gap_now < lead:
         return None
     if old.leads_since_s is not None:
         return old.leads_since_s
@@ -198,70 +202,70 @@ def _leads_since_s(model: CourseModel, old: Tracked, course: Tracked, then_s: fl
     return then_s + min(crossing_s, elapsed_s)
 
 
-def _gaps(model: CourseModel, one: Tracked, course: Tracked) -> tuple[float, float]:
+def _gaps(model: CourseModel, candidate: TrackedAction, course: TrackedAction) -> tuple[float, float]:
     """Return by how much an action leads the course now, and the limit of this lead if no weight changes."""
-    assert one.smoothed is not None
+    assert candidate.smoothed is not None
     assert course.smoothed is not None
-    gap = one.smoothed - course.smoothed
-    if model.smooth_s <= 0.0 or one.weight is None or course.weight is None:
+    gap = candidate.smoothed - course.smoothed
+    if model.smooth_s <= 0.0 or candidate.weight is None or course.weight is None:
         return gap, gap
-    return gap, one.weight - course.weight
+    return gap, candidate.weight - course.weight
 
 
 def _crossing_s(model: CourseModel, gap: float, limit: float) -> float:
     """Return the seconds until a gap that approaches a limit reaches the lead; infinite if it never does."""
-    reach = threshold(model)
-    if gap >= reach:
+    lead = threshold(model)
+    if gap >= lead:
         return 0.0
-    if limit <= reach:
+    if limit <= lead:
         return math.inf
-    return model.smooth_s * math.log((limit - gap) / (limit - reach))
+    return model.smooth_s * math.log((limit - gap) / (limit - lead))
 
 
-def _with_leads(model: CourseModel, tracked: Mapping[str, Tracked], course: str, now_s: float) -> dict[str, Tracked]:
+def _with_leads(
+    model: CourseModel, tracked: Mapping[str, TrackedAction], course: str, now_s: float
+) -> dict[str, TrackedAction]:
     """Return all actions with their leads at an instant, including leads that begin at this instant."""
     if not course:
         return dict(tracked)
     of_course = tracked[course].smoothed
-    with_leads = {}
+    tracked_with_leads = {}
     for action, candidate in tracked.items():
         is_ahead = action != course and leads(model, candidate.smoothed, of_course)
         since_s = now_s if candidate.leads_since_s is None else candidate.leads_since_s
-        with_leads[action] = replace(candidate, leads_since_s=since_s if is_ahead else None)
-    return with_leads
+        tracked_with_leads[action] = replace(candidate, leads_since_s=since_s if is_ahead else None)
+    return tracked_with_leads
 
 
-def _decided(
-    model: CourseModel, state: FilterState, urgent: Collection[str], forced: str
+def _decide(
+    model: CourseModel, state: FilterState, urgent_actions: Collection[str], forced_action: str
 ) -> tuple[str, SwitchReason | None]:
     """Return the action to run, and the reason if it is a new one."""
-    if forced:
-        return forced, SwitchReason.HARD_RULE
+    if forced_action:
+        return forced_action, SwitchReason.HARD_RULE
     if not state.action:
-        best = _best(model, state, model.choose)
-        return (best, SwitchReason.FIRST) if best else (model.otherwise, SwitchReason.NOTHING_KNOWN)
+        best_action = _best_action(model, state, model.choose)
+        return (best_action, SwitchReason.FIRST) if best_action else (model.otherwise, SwitchReason.NOTHING_KNOWN)
     if state.unknown_since_s is not None:
         is_over = state.instant_s - state.unknown_since_s >= model.hold_s - _ROUNDING_S
         return (model.otherwise if is_over else state.action), SwitchReason.NOTHING_KNOWN
-    ready = [
-        action for action in model.choose if _ready_s(model, state, action, urgent) <= state.instant_s + _ROUNDING_S
+    ready_actions = [
+        action
+        for action in model.choose
+        if _ready_s(model, state, action, urgent_actions) <= state.instant_s + _ROUNDING_S
     ]
-    best = _best(model, state, ready)
-    if not best:
+    best_action = _best_action(model, state, ready_actions)
+    if not best_action:
         return state.action, None
-    is_free = _free_s(model, state, best) <= state.instant_s + _ROUNDING_S
-    return best, SwitchReason.LEADS if is_free else SwitchReason.WORSE
+    is_free = _free_s(model, state, best_action) <= state.instant_s + _ROUNDING_S
+    return best_action, SwitchReason.LEADS if is_free else SwitchReason.WORSE
 
 
-def _best(model: CourseModel, state: FilterState, among: Collection[str]) -> str:
+def _best_action(model: CourseModel, state: FilterState, allowed_actions: Collection[str]) -> str:
     """Return the first action with the highest weight; empty if no weight is known."""
-    known = [(state.tracked[action].smoothed, action) for action in model.choose if action in among]
-    weighed = [(weight, action) for weight, action in known if weight is not None]
-    return max(weighed, key=_weight)[1] if weighed else ""
-
-
-def _weight(of: tuple[float, str]) -> float:
-    return of[0]
+    weights = [(state.tracked[action].smoothed, action) for action in model.choose if action in allowed_actions]
+    known_weights = [(weight, action) for weight, action in weights if weight is not None]
+    return max(known_weights, key=lambda pair: pair[0])[1] if known_weights else ""
 
 
 def _free_s(model: CourseModel, state: FilterState, action: str) -> float:
@@ -269,7 +273,7 @@ def _free_s(model: CourseModel, state: FilterState, action: str) -> float:
     return max(state.dwell_until_s(model), state.cooldown_until_s(model, action))
 
 
-def _ready_s(model: CourseModel, state: FilterState, action: str, urgent: Collection[str]) -> float:
+def _ready_s(model: CourseModel, state: FilterState, action: str, urgent_actions: Collection[str]) -> float:
     """Return when an action can be chosen if no weight changes; infinite if it cannot be chosen then."""
     candidate, course = state.tracked[action], state.tracked[state.action]
     if action == state.action or candidate.smoothed is None:
@@ -279,27 +283,29 @@ def _ready_s(model: CourseModel, state: FilterState, action: str, urgent: Collec
         leads_s = state.instant_s + _crossing_s(model, *_gaps(model, candidate, course))
     held_s = leads_s + model.hold_s
     # An urgent action breaks the dwell and the cooldown: neither may keep a robot from the safe course.
-    return held_s if action in urgent else max(held_s, _free_s(model, state, action))
+    return held_s if action in urgent_actions else max(held_s, _free_s(model, state, action))
 
 
-def _due_s(model: CourseModel, state: FilterState, urgent: Collection[str], forced: str) -> float:
-    if forced:
+def _due_s(model: CourseModel, state: FilterState, urgent_actions: Collection[str], forced_action: str) -> float:
+    if forced_action:
         return math.inf
     if state.unknown_since_s is not None:
         is_left = state.action == model.otherwise
         return math.inf if is_left else state.unknown_since_s + model.hold_s + JUST_AFTER_S
-    return min(_ready_s(model, state, action, urgent) for action in model.choose) + JUST_AFTER_S
+    return min(_ready_s(model, state, action, urgent_actions) for action in model.choose) + JUST_AFTER_S
 
 
-def _switched(model: CourseModel, before: FilterState, action: str, reason: SwitchReason | None) -> FilterState:
+def _state_after_switch(
+    model: CourseModel, before: FilterState, action: str, reason: SwitchReason | None
+) -> FilterState:
     now_s = before.instant_s
-    fresh = {name: replace(candidate, leads_since_s=None) for name, candidate in before.tracked.items()}
+    without_leads = {name: replace(candidate, leads_since_s=None) for name, candidate in before.tracked.items()}
     # A first choice that no known weight supports has no dwell.
     is_makeshift = not before.action and reason is SwitchReason.NOTHING_KNOWN
     return replace(
         before,
         action=action,
         since_s=-math.inf if is_makeshift else now_s,
-        tracked=_with_leads(model, fresh, action, now_s),
+        tracked=_with_leads(model, without_leads, action, now_s),
         left_s={**before.left_s, before.action: now_s} if before.action else before.left_s,
     )

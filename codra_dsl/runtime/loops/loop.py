@@ -39,7 +39,7 @@ _LOGGER = logging.getLogger(__name__)
 
 Manager = ContextManager[Any, Any]
 
-MOST_AT_ONCE = 10
+MOST_CHANGES_AT_ONCE = 10
 """If an adaptation changes this often at one instant, the loop treats it as circular."""
 
 
@@ -77,7 +77,7 @@ class Mape:
         """
         self.model = model = placed(model, places_in(package_folder(codra), codra.model.name))
         self._writers = _AgentWriters(codra, model)
-        leaves = _by_tree(model, Robot() if robot is None else robot)
+        leaves = _robots_of_trees(model, Robot() if robot is None else robot)
         types = {variable.name: variable.type for variable in codra.model.variables}
         self._loops = {
             loop.name: Loop(codra, model, loop, clock, leaves, self._writers, planner(model, loop, types))
@@ -118,13 +118,13 @@ class Mape:
 
     def decisions(self, course: str) -> tuple[Decision, ...]:
         """Return the newest decisions of a course, each with its chain."""
-        return tuple(self._of(course).planning.decisions[course])
+        return tuple(self._loop_of(course).planning.decisions[course])
 
     def course_state(self, course: str) -> CourseState:
         """Return the state of a course: the action, the filter, and the metrics at the time of its choice."""
-        return self._of(course).planning.course_state(course)
+        return self._loop_of(course).planning.course_state(course)
 
-    def _of(self, course: str) -> Loop:
+    def _loop_of(self, course: str) -> Loop:
         for loop in self._loops.values():
             if course in loop.planning.courses:
                 return loop
@@ -195,25 +195,31 @@ class Loop:
         self._has_changed = False
         self._analysis_due_s = -math.inf
         self._changed_s = -math.inf
-        self._changes: Counter[str] = Counter()
+        self._change_counts: Counter[str] = Counter()
         self._unexplained: list[Decision] = []
         self._is_explaining = False
         self._timer: Timer | None = None
         self._subscription: Subscription | None = None
-        watched = planning.watches()
-        identified = {name for observer in codra.model.observers for name in observer.identifies}
-        declared = [name for name in watched if name in identified]  # a loop decides on it (P1, Equation 4)
-        self._declaring = declaring(codra.commands, f"loop {loop.name}", declared)
-        self._listening = SharedAcquisition(self._listen, self._stop_listening)
+        watched_variables = planning.watches()
+        identified_variables = {name for observer in codra.model.observers for name in observer.identifies}
+        declared_variables = [
+            name for name in watched_variables if name in identified_variables
+        ]  # a loop decides on it (P1, Equation 4)
+        self._declaration = declaring(codra.commands, f"loop {loop.name}", declared_variables)
+        self._listener = SharedAcquisition(self._listen, self._stop_listening)
         self._idle = threading.Event()
         self._idle.set()
 
     def _execution(self, model: TreeModel, leaves: Leaves) -> Execution:
         courses = [course for course in self._model.courses if course.name == model.course]
-        missing = [action for course in courses for action in course.choose if action not in model.branches]
-        if missing or (model.course and not courses):
-            lacks = f"no branch for {', '.join(missing)}" if missing else f"no course {model.course!r} to follow"
-            raise ValueError(f"the tree {model.name!r} has {lacks}")
+        missing_actions = [action for course in courses for action in course.choose if action not in model.branches]
+        if missing_actions or (model.course and not courses):
+            missing_text = (
+                f"no branch for {', '.join(missing_actions)}"
+                if missing_actions
+                else f"no course {model.course!r} to follow"
+            )
+            raise ValueError(f"the tree {model.name!r} has {missing_text}")
         try:
             knowledge = self._codra.knowledge
         except LookupError:
@@ -224,7 +230,7 @@ class Loop:
             clock=self._clock,
             knowledge=knowledge,
             abort_s=min((course.abort_s for course in courses), default=0.0),
-            record=self._record,
+            record_event=self._record,
         )
 
     @property
@@ -240,12 +246,16 @@ class Loop:
             self._is_on, self._has_changed = True, True
         self.planning.resume()
         self._record(self._loop.name, "started", {"adapts": list(self._loop.adapt)})
-        self._declaring.begin()
-        self._listening.begin()
+        self._declaration.begin()
+        self._listener.begin()
         self._wake_at(self._clock.now_s())
 
     def stop(self) -> None:
-        """Stop, and halt the trees. If a round is running in another thread, wait for its end first."""
+        """Stop, and halt the trees.
+
+        If a round is running in another thread, wait for its end first, but at most for the longest `abort_s` of the
+        courses.
+        """
         with self._lock:
             if not self._is_on:
                 return
@@ -253,36 +263,33 @@ class Loop:
             if self._timer is not None:
                 self._timer.cancel()
                 self._timer = None
-        self._listening.end()
-        self._idle.wait(self._longest_abort_s())
+        self._listener.end()
+        self._idle.wait(max((course.abort_s for course in self.planning.courses.values()), default=0.0))
         for tree in self.trees.values():
             tree.halt()
-        self._declaring.end()
+        self._declaration.end()
         self._record(self._loop.name, "stopped", {})
 
     def _listen(self) -> None:
-        watched = self.planning.watches()
-        if watched:
-            self._subscription = self._codra.subscribe(watched, lambda _: self._changed())
+        watched_variables = self.planning.watches()
+        if watched_variables:
+            self._subscription = self._codra.subscribe(watched_variables, lambda _: self._on_change())
 
     def _stop_listening(self) -> None:
         if self._subscription is not None:
             self._subscription.unsubscribe()
 
-    def _longest_abort_s(self) -> float:
-        return max((course.abort_s for course in self.planning.courses.values()), default=0.0)
-
     # Scheduling
 
-    def _changed(self) -> None:
+    def _on_change(self) -> None:
         with self._lock:
             self._has_changed = True
-        self._wake_at(self._soonest_s())
+        self._wake_at(self._next_analysis_s())
 
-    def _soonest_s(self) -> float:
+    def _next_analysis_s(self) -> float:
         """Return when to analyse changes: now, or after a period if an adaptation changes in circles."""
         now_s = self._clock.now_s()
-        is_circling = now_s == self._changed_s and max(self._changes.values(), default=0) >= MOST_AT_ONCE
+        is_circling = now_s == self._changed_s and max(self._change_counts.values(), default=0) >= MOST_CHANGES_AT_ONCE
         return now_s + self._loop.period_s if is_circling else now_s
 
     def _wake_at(self, instant_s: float) -> None:
@@ -328,7 +335,7 @@ class Loop:
             self._is_busy = False
             self._idle.set()
             if self._has_changed:
-                due_s = min(due_s, self._soonest_s())
+                due_s = min(due_s, self._next_analysis_s())
         self._wake_at(due_s)
 
     # A round
@@ -363,23 +370,23 @@ class Loop:
                 self._unexplained.append(decision)
         for setting in plan.settings:
             self._attempt(partial(self._set, setting))
-        for refused in plan.refused:
-            about = {"variable": refused.parameter.variable, "message": refused.message}
-            self._attempt(partial(self._record, refused.parameter.name, "failed", about))
+        for refusal in plan.refused:
+            about = {"variable": refusal.parameter.variable, "message": refusal.message}
+            self._attempt(partial(self._record, refusal.parameter.name, "failed", about))
         self._count(plan, now_s)
 
     def _count(self, plan: Plan, now_s: float) -> None:
         """Count the changes of one instant, and report an adaptation that depends on itself."""
         if now_s != self._changed_s:
-            self._changed_s, self._changes = now_s, Counter()
-        changed = [
+            self._changed_s, self._change_counts = now_s, Counter()
+        changed_adaptations = [
             *(decision.course for decision in plan.decisions),
             *(setting.parameter.name for setting in plan.settings),
         ]
-        self._changes.update(changed)
-        for name in changed:
-            if self._changes[name] == MOST_AT_ONCE:
-                message = f"'{name}' has changed {MOST_AT_ONCE} times at one instant: it depends on itself"
+        self._change_counts.update(changed_adaptations)
+        for name in changed_adaptations:
+            if self._change_counts[name] == MOST_CHANGES_AT_ONCE:
+                message = f"'{name}' has changed {MOST_CHANGES_AT_ONCE} times at one instant: it depends on itself"
                 self._record(self._loop.name, "failed", {"message": message})
 
     def _adapt(self, decision: Decision) -> None:
@@ -395,12 +402,12 @@ class Loop:
 
     def _explain_in_background(self) -> None:
         """Record counterfactuals beside the rounds: this can take long, and no decision waits for it."""
-        left, self._unexplained = self._unexplained, []
-        self._clock.start(lambda _: self._explain_all(left), _ignore)
+        decisions, self._unexplained = self._unexplained, []
+        self._clock.start(lambda _: self._explain_all(decisions), _ignore)
 
-    def _explain_all(self, left: Sequence[Decision]) -> None:
+    def _explain_all(self, decisions: Sequence[Decision]) -> None:
         self._is_explaining = True
-        for decision in left:
+        for decision in decisions:
             self._attempt(partial(self._explain, decision))
         self._is_explaining = False
 
@@ -440,7 +447,7 @@ class Loop:
         self._codra.commands.adapt(self._model.adapter, name, what, plain(about))
 
 
-def _by_tree(model: MapeModel, robot: Leaves | Mapping[str, Leaves]) -> Mapping[str, Leaves]:
+def _robots_of_trees(model: MapeModel, robot: Leaves | Mapping[str, Leaves]) -> Mapping[str, Leaves]:
     """Return the robot of each tree; a tree that is not named has no actions."""
     if isinstance(robot, Mapping):
         return {tree.name: robot.get(tree.name, Robot()) for tree in model.trees}
@@ -454,7 +461,7 @@ def _ignore(_: object) -> None:
 def _check_names(model: MapeModel, loop: LoopModel) -> None:
     """Reject a loop that names something that is not declared."""
     metrics = () if model.metrics is None else model.metrics.outputs
-    declared = {
+    names_by_kind = {
         "rate": (loop.rates, [rate.variable for rate in model.rates]),
         "metric": (loop.analyse, [metric.name for metric in metrics]),
         "course or parameter": (
@@ -463,7 +470,7 @@ def _check_names(model: MapeModel, loop: LoopModel) -> None:
         ),
         "tree": (loop.execute, [tree.name for tree in model.trees]),
     }
-    for kind, (named, known) in declared.items():
-        for name in named:
-            if name not in known:
-                raise unknown(kind, name, known)
+    for kind, (used_names, declared_names) in names_by_kind.items():
+        for name in used_names:
+            if name not in declared_names:
+                raise unknown(kind, name, declared_names)

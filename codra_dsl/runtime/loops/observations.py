@@ -11,13 +11,13 @@ from codra_dsl.runtime.loops.declarations import InputModel, RateModel
 from codra_dsl.runtime.loops.fuzzy.bounds import Bounds, point
 from codra_dsl.runtime.values.cell import BEFORE_ALL_S, Reading
 
-LEAST_SHARE = 0.5
-"""The share of a rate's window that the readings must span."""
+LEAST_SPAN_SHARE = 0.5
+"""The smallest share of a rate's window that the readings must span."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Observation:
-    """The knowledge about one variable at one instant.
+    """The value of one variable at one instant, or why it is unknown.
 
     Attributes:
         value: the value; None if it is unknown.
@@ -76,7 +76,7 @@ def value_of(model: InputModel, number: float) -> Value:
     return member == "true" if model.members == ("false", "true") else member
 
 
-def possible(model: InputModel, number: float) -> tuple[Bounds, ...]:
+def possible_values(model: InputModel, number: float) -> tuple[Bounds, ...]:
     """Return the possible values of an input: one number, each of its members, or its full range.
 
     An unknown enum or bool is one of its members: as a range, crisp terms would leave gaps in which no rule acts.
@@ -86,20 +86,22 @@ def possible(model: InputModel, number: float) -> tuple[Bounds, ...]:
     return tuple(point(float(index)) for index in range(len(model.members))) or (model.range,)
 
 
-def rate(model: RateModel, history: Sequence[Reading[Value]], present: Observation, now_s: float) -> Observation:
+def rate(
+    model: RateModel, history: Sequence[Reading[Value]], present_observation: Observation, now_s: float
+) -> Observation:
     """Return the rate of change of a variable: the slope of the line that best fits the known readings of the window.
 
     Args:
         model: the model of the rate.
         history: the readings of the variable, by the instant of the evidence.
-        present: the present observation of the variable.
+        present_observation: the present observation of the variable.
         now_s: the end of the window.
     """
-    if present.value is None:
+    if present_observation.value is None:
         return Observation(variable=model.variable, because=f"{model.of} is unknown")
     points = _points(history, now_s - model.over_s)
     span_s = points[-1][0] - points[0][0] if points else 0.0
-    if span_s < LEAST_SHARE * model.over_s or span_s <= 0.0:
+    if span_s < LEAST_SPAN_SHARE * model.over_s or span_s <= 0.0:
         return Observation(variable=model.variable, because=f"{model.of} is known for {span_s:g} s only")
     slope = _slope(points) * model.factor
     if not math.isfinite(slope):
@@ -108,7 +110,7 @@ def rate(model: RateModel, history: Sequence[Reading[Value]], present: Observati
 
 
 def _points(history: Sequence[Reading[Value]], since_s: float) -> list[tuple[float, float]]:
-    """Return instants and values since the variable was last unknown, at most those of the window."""
+    """Return instants and values since the variable was last unknown, but none from before the window."""
     points: list[tuple[float, float]] = []
     for reading in reversed(history):
         if reading.evidence_s < since_s or not isinstance(reading.content, (int, float)):

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from codra_dsl.runtime.journal.spec_summary import Place
-from codra_dsl.runtime.loops.declarations import CourseModel, MapeModel, ParameterModel, StageModel, StageRuleModel
+from codra_dsl.runtime.loops.declarations import CourseModel, MapeModel, StageModel, StageRuleModel
 
 Places = Mapping[str, Place]
 
@@ -25,37 +25,36 @@ def placed(model: MapeModel, places: Places) -> MapeModel:
     """
     return replace(
         model,
-        metrics=_stage(model.metrics, "metric", places),
-        actions=_stage(model.actions, "action", places),
-        courses=tuple(_course(course, places) for course in model.courses),
-        parameters=tuple(_parameter(parameter, places) for parameter in model.parameters),
+        metrics=_stage_with_places(model.metrics, "metric", places),
+        actions=_stage_with_places(model.actions, "action", places),
+        courses=tuple(_course_with_places(course, places) for course in model.courses),
+        parameters=tuple(
+            replace(parameter, place=parameter.place or _place_text(places, f"adaptation/{parameter.name}"))
+            for parameter in model.parameters
+        ),
     )
 
 
-def _stage(model: StageModel | None, kind: str, places: Places) -> StageModel | None:
+def _stage_with_places(model: StageModel | None, kind: str, places: Places) -> StageModel | None:
     if model is None:
         return None
     numbers: Counter[str] = Counter()
     rules: list[StageRuleModel] = []
     for rule in model.rules:
         name = rule.concludes[0]
-        rules.append(replace(rule, place=rule.place or _text(places, f"{kind}/{name}/rules/{numbers[name]}")))
+        rules.append(replace(rule, place=rule.place or _place_text(places, f"{kind}/{name}/rules/{numbers[name]}")))
         numbers[name] += 1
     return replace(model, rules=tuple(rules))
 
 
-def _course(model: CourseModel, places: Places) -> CourseModel:
+def _course_with_places(model: CourseModel, places: Places) -> CourseModel:
     key = f"adaptation/{model.name}"
     always = tuple(
-        replace(rule, place=rule.place or _text(places, f"{key}/always/{number}"))
+        replace(rule, place=rule.place or _place_text(places, f"{key}/always/{number}"))
         for number, rule in enumerate(model.always)
     )
-    return replace(model, place=model.place or _text(places, key), always=always)
+    return replace(model, place=model.place or _place_text(places, key), always=always)
 
 
-def _parameter(model: ParameterModel, places: Places) -> ParameterModel:
-    return replace(model, place=model.place or _text(places, f"adaptation/{model.name}"))
-
-
-def _text(places: Places, key: str) -> str:
+def _place_text(places: Places, key: str) -> str:
     return str(places[key]) if key in places else ""

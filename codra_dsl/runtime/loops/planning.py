@@ -9,9 +9,9 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
 from codra_dsl.logic import Value
-from codra_dsl.runtime.loops.analysis import Assessment, Judged, assess
+from codra_dsl.runtime.loops.analysis import Assessment, OutputResult, assess
 from codra_dsl.runtime.loops.counterfactual import Counterfactual, smallest_changes
-from codra_dsl.runtime.loops.courses import CourseState, Decision, Metrics, choose, metrics_of, worsened
+from codra_dsl.runtime.loops.courses import CourseState, Decision, Metrics, choose, metrics_of, values_before_worsening
 from codra_dsl.runtime.loops.declarations import (
     CourseModel,
     InputModel,
@@ -144,11 +144,11 @@ class Planner(Protocol):
 
 
 Planners = Callable[[MapeModel, LoopModel, Mapping[str, ValueType]], Planner]
-"""Makes the planner of a loop from the model of all loops, its own model, and the types of the context-variables."""
+"""Makes the planner of a loop from the model of all loops, the model of this loop, and the types of the variables."""
 
 
 @dataclass(slots=True)
-class _Parameter:
+class _ParameterState:
     value: Value | None = None
     refused: Value | None = None
     since_s: float = -math.inf
@@ -174,33 +174,35 @@ class Planning:
         }
         self.courses = {course.name: course for course in model.courses if course.name in loop.adapt}
         self._parameters = tuple(parameter for parameter in model.parameters if parameter.name in loop.adapt)
-        self._course_state = {name: CourseState() for name in self.courses}
-        self._settings = {parameter.name: _Parameter() for parameter in self._parameters}
+        self._course_states = {name: CourseState() for name in self.courses}
+        self._parameter_states = {parameter.name: _ParameterState() for parameter in self._parameters}
         self._bounds: dict[str, Bounds] = {}
         self.decisions: dict[str, deque[Decision]] = {name: deque(maxlen=KEPT_DECISIONS) for name in self.courses}
-        self._reads = tuple(sorted(self._read()))
+        self._read_variables = tuple(sorted(self._find_read_variables()))
 
     def resume(self) -> None:
         """Continue after a time without analyses: keep the courses, and discard the smoothed weights and leads."""
-        for name, course_state in self._course_state.items():
-            self._course_state[name] = replace(course_state, state=course_state.state.resumed())
+        for name, course_state in self._course_states.items():
+            self._course_states[name] = replace(course_state, state=course_state.state.after_pause())
 
     def course_state(self, course: str) -> CourseState:
         """Return the state of a course."""
-        return self._course_state[course]
+        return self._course_states[course]
 
     def watches(self) -> tuple[str, ...]:
         """Return the variables whose changes trigger an analysis."""
-        return tuple(name for name in self._reads if name not in self._rates)
+        return tuple(name for name in self._read_variables if name not in self._rates)
 
     def kept_by(self, decision: Decision) -> tuple[Counterfactual, ...]:
         """Return the changes that would have kept the course that a decision left."""
         course = self.courses[decision.course]
-        return smallest_changes(self.model, course, decision, self._asked_by_rules(course))
+        return smallest_changes(self.model, course, decision, self._hard_rule_inputs(course))
 
-    def _asked_by_rules(self, course: CourseModel) -> tuple[InputModel, ...]:
+    def _hard_rule_inputs(self, course: CourseModel) -> tuple[InputModel, ...]:
         """Return the variables that the hard rules of a course read, as inputs."""
-        names = sorted({name for rule in course.always for name in rule.condition.variables()} - self._judged())
+        names = sorted(
+            {name for rule in course.always for name in rule.condition.variables()} - self._metric_variables()
+        )
         return tuple(_as_input(name, self._types[name]) for name in names if _is_bounded(self._types[name]))
 
     def plan(self, context: Context, now_s: float) -> Plan:
@@ -208,42 +210,42 @@ class Planning:
         scene = self._scene(context, now_s)
         assessment = assess(self.model, scene)
         decisions, due_s = self._decide(assessment, now_s)
-        wanted = self._wanted(assessment.scene, now_s)
-        refused = tuple(self._refused(wanted))
-        settings, later_s = self._set(wanted, assessment, now_s)
+        target_values = self._target_values(assessment.scene, now_s)
+        refusals = tuple(self._find_refusals(target_values))
+        settings, next_due_s = self._set(target_values, assessment, now_s)
         return Plan(
             assessment=assessment,
-            analysed=tuple(self._analysed(assessment)),
-            changed=frozenset(self._changed(assessment)),
+            analysed=tuple(self._values_to_write(assessment)),
+            changed=frozenset(self._changed_variables(assessment)),
             decisions=decisions,
             settings=settings,
-            due_s=min(due_s, later_s, self._flips_s(assessment.scene, now_s)),
-            refused=refused,
+            due_s=min(due_s, next_due_s, self._next_flip_s(assessment.scene, now_s)),
+            refused=refusals,
         )
 
     # Reading
 
-    def _judged(self) -> set[str]:
+    def _metric_variables(self) -> set[str]:
         return set() if self.model.metrics is None else {metric.variable for metric in self.model.metrics.outputs}
 
-    def _read(self) -> set[str]:
+    def _find_read_variables(self) -> set[str]:
         stages = [stage for stage in (self.model.metrics, self.model.actions) if stage is not None]
         names = {model_input.variable for stage in stages for model_input in stage.inputs}
         names |= {rate_model.of for rate_model in self._rates.values()}
         for course in self.courses.values():
             names |= {name for rule in course.always for name in rule.condition.variables()}
         names |= {name for parameter in self._parameters for name in parameter.value.variables()}
-        return names - self._judged()
+        return names - self._metric_variables()
 
     def _scene(self, context: Context, now_s: float) -> Scene:
-        readings = context.readings(name for name in self._reads if name not in self._rates)
+        readings = context.readings(name for name in self._read_variables if name not in self._rates)
         scene = {name: Observation.of(reading.at(now_s)) for name, reading in readings.items()}
         for name, model in self._rates.items():
             scene[name] = self._rate(model, context, scene[model.of], now_s)
         return scene
 
-    def _rate(self, model: RateModel, context: Context, present: Observation, now_s: float) -> Observation:
-        observed_rate = rate(model, context.history(model.of), present, now_s)
+    def _rate(self, model: RateModel, context: Context, present_observation: Observation, now_s: float) -> Observation:
+        observed_rate = rate(model, context.history(model.of), present_observation, now_s)
         limits = self._types[model.variable].range
         if limits is None or not isinstance(observed_rate.value, float):
             return observed_rate
@@ -251,21 +253,22 @@ class Planning:
 
     # Results to write
 
-    def _analysed(self, assessment: Assessment) -> Iterator[Written]:
+    def _values_to_write(self, assessment: Assessment) -> Iterator[Written]:
         for name in self._rates:
-            seen = assessment.scene[name]
-            yield Written(variable=name, value=seen.value, evidence_s=seen.evidence_s)
-        yield from (_written(output) for output in self._outputs(assessment))
+            observation = assessment.scene[name]
+            yield Written(variable=name, value=observation.value, evidence_s=observation.evidence_s)
+        for output in self._outputs(assessment):
+            yield Written(variable=output.variable, value=output.value, evidence_s=output.evidence_s)
 
-    def _outputs(self, assessment: Assessment) -> Iterator[Judged]:
+    def _outputs(self, assessment: Assessment) -> Iterator[OutputResult]:
         """Yield the metrics and weights that this loop computes."""
         yield from (output for output in assessment.metrics.outputs if output.name in self._loop.analyse)
         actions = {action for course in self.courses.values() for action in course.choose}
         yield from (output for output in assessment.actions.outputs if output.name in actions)
 
-    def _changed(self, assessment: Assessment) -> Iterator[str]:
+    def _changed_variables(self, assessment: Assessment) -> Iterator[str]:
         for output in self._outputs(assessment):
-            if not _same(self._bounds.get(output.variable), output.bounds):
+            if not _are_same(self._bounds.get(output.variable), output.bounds):
                 self._bounds[output.variable] = output.bounds
                 yield output.variable
 
@@ -274,44 +277,46 @@ class Planning:
     def _decide(self, assessment: Assessment, now_s: float) -> tuple[tuple[Decision, ...], float]:
         decisions, due_s = [], math.inf
         for name, course in self.courses.items():
-            course_state, decision, later_s = choose(self.model, course, self._course_state[name], assessment, now_s)
-            self._course_state[name] = course_state
-            due_s = min(due_s, later_s)
+            course_state, decision, next_due_s = choose(
+                self.model, course, self._course_states[name], assessment, now_s
+            )
+            self._course_states[name] = course_state
+            due_s = min(due_s, next_due_s)
             if decision is not None:
                 decisions.append(decision)
                 self.decisions[name].append(decision)
         return tuple(decisions), due_s
 
-    def _wanted(self, scene: Scene, now_s: float) -> Mapping[str, Value | None]:
+    def _target_values(self, scene: Scene, now_s: float) -> Mapping[str, Value | None]:
         """Return the value that each parameter should have; None if it is unknown."""
         return {parameter.name: parameter.value.evaluate(SceneScope(scene, now_s)) for parameter in self._parameters}
 
-    def _refused(self, wanted: Mapping[str, Value | None]) -> Iterator[Refusal]:
+    def _find_refusals(self, target_values: Mapping[str, Value | None]) -> Iterator[Refusal]:
         """Yield the values that their variables cannot take, and store them."""
         for model in self._parameters:
-            present, value = self._settings[model.name], wanted[model.name]
-            before, present.refused = present.refused, None
+            state, value = self._parameter_states[model.name], target_values[model.name]
+            refused_before, state.refused = state.refused, None
             try:
                 if value is not None:
                     self._types[model.variable].convert(value)
             except NotOfTypeError as error:
-                present.refused = value
-                if value != before:
+                state.refused = value
+                if value != refused_before:
                     message = f"{model.variable!r} is not set: {error}; bound the value, or state a wider range"
                     yield Refusal(parameter=model, message=message)
 
     def _set(
-        self, wanted: Mapping[str, Value | None], assessment: Assessment, now_s: float
+        self, target_values: Mapping[str, Value | None], assessment: Assessment, now_s: float
     ) -> tuple[tuple[Setting, ...], float]:
         settings, due_s = [], math.inf
         metrics = metrics_of(self.model, assessment)
         for model in self._parameters:
-            present, value = self._settings[model.name], wanted[model.name]
-            if value is None or value in (present.value, present.refused):
+            state, value = self._parameter_states[model.name], target_values[model.name]
+            if value is None or value in (state.value, state.refused):
                 continue
-            free_s = present.since_s + model.dwell_s
+            free_s = state.since_s + model.dwell_s
             is_free = free_s <= now_s + _ROUNDING_S
-            if not is_free and not self._is_urgent(model, assessment, present, now_s):
+            if not is_free and not self._is_urgent(model, assessment, state, now_s):
                 due_s = min(due_s, free_s + JUST_AFTER_S)
                 continue
             settings.append(
@@ -319,24 +324,26 @@ class Planning:
                     instant_s=now_s,
                     parameter=model,
                     value=value,
-                    before=present.value,
-                    since_s=present.since_s,
+                    before=state.value,
+                    since_s=state.since_s,
                     is_urgent=not is_free,
                     assessment=assessment,
                 )
             )
-            self._settings[model.name] = _Parameter(value=value, since_s=now_s, metrics=metrics)
+            self._parameter_states[model.name] = _ParameterState(value=value, since_s=now_s, metrics=metrics)
         return tuple(settings), due_s
 
-    def _is_urgent(self, model: ParameterModel, assessment: Assessment, present: _Parameter, now_s: float) -> bool:
-        """Return whether the value would be the same if no metric had become worse since it was set."""
-        worse = worsened(self.model, metrics_of(self.model, assessment), present.metrics)
-        if not worse:
+    def _is_urgent(self, model: ParameterModel, assessment: Assessment, state: _ParameterState, now_s: float) -> bool:
+        """Return whether the parameter would keep its value if no metric had become worse since that was set."""
+        former_metrics = values_before_worsening(self.model, metrics_of(self.model, assessment), state.metrics)
+        if not former_metrics:
             return False
-        seen = {name: replace(assessment.scene[name], value=then) for name, then in worse.items()}
-        return model.value.evaluate(SceneScope({**assessment.scene, **seen}, now_s)) == present.value
+        former_observations = {
+            name: replace(assessment.scene[name], value=former_value) for name, former_value in former_metrics.items()
+        }
+        return model.value.evaluate(SceneScope({**assessment.scene, **former_observations}, now_s)) == state.value
 
-    def _flips_s(self, scene: Scene, now_s: float) -> float:
+    def _next_flip_s(self, scene: Scene, now_s: float) -> float:
         """Return the next instant at which a comparison with an age changes."""
         scope = SceneScope(scene, now_s)
         terms = [rule.condition for course in self.courses.values() for rule in course.always]
@@ -345,11 +352,7 @@ class Planning:
         return min((now_s + wait_s for wait_s in waits_s if wait_s is not None), default=math.inf)
 
 
-def _written(judged: Judged) -> Written:
-    return Written(variable=judged.variable, value=judged.value, evidence_s=judged.evidence_s)
-
-
-def _same(before: Bounds | None, now: Bounds) -> bool:
+def _are_same(before: Bounds | None, now: Bounds) -> bool:
     """Return whether bounds are unchanged; NaN equals NaN here."""
     return before is not None and repr(before) == repr(now)
 

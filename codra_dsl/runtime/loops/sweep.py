@@ -13,7 +13,7 @@ from enum import StrEnum
 
 from codra_dsl.logic import Value
 from codra_dsl.runtime.errors import unknown
-from codra_dsl.runtime.loops.analysis import Assessment, Fired, assess
+from codra_dsl.runtime.loops.analysis import Assessment, RuleActivation, assess
 from codra_dsl.runtime.loops.courses import hard_rule
 from codra_dsl.runtime.loops.declarations import CourseModel, MapeModel
 from codra_dsl.runtime.loops.observations import Observation, Scene
@@ -21,7 +21,7 @@ from codra_dsl.runtime.loops.observations import Observation, Scene
 __all__ = ["Row", "Shift", "Sweep", "Switch", "Trend", "surface", "sweep"]
 
 _HALVINGS = 40
-_SAME = 1e-9
+_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,7 +59,7 @@ class Shift:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Switch:
-    """A change of the action with the highest weight.
+    """A change of the action from one value of the input to another.
 
     Attributes:
         low: with `high` the two values between which the change lies; adjacent for numbers.
@@ -109,14 +109,14 @@ class Sweep:
     @property
     def trends(self) -> Mapping[str, Trend]:
         """Return the trend of each metric while the input rises, or passes the members in the order of the rows."""
-        rows = sorted(self.rows, key=_rank)
+        rows = sorted(self.rows, key=_position)
         return {name: trend([row.metrics[name] for row in rows]) for name in self.rows[0].metrics}
 
     def __str__(self) -> str:
         return "\n".join(_lines(self))
 
 
-def _rank(row: Row) -> float:
+def _position(row: Row) -> float:
     return 0.0 if isinstance(row.value, (str, bool)) else row.value
 
 
@@ -126,7 +126,7 @@ def trend(values: Sequence[float | None]) -> Trend:
     if len(known) < len(values):
         return Trend.UNKNOWN
     steps = [other - one for one, other in itertools.pairwise(known)]
-    rises, falls = any(step > _SAME for step in steps), any(step < -_SAME for step in steps)
+    rises, falls = any(step > _TOLERANCE for step in steps), any(step < -_TOLERANCE for step in steps)
     if rises and falls:
         return Trend.TURNS
     return Trend.RISES if rises else Trend.FALLS if falls else Trend.CONSTANT
@@ -149,7 +149,7 @@ def sweep(
         known: everything that the stages and hard rules read, except the results of stages; None is unknown.
         variable: the input that is varied.
         values: the values of this input, in order; at least one.
-        unit: the unit of the input, for the printed table.
+        unit: the unit of the input, for the printed text.
 
     Raises:
         UnknownNameError: if no stage and no hard rule reads the variable.
@@ -161,8 +161,8 @@ def sweep(
     switches = tuple(
         sweeper.switch(one, other) for one, other in itertools.pairwise(rows) if one.action != other.action
     )
-    others = {name: value for name, value in known.items() if name != variable}
-    return Sweep(variable=variable, unit=unit, known=others, rows=rows, switches=switches)
+    other_inputs = {name: value for name, value in known.items() if name != variable}
+    return Sweep(variable=variable, unit=unit, known=other_inputs, rows=rows, switches=switches)
 
 
 def surface(
@@ -202,38 +202,42 @@ class _Sweeper:
     scene: Scene
     variable: str
 
-    def assessed(self, value: Value) -> Assessment:
+    def assess_at(self, value: Value) -> Assessment:
         seen = Observation(variable=self.variable, value=value, evidence_s=0.0)
         return assess(self.model, {**self.scene, self.variable: seen})
 
     def row(self, value: Value) -> Row:
-        assessment = self.assessed(value)
+        assessment = self.assess_at(value)
         metrics = {metric.name: metric.value for metric in assessment.metrics.outputs}
         if self.course is None:
             return Row(value=value, metrics=metrics, weights={}, action="", rule="")
         rule = hard_rule(self.course, assessment, 0.0)
         weights = {action: assessment.weights()[action] for action in self.course.choose}
-        known = {action: weight for action, weight in weights.items() if weight is not None}
-        heaviest = max(known, key=known.__getitem__, default=self.course.otherwise)
+        known_weights = {action: weight for action, weight in weights.items() if weight is not None}
+        best_action = max(known_weights, key=known_weights.__getitem__, default=self.course.otherwise)
         return Row(
             value=value,
             metrics=metrics,
             weights=weights,
-            action=heaviest if rule is None else rule.action,
+            action=best_action if rule is None else rule.action,
             rule="" if rule is None else rule.text,
         )
 
     def switch(self, one: Row, other: Row) -> Switch:
-        low, high = self._narrowed(one, other)
+        low, high = self._bisect(one, other)
         return Switch(
             low=low.value,
             high=high.value,
             before=low.action,
             after=high.action,
-            rules=tuple(self._hard(low, high) if low.rule != high.rule else self._fuzzy(one, other, low, high)),
+            rules=tuple(
+                self._hard_rule_shift(low, high)
+                if low.rule != high.rule
+                else self._fuzzy_rule_shifts(one, other, low, high)
+            ),
         )
 
-    def _narrowed(self, one: Row, other: Row) -> tuple[Row, Row]:
+    def _bisect(self, one: Row, other: Row) -> tuple[Row, Row]:
         """Return two rows on both sides of the switch, narrowed by bisection for numbers."""
         for _ in range(_HALVINGS):
             low, high = one.value, other.value
@@ -246,53 +250,55 @@ class _Sweeper:
                 other = middle
         return one, other
 
-    def _hard(self, low: Row, high: Row) -> Iterator[Shift]:
+    def _hard_rule_shift(self, low: Row, high: Row) -> Iterator[Shift]:
         """Yield the hard rule that holds on only one side of the switch."""
         text, is_after = (high.rule, True) if high.rule else (low.rule, False)
         always = () if self.course is None else self.course.always
         place = next(rule.place for rule in always if rule.text == text)
         yield Shift(text=text, place=place, before=float(not is_after), after=float(is_after))
 
-    def _fuzzy(self, one: Row, other: Row, low: Row, high: Row) -> Iterator[Shift]:
+    def _fuzzy_rule_shifts(self, one: Row, other: Row, low: Row, high: Row) -> Iterator[Shift]:
         """Yield the rule of each stage whose strength differs most.
 
         The strengths are those of the two full rows, where the difference is clearer than close to the switch.
         """
-        before, after = self.assessed(one.value), self.assessed(other.value)
-        yield from _largest(before.actions.rules, after.actions.rules, {low.action, high.action})
-        yield from _largest(
+        before, after = self.assess_at(one.value), self.assess_at(other.value)
+        yield from _largest_shift(before.actions.rules, after.actions.rules, {low.action, high.action})
+        yield from _largest_shift(
             before.metrics.rules, after.metrics.rules, {metric.name for metric in before.metrics.outputs}
         )
 
 
-def _largest(before: Sequence[Fired], after: Sequence[Fired], about: set[str]) -> Iterator[Shift]:
+def _largest_shift(
+    before: Sequence[RuleActivation], after: Sequence[RuleActivation], outputs: set[str]
+) -> Iterator[Shift]:
     shifts = [
-        Shift(text=one.text, place=one.place, before=one.low, after=other.low)
-        for one, other in zip(before, after, strict=True)
-        if about & set(one.concludes)
+        Shift(text=rule_before.text, place=rule_before.place, before=rule_before.low, after=rule_after.low)
+        for rule_before, rule_after in zip(before, after, strict=True)
+        if outputs & set(rule_before.concludes)
     ]
-    largest = max(shifts, key=_size, default=None)
-    if largest is not None and _size(largest) > _SAME:
+    largest = max(shifts, key=_strength_change, default=None)
+    if largest is not None and _strength_change(largest) > _TOLERANCE:
         yield largest
 
 
-def _size(shift: Shift) -> float:
+def _strength_change(shift: Shift) -> float:
     return abs(shift.after - shift.before)
 
 
 def _lines(result: Sweep) -> Iterator[str]:
-    yield from _others(result.known)
-    yield from _table(result)
+    yield from _other_input_lines(result.known)
+    yield from _table_lines(result)
     for switch in result.switches:
-        yield f"{switch.before} -> {switch.after} {_where(result, switch)}:"
+        yield f"{switch.before} -> {switch.after} {_position_text(result, switch)}:"
         for rule in switch.rules:
             place = f"  [{rule.place}]" if rule.place else ""
             yield f"  {rule.text}: {rule.before:.3g} -> {rule.after:.3g}{place}"
-    for name, way in result.trends.items():
-        yield f"{name} {_WAYS[way]}"
+    for name, trend_of_metric in result.trends.items():
+        yield f"{name} {_TREND_TEXTS[trend_of_metric]}"
 
 
-_WAYS = {
+_TREND_TEXTS = {
     Trend.CONSTANT: "is constant",
     Trend.RISES: "is monotone: it never falls",
     Trend.FALLS: "is monotone: it never rises",
@@ -301,33 +307,33 @@ _WAYS = {
 }
 
 
-def _others(known: Mapping[str, Value | None]) -> Iterator[str]:
-    given = [f"{name} = {_cell(value)}" for name, value in known.items() if value is not None]
-    missing = [name for name, value in known.items() if value is None]
-    yield from [f"with {', '.join(given)}"] if given else []
-    yield from [f"unknown: {', '.join(missing)}"] if missing else []
+def _other_input_lines(known: Mapping[str, Value | None]) -> Iterator[str]:
+    known_texts = [f"{name} = {_cell_text(value)}" for name, value in known.items() if value is not None]
+    unknown_names = [name for name, value in known.items() if value is None]
+    yield from [f"with {', '.join(known_texts)}"] if known_texts else []
+    yield from [f"unknown: {', '.join(unknown_names)}"] if unknown_names else []
 
 
-def _table(result: Sweep) -> Iterator[str]:
+def _table_lines(result: Sweep) -> Iterator[str]:
     first = result.rows[0]
-    head = f"{result.variable} ({result.unit})" if result.unit else result.variable
+    input_title = f"{result.variable} ({result.unit})" if result.unit else result.variable
     has_course = bool(first.action)
-    names = [head, *first.metrics, *first.weights, *(["action"] if has_course else [])]
-    lines = [names]
+    titles = [input_title, *first.metrics, *first.weights, *(["action"] if has_course else [])]
+    lines = [titles]
     for row in result.rows:
-        cells = [_cell(row.value), *map(_cell, row.metrics.values()), *map(_cell, row.weights.values())]
+        cells = [_cell_text(row.value), *map(_cell_text, row.metrics.values()), *map(_cell_text, row.weights.values())]
         lines.append([*cells, *([row.action] if has_course else [])])
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
     for line in lines:
         yield "  ".join(cell.rjust(width) for cell, width in zip(line, widths, strict=True))
 
 
-def _where(result: Sweep, switch: Switch) -> str:
-    low, high = (f"{_cell(value)} {result.unit}".rstrip() for value in (switch.low, switch.high))
+def _position_text(result: Sweep, switch: Switch) -> str:
+    low, high = (f"{_cell_text(value)} {result.unit}".rstrip() for value in (switch.low, switch.high))
     return f"at {low}" if low == high else f"between {low} and {high}"
 
 
-def _cell(value: Value | None) -> str:
+def _cell_text(value: Value | None) -> str:
     if value is None:
         return "unknown"
     if isinstance(value, bool):

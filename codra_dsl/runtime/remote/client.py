@@ -15,12 +15,12 @@ from typing import Any, Self, TypeVar
 from codra_dsl.runtime.remote.json_lines import (
     PATIENCE_S,
     Address,
-    connected,
-    limited,
+    connect,
     line_of,
     message_of,
     read_line,
-    shut,
+    shut_down,
+    with_send_timeout,
 )
 from codra_dsl.runtime.remote.protocol import VERSION, Plain, error_of, reading_of
 from codra_dsl.runtime.remote.session import LEASE_S
@@ -37,18 +37,18 @@ _LOGGER = logging.getLogger(__name__)
 class RemoteSkill:
     """A skill in progress."""
 
-    def __init__(self, request: Callable[[str], object]) -> None:
-        self._request = request
+    def __init__(self, send_request: Callable[[str], object]) -> None:
+        self._send_request = send_request
 
     @contextlib.contextmanager
     def acting(self) -> Iterator[None]:
         """Act: variables that the skill changes are unknown until newer evidence; its expectations count from here."""
-        self._request("act")
+        self._send_request("act")
         try:
             yield
         finally:
             with contextlib.suppress(ConnectionError):  # a lost session has ended; do not hide the program's error
-                self._request("acted")
+                self._send_request("acted")
 
 
 class RemoteContext:
@@ -72,24 +72,24 @@ class RemoteContext:
             ConnectionError: if no manager listens.
         """
         try:
-            self._socket = limited(connected(address, PATIENCE_S))
+            self._socket = with_send_timeout(connect(address, PATIENCE_S))
         except OSError as error:
             raise ConnectionError(f"no manager listens at {address}: {error.strerror or error}") from None
         self._lock = threading.Lock()
         self._numbers = itertools.count(1)
-        self._asked: dict[int, Future[Plain]] = {}
+        self._futures: dict[int, Future[Plain]] = {}
         self._callbacks: dict[int, Callback] = {}
-        self._readings: queue.Queue[Plain | None] = queue.Queue()
-        self._ended = threading.Event()
-        self._lost = "the connection is closed"
-        for body in (self._read, self._call_back):
-            threading.Thread(target=body, name="codra-client", daemon=True).start()
+        self._reading_notices: queue.Queue[Plain | None] = queue.Queue()
+        self._end_event = threading.Event()
+        self._end_reason = "the connection is closed"
+        for target in (self._read, self._call_back):
+            threading.Thread(target=target, name="codra-client", daemon=True).start()
         try:
             self.hello = self._ask("hello", lease_s=lease_s)
         except BaseException:
             self._end("the manager refused the connection")
             raise
-        threading.Thread(target=self._keep, args=(lease_s / 3,), name="codra-client", daemon=True).start()
+        threading.Thread(target=self._keep_alive, args=(lease_s / 3,), name="codra-client", daemon=True).start()
 
     def __enter__(self) -> Self:
         return self
@@ -131,9 +131,12 @@ class RemoteContext:
 
     def set(self, name: str, value: object, *, evidence_s: float | None = None, agent: str | None = None) -> None:
         """Write a variable as the main execution, or as an agent."""
-        given = {"evidence_s": evidence_s, "agent": agent}
+        optional_fields = {"evidence_s": evidence_s, "agent": agent}
         self._ask(
-            "set", variable=name, value=value, **{key: field for key, field in given.items() if field is not None}
+            "set",
+            variable=name,
+            value=value,
+            **{key: content for key, content in optional_fields.items() if content is not None},
         )
 
     def decide(
@@ -148,8 +151,8 @@ class RemoteContext:
     ) -> Any | Answer:
         """Answer a decision from context; fall back to sequential perception, also if the manager is gone."""
         wait_up_to_s = min(wait_up_to_s, threading.TIMEOUT_MAX)
-        asked = {"max_age_s": max_age_s, "since_s": since_s, "wait_up_to_s": wait_up_to_s, "shadow": shadow}
-        fields = {key: field for key, field in asked.items() if (key, field) not in _NO_LIMITS}
+        options = {"max_age_s": max_age_s, "since_s": since_s, "wait_up_to_s": wait_up_to_s, "shadow": shadow}
+        fields = {key: option for key, option in options.items() if (key, option) not in _NO_LIMITS}
         try:
             answer = self._ask("decide", wait_up_to_s, variable=name, **fields)
         except ConnectionError as error:
@@ -162,11 +165,13 @@ class RemoteContext:
     def subscribe(self, names: str | Iterable[str], callback: Callback) -> Callable[[], None]:
         """Call back with the present readings of variables and every change; return a function that ends this."""
         future = Future[Plain]()
-        future.add_done_callback(lambda done: self._register(done, callback))  # before the first reading can come
+        future.add_done_callback(
+            lambda answered: self._register(answered, callback)
+        )  # before the first reading can come
         variables = [names] if isinstance(names, str) else list(names)
         with self._lock:
-            asked = self._send("subscribe", {"variables": variables}, future)
-        number = self._answer(asked, future, PATIENCE_S)["subscription"]
+            request_number = self._send("subscribe", {"variables": variables}, future)
+        number = self._answer(request_number, future, PATIENCE_S)["subscription"]
         return lambda: self._unsubscribe(number)
 
     def _look(self, decision: int, otherwise: Callable[[], Answer]) -> Answer:
@@ -189,13 +194,13 @@ class RemoteContext:
     def _send(self, ask: str, fields: Plain, future: Future[Plain]) -> int:
         number = next(self._numbers)
         line = line_of({"codra": VERSION, "id": number, "ask": ask, **fields})
-        if self._ended.is_set():
-            raise ConnectionError(self._lost)
-        self._asked[number] = future
+        if self._end_event.is_set():
+            raise ConnectionError(self._end_reason)
+        self._futures[number] = future
         try:
             self._socket.sendall(line)
         except OSError as error:
-            del self._asked[number]
+            del self._futures[number]
             raise ConnectionError(f"the manager is gone: {error.strerror or error}") from None
         return number
 
@@ -203,52 +208,52 @@ class RemoteContext:
         try:
             return future.result(min(wait_s, threading.TIMEOUT_MAX))
         except TimeoutError:
-            self._asked.pop(number, None)
+            self._futures.pop(number, None)
             raise ConnectionError(f"the manager did not answer within {wait_s:g} s") from None
 
     def _read(self) -> None:
-        lost = "the manager is gone"
+        reason = "the manager is gone"
         try:
             with self._socket.makefile("rb") as stream:
                 while (line := read_line(stream)) is not None:
-                    self._take(message_of(line))
+                    self._handle(message_of(line))
         except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-            lost = f"the manager is gone: {error}"
-        self._end(lost)
+            reason = f"the manager is gone: {error}"
+        self._end(reason)
 
-    def _take(self, message: Any) -> None:
-        over = message if message.get("notice") == "lease_over" else message.get("error", {})
-        if "lease_over" in (over.get("notice"), over.get("kind")):
-            raise OSError(over["message"])
+    def _handle(self, message: Any) -> None:
+        last_message = message if message.get("notice") == "lease_over" else message.get("error", {})
+        if "lease_over" in (last_message.get("notice"), last_message.get("kind")):
+            raise OSError(last_message["message"])
         if message.get("notice") == "reading":
-            self._readings.put(message)
-        elif (future := self._asked.pop(message["id"], None)) is None:
+            self._reading_notices.put(message)
+        elif (future := self._futures.pop(message["id"], None)) is None:
             return
         elif "error" in message:
             future.set_exception(error_of(message["error"]))
         else:
             future.set_result(message["answer"])
 
-    def _end(self, lost: str) -> None:
+    def _end(self, reason: str) -> None:
         with self._lock:
-            if self._ended.is_set():
+            if self._end_event.is_set():
                 return
-            self._lost = lost
-            self._ended.set()
-            waiting, self._asked = self._asked, {}
-        self._readings.put(None)
-        for future in waiting.values():
-            future.set_exception(ConnectionError(lost))
-        shut(self._socket)
+            self._end_reason = reason
+            self._end_event.set()
+            open_futures, self._futures = self._futures, {}
+        self._reading_notices.put(None)
+        for future in open_futures.values():
+            future.set_exception(ConnectionError(reason))
+        shut_down(self._socket)
 
-    def _keep(self, period_s: float) -> None:
-        while not self._ended.wait(min(period_s, threading.TIMEOUT_MAX)):
+    def _keep_alive(self, period_s: float) -> None:
+        while not self._end_event.wait(min(period_s, threading.TIMEOUT_MAX)):
             with contextlib.suppress(ConnectionError):
                 self._ask("keep")
 
-    def _register(self, done: Future[Plain], callback: Callback) -> None:
-        if done.exception() is None:
-            self._callbacks[done.result()["subscription"]] = callback
+    def _register(self, answered: Future[Plain], callback: Callback) -> None:
+        if answered.exception() is None:
+            self._callbacks[answered.result()["subscription"]] = callback
 
     def _unsubscribe(self, number: int) -> None:
         self._callbacks.pop(number, None)
@@ -256,7 +261,7 @@ class RemoteContext:
             self._ask("unsubscribe", subscription=number)
 
     def _call_back(self) -> None:
-        while (message := self._readings.get()) is not None:
+        while (message := self._reading_notices.get()) is not None:
             callback = self._callbacks.get(message["subscription"])
             if callback is not None:
                 try:

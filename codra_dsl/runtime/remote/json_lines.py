@@ -59,46 +59,46 @@ def message_of(line: bytes) -> object:
         raise MessageError(f"this line is not JSON: {error}") from None
 
 
-def listening(address: Address) -> socket.socket:
+def open_listener(address: Address) -> socket.socket:
     """Return a listening socket; a Unix socket that a process has left behind is replaced.
 
     Raises:
         OSError: if the address is taken or cannot be used.
     """
     if not isinstance(address, int):
-        _clear_away(Path(address))
-    server, place = _socket(address)
+        _remove_stale_socket(Path(address))
+    listener, endpoint = _socket(address)
     try:
         if isinstance(address, int):
-            server.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        server.bind(place)
-        server.listen()
+            listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listener.bind(endpoint)
+        listener.listen()
     except (OSError, OverflowError) as error:
-        server.close()
+        listener.close()
         number = getattr(error, "errno", None) or errno.EADDRNOTAVAIL
         raise OSError(number, f"cannot listen at {address}: {getattr(error, 'strerror', None) or error}") from None
-    return server
+    return listener
 
 
-def _clear_away(path: Path) -> None:
+def _remove_stale_socket(path: Path) -> None:
     """Remove a Unix socket on which no process listens."""
     if path.is_socket():
         try:
-            connected(path, 1.0).close()
+            connect(path, 1.0).close()
         except ConnectionRefusedError:
             path.unlink(missing_ok=True)
 
 
-def connected(address: Address, timeout_s: float) -> socket.socket:
+def connect(address: Address, timeout_s: float) -> socket.socket:
     """Return a connected socket.
 
     Raises:
         OSError: if no process listens.
     """
-    client, place = _socket(address)
+    client, endpoint = _socket(address)
     try:
         client.settimeout(timeout_s)
-        client.connect(place)
+        client.connect(endpoint)
         client.settimeout(None)
     except (OSError, OverflowError) as error:
         client.close()
@@ -116,19 +116,19 @@ def _refuse(constant: str) -> object:
     raise ValueError(f"{constant} is not a JSON number")
 
 
-def limited(connection: socket.socket) -> socket.socket:
+def with_send_timeout(connection: socket.socket) -> socket.socket:
     """Return a connection on which sending fails if the other side does not read for `PATIENCE_S`."""
     connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, struct.pack("ll", int(PATIENCE_S), 0))
     return connection
 
 
-def shut(ended: socket.socket) -> None:
+def shut_down(connection: socket.socket) -> None:
     """Close a socket, and wake other threads that wait on it."""
     with contextlib.suppress(OSError):
-        ended.shutdown(socket.SHUT_RDWR)
-    ended.close()
+        connection.shutdown(socket.SHUT_RDWR)
+    connection.close()
 
 
-def is_of_the_web(line: bytes) -> bool:
+def is_http_request(line: bytes) -> bool:
     """Return whether a line that is not JSON begins an HTTP request."""
     return b" HTTP/" in line

@@ -1,6 +1,7 @@
 """Version 1 of the manager's message interface: requests, answers and notices, all of plain data.
 
-A message is a JSON object. A request names its operation in `ask` and has an `id`, which its answer or error repeats:
+A message is a JSON object. A request names its operation in `ask`. It may have an `id`, which its answer or error
+repeats:
 
     {"codra": 1, "id": 7, "ask": "get", "variable": "door_open"}
     {"codra": 1, "id": 7, "answer": {"reading": {"variable": "door_open", "known": true, "value": false, ...}}}
@@ -46,25 +47,25 @@ class Field(StrEnum):
     TRUTH = "true or false"
     VALUE = "a text, a finite number, or true or false"
 
-    def holds(self, given: object) -> bool:
+    def holds(self, value: object) -> bool:
         """Return whether a value has this type."""
-        is_number = isinstance(given, (int, float)) and not isinstance(given, bool) and abs(given) <= LARGEST
+        is_number = isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= LARGEST
         match self:
             case Field.TEXT:
-                return isinstance(given, str)
+                return isinstance(value, str)
             case Field.TEXTS:
-                is_list = isinstance(given, (list, tuple)) and len(given) <= MOST_NAMES
-                return is_list and all(isinstance(name, str) for name in given)  # type: ignore[attr-defined]
+                is_list = isinstance(value, (list, tuple)) and len(value) <= MOST_NAMES
+                return is_list and all(isinstance(name, str) for name in value)  # type: ignore[attr-defined]
             case Field.INTEGER:
-                return isinstance(given, int) and is_number
+                return isinstance(value, int) and is_number
             case Field.NUMBER:
                 return is_number
             case Field.DURATION:
-                return is_number and given >= 0  # type: ignore[operator]
+                return is_number and value >= 0  # type: ignore[operator]
             case Field.TRUTH:
-                return isinstance(given, bool)
+                return isinstance(value, bool)
             case Field.VALUE:
-                return is_number or isinstance(given, (bool, str))
+                return is_number or isinstance(value, (bool, str))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -156,15 +157,15 @@ def request_of(message: object) -> Request:
     ask = message.get("ask")
     if not isinstance(ask, str) or ask not in REQUESTS:
         raise MessageError(f"`ask` is one of {', '.join(REQUESTS)}{nearest(str(ask), REQUESTS)}")
-    fields = {key: field for key, field in message.items() if key not in ("codra", "id", "ask")}
+    fields = {key: content for key, content in message.items() if key not in ("codra", "id", "ask")}
     _check_fields(ask, fields)
     return Request(id=id_of(message), ask=ask, fields=fields)
 
 
 def id_of(message: object) -> int | str | None:
     """Return the `id` of a message; None if it is missing or neither an integer nor a text."""
-    given = message.get("id") if isinstance(message, Mapping) else None
-    return given if isinstance(given, (int, str)) and not isinstance(given, bool) else None
+    message_id = message.get("id") if isinstance(message, Mapping) else None
+    return message_id if isinstance(message_id, (int, str)) and not isinstance(message_id, bool) else None
 
 
 def answer_to(request_id: int | str | None, answer: Plain) -> Plain:
@@ -174,13 +175,13 @@ def answer_to(request_id: int | str | None, answer: Plain) -> Plain:
 
 def error_to(request_id: int | str | None, error: Exception) -> Plain:
     """Return the message that reports the error of a request."""
-    kind = next(kind for kind, class_ in ERRORS.items() if isinstance(error, class_))
+    kind = next(kind for kind, error_type in ERRORS.items() if isinstance(error, error_type))
     return {"codra": VERSION, "id": request_id, "error": {"kind": kind, "message": str(error)}}
 
 
-def notice(about: str, **fields: object) -> Plain:
+def notice(notice_kind: str, **fields: object) -> Plain:
     """Return a message that is sent without a request."""
-    return {"codra": VERSION, "notice": about, **fields}
+    return {"codra": VERSION, "notice": notice_kind, **fields}
 
 
 def error_of(plain: Mapping[str, Any]) -> Exception:
@@ -188,7 +189,7 @@ def error_of(plain: Mapping[str, Any]) -> Exception:
     return ERRORS.get(str(plain.get("kind")), RuntimeError)(str(plain.get("message", "")))
 
 
-ANSWERED = tuple(ERRORS.values())
+REPORTED_ERRORS = tuple(ERRORS.values())
 """The errors that are caused by the sender of a request."""
 
 
@@ -227,12 +228,12 @@ def _finite(number: float) -> float | None:
 
 def _check_fields(ask: str, fields: Plain) -> None:
     shape = REQUESTS[ask]
-    known = {**shape.required, **shape.optional}
+    types = {**shape.required, **shape.optional}
     for name in shape.required:
         if name not in fields:
             raise MessageError(f"`{ask}` needs `{name}`: {shape.required[name]}")
-    for name, given in fields.items():
-        if name not in known:
-            raise MessageError(f"`{ask}` has no field {name!r}{nearest(str(name), known)}")
-        if not known[name].holds(given):
-            raise MessageError(f"`{name}` of `{ask}` is {known[name]}")
+    for name, value in fields.items():
+        if name not in types:
+            raise MessageError(f"`{ask}` has no field {name!r}{nearest(str(name), types)}")
+        if not types[name].holds(value):
+            raise MessageError(f"`{name}` of `{ask}` is {types[name]}")

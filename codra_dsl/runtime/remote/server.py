@@ -13,13 +13,13 @@ from typing import Any, Self
 from codra_dsl.runtime.context.context import ContextManager
 from codra_dsl.runtime.remote.json_lines import (
     Address,
-    is_of_the_web,
-    limited,
+    is_http_request,
     line_of,
-    listening,
     message_of,
+    open_listener,
     read_line,
-    shut,
+    shut_down,
+    with_send_timeout,
 )
 from codra_dsl.runtime.remote.protocol import MessageError, Plain, error_to
 from codra_dsl.runtime.remote.session import open_session
@@ -29,7 +29,7 @@ _LOGGER = logging.getLogger(__name__)
 PAUSE_S = 1.0
 """How long the server waits after a failure to accept a connection."""
 
-MOST_UNSENT = 10_000
+MOST_UNSENT_MESSAGES = 10_000
 """The maximum number of messages that a main execution has not read; beyond it, its session ends."""
 
 
@@ -51,7 +51,7 @@ class Server:
             OSError: if the address is taken or cannot be used.
         """
         self._codra = codra
-        self._socket = listening(address)
+        self._socket = open_listener(address)
         self.address: Address = self._socket.getsockname()[1] if isinstance(address, int) else address
         self._connections: set[_Connection] = set()
         self._lock = threading.Lock()
@@ -73,7 +73,7 @@ class Server:
             connections = tuple(self._connections)
         if not isinstance(self.address, int):
             Path(self.address).unlink(missing_ok=True)
-        shut(self._socket)
+        shut_down(self._socket)
         for connection in connections:
             connection.close("the manager has closed")
 
@@ -86,12 +86,12 @@ class Server:
                     _LOGGER.warning("no connection can be accepted for a while: %s", error)
                 self._closed.wait(PAUSE_S)
             else:
-                self._welcome(peer)
+                self._add_connection(peer)
 
-    def _welcome(self, peer: socket.socket) -> None:
+    def _add_connection(self, peer: socket.socket) -> None:
         with self._lock:
             if self._closed.is_set():
-                shut(peer)
+                shut_down(peer)
                 return
             connection = _Connection(self._codra, peer, self._forget)
             self._connections.add(connection)
@@ -99,7 +99,7 @@ class Server:
             connection.begin()
         except RuntimeError:  # no thread could be started
             connection.close("the machine can start no more threads")
-            shut(peer)
+            shut_down(peer)
 
     def _forget(self, connection: _Connection) -> None:
         with self._lock:
@@ -110,35 +110,35 @@ class _Connection:
     """The connection of one main execution: one thread reads its requests, another writes its messages."""
 
     def __init__(self, codra: ContextManager[Any, Any], peer: socket.socket, forget: Any) -> None:
-        self._peer = limited(peer)
+        self._peer = with_send_timeout(peer)
         self._forget = forget
-        self._unsent: queue.SimpleQueue[Plain | None] = queue.SimpleQueue()
+        self._unsent_messages: queue.SimpleQueue[Plain | None] = queue.SimpleQueue()
         self._session = open_session(codra, self._send)
 
     def begin(self) -> None:
-        for body in (self._read, self._write):
-            threading.Thread(target=body, name="codra-session", daemon=True).start()
+        for target in (self._read, self._write):
+            threading.Thread(target=target, name="codra-session", daemon=True).start()
 
     def close(self, because: str) -> None:
         """End the session and the connection; do nothing if they have ended."""
         self._session.close(because)
-        self._unsent.put(None)
+        self._unsent_messages.put(None)
         with contextlib.suppress(OSError):
             self._peer.shutdown(socket.SHUT_RD)
         self._forget(self)
 
     def _send(self, message: Plain) -> None:
-        if self._unsent.qsize() < MOST_UNSENT:
-            self._unsent.put(message)
+        if self._unsent_messages.qsize() < MOST_UNSENT_MESSAGES:
+            self._unsent_messages.put(message)
         else:
             self.close("the main execution does not read its messages")
-            shut(self._peer)
+            shut_down(self._peer)
 
     def _read(self) -> None:
         try:
             with self._peer.makefile("rb") as stream:
                 while (line := read_line(stream)) is not None:
-                    self._take(line)
+                    self._handle_line(line)
         except MessageError as error:
             self._send(error_to(None, error))
         except OSError:
@@ -146,11 +146,11 @@ class _Connection:
         finally:
             self.close("the connection was lost")
 
-    def _take(self, line: bytes) -> None:
+    def _handle_line(self, line: bytes) -> None:
         try:
             message = message_of(line)
         except MessageError as error:
-            if is_of_the_web(line):
+            if is_http_request(line):
                 raise  # a web page can make a browser send this, and the next lines may look like messages
             self._send(error_to(None, error))
         else:
@@ -158,7 +158,7 @@ class _Connection:
 
     def _write(self) -> None:
         with contextlib.suppress(OSError):
-            while (message := self._unsent.get()) is not None:
+            while (message := self._unsent_messages.get()) is not None:
                 self._peer.sendall(line_of(message))
         self._session.close("the connection was lost")
-        shut(self._peer)
+        shut_down(self._peer)

@@ -19,7 +19,7 @@ from codra_dsl.runtime.context.context import ContextManager
 from codra_dsl.runtime.context.pending_decision import DecisionState, PendingDecision
 from codra_dsl.runtime.errors import unknown
 from codra_dsl.runtime.remote.protocol import (
-    ANSWERED,
+    REPORTED_ERRORS,
     LeaseError,
     MessageError,
     Plain,
@@ -35,7 +35,7 @@ from codra_dsl.runtime.values.cell import Reading
 from codra_dsl.runtime.values.declarations import MAIN
 from codra_dsl.runtime.values.model import VariableModel
 
-MOST_LOOKING = 1_000
+MOST_LOOKING_DECISIONS = 1_000
 """The maximum number of decisions for which the main execution looks itself; beyond it, the oldest is abandoned."""
 
 LEASE_S = 5.0
@@ -45,10 +45,10 @@ Send = Callable[[Plain], None]
 
 
 def open_session(codra: ContextManager[Any, Any], send: Send) -> Session:
-    """Begin a session for one more main execution, which speaks in messages: plain data, from wherever it is.
+    """Begin a session for one more main execution, which sends messages of plain data from wherever it is.
 
     Args:
-        codra: is asked.
+        codra: the context manager.
         send: takes answers and notices, from any thread; it must neither wait nor raise.
     """
     return Session(codra, codra.clock, codra.next_party(), send)
@@ -75,21 +75,21 @@ class Session:
         self._send = send
         self._lock = threading.RLock()
         self._lease_s = LEASE_S
-        self._heard_s = clock.now_s()
-        self._over = ""
-        self._begun: set[int] = set()
-        self._looking: dict[int, PendingDecision] = {}
-        self._waiting: dict[int, _Wait] = {}
+        self._last_message_s = clock.now_s()
+        self._end_reason = ""
+        self._running_skills: set[int] = set()
+        self._looking_decisions: dict[int, PendingDecision] = {}
+        self._waiting_decisions: dict[int, _Wait] = {}
         self._subscriptions: dict[int, Subscription] = {}
-        self._subscribed = 0
+        self._subscription_count = 0
         self._agents: dict[str, Agent[Any, Any]] = {}
-        self._lease = Timer(math.inf, _ignore)
-        self._watch()
+        self._lease = Timer(math.inf, lambda: None)
+        self._check_lease()
 
     @property
     def is_over(self) -> bool:
         """Return whether the session has ended."""
-        return bool(self._over)
+        return bool(self._end_reason)
 
     def receive(self, message: object) -> None:
         """Handle one message; its answer goes through `send`, at once or, for a decision that waits, later."""
@@ -97,9 +97,9 @@ class Session:
             try:
                 request = request_of(message)
                 self._check_alive()
-                self._heard_s = self._clock.now_s()
-                answer = self._do(request)
-            except ANSWERED as error:
+                self._last_message_s = self._clock.now_s()
+                answer = self._handle(request)
+            except REPORTED_ERRORS as error:
                 self._send(error_to(id_of(message), error))
                 return
             if answer is not None:
@@ -108,25 +108,28 @@ class Session:
     def close(self, because: str = "the session was closed") -> None:
         """Withdraw all declarations and end the session; do nothing if it is over."""
         with self._lock:
-            if self._over:
+            if self._end_reason:
                 return
-            self._over = because
+            self._end_reason = because
             self._commands.leave(self.party)
             self._lease.cancel()
             for subscription in self._subscriptions.values():
                 subscription.unsubscribe()
-            for wait in self._waiting.values():
+            for wait in self._waiting_decisions.values():
                 wait.end()
-            for pending in (*(wait.pending for wait in self._waiting.values()), *self._looking.values()):
-                pending.abandon(LeaseError.__name__)
+            for decision in (
+                *(wait.decision for wait in self._waiting_decisions.values()),
+                *self._looking_decisions.values(),
+            ):
+                decision.abandon(LeaseError.__name__)
             for agent in self._agents.values():
                 agent.close()
-            for memory in (self._subscriptions, self._waiting, self._looking, self._agents):
-                memory.clear()
+            for container in (self._subscriptions, self._waiting_decisions, self._looking_decisions, self._agents):
+                container.clear()
 
     # Requests: the handler of request `NAME` is `_NAME`
 
-    def _do(self, request: Request) -> Plain | None:
+    def _handle(self, request: Request) -> Plain | None:
         if request.ask == "decide":
             return self._decide(request.id, **request.fields)
         handler: Callable[..., Plain] = getattr(self, f"_{request.ask}")
@@ -134,7 +137,7 @@ class Session:
 
     def _hello(self, lease_s: float = LEASE_S) -> Plain:
         self._lease_s = lease_s
-        self._watch()
+        self._check_lease()
         return {
             "spec": self._codra.model.name,
             "party": self.party,
@@ -164,7 +167,7 @@ class Session:
 
     def _begin(self, skill: str) -> Plain:
         number = self._commands.begin(self._skill(skill), party=self.party)
-        self._begun.add(number)
+        self._running_skills.add(number)
         return {"number": number}
 
     def _act(self, number: int) -> Plain:
@@ -179,7 +182,7 @@ class Session:
 
     def _finish(self, number: int) -> Plain:
         self._check_begun(number)
-        self._begun.discard(number)
+        self._running_skills.discard(number)
         self._commands.finish(number)
         return {}
 
@@ -193,8 +196,8 @@ class Session:
 
     def _subscribe(self, variables: list[str]) -> Plain:
         names = list(dict.fromkeys(self._variable(name).name for name in variables))
-        self._subscribed += 1
-        number = self._subscribed
+        self._subscription_count += 1
+        number = self._subscription_count
 
         def send_reading(reading: Reading[Any]) -> None:
             with self._lock:  # after the answer with the number, and not after the answer to `unsubscribe`
@@ -216,63 +219,63 @@ class Session:
 
     # Decisions
 
-    def _decide(self, request_id: int | str | None, variable: str, **asked: Any) -> Plain | None:
-        pending = self._codra.ask(variable, **asked)
-        if pending.state is not DecisionState.WAITING:
-            return self._settled(pending)
-        self._waiting[pending.number] = _Wait(
-            pending=pending,
+    def _decide(self, request_id: int | str | None, variable: str, **options: Any) -> Plain | None:
+        decision = self._codra.ask(variable, **options)
+        if decision.state is not DecisionState.WAITING:
+            return self._decision_answer(decision)
+        self._waiting_decisions[decision.number] = _Wait(
+            decision=decision,
             request_id=request_id,
-            timer=self._clock.call_at(self._clock.now_s() + asked["wait_up_to_s"], lambda: self._resume(pending)),
-            shared=self._codra.follow(variable, lambda: self._resume(pending)),
+            timer=self._clock.call_at(self._clock.now_s() + options["wait_up_to_s"], lambda: self._resume(decision)),
+            acquisition=self._codra.follow(variable, lambda: self._resume(decision)),
         )
-        self._resume(pending)  # events before `follow` did not call back
+        self._resume(decision)  # events before `follow` did not call back
         return None
 
-    def _resume(self, pending: PendingDecision) -> None:
+    def _resume(self, decision: PendingDecision) -> None:
         """Answer a decision that has waited, if it can be answered or has waited long enough."""
         with self._lock:
-            if pending.number not in self._waiting or pending.poll() is DecisionState.WAITING:
+            if decision.number not in self._waiting_decisions or decision.poll() is DecisionState.WAITING:
                 return
-            wait = self._waiting.pop(pending.number)
+            wait = self._waiting_decisions.pop(decision.number)
             wait.end()
-            self._send(answer_to(wait.request_id, self._settled(pending)))
+            self._send(answer_to(wait.request_id, self._decision_answer(decision)))
 
-    def _settled(self, pending: PendingDecision) -> Plain:
-        if pending.state is DecisionState.LOOKING:
-            self._looking[pending.number] = pending
-            if len(self._looking) > MOST_LOOKING:
-                self._looking.pop(next(iter(self._looking))).abandon("not told")
-        answered = {"decision": pending.number, "answered": pending.state is DecisionState.ANSWERED}
-        return {**answered, "reading": plain_reading(pending.reading)}
+    def _decision_answer(self, decision: PendingDecision) -> Plain:
+        if decision.state is DecisionState.LOOKING:
+            self._looking_decisions[decision.number] = decision
+            if len(self._looking_decisions) > MOST_LOOKING_DECISIONS:
+                self._looking_decisions.pop(next(iter(self._looking_decisions))).abandon("no value was sent")
+        answer = {"decision": decision.number, "answered": decision.state is DecisionState.ANSWERED}
+        return {**answer, "reading": plain_reading(decision.reading)}
 
     def _found(self, decision: int, value: object = None, raised: str | None = None) -> Plain:
-        if decision not in self._looking:
+        if decision not in self._looking_decisions:
             raise MessageError(f"no decision {decision} waits for an acquired value")
-        pending = self._looking.pop(decision)
+        looking_decision = self._looking_decisions.pop(decision)
         if raised is None:
-            pending.record_result(value)
+            looking_decision.record_result(value)
         else:
-            pending.abandon(raised)
+            looking_decision.abandon(raised)
         return {}
 
-    def _watch(self) -> None:
-        """End the session when its lease is over; messages since the last check have extended the lease."""
+    def _check_lease(self) -> None:
+        """End the session if its lease is over; otherwise check again at the end that later messages have given it."""
         with self._lock:
-            if self._over:
+            if self._end_reason:
                 return
-            end_s = self._heard_s + self._lease_s
+            end_s = self._last_message_s + self._lease_s
             if end_s <= self._clock.now_s():
-                because = f"no message was received for {self._lease_s:g} s"
-                self.close(because)
-                self._send(notice("lease_over", message=because))
+                reason = f"no message was received for {self._lease_s:g} s"
+                self.close(reason)
+                self._send(notice("lease_over", message=reason))
             else:
                 self._lease.cancel()
-                self._lease = self._clock.call_at(end_s, self._watch)
+                self._lease = self._clock.call_at(end_s, self._check_lease)
 
     def _check_alive(self) -> None:
-        if self._over:
-            raise LeaseError(f"the session is over: {self._over}; connect again and send `hello`")
+        if self._end_reason:
+            raise LeaseError(f"the session is over: {self._end_reason}; connect again and send `hello`")
 
     def _agent(self, name: str) -> Agent[Any, Any]:
         """Return the handle of an agent, which the session keeps until it is over."""
@@ -291,7 +294,7 @@ class Session:
         return name
 
     def _check_begun(self, number: int) -> None:
-        if number not in self._begun:
+        if number not in self._running_skills:
             raise MessageError(f"no skill in progress has number {number}")
 
 
@@ -299,15 +302,11 @@ class Session:
 class _Wait:
     """A decision that is answered later."""
 
-    pending: PendingDecision
+    decision: PendingDecision
     request_id: int | str | None
     timer: Timer
-    shared: Subscription
+    acquisition: Subscription
 
     def end(self) -> None:
         self.timer.cancel()
-        self.shared.unsubscribe()
-
-
-def _ignore() -> None:
-    pass
+        self.acquisition.unsubscribe()

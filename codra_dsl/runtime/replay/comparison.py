@@ -21,7 +21,7 @@ class Difference:
         position: the position of the event among all compared events, from 1.
         recorded: the event of the journal; None if it has none at this position.
         replayed: the event of the replay; None if it has none at this position.
-        because: the name in the journal that the package lacks, if the replay stopped for that reason.
+        because: why the replay could not follow the journal, e.g. a variable that the package lacks; may be empty.
         changes: the changes of the package since the run, those nearest to the event first.
     """
 
@@ -54,7 +54,7 @@ class Comparison(EventLog):
 
     Attributes:
         may_go_on: whether further events may follow the expected ones.
-        summary: the summary of the spec that is replayed; None before the replay begins.
+        spec_summary: the summary of the spec that is replayed; None before the replay begins.
         takes_inputs: whether the log takes inputs, which only the copy needs.
         position: the number of equal events so far.
         derived: the number of derived events by kind.
@@ -64,13 +64,13 @@ class Comparison(EventLog):
     def __init__(self, expected: Sequence[Event], copy: EventLog | None) -> None:
         super().__init__(limit=1)
         self.may_go_on = False
-        self.summary: SpecSummary | None = None
+        self.spec_summary: SpecSummary | None = None
         self.takes_inputs = copy is not None
         self.position = 0
         self.derived: dict[Kind, int] = {}
         self.difference: Difference | None = None
         self._expected = expected
-        self._kinds = frozenset(event.kind for event in expected)
+        self._recorded_kinds = frozenset(event.kind for event in expected)
         self._copy = copy
 
     @property
@@ -78,12 +78,12 @@ class Comparison(EventLog):
         """Return whether the comparison is complete: a difference was found, or all events were compared."""
         return self.difference is not None or self.position == len(self._expected)
 
-    def begin(self, header: Callable[[], RunHeader]) -> None:
+    def begin(self, make_header: Callable[[], RunHeader]) -> None:
         """Take the spec summary."""
-        about = header()
-        self.summary = about.summary
+        header = make_header()
+        self.spec_summary = header.summary
         if self._copy is not None:
-            self._copy.begin(lambda: about)
+            self._copy.begin(lambda: header)
 
     def add(self, event: Event) -> None:
         """Compare an event with the next one of the journal."""
@@ -91,7 +91,7 @@ class Comparison(EventLog):
             self._copy.add(event)
         if event.kind is not Kind.INPUT:
             self.derived[event.kind] = self.derived.get(event.kind, 0) + 1
-            if event.kind in self._kinds and self.difference is None:
+            if event.kind in self._recorded_kinds and self.difference is None:
                 self._compare(event)
 
     def end(self) -> None:
@@ -107,7 +107,7 @@ class Comparison(EventLog):
 
     def absent(self) -> tuple[Kind, ...]:
         """Return the kinds of events that were derived and not recorded."""
-        return tuple(kind for kind in self.derived if kind not in self._kinds)
+        return tuple(kind for kind in self.derived if kind not in self._recorded_kinds)
 
     def _compare(self, event: Event) -> None:
         recorded = self._expected[self.position] if self.position < len(self._expected) else None

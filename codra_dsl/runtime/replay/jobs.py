@@ -19,11 +19,14 @@ Key = tuple[str, int]
 
 
 class DivergedError(Exception):
-    """The replay cannot follow the journal any further; if the package lacks a name, the message states it."""
+    """The replay cannot follow the journal any further.
+
+    If the package does not have a variable or skill that the run used, the message names it.
+    """
 
 
 class _ReplayedWork(Work):
-    """The time of a job whose function is not called: only its reports about its evidence are repeated."""
+    """The time within a replayed job, from its recorded reports about evidence: its function is not called."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -40,20 +43,20 @@ class ReplayedJobs:
     """The jobs of a journal: their reports about evidence, and their results.
 
     Attributes:
-        calls: repeats the calls that the function of a job made on the context manager, by the number of the job among
-            all jobs.
+        repeat_calls: a function that repeats the calls that a job's function made on the context manager; its
+            argument is the number of the job among all jobs.
     """
 
     def __init__(self, events: Iterable[Event]) -> None:
-        self.calls: Callable[[int], None] = _ignore
-        self._works = 0
-        self._diverged: DivergedError | None = None
+        self.repeat_calls: Callable[[int], None] = lambda _: None
+        self._work_count = 0
+        self._divergence: DivergedError | None = None
         self._reports: dict[Key, list[tuple[float, Interval]]] = {}
-        self._outcomes: dict[Key, Event] = {}
-        self._unstarted: dict[Key, str] = {}
-        self._pending: dict[Key, Callable[[Any], None]] = {}
+        self._end_events: dict[Key, Event] = {}
+        self._start_errors: dict[Key, str] = {}
+        self._deliveries: dict[Key, Callable[[Any], None]] = {}
         self._returns: dict[str, Sequence[str]] = {}
-        self._beginning: tuple[_ReplayedWork, Key | None] = (_ReplayedWork(), None)
+        self._starting_job: tuple[_ReplayedWork, Key | None] = (_ReplayedWork(), None)
         for event in events:
             self._take(event)
 
@@ -66,24 +69,24 @@ class ReplayedJobs:
                 start_s, stamp_s = event.details["evidence_s"]
                 self._reports.setdefault(key, []).append((event.details["told_s"], Interval(start_s, stamp_s)))
             case Kind.INPUT, "unstarted":
-                self._unstarted[key] = event.details["message"]
+                self._start_errors[key] = event.details["message"]
             case Kind.JOB, "returned" | "failed":
-                self._outcomes.setdefault(key, event)
+                self._end_events.setdefault(key, event)
             case _:
                 pass
 
     def find(self, algorithm: Algorithm) -> Function:
-        """Return a replacement for the function of an algorithm, which repeats its recorded reports."""
+        """Return a replacement for the function of an algorithm, which repeats its recorded reports and calls."""
         self._returns[algorithm.name] = tuple(algorithm.returns)
 
         def play(*, job: Job, **_: object) -> Mapping[str, Value]:
-            work, _key = self._beginning
+            work, _key = self._starting_job
             key = (algorithm.name, job.index)
-            for reported_s, interval in self._reports.get(key, ()):
-                work.instant_s = reported_s
-                job.evidence(interval.start_s, reported_s if interval.stamp_s is None else interval.stamp_s)
-            self._beginning = (work, key)
-            self._call()
+            for report_s, interval in self._reports.get(key, ()):
+                work.instant_s = report_s
+                job.evidence(interval.start_s, report_s if interval.stamp_s is None else interval.stamp_s)
+            self._starting_job = (work, key)
+            self._repeat_calls_of_job()
             return {}
 
         return play
@@ -91,35 +94,38 @@ class ReplayedJobs:
     def start(self, run: Callable[[Work], Outcome], deliver: Callable[[Outcome], None]) -> Work:
         """Begin a job, which ends at its recorded end."""
         work = _ReplayedWork()
-        self._works += 1
-        self._beginning = (work, None)
+        self._work_count += 1
+        self._starting_job = (work, None)
         run(work)
-        key = self._beginning[1]
-        if self._diverged is not None:
-            raise self._diverged
+        key = self._starting_job[1]
+        if self._divergence is not None:
+            raise self._divergence
         if key is None:
             raise DivergedError
-        if key in self._unstarted:
-            raise RuntimeError(self._unstarted[key])
-        self._pending[key] = deliver
+        if key in self._start_errors:
+            raise RuntimeError(self._start_errors[key])
+        self._deliveries[key] = deliver
         return work
 
-    def _call(self) -> None:
-        """Repeat the calls of the present job; keep their error, since errors in a job do not reach its caller."""
+    def _repeat_calls_of_job(self) -> None:
+        """Repeat the calls of the present job.
+
+        If they diverge, keep the error for `start` to raise, because an error in a job does not reach the job's caller.
+        """
         try:
-            self.calls(self._works)
+            self.repeat_calls(self._work_count)
         except DivergedError as error:
-            self._diverged = error
+            self._divergence = error
 
     def deliver(self, key: Key) -> None:
-        """End a job with its result in the run."""
-        deliver = self._pending.pop(key, None)
+        """End a job with the result that it had in the recorded run."""
+        deliver = self._deliveries.pop(key, None)
         if deliver is None:
             raise DivergedError
         deliver(self._outcome(key))
 
     def _outcome(self, key: Key) -> Result | Failure:
-        event = self._outcomes.get(key)
+        event = self._end_events.get(key)
         if event is None or event.what == "failed":
             message = "" if event is None else str(event.details.get("message", ""))
             return Failure(Reason.FAILED, message)  # without an event, the result was no longer needed
@@ -179,7 +185,3 @@ class ReplayedClock(Clock):
     def wait_until(self, ready: Callable[[], bool], timeout_s: float) -> bool:
         """Fail: a replay never waits."""
         raise AssertionError(f"a replay cannot wait {timeout_s} s for {ready}")
-
-
-def _ignore(_number: int) -> None:
-    pass

@@ -29,7 +29,7 @@ Build = Callable[..., ContextManager[Any, Any]]
 """Creates the context manager of a package: its class, with the parameters of `ContextManager`."""
 
 
-_PLACE = frozenset({"step", "work", "number"})
+_POSITION_DETAILS = frozenset({"step", "work", "number"})
 """Details of inputs that state their position in the run and are not arguments."""
 
 
@@ -45,11 +45,11 @@ class _Player:
         self._variables = frozenset(variable.name for variable in model.variables)
         self._skills = frozenset(skill.name for skill in model.skills)
         self._decisions: dict[int, Decision] = {}
-        self._of_jobs: dict[int, list[Event]] = {}
+        self._inputs_of_jobs: dict[int, list[Event]] = {}
         for event in events:
             if "work" in event.details:
-                self._of_jobs.setdefault(event.details["work"], []).append(event)
-        jobs.calls = self._take_all_of
+                self._inputs_of_jobs.setdefault(event.details["work"], []).append(event)
+        jobs.repeat_calls = self._repeat_calls_of
 
     def take(self, event: Event) -> None:
         """Pass an input to the context manager; an input that was refused in the run is refused again."""
@@ -69,9 +69,9 @@ class _Player:
         if missing is not None:
             raise DivergedError(f"the package has no {kind} '{missing}', which the run used")
 
-    def _take_all_of(self, work: int) -> None:
+    def _repeat_calls_of(self, work: int) -> None:
         """Repeat the calls of a job's function, which in simulated time happen within the step that begins the job."""
-        for event in self._of_jobs.get(work, ()):
+        for event in self._inputs_of_jobs.get(work, ()):
             self.take(event)
 
     def _apply(self, event: Event, details: Mapping[str, Any]) -> None:
@@ -97,7 +97,7 @@ class _Player:
                 (evidence_s,) = details.get("evidence_s", (None,))
                 commands.write(details["variable"], details.get("value"), event.name, evidence_s)
             case "request":
-                commands.request_slots(tuple(details["resources"]), _ignore)
+                commands.request_slots(tuple(details["resources"]), lambda: None)
             case "release":
                 commands.release_slots(details["number"])
             case "delivered":
@@ -111,8 +111,8 @@ class _Player:
         number = details.get("number", 0)
         match event.what:
             case "decide":
-                asked = {key: part for key, part in details.items() if key not in _PLACE}
-                self._decisions[number] = self._commands.ask(DecisionRequest(**asked))
+                request_fields = {key: part for key, part in details.items() if key not in _POSITION_DETAILS}
+                self._decisions[number] = self._commands.ask(DecisionRequest(**request_fields))
             case "waited":
                 self._commands.resume(self._decisions[number])
             case "found":
@@ -121,14 +121,19 @@ class _Player:
             case "graph":
                 self._manager.knowledge.replay_operations(event.name, json.loads(details["operations"]))
             case "refused":
-                about = (details["subject"], details["message"], details.get("variable", ""), details.get("value"))
-                self._manager.knowledge.replay_refusal(event.name, RefusedWrite(*about))
+                refused_write = (
+                    details["subject"],
+                    details["message"],
+                    details.get("variable", ""),
+                    details.get("value"),
+                )
+                self._manager.knowledge.replay_refusal(event.name, RefusedWrite(*refused_write))
             case "adapt":
-                adapted = json.loads(details["told"])
-                self._commands.adapt(event.name, adapted["name"], adapted["what"], adapted["details"])
+                adaptation = json.loads(details["told"])
+                self._commands.adapt(event.name, adaptation["name"], adaptation["what"], adaptation["details"])
             case "rule":
-                state = (details["rule"], details["became"], details.get("message", ""))
-                self._manager.knowledge.write_rule(event.name, *state)
+                rule_event = (details["rule"], details["became"], details.get("message", ""))
+                self._manager.knowledge.write_rule(event.name, *rule_event)
             case _:
                 pass
 
@@ -148,11 +153,12 @@ def replay(  # noqa: PLR0917 - the parts of a journal and of a package
         events: the events of the journal.
         model: the model of the compiled spec.
         build: creates the context manager of the package.
-        copy: takes the derived events, e.g. a `Journal`; without a difference, its file equals the journal's.
+        copy: takes the derived events, e.g. a `Journal`; without a difference, its file equals the journal's, byte for
+            byte.
         knowledge: the knowledge graph of the spec, if it has one.
     """
     comparison = Comparison([event for event in events if event.kind is not Kind.INPUT], copy)
-    _, _, because = _played(header, events, model, build, comparison, knowledge)
+    _, _, because = _play_journal(header, events, model, build, comparison, knowledge)
     comparison.miss(because)
     comparison.end()
     return Replayed(
@@ -180,16 +186,16 @@ def knowledge_at(
     """
     if instant_s < header.start_s:
         raise ValueError(f"the run begins at {header.start_s}, after {instant_s}: ask for a later instant")
-    until = [event for event in events if event.instant_s <= instant_s]
-    comparison = Comparison([event for event in until if event.kind is not Kind.INPUT], None)
-    manager, clock, because = _played(header, until, model, ContextManager, comparison, knowledge)
+    past_events = [event for event in events if event.instant_s <= instant_s]
+    comparison = Comparison([event for event in past_events if event.kind is not Kind.INPUT], None)
+    manager, clock, because = _play_journal(header, past_events, model, ContextManager, comparison, knowledge)
     if comparison.difference is not None or because:
         raise ValueError(f"the journal does not follow from its inputs: {because or comparison.difference}")
     clock.advance(instant_s)
     return manager.knowledge.at(instant_s)
 
 
-def _played(  # noqa: PLR0917 - the arguments of `replay`
+def _play_journal(  # noqa: PLR0917 - the arguments of `replay`
     header: RunHeader,
     events: Sequence[Event],
     model: ContextModel,
@@ -201,13 +207,15 @@ def _played(  # noqa: PLR0917 - the arguments of `replay`
     jobs = ReplayedJobs(events)
     clock = ReplayedClock(header.start_s, jobs)
     handles = {resource.name: None for resource in model.resources if resource.slots is None}
-    about = {"clock": clock, "resources": handles, "seed": header.seed, "record": comparison, "find": jobs.find}
-    manager = build(model, **about, knowledge=knowledge)
-    commands = [event for event in events if event.kind is Kind.INPUT]
-    player = _Player(manager, model, jobs, commands)
+    services = {"clock": clock, "resources": handles, "seed": header.seed, "record": comparison, "find": jobs.find}
+    manager = build(model, **services, knowledge=knowledge)
+    inputs = [event for event in events if event.kind is Kind.INPUT]
+    player = _Player(manager, model, jobs, inputs)
     try:
-        _play(player, clock, comparison, [event for event in commands if "work" not in event.details])
-        _run_on(clock, comparison, events[-1].instant_s if events else header.start_s)
+        _pass_inputs(player, clock, comparison, [event for event in inputs if "work" not in event.details])
+        end_s = events[-1].instant_s if events else header.start_s
+        while not comparison.is_over and clock.next_s() <= end_s:
+            clock.step()  # for a journal that ends in the middle of a run, after its last input
     except DivergedError as error:
         return manager, clock, str(error)
     return manager, clock, ""
@@ -216,15 +224,15 @@ def _played(  # noqa: PLR0917 - the arguments of `replay`
 def _with_changes(comparison: Comparison, header: RunHeader) -> Difference | None:
     """Return the first difference, with the changes of the spec."""
     difference = comparison.difference
-    if difference is None or comparison.summary is None:
+    if difference is None or comparison.spec_summary is None:
         return difference
     names = [event.name for event in (difference.replayed, difference.recorded) if event is not None]
-    return replace(difference, changes=changes_near(names, header.summary, comparison.summary))
+    return replace(difference, changes=changes_near(names, header.summary, comparison.spec_summary))
 
 
-def _play(player: _Player, clock: ReplayedClock, comparison: Comparison, commands: Sequence[Event]) -> None:
-    last = next((event for event in reversed(commands) if event.what != "evidence"), None)
-    for event in commands:
+def _pass_inputs(player: _Player, clock: ReplayedClock, comparison: Comparison, inputs: Sequence[Event]) -> None:
+    last_input = next((event for event in reversed(inputs) if event.what != "evidence"), None)
+    for event in inputs:
         while clock.steps < event.details["step"] and comparison.difference is None:
             if clock.next_s() > event.instant_s:
                 raise DivergedError
@@ -232,15 +240,5 @@ def _play(player: _Player, clock: ReplayedClock, comparison: Comparison, command
         if comparison.difference is not None:
             return
         clock.advance(event.instant_s)
-        comparison.may_go_on |= event is last  # a journal may be torn amid the events of its last input
+        comparison.may_go_on |= event is last_input  # a journal may be torn amid the events of its last input
         player.take(event)
-
-
-def _run_on(clock: ReplayedClock, comparison: Comparison, end_s: float) -> None:
-    """Execute the events after the last input, for a journal that ends in the middle of a run."""
-    while not comparison.is_over and clock.next_s() <= end_s:
-        clock.step()
-
-
-def _ignore() -> None:
-    pass

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from codra_dsl.runtime.why.explanation import Ledgers, explain
+from codra_dsl.runtime.why.explanation import LatestEventsAt, explain
 from codra_dsl.runtime.why.values import Condition, Look, Missing, Way, Why
 
-__all__ = ["Condition", "Ledgers", "Look", "Missing", "Way", "Why", "explain"]
+__all__ = ["Condition", "LatestEventsAt", "Look", "Missing", "Way", "Why", "explain"]

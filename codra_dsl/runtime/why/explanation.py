@@ -10,17 +10,17 @@ from codra_dsl.runtime.journal.latest_events import LatestEvents
 from codra_dsl.runtime.journal.spec_summary import AlgorithmSummary, Rule, SpecSummary
 from codra_dsl.runtime.values.cell import Reading, Reason
 from codra_dsl.runtime.values.declarations import POSES
-from codra_dsl.runtime.why.adaptation import adapting, explain_course
+from codra_dsl.runtime.why.adaptation import adaptation_lines, explain_course
 from codra_dsl.runtime.why.knowledge import explain_knowledge, poses_between
-from codra_dsl.runtime.why.story import doing, story
-from codra_dsl.runtime.why.unmet_conditions import wanted
+from codra_dsl.runtime.why.story import job_text, story
+from codra_dsl.runtime.why.unmet_conditions import find_solution
 from codra_dsl.runtime.why.values import Condition, Look, Missing, Way, Why
 
-Ledgers = Callable[[float], LatestEvents]
+LatestEventsAt = Callable[[float], LatestEvents]
 """Returns the latest events up to an instant."""
 
 
-def explain(summary: SpecSummary, ledgers: Ledgers, name: str, at_s: float) -> Why:
+def explain(summary: SpecSummary, latest_events_at: LatestEventsAt, name: str, at_s: float) -> Why:
     """Return the explanation of a variable at an instant, with its chain of causes.
 
     For knowledge, the explanation states its last writer, the change, and refused writes; for a course or parameter,
@@ -28,7 +28,7 @@ def explain(summary: SpecSummary, ledgers: Ledgers, name: str, at_s: float) -> W
 
     Args:
         summary: the spec summary.
-        ledgers: returns the latest events up to an instant.
+        latest_events_at: returns the latest events up to an instant.
         name: the name of a variable of the spec; of knowledge, that is a node, `node.attribute`, an edge as
             `origin -edge-> target`, or a task; of a course or parameter; or of an action, which selects its weight.
         at_s: the instant.
@@ -40,11 +40,11 @@ def explain(summary: SpecSummary, ledgers: Ledgers, name: str, at_s: float) -> W
     if node and summary.nodes.get(attribute) == node:
         name = attribute  # `node.attribute` is another name of this context-variable
     if name not in summary.variables:
-        name = _weight_or_name(summary, ledgers(at_s), name)
+        name = _weight_or_name(summary, latest_events_at(at_s), name)
     if name in summary.variables:
-        why = _Explanation(summary, ledgers).why(name, at_s, ())
-        return replace(why, story=(*why.story, *adapting(ledgers(at_s), name)))
-    latest_events = ledgers(at_s)
+        why = _Explanation(summary, latest_events_at).why(name, at_s, ())
+        return replace(why, story=(*why.story, *adaptation_lines(latest_events_at(at_s), name)))
+    latest_events = latest_events_at(at_s)
     return explain_course(latest_events, name, at_s) or explain_knowledge(summary, latest_events, name, at_s)
 
 
@@ -60,7 +60,7 @@ def _weight_or_name(summary: SpecSummary, latest_events: LatestEvents, name: str
 
 
 @dataclass(frozen=True, slots=True)
-class _Then:
+class _PastContext:
     """The context as it was at an instant."""
 
     latest_events: LatestEvents
@@ -104,45 +104,45 @@ _KEPT = ("name", "content", "reason", "detail", "evidence_s", "start_s", "identi
 class _Explanation:
     """One explanation, which explains each reading once, so that no chain is circular."""
 
-    def __init__(self, summary: SpecSummary, ledgers: Ledgers) -> None:
+    def __init__(self, summary: SpecSummary, latest_events_at: LatestEventsAt) -> None:
         self._summary = summary
-        self._ledgers = ledgers
-        self._known: dict[float, LatestEvents] = {}
-        self._explained: set[tuple[str, int]] = set()
+        self._latest_events_at = latest_events_at
+        self._events_at: dict[float, LatestEvents] = {}
+        self._explained_readings: set[tuple[str, int]] = set()
 
     def why(self, name: str, at_s: float, path: tuple[str, ...]) -> Why:
         """Explain a variable, as a cause of the variables on the path."""
-        then = self._then(at_s)
-        reading, event = then.reading(name), then.latest_events.present.get(name)
+        context = self._context_at(at_s)
+        reading, event = context.reading(name), context.latest_events.present.get(name)
         model = self._summary.variables[name]
         unit, place = model.type.unit or "", self._summary.places.get(f"context/{name}")
-        if name in path or (name, id(event)) in self._explained:
+        if name in path or (name, id(event)) in self._explained_readings:
             return Why(at_s=at_s, reading=reading, unit=unit, place=place, is_told=True)
-        self._explained.add((name, id(event)))
-        look = self._look(name, then, (*path, name)) if reading.known else None
-        ways = tuple(self._way(algorithm, then, (*path, name)) for algorithm in self._summary.algorithms_of(name))
+        self._explained_readings.add((name, id(event)))
+        look = self._look(name, context, (*path, name)) if reading.known else None
+        ways = tuple(self._way(algorithm, context, (*path, name)) for algorithm in self._summary.algorithms_of(name))
         is_asked = not path
-        poses = self._poses(name, then) if POSES in model.sources else ()
+        poses = self._poses(name, context) if POSES in model.sources else ()
         return Why(
             at_s=at_s,
             reading=reading,
             unit=unit,
             place=place,
-            story=tuple(story(name, reading, then.latest_events, self._summary)),
+            story=tuple(story(name, reading, context.latest_events, self._summary)),
             look=look,
             poses=poses,
-            ways=ways if not reading.known or (is_asked and _are_blocked(ways)) else (),
-            missing=tuple(self._missing(name, then, ways)) if is_asked else (),
+            ways=ways if not reading.known or (is_asked and all(way.blocked_by for way in ways)) else (),
+            missing=tuple(self._missing(name, context, ways)) if is_asked else (),
         )
 
-    def _then(self, at_s: float) -> _Then:
-        if at_s not in self._known:
-            self._known[at_s] = self._ledgers(at_s)
-        return _Then(self._known[at_s], self._summary, at_s)
+    def _context_at(self, at_s: float) -> _PastContext:
+        if at_s not in self._events_at:
+            self._events_at[at_s] = self._latest_events_at(at_s)
+        return _PastContext(self._events_at[at_s], self._summary, at_s)
 
-    def _look(self, name: str, then: _Then, path: tuple[str, ...]) -> Look | None:
+    def _look(self, name: str, context: _PastContext, path: tuple[str, ...]) -> Look | None:
         """Return the job that produced a value, with its preconditions at the time when its evidence was taken."""
-        job, source = then.latest_events.basis.get(name), then.reading(name).source
+        job, source = context.latest_events.basis.get(name), context.reading(name).source
         algorithm = self._summary.algorithms.get(source)
         if job is None or algorithm is None or name not in algorithm.identifies:
             return None
@@ -156,78 +156,80 @@ class _Explanation:
             units={key: declared.unit for key, declared in algorithm.returns.items() if declared.unit},
             start_s=float(start_s),
             stamp_s=float(stamp_s),
-            under=tuple(self._condition(condition, self._then(stamp_s), path) for condition in algorithm.conditions),
+            under=tuple(
+                self._condition(condition, self._context_at(stamp_s), path) for condition in algorithm.conditions
+            ),
             place=rule.place,
         )
 
-    def _poses(self, name: str, then: _Then) -> tuple[Why, ...]:
+    def _poses(self, name: str, context: _PastContext) -> tuple[Why, ...]:
         """Explain the edges whose poses determine a variable."""
-        whys: list[Why] = []
-        for edge in poses_between(then.latest_events, name):
-            why = explain_knowledge(self._summary, then.latest_events, edge, then.at_s)
-            key = (edge, id(then.latest_events.knowledge[edge]["placed"]))
-            whys.append(replace(why, story=(), is_told=True) if key in self._explained else why)
-            self._explained.add(key)
-        return tuple(whys)
+        explanations: list[Why] = []
+        for edge in poses_between(context.latest_events, name):
+            why = explain_knowledge(self._summary, context.latest_events, edge, context.at_s)
+            key = (edge, id(context.latest_events.knowledge[edge]["placed"]))
+            explanations.append(replace(why, story=(), is_told=True) if key in self._explained_readings else why)
+            self._explained_readings.add(key)
+        return tuple(explanations)
 
-    def _condition(self, rule: Rule, then: _Then, path: tuple[str, ...]) -> Condition:
-        result = rule.term.evaluate(then)
+    def _condition(self, rule: Rule, context: _PastContext, path: tuple[str, ...]) -> Condition:
+        result = rule.term.evaluate(context)
         holds = None if result is None else result is True
         names = sorted(name for name in rule.term.variables() if name in self._summary.variables)
-        because = tuple(self.why(name, then.at_s, path) for name in names)
+        because = tuple(self.why(name, context.at_s, path) for name in names)
         return Condition(text=rule.text, holds=holds, because=because, place=rule.place)
 
-    def _way(self, algorithm: AlgorithmSummary, then: _Then, path: tuple[str, ...]) -> Way:
+    def _way(self, algorithm: AlgorithmSummary, context: _PastContext, path: tuple[str, ...]) -> Way:
         """Return the state of an algorithm; only conditions that do not hold are explained."""
         conditions = tuple(
             Condition(text=rule.text, holds=True, because=(), place=rule.place)
-            if rule.term.holds(then)
-            else self._condition(rule, then, path)
+            if rule.term.holds(context)
+            else self._condition(rule, context, path)
             for rule in algorithm.conditions
         )
         return Way(
             algorithm=algorithm.name,
             conditions=conditions,
-            doing=doing(algorithm, then.latest_events),
-            missing=tuple(self._lacks(algorithm, then)),
+            doing=job_text(algorithm, context.latest_events),
+            missing=tuple(self._missing_of_algorithm(algorithm, context)),
             place=algorithm.place,
         )
 
-    def _lacks(self, algorithm: AlgorithmSummary, then: _Then) -> Iterator[Missing]:
+    def _missing_of_algorithm(self, algorithm: AlgorithmSummary, context: _PastContext) -> Iterator[Missing]:
         """Yield the changes that an algorithm needs before it can look."""
-        failing = [rule for rule in algorithm.conditions if not rule.term.holds(then)]
-        values = wanted([rule.term for rule in algorithm.conditions], then, self._summary.variables) if failing else {}
+        failing_rules = [rule for rule in algorithm.conditions if not rule.term.holds(context)]
+        values = (
+            find_solution([rule.term for rule in algorithm.conditions], context, self._summary.variables)
+            if failing_rules
+            else {}
+        )
         if values is not None:
             for name, value in values.items():
-                rule = next(failed for failed in failing if name in failed.term.variables())
+                rule = next(failing_rule for failing_rule in failing_rules if name in failing_rule.term.variables())
                 unit = self._summary.variables[name].type.unit or ""
                 yield Missing(variable=name, condition=rule.text, value=value, unit=unit, place=rule.place)
             return
-        for rule in failing:
-            flips_s = rule.term.flips_s(then)
+        for rule in failing_rules:
+            flips_s = rule.term.flips_s(context)
             yield Missing(
                 variable=min(rule.term.variables(), default=""),
                 condition=rule.text,
-                from_s=None if flips_s is None else then.at_s + flips_s,
+                from_s=None if flips_s is None else context.at_s + flips_s,
                 place=rule.place,
             )
 
-    def _missing(self, name: str, then: _Then, ways: tuple[Way, ...]) -> Iterator[Missing]:
+    def _missing(self, name: str, context: _PastContext, ways: tuple[Way, ...]) -> Iterator[Missing]:
         """Yield the changes needed to observe a variable: for its observer, and for the algorithm with the fewest."""
         observer = self._summary.observer_of(name)
         if observer is None:
-            if not then.reading(name).known and POSES not in self._summary.variables[name].sources:
+            if not context.reading(name).known and POSES not in self._summary.variables[name].sources:
                 sources = " or ".join(self._summary.variables[name].sources)
                 yield Missing(variable=name, condition=f"for {sources} to write")
             return
-        last = then.latest_events.observers.get(observer.name)
-        if last is None or last.what != "started":
-            is_broken = last is not None and last.what == "failed"
-            again = f"withdraw {name} and declare it again: {observer.name} failed and is stopped"
-            condition = again if is_broken else f"declare {name}: {observer.name} is not running"
+        last_event = context.latest_events.observers.get(observer.name)
+        if last_event is None or last_event.what != "started":
+            has_failed = last_event is not None and last_event.what == "failed"
+            retry_text = f"withdraw {name} and declare it again: {observer.name} failed and is stopped"
+            condition = retry_text if has_failed else f"declare {name}: {observer.name} is not running"
             yield Missing(variable=name, condition=condition, place=observer.place)
         yield from min((way.missing for way in ways), key=len, default=())
-
-
-def _are_blocked(ways: tuple[Way, ...]) -> bool:
-    return all(way.blocked_by for way in ways)

@@ -19,39 +19,41 @@ MAIN = "main_execution"
 def story(name: str, reading: Reading[Value], latest_events: LatestEvents, summary: SpecSummary) -> Iterator[str]:
     """Yield how a variable got its reading, the later events, and the states of its observer and declarations."""
     if reading.known:
-        yield from _of_value(reading, summary)
+        yield from _value_lines(reading, summary)
     else:
-        yield from _of_unknown(reading, latest_events, summary)
-    yield from _of_later(name, latest_events)
+        yield from _unknown_lines(reading, latest_events, summary)
+    yield from _later_lines(name, latest_events)
     observer = summary.observer_of(name)
     if observer is not None:
-        yield _of_observer(observer.name, latest_events.observers.get(observer.name))
-    declared = latest_events.declared.get(name)
-    if declared is not None and declared.what == "declared":
-        yield f"declared since {instant(declared.instant_s)} for {declared.details['holder']}"
-    expected = latest_events.expected.get(name)
-    if expected is not None:
-        yield _of_expectation(expected, summary)
+        yield _observer_text(observer.name, latest_events.observers.get(observer.name))
+    declaration = latest_events.declared.get(name)
+    if declaration is not None and declaration.what == "declared":
+        yield f"declared since {instant(declaration.instant_s)} for {declaration.details['holder']}"
+    expectation = latest_events.expected.get(name)
+    if expectation is not None:
+        yield _expectation_text(expectation, summary)
 
 
-def _of_value(reading: Reading[Value], summary: SpecSummary) -> Iterator[str]:
+def _value_lines(reading: Reading[Value], summary: SpecSummary) -> Iterator[str]:
     if reading.source in summary.algorithms:
         yield f"identified at {instant(reading.identified_s)} from evidence taken at {instant(reading.evidence_s)}"
     elif reading.source == POSES:
-        learned = "" if reading.evidence_s == reading.identified_s else f", learned at {instant(reading.identified_s)}"
-        yield f"determined by poses since {instant(reading.evidence_s)}{learned}"
+        learned_text = (
+            "" if reading.evidence_s == reading.identified_s else f", learned at {instant(reading.identified_s)}"
+        )
+        yield f"determined by poses since {instant(reading.evidence_s)}{learned_text}"
     else:
-        who = reading.source if reading.source == MAIN else f"agent {reading.source}"
-        taken = f", from evidence taken at {instant(reading.evidence_s)}"
-        evidence = "" if reading.evidence_s == reading.identified_s else taken
-        yield f"written by {who} at {instant(reading.identified_s)}{evidence}"
+        writer = reading.source if reading.source == MAIN else f"agent {reading.source}"
+        evidence_text = f", from evidence taken at {instant(reading.evidence_s)}"
+        evidence = "" if reading.evidence_s == reading.identified_s else evidence_text
+        yield f"written by {writer} at {instant(reading.identified_s)}{evidence}"
     if reading.expires_s < math.inf:
         yield f"valid until {instant(reading.expires_s)}"
 
 
-def _of_unknown(reading: Reading[Value], latest_events: LatestEvents, summary: SpecSummary) -> Iterator[str]:
+def _unknown_lines(reading: Reading[Value], latest_events: LatestEvents, summary: SpecSummary) -> Iterator[str]:
     name, since = reading.name, instant(reading.identified_s) if reading.identified_s > -math.inf else ""
-    before = latest_events.known.get(name)
+    last_known = latest_events.known.get(name)
     match reading.reason:
         case _ if reading.source == POSES:
             yield f"unknown since {since}: {reading.detail}"
@@ -64,75 +66,77 @@ def _of_unknown(reading: Reading[Value], latest_events: LatestEvents, summary: S
             yield f"its evidence, taken at {instant(reading.evidence_s)}, was valid for {seconds(valid_for_s)}"
         case Reason.INVALIDATED:
             place = summary.places.get(f"skill/{reading.detail}")
-            at = "" if place is None else f"  [{place}]"
-            yield f"skill {reading.detail}, which changes it, acted at {since}: only newer evidence counts{at}"
+            place_text = "" if place is None else f"  [{place}]"
+            yield f"skill {reading.detail}, which changes it, acted at {since}: only newer evidence counts{place_text}"
         case Reason.FORGOTTEN:
             yield f"forgotten at {since}, because this condition did not hold: {reading.detail}"
         case Reason.WITHDRAWN:
             yield f"its observer {reading.detail} stopped at {since}"
         case _:
             yield f"{reading.reason} at {since}: {reading.detail} ({reading.source})"
-    if before is not None:
-        value, source = shown(before.details.get("value")), before.details["source"]
-        yield f"it was {value} before, from {source} at {instant(before.instant_s)}"
+    if last_known is not None:
+        value, source = shown(last_known.details.get("value")), last_known.details["source"]
+        yield f"it was {value} before, from {source} at {instant(last_known.instant_s)}"
 
 
-def _of_later(name: str, latest_events: LatestEvents) -> Iterator[str]:
+def _later_lines(name: str, latest_events: LatestEvents) -> Iterator[str]:
     """Yield the events after the present reading that did not replace it."""
-    later = latest_events.later.get(name)
-    for what, last in () if later is None else later.last.items():
-        count = later.counts[what] if later is not None else 0
+    superseded = latest_events.later.get(name)
+    for what, last in () if superseded is None else superseded.last.items():
+        count = superseded.counts[what] if superseded is not None else 0
         at = f"the last at {instant(last.instant_s)}" if count > 1 else f"at {instant(last.instant_s)}"
         match what:
             case "rejected":
                 message = last.details.get("message", "")
-                yield f"{_counted(count, 'look')} rejected since then, {at}: {message} ({last.name})"
+                yield f"{_count_text(count, 'look')} rejected since then, {at}: {message} ({last.name})"
             case "too_old":
-                yield f"{_counted(count, 'value')} did not count, {at}: the evidence was taken while a skill acted"
+                yield f"{_count_text(count, 'value')} did not count, {at}: a skill acted while the evidence was taken"
             case "refused":
-                yield f"{_counted(count, 'write')} by {last.details['source']} refused, {at}"
+                yield f"{_count_text(count, 'write')} by {last.details['source']} refused, {at}"
             case _:
                 source = last.details["source"]
-                yield f"{_counted(count, 'value')} with older evidence arrived since then, {at} from {source}"
+                yield f"{_count_text(count, 'value')} with older evidence arrived since then, {at} from {source}"
 
 
-def _of_expectation(event: Event, summary: SpecSummary) -> str:
+def _expectation_text(event: Event, summary: SpecSummary) -> str:
     skill, what = event.details["skill"], event.what.replace("_", " ")
     place = summary.places.get(f"skill/{skill}")
-    at = "" if place is None else f"  [{place}]"
-    return f"skill {skill} expected: {event.details['expected']}; {what} at {instant(event.instant_s)}{at}"
+    place_text = "" if place is None else f"  [{place}]"
+    return f"skill {skill} expected: {event.details['expected']}; {what} at {instant(event.instant_s)}{place_text}"
 
 
-def _counted(count: int, noun: str) -> str:
+def _count_text(count: int, noun: str) -> str:
     return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
-def _of_observer(name: str, last: Event | None) -> str:
-    if last is None:
+def _observer_text(name: str, last_event: Event | None) -> str:
+    if last_event is None:
         return f"observer {name} has not run"
-    match last.what:
+    match last_event.what:
         case "started":
-            return f"observer {name} has been running since {instant(last.instant_s)}"
+            return f"observer {name} has been running since {instant(last_event.instant_s)}"
         case "stopped":
-            return f"observer {name} stopped at {instant(last.instant_s)}"
+            return f"observer {name} stopped at {instant(last_event.instant_s)}"
         case _:
-            return f"observer {name} failed at {instant(last.instant_s)}: {last.details.get('message', '')}"
+            return f"observer {name} failed at {instant(last_event.instant_s)}: {last_event.details.get('message', '')}"
 
 
-def doing(algorithm: AlgorithmSummary, latest_events: LatestEvents) -> str:
+def job_text(algorithm: AlgorithmSummary, latest_events: LatestEvents) -> str:
     """Return a sentence about an algorithm's running or last job; empty if it never had a job."""
-    started, ended = latest_events.started.get(algorithm.name), latest_events.ended.get(algorithm.name)
-    if started is not None and (ended is None or ended.details["index"] < started.details["index"]):
-        return f"job {started.details['index']} has been looking since {instant(started.instant_s)}"
-    if ended is None:
+    start, end = latest_events.started.get(algorithm.name), latest_events.ended.get(algorithm.name)
+    if start is not None and (end is None or end.details["index"] < start.details["index"]):
+        return f"job {start.details['index']} has been looking since {instant(start.instant_s)}"
+    if end is None:
         return ""
-    index, at = ended.details["index"], instant(ended.instant_s)
-    match ended.what:
+    index, at_text = end.details["index"], instant(end.instant_s)
+    match end.what:
         case "returned":
-            return f"job {index} returned at {at}"
+            return f"job {index} returned at {at_text}"
         case "failed":
-            return f"job {index} failed at {at}: {ended.details.get('message', '')}"
+            return f"job {index} failed at {at_text}: {end.details.get('message', '')}"
         case "voided":
-            return f"job {index} was voided at {at}: {ended.details.get('condition', '')} did not hold while it looked"
+            return (
+                f"job {index} was voided at {at_text}: {end.details.get('condition', '')} did not hold while it looked"
+            )
         case _:
-            return f"job {index} was cancelled at {at}"
+            return f"job {index} was cancelled at {at_text}"

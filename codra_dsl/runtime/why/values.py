@@ -38,7 +38,7 @@ class Missing:
 
     def __str__(self) -> str:
         if self.value is not None:
-            return f"{self.variable} = {shown(self.value)}{_spaced(self.unit)}"
+            return f"{self.variable} = {shown(self.value)}{_unit_text(self.unit)}"
         return self.condition if self.from_s is None else f"{self.condition}, from {instant(self.from_s)} on"
 
 
@@ -156,10 +156,10 @@ class Why:
 
 def _lines_of(why: Why) -> Iterator[str]:
     reading = why.reading
-    unit = f" {why.unit}" if why.unit else ""
-    state = f"{shown(reading.content)}{unit}" if reading.known else f"unknown ({reading.reason})"
-    repeated = ", as explained above" if why.is_told else ""
-    yield f"{why.variable} is {state} at {instant(why.at_s)}{repeated}{_at(why.place)}"
+    unit_text = f" {why.unit}" if why.unit else ""
+    state_text = f"{shown(reading.content)}{unit_text}" if reading.known else f"unknown ({reading.reason})"
+    repeated_text = ", as explained above" if why.is_told else ""
+    yield f"{why.variable} is {state_text} at {instant(why.at_s)}{repeated_text}{_place_text(why.place)}"
     for sentence in why.story:
         yield f"{_INDENT}{sentence}"
     if why.look is not None:
@@ -174,30 +174,32 @@ def _lines_of(why: Why) -> Iterator[str]:
 
 def _lines_of_look(look: Look) -> Iterator[str]:
     units = look.units
-    values = (f"{key} = {shown(value)}{_spaced(units.get(key))}" for key, value in look.values.items())
+    values = (f"{key} = {shown(value)}{_unit_text(units.get(key))}" for key, value in look.values.items())
     yield f"perception {look.algorithm} saw {', '.join(values) or 'nothing'} (job {look.index})"
-    yield f"{_INDENT}by the rule: {look.rule}{_at(look.place)}"
+    yield f"{_INDENT}by the rule: {look.rule}{_place_text(look.place)}"
     for condition in look.under:
         yield from _indented(_lines_of_condition(condition))
 
 
 def _lines_of_way(way: Way) -> Iterator[str]:
-    blocked = way.blocked_by
-    yield f"perception {way.algorithm} {'cannot look' if blocked else 'can look'}{_at(way.place)}"
+    failing_conditions = way.blocked_by
+    yield f"perception {way.algorithm} {'cannot look' if failing_conditions else 'can look'}{_place_text(way.place)}"
     if way.doing:
         yield f"{_INDENT}{way.doing}"
-    for condition in blocked:
+    for condition in failing_conditions:
         yield from _indented(_lines_of_condition(condition))
 
 
 def _lines_of_condition(condition: Condition) -> Iterator[str]:
     if len(condition.because) == 1 and condition.because[0].variable == condition.text:
-        first, *rest = _lines_of(condition.because[0])
-        yield first if condition.place is None else f"{first.partition('  [')[0]}{_at(condition.place)}"
-        yield from rest
+        first_line, *other_lines = _lines_of(condition.because[0])
+        yield (
+            first_line if condition.place is None else f"{first_line.partition('  [')[0]}{_place_text(condition.place)}"
+        )
+        yield from other_lines
         return
-    state = {True: "holds", False: "does not hold", None: "is unknown"}[condition.holds]
-    yield f"{condition.text} {state}{_at(condition.place)}"
+    state_text = {True: "holds", False: "does not hold", None: "is unknown"}[condition.holds]
+    yield f"{condition.text} {state_text}{_place_text(condition.place)}"
     for why in condition.because:
         yield from _indented(_lines_of(why))
 
@@ -206,11 +208,11 @@ def _indented(lines: Iterator[str]) -> Iterator[str]:
     return (f"{_INDENT}{line}" for line in lines)
 
 
-def _at(place: Place | None) -> str:
+def _place_text(place: Place | None) -> str:
     return "" if place is None else f"  [{place}]"
 
 
-def _spaced(unit: str | None) -> str:
+def _unit_text(unit: str | None) -> str:
     return f" {unit}" if unit else ""
 
 

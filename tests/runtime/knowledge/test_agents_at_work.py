@@ -216,7 +216,7 @@ def test_why_asks_for_a_name_where_a_pattern_would_ask_for_some_of_a_type() -> N
         detection.insert_node("crate", "roll_container")
         detection.insert_node("box", "roll_container")
         with pytest.raises(
-            UnknownNameError, match=r"'some roll_container' names no single node.*; there were box, crate$"
+            UnknownNameError, match=r"'some roll_container' names no single node or edge.*; there were box, crate$"
         ):
             codra.why("some roll_container")
 

@@ -267,13 +267,13 @@ class Shop:
         bumped: bool | None = None,
     ) -> None:
         """Write the given values."""
-        written = (
+        writes = (
             ("people", "person_distance", person),
             ("power", "battery_level", battery),
             ("picker", "container_load", load),
             ("base", "bumped", bumped),
         )
-        for agent, name, value_ in written:
+        for agent, name, value_ in writes:
             if value_ is not None:
                 self.agents[agent].set(name, value_)
 

@@ -39,10 +39,10 @@ RuleBlock: safety
 
 def scene(*values: Value | None, stamps_s: tuple[float, ...] = (1.0, 2.0, 3.0, 4.0)) -> dict[str, Observation]:
     """Return observations in the order of NAMES."""
-    observed = zip(NAMES, values, stamps_s, strict=True)
+    rows = zip(NAMES, values, stamps_s, strict=True)
     return {
         name: Observation(variable=name) if value is None else Observation(variable=name, value=value, evidence_s=at_s)
-        for name, value, at_s in observed
+        for name, value, at_s in rows
     }
 
 
@@ -92,13 +92,13 @@ def test_a_metric_whose_worse_end_is_high_counts_its_high_end() -> None:
 def test_an_unknown_enum_counts_as_one_of_its_members_and_as_no_number_between() -> None:
     metrics = {"safety": 0.78, "power_autonomy": 0.78}
     known = {name: Observation(variable=name, value=value, evidence_s=0.0) for name, value in metrics.items()}
-    unknown_load = infer(ACTIONS_STAGE, {**known, "container_load": Observation(variable="container_load")})
-    known_loads = [
+    result_of_unknown_load = infer(ACTIONS_STAGE, {**known, "container_load": Observation(variable="container_load")})
+    results_of_known_loads = [
         infer(ACTIONS_STAGE, {**known, "container_load": Observation(variable="container_load", value=load)})
         for load in LOADS
     ]
-    weights = [one.value("deliver") or 0.0 for one in known_loads]
-    (deliver,) = (one.bounds for one in unknown_load.outputs if one.name == "deliver")
+    weights = [one.value("deliver") or 0.0 for one in results_of_known_loads]
+    (deliver,) = (one.bounds for one in result_of_unknown_load.outputs if one.name == "deliver")
     assert not deliver.may_be_unknown
     assert deliver.low == pytest.approx(min(map(float, weights)), abs=1e-6)
     assert deliver.high == pytest.approx(max(map(float, weights)), abs=1e-6)

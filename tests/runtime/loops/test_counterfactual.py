@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 
 from codra_dsl.logic import Value
 from codra_dsl.runtime.loops.analysis import assess
-from codra_dsl.runtime.loops.counterfactual import Changed, Counterfactual, smallest_changes, would_keep
+from codra_dsl.runtime.loops.counterfactual import ChangeKind, Counterfactual, smallest_changes, would_keep
 from codra_dsl.runtime.loops.courses import CourseState, Decision, choose
 from codra_dsl.runtime.loops.declarations import InputModel
-from codra_dsl.runtime.loops.filters import FilterState, Tracked
+from codra_dsl.runtime.loops.filters import FilterState, TrackedAction
 from codra_dsl.runtime.loops.fuzzy.bounds import Bounds
 from codra_dsl.runtime.loops.observations import Observation
 from tests.runtime.loops.shop import COURSE, LOADS, MAPE, UNFILTERED
@@ -29,13 +29,13 @@ def scene(*values: Value | None) -> dict[str, Observation]:
 
 def decided(before: str, *values: Value | None) -> Decision | None:
     """Return the decision to leave an action, if these values lead to one."""
-    running = {action: Tracked(weight=0.0, smoothed=0.0) for action in UNFILTERED.choose}
+    running = {action: TrackedAction(weight=0.0, smoothed=0.0) for action in UNFILTERED.choose}
     course_state = CourseState(state=FilterState(instant_s=0.0, action=before, since_s=0.0, tracked=running))
     _, decision, _ = choose(MAPE, UNFILTERED, course_state, assess(MAPE, scene(*values)), 10.0)
     return decision
 
 
-def changes_that_keep(before: str, *values: Value | None) -> dict[Changed, Counterfactual]:
+def changes_by_kind(before: str, *values: Value | None) -> dict[ChangeKind, Counterfactual]:
     """Return the changes that would have kept an action, by the kind of the changed value."""
     decision = decided(before, *values)
     assert decision is not None
@@ -43,17 +43,17 @@ def changes_that_keep(before: str, *values: Value | None) -> dict[Changed, Count
 
 
 def test_a_larger_distance_would_have_kept_the_delivery() -> None:
-    changes = changes_that_keep("deliver", 1.0, 80.0, 0.5, "empty", False)
-    assert changes[Changed.INPUT].name == "person_distance"
-    assert changes[Changed.INPUT].other == pytest.approx(2.015, abs=0.01)
-    assert changes[Changed.WEIGHT].name == "start"
-    assert changes[Changed.WEIGHT].other == pytest.approx(0.339, abs=0.01)
+    changes = changes_by_kind("deliver", 1.0, 80.0, 0.5, "empty", False)
+    assert changes[ChangeKind.INPUT].name == "person_distance"
+    assert changes[ChangeKind.INPUT].other == pytest.approx(2.015, abs=0.01)
+    assert changes[ChangeKind.WEIGHT].name == "start"
+    assert changes[ChangeKind.WEIGHT].other == pytest.approx(0.339, abs=0.01)
 
 
 def test_after_a_hard_rule_the_change_is_about_its_condition() -> None:
-    changes = changes_that_keep("deliver", 6.0, 80.0, 0.5, "empty", True)
-    assert set(changes) == {Changed.INPUT}
-    assert (changes[Changed.INPUT].name, changes[Changed.INPUT].other) == ("bumped", False)
+    changes = changes_by_kind("deliver", 6.0, 80.0, 0.5, "empty", True)
+    assert set(changes) == {ChangeKind.INPUT}
+    assert (changes[ChangeKind.INPUT].name, changes[ChangeKind.INPUT].other) == ("bumped", False)
 
 
 def test_actions_that_the_course_does_not_choose_from_do_not_compete() -> None:
@@ -65,7 +65,7 @@ def test_actions_that_the_course_does_not_choose_from_do_not_compete() -> None:
     heavy = tuple(replace(output, value=1.0) if output.name == "dock" else output for output in actions.outputs)
     assessment = replace(decision.assessment, actions=replace(actions, outputs=heavy))
     kept = smallest_changes(MAPE, course, replace(decision, assessment=assessment))
-    (weight,) = [change for change in kept if change.kind is Changed.WEIGHT]
+    (weight,) = [change for change in kept if change.kind is ChangeKind.WEIGHT]
     assert weight.share < 0.5
 
 
@@ -78,7 +78,7 @@ def test_if_the_present_readings_would_have_kept_the_course_there_is_no_change()
 
 
 def test_if_no_single_change_helps_there_is_none() -> None:
-    assert changes_that_keep("deliver", 1.0, 3.0, 0.5, "full", True) == {}
+    assert changes_by_kind("deliver", 1.0, 3.0, 0.5, "full", True) == {}
 
 
 def test_the_first_choice_has_no_counterfactuals() -> None:
@@ -88,10 +88,10 @@ def test_the_first_choice_has_no_counterfactuals() -> None:
 
 
 def test_for_an_unknown_input_the_change_is_a_value_that_keeps_the_course() -> None:
-    changes = changes_that_keep("deliver", None, 80.0, 0.5, "empty", False)
-    assert changes[Changed.INPUT].value is None
-    assert changes[Changed.INPUT].name == "person_distance"
-    assert float(changes[Changed.INPUT].other) > 2.0
+    changes = changes_by_kind("deliver", None, 80.0, 0.5, "empty", False)
+    assert changes[ChangeKind.INPUT].value is None
+    assert changes[ChangeKind.INPUT].name == "person_distance"
+    assert float(changes[ChangeKind.INPUT].other) > 2.0
 
 
 distances, levels, drains = st.floats(0, 10), st.floats(0, 100), st.floats(0, 5)
@@ -103,7 +103,7 @@ def test_every_reported_change_would_have_kept_the_course(before: str, values: t
     if decision is None:
         return
     for change in smallest_changes(MAPE, UNFILTERED, decision, (BUMPED,)):
-        if change.kind is Changed.INPUT:
+        if change.kind is ChangeKind.INPUT:
             seen = Observation(variable=change.name, value=change.other)
             other = assess(MAPE, {**scene(*values), change.name: seen})
         else:
@@ -126,7 +126,7 @@ def test_no_smaller_change_of_that_input_would_have_kept_it(distance: float, lev
             (
                 candidate
                 for candidate in smallest_changes(MAPE, UNFILTERED, decision)
-                if candidate.kind is Changed.INPUT
+                if candidate.kind is ChangeKind.INPUT
             ),
             None,
         )

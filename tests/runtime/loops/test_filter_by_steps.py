@@ -29,9 +29,9 @@ class Stepped:
         self.action = ""
         self._smoothed: dict[str, float | None] = dict.fromkeys(model.choose)
         self._led_s: dict[str, float] = {}
-        self._stayed_s = math.inf
-        self._gone_s: dict[str, float] = {}
-        self._dark_s = -STEP_S
+        self._course_age_s = math.inf
+        self._since_left_s: dict[str, float] = {}
+        self._unknown_for_s = -STEP_S
 
     def pass_step(self, then: Weights) -> None:
         """Let one step pass, in which the weights are constant."""
@@ -40,9 +40,9 @@ class Stepped:
             if smoothed is not None and weight is not None and self._model.smooth_s:
                 self._smoothed[action] = smoothed + (weight - smoothed) * -math.expm1(-STEP_S / self._model.smooth_s)
         self._led_s = {action: led_s + STEP_S for action, led_s in self._led_s.items()}
-        self._gone_s = {action: gone_s + STEP_S for action, gone_s in self._gone_s.items()}
-        self._stayed_s += STEP_S
-        self._dark_s += STEP_S
+        self._since_left_s = {action: gone_s + STEP_S for action, gone_s in self._since_left_s.items()}
+        self._course_age_s += STEP_S
+        self._unknown_for_s += STEP_S
 
     def take(self, moment: Moment) -> None:
         """Take the weights, and choose."""
@@ -51,53 +51,57 @@ class Stepped:
                 self._smoothed[action] = weight
         known = [action for action in self._model.choose if self._smoothed[action] is not None]
         if known:
-            self._dark_s = -STEP_S / 2
+            self._unknown_for_s = -STEP_S / 2
         leaders = {action for action in known if action != self.action and self._leads(action)}
         self._led_s = {action: self._led_s.get(action, 0.0) for action in leaders}
         self._choose(moment, known)
 
     def _leads(self, action: str) -> bool:
-        mine, its = self._smoothed[action], self._smoothed.get(self.action)
-        return mine is not None and (its is None or mine - its >= max(self._model.lead, 1e-9))
+        weight, course_weight = self._smoothed[action], self._smoothed.get(self.action)
+        return weight is not None and (course_weight is None or weight - course_weight >= max(self._model.lead, 1e-9))
 
     def _choose(self, moment: Moment, known: list[str]) -> None:
-        wanted = self.action
-        if moment.forced:
-            wanted = moment.forced
+        new_action = self.action
+        if moment.forced_action:
+            new_action = moment.forced_action
         elif not self.action:
-            wanted = self._heaviest(known) or self._model.otherwise
+            new_action = self._heaviest(known) or self._model.otherwise
         elif not known:
-            wanted = self._model.otherwise if self._dark_s >= self._model.hold_s - STEP_S / 2 else self.action
+            new_action = (
+                self._model.otherwise if self._unknown_for_s >= self._model.hold_s - STEP_S / 2 else self.action
+            )
         else:
-            wanted = self._heaviest([action for action in known if self._is_ready(action, moment)]) or self.action
-        if wanted != self.action:
-            is_makeshift = not self.action and not known and not moment.forced
-            self._gone_s[self.action] = 0.0
-            self.action, self._stayed_s = wanted, math.inf if is_makeshift else 0.0
-            self._led_s = {action: 0.0 for action in known if action != wanted and self._leads(action)}
+            new_action = self._heaviest([action for action in known if self._is_ready(action, moment)]) or self.action
+        if new_action != self.action:
+            is_makeshift = not self.action and not known and not moment.forced_action
+            self._since_left_s[self.action] = 0.0
+            self.action, self._course_age_s = new_action, math.inf if is_makeshift else 0.0
+            self._led_s = {action: 0.0 for action in known if action != new_action and self._leads(action)}
 
     def _is_ready(self, action: str, moment: Moment) -> bool:
         if action not in self._led_s or self._led_s[action] < self._model.hold_s - STEP_S / 2:
             return False
-        is_free = self._stayed_s >= self._model.dwell_s - STEP_S / 2
-        is_cool = self._gone_s.get(action, math.inf) >= self._model.cooldown_s - STEP_S / 2
-        return action in moment.urgent or (is_free and is_cool)
+        is_free = self._course_age_s >= self._model.dwell_s - STEP_S / 2
+        is_cool = self._since_left_s.get(action, math.inf) >= self._model.cooldown_s - STEP_S / 2
+        return action in moment.urgent_actions or (is_free and is_cool)
 
-    def _heaviest(self, among: list[str]) -> str:
-        weighed = [(self._smoothed[action] or 0.0, action) for action in self._model.choose if action in among]
-        return max(weighed, key=lambda weight_and_action: weight_and_action[0])[1] if weighed else ""
+    def _heaviest(self, actions: list[str]) -> str:
+        weights = [(self._smoothed[action] or 0.0, action) for action in self._model.choose if action in actions]
+        return max(weights, key=lambda weight_and_action: weight_and_action[0])[1] if weights else ""
 
 
-def stepped(model: CourseModel, moments: list[Moment], end_s: float) -> list[tuple[float, str]]:
+def switches_by_steps(model: CourseModel, moments: list[Moment], end_s: float) -> list[tuple[float, str]]:
     """Return the instants at which the course changed, with the new actions."""
-    filter_, numbered, switches = Stepped(model), dict(enumerate(moments)), [(0.0, "")]
+    stepped_filter, moments_by_index, switches = Stepped(model), dict(enumerate(moments)), [(0.0, "")]
     for number in range(round(moments[0].instant_s / STEP_S), round(end_s / STEP_S)):
         now_s = number * STEP_S
-        present = max(index for index, moment in numbered.items() if moment.instant_s <= now_s + STEP_S / 2)
-        filter_.take(moments[present])
-        if filter_.action != switches[-1][1]:
-            switches.append((now_s, filter_.action))
-        filter_.pass_step(moments[present].weights)
+        latest_index = max(
+            index for index, moment in moments_by_index.items() if moment.instant_s <= now_s + STEP_S / 2
+        )
+        stepped_filter.take(moments[latest_index])
+        if stepped_filter.action != switches[-1][1]:
+            switches.append((now_s, stepped_filter.action))
+        stepped_filter.pass_step(moments[latest_index].weights)
     return switches[1:]
 
 
@@ -132,7 +136,7 @@ def stories(draw: st.DrawFn) -> list[Moment]:
 def test_the_filter_chooses_what_small_steps_choose(model: CourseModel, moments: list[Moment]) -> None:
     end_s = moments[-1].instant_s + 6.0
     low, plain, high = (
-        stepped(replace(model, lead=lead), moments, end_s)
+        switches_by_steps(replace(model, lead=lead), moments, end_s)
         for lead in (max(0.0, model.lead - LEAD_CHANGE), model.lead, model.lead + LEAD_CHANGE)
     )
     names = [action for _, action in plain]

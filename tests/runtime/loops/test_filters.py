@@ -28,8 +28,8 @@ class Moment:
 
     instant_s: float
     weights: dict[str, float | None]
-    urgent: tuple[str, ...] = ()
-    forced: str = ""
+    urgent_actions: tuple[str, ...] = ()
+    forced_action: str = ""
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,14 @@ def play(model: CourseModel, moments: list[Moment], extra_s: tuple[float, ...] =
         between = [instant_s for instant_s in extra_s if moment.instant_s < instant_s < after.instant_s]
         asked_s = moment.instant_s
         while asked_s < after.instant_s:
-            chosen = step(model, state, asked_s, moment.weights, urgent=moment.urgent, forced=moment.forced)
+            chosen = step(
+                model,
+                state,
+                asked_s,
+                moment.weights,
+                urgent_actions=moment.urgent_actions,
+                forced_action=moment.forced_action,
+            )
             if chosen.because is not None:
                 switches.append(Switch(asked_s, chosen.state.action, chosen.because))
             state, due_s = chosen.state, chosen.due_s
@@ -159,18 +166,25 @@ def test_the_same_story_gives_the_same_switches(model: CourseModel, moments: lis
 @given(settings, stories())
 def test_an_unknown_weight_never_wins(model: CourseModel, moments: list[Moment]) -> None:
     for switch in play(model, moments):
-        latest = [moment for moment in moments if moment.instant_s <= switch.instant_s][-1]
+        latest_moment = [moment for moment in moments if moment.instant_s <= switch.instant_s][-1]
         if switch.because in (SwitchReason.FIRST, SwitchReason.LEADS, SwitchReason.WORSE):
-            assert latest.weights[switch.action] is not None
+            assert latest_moment.weights[switch.action] is not None
 
 
 @given(settings, stories())
 def test_while_a_hard_rule_holds_its_action_is_the_course(model: CourseModel, moments: list[Moment]) -> None:
     state = FilterState()
     for moment in moments:
-        chosen = step(model, state, moment.instant_s, moment.weights, urgent=moment.urgent, forced=moment.forced)
+        chosen = step(
+            model,
+            state,
+            moment.instant_s,
+            moment.weights,
+            urgent_actions=moment.urgent_actions,
+            forced_action=moment.forced_action,
+        )
         state = chosen.state
-        assert not moment.forced or state.action == moment.forced
+        assert not moment.forced_action or state.action == moment.forced_action
 
 
 def test_the_action_with_the_highest_weight_begins_without_waiting() -> None:
@@ -189,7 +203,7 @@ def test_a_dwell_delays_a_leading_action_but_not_an_urgent_one() -> None:
     model = course(dwell_s=5.0)
     calm = changes((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
     assert [switch.instant_s for switch in play(model, calm)] == [0.0, pytest.approx(5.0, abs=1e-5)]
-    urgent = [calm[0], Moment(1.0, calm[1].weights, urgent=("start",))]
+    urgent = [calm[0], Moment(1.0, calm[1].weights, urgent_actions=("start",))]
     assert play(model, urgent)[1:] == [Switch(1.0, "start", SwitchReason.WORSE)]
 
 

@@ -55,9 +55,9 @@ def test_every_message_of_a_journal_fits_its_closed_schema(tmp_path: Path) -> No
 def test_a_replay_makes_the_same_journal_byte_for_byte(tmp_path: Path) -> None:
     run(tmp_path / "run.mcap")
     head, events = read(tmp_path / "run.mcap")
-    replayed = replay(head, events, MODEL, ContextManager[str, str], Journal(tmp_path / "again.mcap"), KNOWLEDGE)
-    assert replayed.difference is None
-    assert replayed.derived[Kind.ADAPTATION] > 10
+    replay_result = replay(head, events, MODEL, ContextManager[str, str], Journal(tmp_path / "again.mcap"), KNOWLEDGE)
+    assert replay_result.difference is None
+    assert replay_result.derived[Kind.ADAPTATION] > 10
     assert (tmp_path / "again.mcap").read_bytes() == (tmp_path / "run.mcap").read_bytes()
 
 
@@ -77,10 +77,11 @@ def test_every_decision_can_be_recomputed_from_its_chain(tmp_path: Path) -> None
     assert [event.details["action"] for event in chosen] == ["deliver", "start", "deliver", "start", "dock"]
     for event in chosen:
         scene = {
-            recorded["variable"]: Observation(
-                variable=recorded["variable"], value=json.loads(recorded["value"]) if "value" in recorded else None
+            recorded_readings["variable"]: Observation(
+                variable=recorded_readings["variable"],
+                value=json.loads(recorded_readings["value"]) if "value" in recorded_readings else None,
             )
-            for recorded in event.details["readings"]
+            for recorded_readings in event.details["readings"]
         }
         assessment = assess(MAPE, scene)
         assert {weight["name"]: weight.get("value") for weight in event.details["weights"]} == assessment.weights()
@@ -98,10 +99,10 @@ def test_the_stamps_in_a_chain_are_those_of_the_readings(tmp_path: Path) -> None
             past_reading for past_reading in shop.codra.history(name) if past_reading.identified_s <= chosen.instant_s
         ]
         known[name] = past[-1]
-    recorded = {detail["variable"]: detail for detail in chosen.details["readings"]}
+    recorded_readings = {detail["variable"]: detail for detail in chosen.details["readings"]}
     for name, reading in known.items():
-        assert recorded[name]["evidence_s"] == reading.evidence_s
-        assert json.loads(recorded[name]["value"]) == reading.value
+        assert recorded_readings[name]["evidence_s"] == reading.evidence_s
+        assert json.loads(recorded_readings[name]["value"]) == reading.value
 
 
 def test_why_of_a_course_shows_readings_results_and_counterfactuals(tmp_path: Path) -> None:
@@ -157,7 +158,7 @@ def test_the_name_of_an_action_is_its_weight_unless_another_element_has_this_nam
     shop.begin()
 
     assert str(shop.codra.why("deliver")) == str(shop.codra.why("weight_of_deliver"))
-    assert "has been 0" not in str(shop.codra.why("to_deliver"))
+    assert "has been" not in str(shop.codra.why("to_deliver"))
     with pytest.raises(UnknownNameError, match="delivr"):
         shop.codra.why("delivr")
 
@@ -181,8 +182,8 @@ def test_an_analysis_can_be_recomputed_from_its_event(tmp_path: Path) -> None:
         for stage, parts in ((MAPE.metrics, event.details["metrics"]), (MAPE.actions, event.details["weights"])):
             assert stage is not None
             read_from = {
-                recorded["variable"]: json.loads(recorded.get("value", "null"))
-                for recorded in event.details["readings"]
+                recorded_readings["variable"]: json.loads(recorded_readings.get("value", "null"))
+                for recorded_readings in event.details["readings"]
             }
             scene = {
                 model_input.variable: Observation(
@@ -190,10 +191,10 @@ def test_an_analysis_can_be_recomputed_from_its_event(tmp_path: Path) -> None:
                 )
                 for model_input in stage.inputs
             }
-            inferred = infer(stage, scene)
-            strengths = {rule.text: rule.high for rule in inferred.rules}
+            inference = infer(stage, scene)
+            strengths = {rule.text: rule.high for rule in inference.rules}
             for part in parts:
-                assert part.get("value") == inferred.value(part["name"])
+                assert part.get("value") == inference.value(part["name"])
                 acting = {
                     rule["text"]: rule["high"] for rule in event.details["rules"] if part["name"] in rule["concludes"]
                 }

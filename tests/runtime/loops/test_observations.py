@@ -12,7 +12,7 @@ from codra_dsl.logic import Value
 from codra_dsl.runtime import Reading, Reason
 from codra_dsl.runtime.loops.declarations import InputModel, RateModel
 from codra_dsl.runtime.loops.fuzzy.bounds import Bounds
-from codra_dsl.runtime.loops.observations import Observation, number_of, possible, rate, value_of
+from codra_dsl.runtime.loops.observations import Observation, number_of, possible_values, rate, value_of
 
 DRAIN = RateModel(variable="drain", of="level", over_s=20.0, factor=-60.0)
 KNOWN = Observation(variable="level", value=50.0)
@@ -67,6 +67,6 @@ def test_members_count_from_zero_and_an_unknown_one_is_one_of_them() -> None:
     load = InputModel(variable="load", range=Bounds(0.0, 2.0), members=("empty", "loading", "full"))
     assert [number_of(load, member) for member in load.members] == [0.0, 1.0, 2.0]
     assert [value_of(load, number) for number in (0.0, 1.0, 2.0)] == list(load.members)
-    assert possible(load, math.nan) == (Bounds(0.0, 0.0), Bounds(1.0, 1.0), Bounds(2.0, 2.0))
+    assert possible_values(load, math.nan) == (Bounds(0.0, 0.0), Bounds(1.0, 1.0), Bounds(2.0, 2.0))
     bumped = InputModel(variable="bumped", range=Bounds(0.0, 1.0), members=("false", "true"))
     assert [value_of(bumped, number_of(bumped, value)) for value in (False, True)] == [False, True]

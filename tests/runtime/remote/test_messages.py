@@ -21,7 +21,7 @@ from codra_dsl.runtime.observers.urgency import Urgency
 from codra_dsl.runtime.remote import VERSION, Session, open_session
 from codra_dsl.runtime.remote.json_lines import line_of, message_of
 from codra_dsl.runtime.remote.protocol import ERRORS, REQUESTS, Field
-from codra_dsl.runtime.remote.session import MOST_LOOKING
+from codra_dsl.runtime.remote.session import MOST_LOOKING_DECISIONS
 from codra_dsl.runtime.replay import replay
 from tests.runtime.door import MODEL, Door, Manager, started
 from tests.runtime.journal.journals import read
@@ -33,35 +33,35 @@ class Program:
 
     codra: Manager
     clock: SimClock
-    received: list[dict[str, Any]] = field(default_factory=list)
+    received_messages: list[dict[str, Any]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self.session: Session = open_session(self.codra, self.received.append)
+        self.session: Session = open_session(self.codra, self.received_messages.append)
 
     def send(self, ask: str, **fields: object) -> None:
-        self.session.receive({"codra": VERSION, "id": len(self.received), "ask": ask, **fields})
+        self.session.receive({"codra": VERSION, "id": len(self.received_messages), "ask": ask, **fields})
 
     def ask(self, ask: str, **fields: object) -> dict[str, Any]:
         """Send a request that is answered at once, and return the answer or the error."""
-        before = len(self.received)
+        before = len(self.received_messages)
         self.send(ask, **fields)
-        (message,) = self.received[before:]
+        (message,) = self.received_messages[before:]
         assert message["codra"] == VERSION
         assert message["id"] == before
         return dict(message.get("answer", message.get("error")))
 
     def notices(self, about: str) -> list[dict[str, Any]]:
-        return [message for message in self.received if message.get("notice") == about]
+        return [message for message in self.received_messages if message.get("notice") == about]
 
 
 @contextmanager
-def program_of(door: Door | None = None) -> Iterator[tuple[Program, Manager, SimClock]]:
+def running_program(door: Door | None = None) -> Iterator[tuple[Program, Manager, SimClock]]:
     with started(door or Door(angle_rad=1.0)) as (codra, clock):
         yield Program(codra, clock), codra, clock
 
 
 def test_a_session_receives_the_names_of_variables_and_skills() -> None:
-    with program_of() as (program, _codra, _clock):
+    with running_program() as (program, _codra, _clock):
         hello = program.ask("hello", lease_s=60.0)
     assert hello["variables"] == ["localized", "near", "open"]
     assert hello["skills"] == ["drive", "open_door"]
@@ -69,7 +69,7 @@ def test_a_session_receives_the_names_of_variables_and_skills() -> None:
 
 
 def test_a_variable_that_a_session_declares_is_observed() -> None:
-    with program_of() as (program, codra, clock):
+    with running_program() as (program, codra, clock):
         program.ask("hello", lease_s=60.0)
         assert program.ask("declare", variable="open") == {}
         clock.sleep(5.0)
@@ -81,7 +81,7 @@ def test_a_variable_that_a_session_declares_is_observed() -> None:
 
 
 def test_a_session_and_the_program_itself_declare_independently() -> None:
-    with program_of() as (program, codra, clock):
+    with running_program() as (program, codra, clock):
         program.ask("declare", variable="near")
         codra.declare("near")
         codra.withdraw("near")
@@ -92,7 +92,7 @@ def test_a_session_and_the_program_itself_declare_independently() -> None:
 
 
 def test_expectations_of_one_session_do_not_replace_those_of_another() -> None:
-    with program_of() as (first, codra, clock):
+    with running_program() as (first, codra, clock):
         second = Program(codra, clock)
         first.ask("expect", skills=["drive"])
         second.ask("expect", skills=["open_door"])
@@ -102,7 +102,7 @@ def test_expectations_of_one_session_do_not_replace_those_of_another() -> None:
 
 
 def test_a_skill_of_a_session_declares_and_invalidates_until_it_ends() -> None:
-    with program_of() as (program, codra, clock):
+    with running_program() as (program, codra, clock):
         program.ask("hello", lease_s=60.0)
         number = program.ask("begin", skill="open_door")["number"]
         clock.sleep(5.0)
@@ -116,7 +116,7 @@ def test_a_skill_of_a_session_declares_and_invalidates_until_it_ends() -> None:
 
 
 def test_a_session_that_leaves_withdraws_all_that_it_declared() -> None:
-    with program_of() as (program, codra, clock):
+    with running_program() as (program, codra, clock):
         program.ask("declare", variable="near")
         program.ask("expect", skills=["open_door"])
         program.ask("begin", skill="drive")
@@ -128,7 +128,7 @@ def test_a_session_that_leaves_withdraws_all_that_it_declared() -> None:
 
 
 def test_declarations_of_a_silent_session_are_withdrawn_when_its_lease_is_over() -> None:
-    with program_of() as (program, codra, clock):
+    with running_program() as (program, codra, clock):
         program.ask("hello", lease_s=3.0)
         program.ask("declare", variable="near")
         clock.sleep(2.9)
@@ -141,7 +141,7 @@ def test_declarations_of_a_silent_session_are_withdrawn_when_its_lease_is_over()
 
 
 def test_every_request_renews_the_lease() -> None:
-    with program_of() as (program, codra, clock):
+    with running_program() as (program, codra, clock):
         program.ask("hello", lease_s=3.0)
         program.ask("declare", variable="near")
         for _ in range(10):
@@ -151,7 +151,7 @@ def test_every_request_renews_the_lease() -> None:
 
 
 def test_a_decision_is_answered_from_context() -> None:
-    with program_of() as (program, codra, clock):
+    with running_program() as (program, codra, clock):
         codra.declare("open")
         clock.sleep(4.0)
         answer = program.ask("decide", variable="open", max_age_s=3.0)
@@ -161,7 +161,7 @@ def test_a_decision_is_answered_from_context() -> None:
 
 
 def test_a_decision_without_context_takes_the_value_that_the_main_execution_acquires() -> None:
-    with program_of() as (program, codra, _clock):
+    with running_program() as (program, codra, _clock):
         program.ask("declare", variable="open")
         answer = program.ask("decide", variable="open")
         assert answer["answered"] is False
@@ -174,13 +174,13 @@ def test_a_decision_without_context_takes_the_value_that_the_main_execution_acqu
 
 
 def test_a_decision_that_may_wait_is_answered_as_soon_as_context_knows() -> None:
-    with program_of() as (program, codra, clock):
+    with running_program() as (program, codra, clock):
         program.ask("hello", lease_s=60.0)
         program.ask("declare", variable="open")
         program.send("decide", variable="open", wait_up_to_s=20.0)
-        before = len(program.received)
+        before = len(program.received_messages)
         clock.sleep(10.0)
-        (message,) = program.received[before:]
+        (message,) = program.received_messages[before:]
     assert message["answer"]["answered"] is True
     (decision,) = codra.record.of(Kind.DECISION)
     known_s = next(event.instant_s for event in codra.record.of(Kind.VARIABLE) if event.name == "open")
@@ -188,12 +188,12 @@ def test_a_decision_that_may_wait_is_answered_as_soon_as_context_knows() -> None
 
 
 def test_a_decision_that_has_waited_without_success_lets_the_main_execution_look() -> None:
-    with program_of(Door(distance_m=5.0)) as (program, codra, clock):
+    with running_program(Door(distance_m=5.0)) as (program, codra, clock):
         program.ask("hello", lease_s=60.0)
         program.ask("declare", variable="open")
         program.send("decide", variable="open", wait_up_to_s=7.0)
         clock.sleep(10.0)
-        message = program.received[-1]["answer"]
+        message = program.received_messages[-1]["answer"]
         assert message["answered"] is False
         program.ask("found", decision=message["decision"])
     (decision,) = codra.record.of(Kind.DECISION)
@@ -201,16 +201,16 @@ def test_a_decision_that_has_waited_without_success_lets_the_main_execution_look
 
 
 def test_a_session_that_is_over_answers_no_decision_that_waits() -> None:
-    with program_of(Door(distance_m=5.0)) as (program, _codra, clock):
+    with running_program(Door(distance_m=5.0)) as (program, _codra, clock):
         program.ask("hello", lease_s=3.0)
         program.send("decide", variable="open", wait_up_to_s=7.0)
         clock.sleep(10.0)
-        assert [list(message)[1] for message in program.received] == ["id", "notice"]
+        assert [list(message)[1] for message in program.received_messages] == ["id", "notice"]
 
 
 def test_a_subscriber_receives_each_new_reading() -> None:
     door = Door(distance_m=1.0)
-    with program_of(door) as (program, _codra, clock):
+    with running_program(door) as (program, _codra, clock):
         program.ask("hello", lease_s=60.0)
         answer = program.ask("subscribe", variables=["near", "near"])
         program.ask("declare", variable="near")
@@ -279,22 +279,22 @@ WRONG: dict[str, tuple[dict[str, object], str, str]] = {
 @pytest.mark.parametrize("wrong", WRONG)
 def test_a_wrong_request_is_answered_with_an_error(wrong: str) -> None:
     fields, kind, message = WRONG[wrong]
-    with program_of() as (program, codra, _clock):
+    with running_program() as (program, codra, _clock):
         assert program.ask(**fields) == {"kind": kind, "message": message}  # type: ignore[arg-type]
         assert codra.declared() == frozenset()
 
 
 @pytest.mark.parametrize("message", [None, [], "get", {"ask": "get"}, {"codra": 2, "ask": "keep"}, {"codra": True}])
 def test_a_message_of_another_version_is_answered_with_an_error(message: object) -> None:
-    with program_of() as (program, _codra, _clock):
+    with running_program() as (program, _codra, _clock):
         program.session.receive(message)
-    (answer,) = program.received
+    (answer,) = program.received_messages
     assert answer["error"]["kind"] == "malformed"
     assert answer["id"] is None
 
 
 def test_a_closed_manager_takes_no_declarations() -> None:
-    with program_of() as (program, codra, _clock):
+    with running_program() as (program, codra, _clock):
         codra.close()
         assert program.ask("declare", variable="near")["kind"] == "closed"
         assert program.ask("begin", skill="drive")["kind"] == "closed"
@@ -302,34 +302,34 @@ def test_a_closed_manager_takes_no_declarations() -> None:
 
 @pytest.mark.parametrize("ask", [{"ask": "hello", "lease_s": 10**400}, {"ask": "act", "number": -(10**400)}])
 def test_a_number_that_is_too_large_is_refused(ask: dict[str, Any]) -> None:
-    with program_of() as (program, _codra, _clock):
+    with running_program() as (program, _codra, _clock):
         assert program.ask(**ask)["kind"] == "malformed"
 
 
 def test_a_decision_that_waits_is_answered_when_the_manager_closes() -> None:
-    with program_of(Door(distance_m=5.0)) as (program, codra, clock):
+    with running_program(Door(distance_m=5.0)) as (program, codra, clock):
         program.ask("hello", lease_s=600.0)
         program.send("decide", variable="open", wait_up_to_s=300.0)
         codra.close()
         clock.sleep(0.0)
-        assert program.received[-1]["answer"]["answered"] is False
+        assert program.received_messages[-1]["answer"]["answered"] is False
 
 
 def test_a_session_that_ends_abandons_its_decisions_and_their_urgency() -> None:
-    with program_of(Door(distance_m=5.0)) as (program, codra, clock):
+    with running_program(Door(distance_m=5.0)) as (program, codra, clock):
         program.send("decide", variable="open")
         program.send("decide", variable="open", wait_up_to_s=7.0)
         assert codra.commands.urgency("door_lid") is Urgency.WAITED_FOR
         clock.sleep(6.0)
         assert program.notices("lease_over")
         assert codra.commands.urgency("door_lid") is Urgency.DECLARED
-        raised = [event.details["raised"] for event in codra.record.of(Kind.DECISION)]
-        assert raised == ["LeaseError", "LeaseError"]
+        raised_errors = [event.details["raised"] for event in codra.record.of(Kind.DECISION)]
+        assert raised_errors == ["LeaseError", "LeaseError"]
 
 
 def test_the_oldest_of_too_many_unreported_decisions_is_abandoned() -> None:
-    with program_of() as (program, _codra, _clock):
-        numbers = [program.ask("decide", variable="open")["decision"] for _ in range(MOST_LOOKING + 1)]
+    with running_program() as (program, _codra, _clock):
+        numbers = [program.ask("decide", variable="open")["decision"] for _ in range(MOST_LOOKING_DECISIONS + 1)]
         assert program.ask("found", decision=numbers[0])["kind"] == "malformed"
         assert program.ask("found", decision=numbers[1]) == {}
 
@@ -380,7 +380,7 @@ def requests(draw: some.DrawFn) -> dict[str, object]:
 def test_each_request_has_one_answer_and_leaving_withdraws_all_declarations(
     messages: list[tuple[Any, float]],
 ) -> None:
-    with program_of() as (program, codra, clock):
+    with running_program() as (program, codra, clock):
         for message, pause_s in messages:
             program.session.receive(message)
             clock.sleep(pause_s)
@@ -388,8 +388,8 @@ def test_each_request_has_one_answer_and_leaving_withdraws_all_declarations(
         program.session.close()
         assert codra.declared() == frozenset()
         assert codra.running() == frozenset()
-    answered = [message for message in program.received if "notice" not in message]
-    assert json.loads(json.dumps(program.received, allow_nan=False)) == program.received
+    answered = [message for message in program.received_messages if "notice" not in message]
+    assert json.loads(json.dumps(program.received_messages, allow_nan=False)) == program.received_messages
     assert len(answered) <= len(messages)
     assert all(("answer" in message) != ("error" in message) for message in answered)
 
@@ -403,10 +403,10 @@ def test_the_page_documents_every_request_with_its_fields_and_every_kind_of_erro
     rows = [
         [cell.strip() for cell in line.strip("|").split("|")] for line in page.splitlines() if line.startswith("| `")
     ]
-    documented = {row[0].strip("`"): re.findall(r"`(\w+)`", row[1]) for row in rows}
+    documented_fields = {row[0].strip("`"): re.findall(r"`(\w+)`", row[1]) for row in rows}
     for ask, shape in REQUESTS.items():
-        assert documented[ask] == [*shape.required, *shape.optional]
-    assert set(ERRORS) <= documented.keys()
+        assert documented_fields[ask] == [*shape.required, *shape.optional]
+    assert set(ERRORS) <= documented_fields.keys()
 
 
 def test_a_journal_with_two_sessions_whose_leases_end_is_replayed_byte_for_byte(tmp_path: Path) -> None:

@@ -192,12 +192,12 @@ def raw(server: Server) -> socket.socket:
 
 
 def test_invalid_lines_are_answered_with_errors_and_the_session_continues(server: Server) -> None:
-    with raw(server) as peer, peer.makefile("rb") as answers:
+    with raw(server) as peer, peer.makefile("rb") as answer_stream:
         peer.sendall(b'{"codra": 1, "ask": \n\xff\xfe\n' + b"[" * 100_000 + b'\n{"codra": NaN}\n')
         for _ in range(4):
-            assert json.loads(answers.readline())["error"]["kind"] == "malformed"
+            assert json.loads(answer_stream.readline())["error"]["kind"] == "malformed"
         peer.sendall(b'{"codra": 1, "id": "a", "ask": "keep"}\r\n')
-        assert json.loads(answers.readline())["id"] == "a"
+        assert json.loads(answer_stream.readline())["id"] == "a"
 
 
 def test_a_request_of_a_web_page_ends_the_session(server: Server, codra: Manager) -> None:

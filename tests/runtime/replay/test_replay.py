@@ -208,7 +208,7 @@ def test_calls_of_perception_functions_on_the_context_manager_are_repeated(
 ) -> None:
     model, chance, time_ = unruly_forest(seed), random.Random(seed), clock()
     running: list[Manager] = []
-    names = [name for observer_ in model.observers for name in observer_.identifies]
+    names = [name for observer_model in model.observers for name in observer_model.identifies]
     find = meddling(lambda: running[0])
     world = World({f"look_{name}_{rank}": find for name in names for rank in range(2)})
     with journalled(model, world, tmp_path / "run.mcap", time_, seed) as manager:
@@ -240,7 +240,10 @@ def test_changes_are_reported_from_near_to_far_and_equal_parts_are_not(tmp_path:
     run_door(tmp_path / "run.mcap")
     far = Look(MEASURE_DISTANCE, {"near": value("distance") < 1.2}, when=[value("localized")])
     look = Look(LOOK, {"open": value("angle") > 0.6}, when=[value("near")], accept=[value("markers") >= 5])
-    observers = tuple(replace(old, build=tree(new_look)) for old, new_look in zip(OBSERVERS, (far, look), strict=True))
+    observers = tuple(
+        replace(old_observer, build=tree(new_look))
+        for old_observer, new_look in zip(OBSERVERS, (far, look), strict=True)
+    )
 
     difference = replayed(tmp_path / "run.mcap", replace(MODEL, observers=observers)).difference
     assert difference is not None
@@ -248,7 +251,7 @@ def test_changes_are_reported_from_near_to_far_and_equal_parts_are_not(tmp_path:
         ("look", "accept_when"),
         ("measure_distance", "identifies near"),
     ]
-    same = replace(MODEL, observers=tuple(replace(observer_) for observer_ in OBSERVERS))
+    same = replace(MODEL, observers=tuple(replace(observer_model) for observer_model in OBSERVERS))
     assert replayed(tmp_path / "run.mcap", same).difference is None
 
 
@@ -276,7 +279,10 @@ def unruly(job: Any) -> object:
 
 
 def unruly_forest(seed: int) -> ContextModel:
-    """Return a model with alternatives, shared slots, feedback, short times, and conditions with ages and unknowns."""
+    """Return a model with alternatives, shared slots, feedback, short timeouts and validity.
+
+    Conditions have ages and unknowns.
+    """
     chance = random.Random(seed)
     names = [f"v{number}" for number in range(14)]
     left, observers = names[:11], []
@@ -350,7 +356,7 @@ def hammer(manager: Manager, clock: WallClock, seed: int, end_s: float) -> None:
 @pytest.mark.parametrize("seed", range(4))
 def test_a_run_in_real_time_under_several_threads_is_derived_again_byte_for_byte(tmp_path: Path, seed: int) -> None:
     model = unruly_forest(seed)
-    names = [name for observer_ in model.observers for name in observer_.identifies]
+    names = [name for observer_model in model.observers for name in observer_model.identifies]
     world = World({f"look_{name}_{rank}": unruly for name in names for rank in range(2)})
     errors: list[BaseException] = []
     with WallClock() as clock, journalled(model, world, tmp_path / "run.mcap", clock, seed) as manager:

@@ -388,7 +388,7 @@ def unlike(seed: int) -> ContextModel:
 
 
 def some_value(name: str, model: ContextModel, chance: random.Random) -> object:
-    kind = next(variable_.type for variable_ in model.variables if variable_.name == name)
+    kind = next(variable_model.type for variable_model in model.variables if variable_model.name == name)
     options: dict[str, list[object]] = {
         "bool": [True, False],
         "int": [0, 2, 3, 7],
@@ -402,8 +402,8 @@ def run_until(model: ContextModel, seed: int, end_s: float) -> ContextManager[st
     """Run a model with random writes, declarations and actions; the run is the same for the same seed."""
     chance, clock = random.Random(seed), SimClock()
     world = World({look.algorithm: None for look in ()})
-    for observer_ in model.observers:
-        for name in observer_.identifies:
+    for observer_model in model.observers:
+        for name in observer_model.identifies:
             world.finds |= {f"look_{name}_{rank}": _finder(name, model, chance.random()) for rank in range(2)}
     manager = ContextManager[str, str](model, clock=clock, resources={"world": world}, seed=seed)
     names = manager.modelled()

@@ -27,7 +27,7 @@ COMPARATORS: Mapping[str, Callable[[float, float], bool]] = MappingProxyType(
 
 
 class Gate:
-    """Admits the first rules that are strong enough, up to a limit: FuzzyLite's First and Last."""
+    """Admits rules that are strong enough, in the order of the calls and up to a limit: FuzzyLite's First and Last."""
 
     __slots__ = ("_left", "_threshold")
 

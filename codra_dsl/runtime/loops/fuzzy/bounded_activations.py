@@ -14,40 +14,40 @@ _ROUNDING = 1e-12
 """The margin that is added to the bounds of a share."""
 
 
-def _perhaps(degree: Bounds) -> Bounds:
+def _or_inactive(degree: Bounds) -> Bounds:
     return Bounds(min(0.0, degree.low), max(0.0, degree.high), degree.may_be_unknown)
 
 
 class Gate:
-    """Admits the first rules that are strong enough, up to a limit."""
+    """Admits rules that are strong enough, in the order of the calls and up to a limit."""
 
-    __slots__ = ("_perhaps_before", "_rules", "_surely_before", "_threshold")
+    __slots__ = ("_certain_before", "_limit", "_possible_before", "_threshold")
 
     def __init__(self, rules: int, threshold: float) -> None:
-        self._rules = rules
+        self._limit = rules
         self._threshold = threshold
-        self._surely_before = 0
-        self._perhaps_before = 0
+        self._certain_before = 0
+        self._possible_before = 0
 
     def admit(self, degree: Bounds) -> Bounds | None:
         """Return the degree with which the next rule acts; None if it cannot act."""
-        surely = degree.low > 0.0 and degree.low >= self._threshold and not degree.may_be_unknown
-        perhaps = degree.high > 0.0 and degree.high >= self._threshold
-        can = perhaps and self._surely_before < self._rules
-        must = surely and self._perhaps_before < self._rules
-        self._surely_before += surely
-        self._perhaps_before += perhaps
-        if not can:
+        is_certain = degree.low > 0.0 and degree.low >= self._threshold and not degree.may_be_unknown
+        is_possible = degree.high > 0.0 and degree.high >= self._threshold
+        may_act = is_possible and self._certain_before < self._limit
+        must_act = is_certain and self._possible_before < self._limit
+        self._certain_before += is_certain
+        self._possible_before += is_possible
+        if not may_act:
             return None
-        return degree if must else _perhaps(degree)
+        return degree if must_act else _or_inactive(degree)
 
 
 def threshold(degree: Bounds, comparator: str, limit: float) -> Bounds | None:
     """Return the degree if the comparison can hold."""
-    can, must = _compares(degree, comparator, limit)
-    if not can:
+    may_hold, must_hold = _compares(degree, comparator, limit)
+    if not may_hold:
         return None
-    return degree if must and not degree.may_be_unknown else _perhaps(degree)
+    return degree if must_hold and not degree.may_be_unknown else _or_inactive(degree)
 
 
 def _compares(degree: Bounds, comparator: str, limit: float) -> tuple[bool, bool]:
@@ -77,18 +77,18 @@ def lowest(degrees: Sequence[Bounds], rules: int) -> tuple[Bounds | None, ...]:
 def _foremost(degrees: Sequence[Bounds], rules: int, keys: Sequence[Bounds]) -> tuple[Bounds | None, ...]:
     acting: list[Bounds | None] = []
     for index, (degree, key) in enumerate(zip(degrees, keys, strict=True)):
-        surely = perhaps = 0
-        for other, (its_degree, its_key) in enumerate(zip(degrees, keys, strict=True)):
-            if other == index or its_degree.high <= 0.0:
+        certain_rivals = possible_rivals = 0
+        for other, (other_degree, other_key) in enumerate(zip(degrees, keys, strict=True)):
+            if other == index or other_degree.high <= 0.0:
                 continue
-            is_sure = its_degree.low > 0.0 and not its_degree.may_be_unknown
-            surely += is_sure and (its_key.high, other) < (key.low, index)
-            perhaps += (its_key.low, other) < (key.high, index)
-        if degree.high <= 0.0 or surely >= rules:
+            is_certain = other_degree.low > 0.0 and not other_degree.may_be_unknown
+            certain_rivals += is_certain and (other_key.high, other) < (key.low, index)
+            possible_rivals += (other_key.low, other) < (key.high, index)
+        if degree.high <= 0.0 or certain_rivals >= rules:
             acting.append(None)
         else:
-            must = degree.low > 0.0 and perhaps < rules and not degree.may_be_unknown
-            acting.append(degree if must else _perhaps(degree))
+            must_act = degree.low > 0.0 and possible_rivals < rules and not degree.may_be_unknown
+            acting.append(degree if must_act else _or_inactive(degree))
     return tuple(acting)
 
 
@@ -98,22 +98,22 @@ def proportional(degrees: Sequence[Bounds]) -> tuple[Bounds | None, ...]:
         return tuple(Bounds(0.0, 1.0) for _ in degrees)
     lows, highs = ([max(0.0, degree[end]) for degree in degrees] for end in (0, 1))
     acting: list[Bounds | None] = []
-    for at, (low, high) in enumerate(zip(lows, highs, strict=True)):
+    for index, (low, high) in enumerate(zip(lows, highs, strict=True)):
         if high == 0.0:
             acting.append(None)
             continue
-        least = low / (low + sum(highs[:at]) + sum(highs[at + 1 :])) if low > 0.0 else 0.0
-        most = high / (high + sum(lows[:at]) + sum(lows[at + 1 :]))
+        least = low / (low + sum(highs[:index]) + sum(highs[index + 1 :])) if low > 0.0 else 0.0
+        most = high / (high + sum(lows[:index]) + sum(lows[index + 1 :]))
         acting.append(Bounds(max(0.0, least - _ROUNDING), min(1.0, most + _ROUNDING)))
     return tuple(acting)
 
 
-def hedged(degree: Bounds | None, of: Callable[[float], float]) -> Bounds | None:
+def hedged(degree: Bounds | None, function: Callable[[float], float]) -> Bounds | None:
     """Return the degree of a conclusion with a hedge.
 
     A rule that possibly does not act counts as 0, not as the hedge of 0.
     """
     if degree is None:
         return None
-    bounds = hedge(of, degree)
-    return bounds if degree.low > 0.0 else _perhaps(bounds)
+    bounds = hedge(function, degree)
+    return bounds if degree.low > 0.0 else _or_inactive(bounds)

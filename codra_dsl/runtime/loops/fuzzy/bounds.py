@@ -69,10 +69,10 @@ ANYTHING = Bounds(-math.inf, math.inf, may_be_unknown=True)
 UNKNOWN = Bounds(math.nan, math.nan, may_be_unknown=True)
 
 _EXACT = frozenset({norms.minimum, norms.maximum, norms.bounded_sum, norms.unbounded_sum, norms.bounded_difference})
-"""The norms that are monotone in both operands everywhere, also after rounding."""
+"""The norms that never fall while an operand rises, also after rounding."""
 
 _ROUNDING = 1e-15
-"""The margin for other norms: after a jump, rounding may have moved a value across it."""
+"""The margin for other norms: rounding may have moved a value across a place where the norm jumps."""
 
 
 def point(value: float) -> Bounds:
@@ -116,12 +116,12 @@ def image(term: Callable[..., float], x: Bounds, *parameters: object) -> Bounds:
         return hull([term(x.low, *parameters)])
     if term in COMPOSITES:
         return _composite(term, x, *parameters)
-    beside = (
+    places_near_breakpoints = (
         place
-        for breakpoint_ in BREAKPOINTS[term](*parameters)
-        for place in (math.nextafter(breakpoint_, -math.inf), breakpoint_, math.nextafter(breakpoint_, math.inf))
+        for turning_point in BREAKPOINTS[term](*parameters)
+        for place in (math.nextafter(turning_point, -math.inf), turning_point, math.nextafter(turning_point, math.inf))
     )
-    places = [x.low, x.high, *(place for place in beside if x.low < place < x.high)]
+    places = [x.low, x.high, *(place for place in places_near_breakpoints if x.low < place < x.high)]
     return hull(term(place, *parameters) for place in places)
 
 
@@ -165,24 +165,24 @@ def absolute(bounds: Bounds) -> Bounds:
     return Bounds(0.0 if bounds.low <= 0.0 <= bounds.high else min(ends), max(ends), bounds.may_be_unknown)
 
 
-def norm(of: Callable[[float, float], float], a: Bounds, b: Bounds) -> Bounds:
+def norm(function: Callable[[float, float], float], a: Bounds, b: Bounds) -> Bounds:
     """Return the bounds of a norm of two degrees."""
     if a.low == a.high and b.low == b.high:
-        return point(of(a.low, b.low))
-    if of in _EXACT and is_finite(a) and is_finite(b):
-        return Bounds(of(a.low, b.low), of(a.high, b.high))
+        return point(function(a.low, b.low))
+    if function in _EXACT and is_finite(a) and is_finite(b):
+        return Bounds(function(a.low, b.low), function(a.high, b.high))
     if is_degree(a) and is_degree(b):
-        return Bounds(max(0.0, of(a.low, b.low) - _ROUNDING), min(1.0, of(a.high, b.high) + _ROUNDING))
+        return Bounds(max(0.0, function(a.low, b.low) - _ROUNDING), min(1.0, function(a.high, b.high) + _ROUNDING))
     return ANYTHING
 
 
-def hedge(of: Callable[[float], float], x: Bounds) -> Bounds:
+def hedge(function: Callable[[float], float], x: Bounds) -> Bounds:
     """Return the bounds of a hedge of a degree."""
-    if of is hedges.any_:
+    if function is hedges.any_:
         return point(1.0)
-    if of is hedges.not_ and is_finite(x):
+    if function is hedges.not_ and is_finite(x):
         return Bounds(1.0 - x.high, 1.0 - x.low)
-    return Bounds(of(x.low), of(x.high)) if is_degree(x) else ANYTHING
+    return Bounds(function(x.low), function(x.high)) if is_degree(x) else ANYTHING
 
 
 def clipped(bounds: Bounds, minimum: float, maximum: float) -> Bounds:
@@ -198,8 +198,8 @@ def known(bounds: Bounds, *substitutes: Bounds) -> Bounds:
     for substitute in substitutes:
         if not bounds.may_be_unknown:
             break
-        certain = Bounds(bounds.low, bounds.high)
-        bounds = joined(certain, substitute)
+        known_part = Bounds(bounds.low, bounds.high)
+        bounds = joined(known_part, substitute)
     return bounds
 
 
@@ -217,24 +217,24 @@ def refined(infer: InferBounds, inputs: Sequence[Bounds], *, pieces: int) -> Bou
     The union contains everything that the inputs allow, as the result of one call does. Infinite inputs are not cut.
     There are at most MOST_BOXES boxes; the number of pieces is reduced if necessary.
     """
-    open_ones = sum(1 for bounds in inputs if bounds.low < bounds.high and is_finite(bounds))
-    while pieces > 1 and pieces**open_ones > MOST_BOXES:
+    open_count = sum(1 for bounds in inputs if bounds.low < bounds.high and is_finite(bounds))
+    while pieces > 1 and pieces**open_count > MOST_BOXES:
         pieces -= 1
     union: BoundedInference | None = None
-    for box in itertools.product(*(_cut(bounds, pieces) for bounds in inputs)):
+    for box in itertools.product(*(_pieces_of(bounds, pieces) for bounds in inputs)):
         part = infer(*box)
-        union = part if union is None else _both(union, part)
+        union = part if union is None else _joined_inferences(union, part)
     return infer(*inputs) if union is None else union
 
 
-def _cut(bounds: Bounds, pieces: int) -> list[Bounds]:
+def _pieces_of(bounds: Bounds, pieces: int) -> list[Bounds]:
     if not (bounds.low < bounds.high and is_finite(bounds)):
         return [bounds]
     ends = [bounds.low + (bounds.high - bounds.low) * index / pieces for index in range(pieces)] + [bounds.high]
     return [Bounds(low, max(low, high)) for low, high in itertools.pairwise(ends)]
 
 
-def _both(one: BoundedInference, other: BoundedInference) -> BoundedInference:
+def _joined_inferences(one: BoundedInference, other: BoundedInference) -> BoundedInference:
     return BoundedInference(
         values=tuple(map(joined, one.values, other.values)),
         strengths=tuple(map(joined, one.strengths, other.strengths)),

@@ -82,7 +82,7 @@ class Integral:
     def is_plain(self) -> bool:
         """Whether all samples are degrees from 0 to 1.
 
-        Only then a conclusion with degree 0 changes nothing, and can be left out.
+        Then a conclusion with degree 0 changes nothing, and can be left out.
         """
         return all(bool(np.all((samples >= 0.0) & (samples <= 1.0))) for samples in self.terms)
 
@@ -118,11 +118,11 @@ class Integral:
         for conclusion, degree in zip(self.conclusions, degrees, strict=True):
             if degree is None:
                 continue
-            counted = settled(degree)
-            if counted == 0.0 and self.is_plain:
+            counted_degree = settled(degree)
+            if counted_degree == 0.0 and self.is_plain:
                 continue
-            implied = OF_SAMPLES[conclusion.implication](counted, self.terms[conclusion.term])
-            samples = aggregate(np.zeros(self.resolution) if samples is None else samples, implied)
+            implied_samples = OF_SAMPLES[conclusion.implication](counted_degree, self.terms[conclusion.term])
+            samples = aggregate(np.zeros(self.resolution) if samples is None else samples, implied_samples)
         return samples
 
 
@@ -162,8 +162,8 @@ def grouped(aggregation: Norm, conclusions: Sequence[int], degrees: Degrees) -> 
     groups: dict[int, float] = {}
     for term, degree in zip(conclusions, degrees, strict=True):
         if degree is not None:
-            counted = settled(degree)
-            groups[term] = settled(aggregation(groups[term], counted)) if term in groups else counted
+            counted_degree = settled(degree)
+            groups[term] = settled(aggregation(groups[term], counted_degree)) if term in groups else counted_degree
     return groups
 
 
