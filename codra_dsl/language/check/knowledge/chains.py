@@ -1,7 +1,7 @@
 """Phase 4 for rules: each can begin, because something can make its `before` patterns true (P2, section 3.1).
 
-Declared nodes and edges exist from the start, and an agent without rules may write anything that it owns at any time.
-If the rules of an agent mention something, the agent changes it only by these rules. A rule can begin once all its
+What exists from the start needs no rule, and an agent without rules may write anything that it owns at any time. If
+the rules of an agent mention something, the agent changes it only by these rules. A rule can begin once all its
 `before` patterns can be true. The rules that can begin are the least fixed point of this.
 """
 
@@ -51,17 +51,17 @@ class _Rule:
 
     @property
     def label(self) -> str:
-        """Return its name in messages."""
+        """Return the name of the rule in messages."""
         return f"rule '{self.rule.name}' of agent '{self.agent.name}'"
 
     @cached_property
     def before(self) -> tuple[Pattern, ...]:
-        """The patterns that it needs."""
+        """The patterns that the rule needs."""
         return tuple(pattern for pattern in patterns_in(self.agent, self.rule) if pattern.role is Role.BEFORE)
 
     @cached_property
     def effects(self) -> tuple[Pattern, ...]:
-        """The patterns that it makes true: those of `during` and `after`, without negated paths."""
+        """The patterns that the rule makes true: those of `during` and `after`, without negated paths."""
         later = (pattern for pattern in patterns_in(self.agent, self.rule) if pattern.role is not Role.BEFORE)
         return tuple(pattern for pattern in later if not (isinstance(pattern.tree, Path) and pattern.tree.negated))
 
@@ -249,7 +249,7 @@ def _asleep(world: DeclaredGraph, agent: Agent, chains: _Chains) -> Iterator[Dia
 def _unmet(world: DeclaredGraph, pattern: Pattern, chains: _Chains, what: str) -> Diagnostic:
     if isinstance(pattern.tree, Path) and pattern.tree.negated:
         message = f"{what}: '{pattern.condition.text}' is false from the start, and no agent removes these edges"
-        help = "name an agent that removes them under 'source', or change the pattern"
+        help = "under 'source', name an agent that removes them, or change the pattern"
     else:
         who = " and ".join(f"'{name}'" for name in chains.writers(pattern)) or "an agent"
         message = f"{what}: nothing makes '{pattern.condition.text}' true"
@@ -279,7 +279,7 @@ def _circles(chains: _Chains, stuck: _Startable) -> Iterator[Diagnostic]:
             f"rules wait for each other, so they never begin: {shown}",
             pattern.condition.place,
             path=pattern.path,
-            help="let one of them begin without the others, or let another agent make its 'before' patterns true",
+            help="let one of them begin without the others, or let something else make its 'before' patterns true",
             related=tuple(_related(chains, rule, startable) for rule in circle[1:]),
         )
 
@@ -299,4 +299,4 @@ def _related(chains: _Chains, rule: _Rule, startable: _Startable) -> Related:
 
 
 CHAINS = (unreachable_rules,)
-"""The rules of this subject."""
+"""The checks of this module."""

@@ -37,7 +37,10 @@ def wrong_ends(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
 
 
 def _no_task(world: DeclaredGraph, step: Step) -> Iterator[Diagnostic]:
-    """Yield the finding about a task state on an edge that is not the edge of a task; `some task` matches any task."""
+    """Yield the finding about a task state on an edge that is not the edge of a task.
+
+    `some task` and `anything` match any task, so such a target is no mistake.
+    """
     task = world.tasks.get(step.target.name)
     if not step.target.name and step.target.type in ("", "task"):
         return
@@ -154,4 +157,4 @@ def _number(value: StartingValue, declared: ValueType) -> float | None:
 
 
 KNOWLEDGE_TYPES = (wrong_ends, wrong_starting_values)
-"""The rules of this subject."""
+"""The checks of this module."""

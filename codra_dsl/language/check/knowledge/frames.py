@@ -75,7 +75,7 @@ def frame_cycles(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
 
 
 def _parents(world: DeclaredGraph) -> Iterator[tuple[str, tuple[str, EdgeType]]]:
-    """Yield each single node with a certain parent, with the parent and the edge between them."""
+    """Yield each single node whose parent is certain, with this parent and the edge between them."""
     for edge in world.edges.values():
         origins: list[End] = [world.end(origin.name) for origin in edge.origins]
         if is_rigid(edge) and len(origins) == 1 and origins[0].is_node:
@@ -85,4 +85,4 @@ def _parents(world: DeclaredGraph) -> Iterator[tuple[str, tuple[str, EdgeType]]]
 
 
 FRAMES = (two_parents, frame_cycles)
-"""The rules of this subject."""
+"""The checks of this module."""

@@ -32,8 +32,8 @@ def waiting_loops(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
 def _waits(world: DeclaredGraph, task: Task, other: Task) -> bool:
     """Return whether the executor of a task may request another one meanwhile.
 
-    Without rules, this is true of every task that it may request. With rules, it is true of the tasks that the rules
-    which take the task up request.
+    This is true of every task that it may request, unless it has rules that request the other task and rules that take
+    the task up. In that case, it is true only if the same rule does both.
     """
     if task.by.name not in (requester.name for requester in other.requesters):
         return False
@@ -81,4 +81,4 @@ def _loop(world: DeclaredGraph, cycle: tuple[str, ...]) -> Diagnostic:
 
 
 HANDOVERS = (waiting_loops,)
-"""The rules of this subject."""
+"""The checks of this module."""

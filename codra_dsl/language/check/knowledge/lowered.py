@@ -1,4 +1,4 @@
-"""The construction of `CheckedKnowledge`: lowered patterns, ownership, and initial values."""
+"""The construction of `CheckedKnowledge`: lowered patterns, owned and read elements, and initial values."""
 
 from __future__ import annotations
 

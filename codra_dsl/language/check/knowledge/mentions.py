@@ -29,7 +29,7 @@ class Pattern:
 
     @property
     def path(self) -> str:
-        """Return the path of its key."""
+        """Return the path of the key that contains it."""
         within = f".rules.{self.rule.name}" if self.rule is not None else ""
         return f"agents.{self.agent.name}{within}.{self.role}"
 
@@ -130,7 +130,7 @@ def node_mentions(scope: SpecIndex) -> Iterator[Mention]:
 
 
 def _nodes_with_poses(pose_condition: PoseCondition) -> Iterator[Mention]:
-    """Yield the nodes whose poses a comparison reads."""
+    """Yield the mentions of nodes whose poses a comparison reads."""
     section, element, _ = pose_condition.owner
     for name in names_in(pose_condition.tree):
         for node in reads_of(name.name)[1:]:
@@ -147,7 +147,7 @@ def end_mentions(scope: SpecIndex) -> Iterator[Mention]:
 
 
 def edge_mentions(scope: SpecIndex) -> Iterator[Mention]:
-    """Yield every edge that a pattern names."""
+    """Yield every name of an edge in a pattern."""
     for pattern in patterns(scope):
         for step in steps(pattern):
             start = step.link.start + pattern.condition.text[step.link.start : step.link.end].index(step.link.edge)

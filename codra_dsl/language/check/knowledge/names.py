@@ -44,7 +44,7 @@ _OTHER_STATES: Mapping[str, str] = {
 
 
 def unknown_types(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
-    """Every type in a pattern is declared or has a node; the type of a node is not a misspelling of another one."""
+    """Every type in a pattern is declared or has a node; the type of a node does not misspell a declared one."""
     if not scope.spec.knows:
         return
     declared = list(scope.world.types)  # without the type of tasks, which no node can have
@@ -153,7 +153,11 @@ def unknown_elements(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
 
 
 def reserved_names(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
-    """No edge is named like a task state, no type is `task`, no task is named like a node, no source is `observer`."""
+    """No edge is named like a task state, no type is `task`, no task is named like a node.
+
+    Observers are the source of context-variables only. The label of an edge is an identifier. A context-variable does
+    not have the name of another attribute of its node.
+    """
     for edge in scope.spec.edges:
         taken = edge.label if edge.label in STATES else edge.name if edge.name in STATES | {RT} else ""
         if taken:
@@ -222,7 +226,7 @@ KNOWLEDGE_NAMES = (
     unknown_elements,
     reserved_names,
 )
-"""The rules of this subject."""
+"""The checks of this module."""
 
 
 def _taken(path: str, message: str, place: Place, help: str, related: tuple[Related, ...] = ()) -> Diagnostic:

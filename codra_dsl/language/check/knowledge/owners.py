@@ -1,4 +1,4 @@
-"""Phase 2 for knowledge: every element has a writer, several writers have priorities, and rules write own elements."""
+"""Phase 2 for knowledge: every element has a writer, several writers have priorities, and agents own what they write."""
 
 from __future__ import annotations
 
@@ -33,7 +33,9 @@ def two_owners(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
         unranked = [writer for writer in writers if writer.priority is None]
         if element.section == "context" or len(writers) < 2 or not unranked or unranked[-1].place in reported:
             continue
-        reported.add(unranked[-1].place)  # attributes without an own source have the sources of their type or edge
+        reported.add(
+            unranked[-1].place
+        )  # attributes without a source of their own have the sources of their type or edge
         yield _unranked(scope.world, element, writers, unranked[-1])
 
 
@@ -116,7 +118,7 @@ def _is_written(world: DeclaredGraph, element: KnowledgeElement) -> bool:
 
 
 def foreign_writes(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
-    """An agent owns what its rules write."""
+    """An agent owns what its rules write; if a rule can write one of several elements, its agent owns at least one."""
     if not is_complete(scope, faults):
         return
     for pattern in patterns(scope):
@@ -128,7 +130,10 @@ def foreign_writes(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
 
 
 def _written(world: DeclaredGraph, pattern: Pattern) -> list[tuple[KnowledgeElement, Place]]:
-    """Return the elements that a pattern under `after` can write, each with its place; empty if this is undecided."""
+    """Return the elements of which a rule can write one to make a pattern under `after` true, each with its place.
+
+    The list is empty if this is undecided.
+    """
     written: list[tuple[KnowledgeElement, Place]] = []
     for step in steps(pattern):
         if world.task_of(step.origin, step.link.edge, step.target) is not None:
@@ -203,7 +208,7 @@ def claimed_tasks(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
 def _task_steps(
     world: DeclaredGraph, agent: Agent, rule: str, role: Role, state: TaskState
 ) -> Iterator[tuple[Task, Step]]:
-    """Yield the tasks whose state is in the patterns of a rule."""
+    """Yield the tasks with this state in the patterns of a rule with this role, each with its step."""
     for pattern in patterns_of(agent):
         if pattern.rule is None or pattern.rule.name != rule or pattern.role is not role:
             continue
@@ -288,4 +293,4 @@ def reads(world: DeclaredGraph, agent: Agent) -> tuple[KnowledgeElement, ...]:
 
 
 OWNERS = (two_owners, unwritten, foreign_writes, claimed_tasks, unattended_tasks)
-"""The rules of this subject."""
+"""The checks of this module."""

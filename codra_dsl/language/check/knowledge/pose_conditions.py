@@ -40,7 +40,7 @@ def wrong_poses(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
 
 
 POSE_CONDITIONS = (wrong_comparisons, wrong_poses)
-"""The rules of this subject."""
+"""The checks of this module."""
 
 
 def python_of_poses(scope: SpecIndex) -> dict[str, str]:

@@ -15,7 +15,7 @@ from codra_dsl.language.expression import names_in, reads_of
 
 
 def unnoticed_poses(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
-    """An edge with a writer whose poses are used by conditions states how long a pose is valid."""
+    """If conditions use the poses of an edge, and the edge has a writer, it states how long a pose is valid."""
     if not is_complete(scope, faults):
         return
     trusted: dict[str, Related] = {}
@@ -50,4 +50,4 @@ def _pose_readings(scope: SpecIndex) -> Iterator[tuple[str, str, Place]]:
 
 
 TRUSTED_POSES = (unnoticed_poses,)
-"""The rules of this subject."""
+"""The checks of this module."""

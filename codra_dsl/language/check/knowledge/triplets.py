@@ -1,4 +1,4 @@
-"""Phase 4 for rules: the patterns of one moment of a rule can hold together, also with those of the moment before."""
+"""Phase 4 for rules: the patterns of one moment of a rule can hold together; so can `before` and `during`."""
 
 from __future__ import annotations
 
@@ -19,7 +19,10 @@ from codra_dsl.language.model import Agent, AgentRule
 
 
 def contradictory_rules(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
-    """The patterns of one moment of a rule can hold together, also with those before that continue to hold."""
+    """The patterns of one moment of a rule can hold together, and so can the patterns of `wakes` alone.
+
+    The patterns of `during` can also hold together with those of `before`, unless the agent itself makes them true.
+    """
     if not is_complete(scope, faults):
         return
     for agent in scope.spec.agents:
@@ -124,4 +127,4 @@ def _finding(pattern: Pattern, reason: str, help: str, place: Place, related: It
 
 
 TRIPLETS = (contradictory_rules,)
-"""The rules of this subject."""
+"""The checks of this module."""

@@ -26,4 +26,4 @@ def unused_types(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
 
 
 KNOWLEDGE_LEFTOVERS = (unused_types,)
-"""The rules of this subject."""
+"""The checks of this module."""

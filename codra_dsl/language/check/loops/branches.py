@@ -1,4 +1,4 @@
-"""Phase 4 for trees: their files, the branches for actions, and the executors of their leaves."""
+"""Checks of trees: their files (phase 1); the branches for actions and the executors of the leaves (phase 4)."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ class Branch:
 
     Attributes:
         entry: the entry of the blackboard that selects the branch.
-        value: the value of the entry with which it runs; empty for the default branch.
-        others: for the default branch: the values with which it does not run.
-        tree: the ID of its tree.
+        value: the branch runs while the entry has this value; empty for the default branch.
+        others: for the default branch: it does not run while the entry has one of these values.
+        tree: the ID of the tree that it runs.
     """
 
     entry: str
@@ -47,7 +47,7 @@ def main_tree(forest: Forest) -> BehaviorTree | None:
 
 
 def _guarded(node: TreeNode) -> Iterator[Branch]:
-    """Yield the branches of a switch, or a subtree with a guard of its own."""
+    """Yield the branches of a switch, or the one branch that a subtree with its own guard forms."""
     built_in = BUILT_IN.get(node.id)
     ports = {port.name: port.value for port in node.ports}
     if built_in is not None and built_in.word == "Switch":
@@ -77,7 +77,7 @@ def _equality(condition: object) -> tuple[str, str] | None:
 
 
 def chosen_values(tree: TreeElement, forest: Forest) -> tuple[str, Mapping[str, str]]:
-    """Return the entry that selects the branch, and its value for each action."""
+    """Return the entry that selects among the branches of a tree, and for each action the value of this entry."""
     guarded = {branch.tree: branch for branch in branches(forest)}
     branch_of = {action.name: guarded[id_.name] for action, id_ in tree.course if id_.name in guarded}
     entry = next((branch.entry for branch in branch_of.values()), "course")
@@ -87,7 +87,7 @@ def chosen_values(tree: TreeElement, forest: Forest) -> tuple[str, Mapping[str, 
 
 
 def leaves(forest: Forest) -> Mapping[str, TreeNode]:
-    """Return the robot's own leaves by their ID: the first of each, in the order of the file."""
+    """Return the leaves that are not built in, by ID: for each ID the first one, in the order of the file."""
     first: dict[str, TreeNode] = {}
     for tree in forest.trees:
         for node in tree.root.walk():
@@ -158,9 +158,7 @@ def _without_action(tree: TreeElement, courses: list[Course]) -> Iterator[Diagno
     chosen = {reference.name for course in courses for reference in course.choose}
     for action, _ in tree.course:
         if action.name not in chosen:
-            message = (
-                f"branch of '{action.name}' in tree '{tree.name}', but no adaptation of it chooses '{action.name}'"
-            )
+            message = f"tree '{tree.name}' has a branch for action '{action.name}', which no adaptation of it chooses"
             help = "add the action to 'choose', or remove the branch"
             yield _branch_finding(message, action.place, f"trees.{tree.name}.course.{action.name}", help)
 
@@ -171,7 +169,7 @@ def _without_branch(tree: TreeElement, name: str, course: Course) -> Iterator[Di
         if reference.name not in mapped:
             message = f"action '{reference.name}' of adaptation '{name}' has no branch in tree '{tree.name}'"
             related = (Related("the tree", tree.place),)
-            help = f"add '{reference.name}: TREE' to its 'course'"
+            help = f"add '{reference.name}: TREE' to 'course' of the tree"
             yield _branch_finding(message, reference.place, f"adaptation.{name}.choose", help, related)
 
 
@@ -180,7 +178,7 @@ def _branch_finding(message: str, place: Place, path: str, help: str, related: t
 
 
 def idle_leaves(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
-    """Every leaf of a tree states which tasks it hands over, and its agent may request them."""
+    """Every tree states for each leaf which tasks it hands over, and the agent of the tree may request these tasks."""
     tasks = {task.name: task for task in scope.spec.tasks}
     for tree in scope.spec.trees:
         forest = _sound(scope, faults, tree)
@@ -213,12 +211,12 @@ def idle_leaves(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
                     )
                 elif tree.agent is None:
                     message = f"leaf '{entry.leaf.name}' hands over '{reference.name}', but the tree has no agent"
-                    help = "add 'agent', which requests the task"
+                    help = "add the key 'agent' to the tree: this agent requests the task"
                     yield finding("leaf-without-executor", message, reference.place, path=path, help=help)
 
 
 TREE_FILES = (tree_files,)
-"""The rules of phase 1."""
+"""The checks of phase 1."""
 
 BRANCHES = (unmatched_branches, idle_leaves)
-"""The rules of phase 4."""
+"""The checks of phase 4."""

@@ -92,7 +92,7 @@ def _can_be_stable(scope: SpecIndex, own: str, course: Course, trees: Sequence[N
 
 
 def set_variables(scope: SpecIndex, faults: Silenced) -> Iterator[tuple[Adaptation, str, Node]]:
-    """Yield each sound adaptation that sets a variable, with the variable's name and the value."""
+    """Yield each sound adaptation that sets a variable, with the name of the variable and its value."""
     for adaptation in scope.spec.adaptation:
         if isinstance(adaptation.does, Parameter) and faults.sound("adaptation", adaptation.name):
             own, tree = adaptation.does.variable.name, _tree(scope, adaptation.does.value)
@@ -174,7 +174,7 @@ def _needs(scope: SpecIndex) -> Mapping[str, Mapping[str, Place]]:
 
 
 SELF_DEFEATING = (self_defeating,)
-"""The rules of phase 4."""
+"""The checks of phase 4."""
 
 FED_BACK = (fed_back,)
-"""The rules of phase 5."""
+"""The checks of phase 5."""

@@ -1,7 +1,7 @@
 """Phase 5 for fuzzy rules: where rules fire. Every term holds on intervals, so a few cells cover all cases.
 
 The checks use these intervals instead of degrees. They therefore need nothing of the runtime, and name exactly the case
-in which no rule acts.
+in which no rule fires.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class Cell:
     Attributes:
         holding: the terms with a degree above 0; `wholly` those with degree 1.
         words: the numbers of the cell, as text for messages.
-        is_point: whether it is a single number of a continuous range.
+        is_point: whether it is a single number of a wider range.
     """
 
     holding: frozenset[str]
@@ -68,7 +68,7 @@ Scene = Mapping[str, Cell]
 
 
 def acts(antecedent: Antecedent, scene: Scene) -> bool:
-    """Return whether an antecedent holds to any degree; a norm is above 0 if both sides are."""
+    """Return whether an antecedent holds to any degree, for norms that are above 0 if both sides are."""
     if isinstance(antecedent, And):
         return acts(antecedent.left, scene) and acts(antecedent.right, scene)
     if isinstance(antecedent, Or):
@@ -83,7 +83,7 @@ def acts(antecedent: Antecedent, scene: Scene) -> bool:
 
 
 def uncovered_ranges(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
-    """The terms of a number together cover its range, and each holds somewhere in it."""
+    """Several terms of a number together cover its range, and each term holds somewhere in it."""
     for variable in scope.spec.context:
         is_complete = faults.sound("context", variable.name) and scope.readable(
             "context", variable.name, "terms", "range"
@@ -207,4 +207,4 @@ def _meaning(antecedent: Antecedent) -> object:
 
 
 FIRING = (uncovered_ranges, idle_rules, contradictory_rules)
-"""The rules of this subject."""
+"""The checks of this module."""

@@ -20,7 +20,7 @@ _OF_RULES = KEYWORDS | set(Hedge)
 
 
 def unfit_inputs(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
-    """Every variable in a rule has a range; only numbers have terms."""
+    """Every number that rules read has a range, only numbers have terms, and no term is a keyword of rules."""
     for variable in scope.spec.context:
         if variable.terms and variable.type.kind not in _NUMBERS and not variable.is_derived:
             message = f"context-variable '{variable.name}' is not a number, but has terms"
@@ -74,7 +74,7 @@ def unfit_outputs(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
 
 
 def unfit_rates(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
-    """A rate is of a number that agents or observers write, has its unit per time, and enough readings are kept."""
+    """A rate is of a number that loops do not compute, has its unit per time, and the number keeps enough readings."""
     for variable in scope.spec.context:
         if variable.rate is None or not faults.sound("context", variable.name):
             continue
@@ -133,7 +133,7 @@ def _unit(variable: Variable) -> Unit | None:
 
 
 def unfit_parameters(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
-    """Every variable that an adaptation sets has it as its source, and no other adaptation sets the variable."""
+    """Every variable that an adaptation sets has the source `adaptation`, and no other adaptation sets the variable."""
     first: dict[str, str] = {}
     for adaptation in scope.spec.adaptation:
         does = adaptation.does
@@ -182,4 +182,4 @@ def _about_times(course: Course, dwell_s: float) -> Iterator[tuple[str, str, str
 
 
 LOOP_TYPES = (unfit_inputs, unfit_outputs, unfit_rates, unfit_parameters, senseless_times)
-"""The rules of this subject."""
+"""The checks of this module."""

@@ -1,4 +1,4 @@
-"""Phase 1 for loops: all names in rules, adaptations, trees and loops are declared."""
+"""Phase 1 for MAPE-K loops: all names in fuzzy rules, adaptations, trees and loops are declared."""
 
 from __future__ import annotations
 
@@ -71,4 +71,4 @@ def _named(scope: SpecIndex) -> Iterator[tuple[str, str, Reference, str]]:
 
 
 LOOP_NAMES = (wrong_rules, unknown_parts)
-"""The rules of this subject."""
+"""The checks of this module."""

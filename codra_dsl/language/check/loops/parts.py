@@ -36,7 +36,7 @@ def parts_of_loops(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
                     message = f"loop '{owner.name}' also {does} '{reference.name}'"
                     related = (Related("the other entry", first.place),)
                     path = f"loops.{loop.name}.{key}"
-                    help = "name it in one of them"
+                    help = f"name '{reference.name}' in only one of the two loops"
                     yield finding("two-loops", message, reference.place, path=path, help=help, related=related)
         for element in elements[section]:
             if element.name not in owners:
@@ -102,7 +102,7 @@ def _names(references_: tuple[Reference, ...]) -> list[str]:
 
 
 LOOP_PARTS = (parts_of_loops, split_courses)
-"""The rules of phase 4."""
+"""The checks of phase 4."""
 
 LOOP_LEFTOVERS = (unread_outputs,)
-"""The rules of phase 5."""
+"""The checks of phase 5."""

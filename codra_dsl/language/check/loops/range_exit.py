@@ -88,4 +88,4 @@ def _is_beyond(numbers: Interval, operator: Comparison, limit: Number) -> bool:
 
 
 LEAVING = (leaving_values,)
-"""The rules of this subject."""
+"""The checks of this module."""

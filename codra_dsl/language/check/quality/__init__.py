@@ -10,6 +10,6 @@ from codra_dsl.language.check.quality.trust import TRUST
 from codra_dsl.language.check.quality.unused import LEFTOVERS
 
 QUALITY = (*TRUST, *CONDITIONS, *DECISIONS, *TIMES, *LEFTOVERS)
-"""The rules of this phase."""
+"""The checks of this phase."""
 
 __all__ = ["QUALITY"]

@@ -22,7 +22,7 @@ from codra_dsl.language.expression import Name, Node, Not, Truth, names_in, spel
 from codra_dsl.language.model import Algorithm, Condition, Hysteresis, Identification, Kind, Members, Returned, Variable
 
 MAX_MEMBERS = 30
-"""The maximum number of members that later ones are compared with."""
+"""The maximum number of members that a later one is compared with; further members are not compared."""
 
 MAX_NAMED = 5
 """The maximum number of further members in a finding."""
@@ -72,7 +72,7 @@ def _always_holding(scope: SpecIndex, faults: Silenced, algorithm: Algorithm) ->
 
 
 CONDITIONS = (never_holding, always_holding)
-"""The rules of this subject."""
+"""The checks of this module."""
 
 
 def _once_per_shape(
@@ -114,7 +114,7 @@ def _names(condition: Stated) -> Iterable[str]:
 
 
 def _truths(scope: SpecIndex, faults: Silenced, entry: Identification) -> Iterator[Stated]:
-    """Yield the condition under which a bool is True, unless it is a literal, which is intended."""
+    """Yield the condition under which a bool is True, unless it is a literal or a plain name, which are intended."""
     variable = scope.variables.get(entry.variable.name)
     by = entry.by.enter if isinstance(entry.by, Hysteresis) else entry.by
     if variable is None or not faults.sound("context", variable.name) or not isinstance(by, Condition):

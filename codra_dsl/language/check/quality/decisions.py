@@ -83,7 +83,7 @@ def unwatched_monitors(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnosti
 
 
 DECISIONS = (unreached_variables, decisions_without_observer, unwatched_monitors, excluded_previews)
-"""The rules of this subject."""
+"""The checks of this module."""
 
 
 def _named(setting: ObserverSetting) -> Iterator[str]:

@@ -78,8 +78,8 @@ def _finding(skill: Skill, state: Reference, wanted: Reference, makers: _Makers,
     through = "" if lost.through is None else f", and '{lost.through}' cannot be observed then"
     return finding(
         "excluded-preview",
-        f"skill '{skill.name}' decides on '{wanted.name}', which cannot be observed after skill '{maker.name}' "
-        f"changes '{state.name}': algorithm '{lost.algorithm.name}' needs '{lost.text}'{through}",
+        f"skill '{skill.name}' decides on '{wanted.name}', which cannot be observed once '{state.name}' has the value "
+        f"from skill '{maker.name}': algorithm '{lost.algorithm.name}' needs '{lost.text}'{through}",
         wanted.place,
         path=f"skills.{skill.name}.preview",
         help=f"preview '{wanted.name}' in skill '{maker.name}' instead, or add an algorithm that can run after it",

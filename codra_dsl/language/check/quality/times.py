@@ -122,7 +122,7 @@ def ineffective_on_event(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnos
 
 
 TIMES = (stale_before_renewed, oversubscribed_slots, ineffective_on_event)
-"""The rules of this subject."""
+"""The checks of this module."""
 
 
 def _slowest(scope: SpecIndex, faults: Silenced, name: str) -> Renewal | None:
@@ -202,7 +202,7 @@ def _renewed(renewal: Renewal) -> Iterator[Related]:
 
 @dataclass(frozen=True, slots=True)
 class _Share:
-    """The share of a slot's time that an algorithm needs: its timeout, once within the validity of its evidence."""
+    """The share of a slot's time that an algorithm needs: up to its timeout, once while its evidence is valid."""
 
     algorithm: Algorithm
     valid_for_s: float

@@ -37,7 +37,7 @@ def unnoticed_preconditions(scope: SpecIndex, faults: Silenced) -> Iterator[Diag
 
 
 TRUST = (unnoticed_preconditions,)
-"""The rules of this subject."""
+"""The checks of this module."""
 
 
 def _trusting(scope: SpecIndex) -> Mapping[str, tuple[Algorithm, Callable[[], Place]]]:

@@ -111,10 +111,10 @@ def same_labels(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
 
 
 LEFTOVERS = (unreached_observers, unused_resources, unused_agents, unused_templates, shadowed_names, same_labels)
-"""The rules of this subject."""
+"""The checks of this module."""
 
 _Visible = Variable | Resource | Algorithm | Agent
-"""The elements that conditions and keys of a template can name."""
+"""The elements outside of a template that its conditions and keys can name."""
 
 _Own = TypeVar("_Own", Resource, Agent)
 
@@ -125,7 +125,7 @@ def _own(scope: SpecIndex, elements: Iterable[_Own]) -> Iterator[_Own]:
 
 
 class _Used:
-    """The used names: those in elements, and, as far as they are known, those in templates without elements."""
+    """The used names: those in elements, and, as far as they are known, those in templates without a use."""
 
     def __init__(
         self, scope: SpecIndex, names: Iterable[str], of_templates: Iterable[tuple[str, tuple[str, ...]]]

@@ -90,7 +90,7 @@ def misused_resources(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
 
 
 TYPES = (conditions, integral_ranges, forms_of_identification, commanded_resources, misused_resources)
-"""The rules of this phase."""
+"""The checks of this phase."""
 
 
 def _of_range(declared: ValueType, place: Place, section: str, name: str, key: str) -> Iterator[Diagnostic]:
