@@ -39,13 +39,13 @@ def reference(name: str) -> Reference:
 
 
 def condition(text: str, *variables: str, python: str | None = None) -> CheckedCondition:
-    lowered = python if python is not None else f"value({text!r})"
-    return CheckedCondition(text=text, python=lowered, variables=variables or (text,), place=place())
+    python_text = python if python is not None else f"value({text!r})"
+    return CheckedCondition(text=text, python=python_text, variables=variables or (text,), place=place())
 
 
 def variable(name: str, **fields: object) -> Variable:
-    known = {"name": name, "type": ValueType(kind=Kind.BOOL), "place": place(), "label": name} | fields
-    return Variable(**({"sources": (reference("observer"),)} | known))  # type: ignore[arg-type]
+    defaults = {"name": name, "type": ValueType(kind=Kind.BOOL), "place": place(), "label": name} | fields
+    return Variable(**({"sources": (reference("observer"),)} | defaults))  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,10 +74,10 @@ class Pi:
     def checked(self) -> CheckedAlgorithm:
         needs = tuple(need if isinstance(need, CheckedCondition) else condition(need) for need in self.needs)
         pairs = [
-            (identified, "value('seen')") if isinstance(identified, str) else identified
-            for identified in self.identifies
+            (identification, "value('seen')") if isinstance(identification, str) else identification
+            for identification in self.identifies
         ]
-        read = {name for need in needs for name in need.variables} | set(self.given)
+        read_names = {name for need in needs for name in need.variables} | set(self.given)
         algorithm = Algorithm(
             name=self.name,
             place=self.place,
@@ -98,16 +98,17 @@ class Pi:
             observable_when=needs,
             accept_when=tuple(self.accept),
             identifies=tuple((name, condition(text, "seen", python=text)) for name, text in pairs),
-            waits_for=tuple(sorted(read - set(self.feedback))),
+            waits_for=tuple(sorted(read_names - set(self.feedback))),
             feedback=tuple(sorted(self.feedback)),
         )
 
 
 def skill(name: str, preview: Sequence[str], monitor: Sequence[str] = ()) -> Skill:
-    watched = (
-        Expectation(variable=reference(monitored), expected=Expected.WATCHED, place=place()) for monitored in monitor
+    expectations = (
+        Expectation(variable=reference(variable_name), expected=Expected.WATCHED, place=place())
+        for variable_name in monitor
     )
-    return Skill(name=name, place=place(), preview=tuple(map(reference, preview)), monitor=tuple(watched))
+    return Skill(name=name, place=place(), preview=tuple(map(reference, preview)), monitor=tuple(expectations))
 
 
 def setting(name: str, *variables: str, period_s: float = 1.0, priority: int = 0) -> ObserverSetting:
@@ -131,47 +132,59 @@ def checked_spec(
     Undeclared variables are bools: with `observer` as source if an algorithm identifies them, else with the main
     execution as source.
     """
-    by_name = {algorithm.name: algorithm.checked() for algorithm in algorithms}
-    declared = _variables(by_name, variables, skills)
+    checked_algorithms = {algorithm.name: algorithm.checked() for algorithm in algorithms}
+    declared_variables = _variables(checked_algorithms, variables, skills)
     makers: dict[str, list[str]] = {}
-    for maker, algorithm in by_name.items():
-        for identified, _ in algorithm.identifies:
-            makers.setdefault(identified, []).append(maker)
+    for maker, algorithm in checked_algorithms.items():
+        for variable_name, _ in algorithm.identifies:
+            makers.setdefault(variable_name, []).append(maker)
     producers = {
-        declared_name: tuple(sorted(makers[declared_name], key=lambda maker: (by_name[maker].algorithm.rank, maker)))
-        for declared_name in declared
+        declared_name: tuple(
+            sorted(makers[declared_name], key=lambda maker: (checked_algorithms[maker].algorithm.rank, maker))
+        )
+        for declared_name in declared_variables
         if declared_name in makers
     }
-    decided = [watched.name for one in skills for watched in (*one.preview, *(seen.variable for seen in one.monitor))]
-    homes = {("context", variable_name): "lab" for variable_name in declared}
-    homes |= {("perception", algorithm_name): "lab" for algorithm_name in by_name}
-    homes |= {("skills", one.name): "lab" for one in skills}
+    decided_names = [
+        mention.name
+        for one in skills
+        for mention in (*one.preview, *(expectation.variable for expectation in one.monitor))
+    ]
+    default_origins = {("context", variable_name): "lab" for variable_name in declared_variables}
+    default_origins |= {("perception", algorithm_name): "lab" for algorithm_name in checked_algorithms}
+    default_origins |= {("skills", one.name): "lab" for one in skills}
     spec = Spec(
         name=name,
         place=place(),
         file=FILE,
         files=(FILE,),
-        context=tuple(declared.values()),
-        perception=tuple(checked.algorithm for checked in by_name.values()),
+        context=tuple(declared_variables.values()),
+        perception=tuple(checked.algorithm for checked in checked_algorithms.values()),
         skills=tuple(skills),
         observers=tuple(observers),
         resources=tuple(resources),
         uses=tuple(uses),
-        origins=homes | dict(origins or {}),
+        origins=default_origins | dict(origins or {}),
     )
-    decisions = tuple(dict.fromkeys(decided if skills else producers))
-    return CheckedSpec(spec=spec, variables=declared, algorithms=by_name, producers=producers, decisions=decisions)
+    decisions = tuple(dict.fromkeys(decided_names if skills else producers))
+    return CheckedSpec(
+        spec=spec, variables=declared_variables, algorithms=checked_algorithms, producers=producers, decisions=decisions
+    )
 
 
 def _variables(
     algorithms: Mapping[str, CheckedAlgorithm], variables: Iterable[Variable], skills: Sequence[Skill]
 ) -> dict[str, Variable]:
-    declared = {known.name: known for known in variables}
+    declared_variables = {declared_variable.name: declared_variable for declared_variable in variables}
     for algorithm in algorithms.values():
         for name, _ in algorithm.identifies:
-            declared.setdefault(name, variable(name))
-    wanted = [name for algorithm in algorithms.values() for name in algorithm.needs]
-    wanted += [watched.name for one in skills for watched in (*one.preview, *(seen.variable for seen in one.monitor))]
-    for name in wanted:
-        declared.setdefault(name, variable(name, sources=(reference("main_execution"),)))
-    return declared
+            declared_variables.setdefault(name, variable(name))
+    needed_names = [name for algorithm in algorithms.values() for name in algorithm.needs]
+    needed_names += [
+        mention.name
+        for one in skills
+        for mention in (*one.preview, *(expectation.variable for expectation in one.monitor))
+    ]
+    for name in needed_names:
+        declared_variables.setdefault(name, variable(name, sources=(reference("main_execution"),)))
+    return declared_variables

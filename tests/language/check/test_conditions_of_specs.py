@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.language.check.specs import findings, marked
+from tests.language.check.specs import findings, marked_text
 
 SPEC = """\
 codra: 1
@@ -40,18 +40,18 @@ perception:
 MEMBERS = "{closed: gap < 1 cm, ajar: gap < 20 cm, open: 'true'}"
 
 
-def listed(conditions: tuple[str, ...]) -> str:
+def list_text(conditions: tuple[str, ...]) -> str:
     return "[" + ", ".join(f"'{condition}'" for condition in conditions) + "]"
 
 
-def reported(
+def finding_summaries(
     *observable: str, accept: tuple[str, ...] = (), held: str = "seen", drawer: str = MEMBERS, given: str = ""
 ) -> list[tuple[str, str, list[str]]]:
     """Return the rule, the marked text without quotes and the related messages of each finding about the spec."""
-    text = SPEC.replace("[GIVEN]", f"[{given}]").replace("OBSERVABLE", listed(observable))
-    text = text.replace("ACCEPT", listed(accept)).replace("HELD", held).replace("DRAWER", drawer)
+    text = SPEC.replace("[GIVEN]", f"[{given}]").replace("OBSERVABLE", list_text(observable))
+    text = text.replace("ACCEPT", list_text(accept)).replace("HELD", held).replace("DRAWER", drawer)
     return [
-        (finding.rule.name, marked(text, finding).strip("'"), [finding.message for finding in finding.related])
+        (finding.rule.name, marked_text(text, finding).strip("'"), [finding.message for finding in finding.related])
         for finding in findings(text)
     ]
 
@@ -89,14 +89,14 @@ TOGETHER = "cannot be true together with this"
 def test_conditions_that_are_never_true_together_are_reported_at_their_place(
     conditions: tuple[str, ...], offender: str, related: list[str] | None
 ) -> None:
-    (finding,) = reported(*conditions)
+    (finding,) = finding_summaries(*conditions)
     assert finding[:2] == ("never-runs", offender)
     assert related is None or finding[2] == related
 
 
 def test_a_value_that_is_given_is_known() -> None:
-    assert reported("not known(lit)", given="lit") == [("never-runs", "not known(lit)", [TOGETHER])]
-    assert reported("not known(lit) or distance > 3 m", given="lit") == []
+    assert finding_summaries("not known(lit)", given="lit") == [("never-runs", "not known(lit)", [TOGETHER])]
+    assert finding_summaries("not known(lit) or distance > 3 m", given="lit") == []
 
 
 @pytest.mark.parametrize(
@@ -122,7 +122,7 @@ def test_a_value_that_is_given_is_known() -> None:
     ],
 )
 def test_conditions_that_can_be_true_together_are_no_finding(conditions: tuple[str, ...]) -> None:
-    assert reported(*conditions) == []
+    assert finding_summaries(*conditions) == []
 
 
 @pytest.mark.parametrize(
@@ -135,7 +135,9 @@ def test_conditions_that_can_be_true_together_are_no_finding(conditions: tuple[s
     ],
 )
 def test_an_algorithm_that_rejects_all_results_is_reported_once(accept: tuple[str, ...], offender: str) -> None:
-    assert [finding[:2] for finding in reported(accept=accept, held="gap > 2 m")] == [("never-holds", offender)]
+    assert [finding[:2] for finding in finding_summaries(accept=accept, held="gap > 2 m")] == [
+        ("never-holds", offender)
+    ]
 
 
 @pytest.mark.parametrize(
@@ -151,12 +153,12 @@ def test_an_algorithm_that_rejects_all_results_is_reported_once(accept: tuple[st
 def test_a_bool_that_never_becomes_true_is_reported(
     held: str, accept: tuple[str, ...], offender: str, related: list[str]
 ) -> None:
-    assert reported(held=held, accept=accept) == [("never-holds", offender, related)]
+    assert finding_summaries(held=held, accept=accept) == [("never-holds", offender, related)]
 
 
 @pytest.mark.parametrize("held", ["gap > 0.5 m", "'true'", "'false'", "seen and gap > 0.5 m", "angle > 1.9 rad"])
 def test_a_bool_that_can_become_true_or_is_a_literal_is_no_finding(held: str) -> None:
-    assert reported(held=held, accept=("gap < 80 cm",)) == []
+    assert finding_summaries(held=held, accept=("gap < 80 cm",)) == []
 
 
 @pytest.mark.parametrize(
@@ -180,19 +182,19 @@ def test_a_bool_that_can_become_true_or_is_a_literal_is_no_finding(held: str) ->
 def test_a_member_that_is_never_first_is_reported_with_those_above_it(
     drawer: str, offender: str, related: list[str]
 ) -> None:
-    assert reported(drawer=drawer) == [("never-holds", offender, related)]
+    assert finding_summaries(drawer=drawer) == [("never-holds", offender, related)]
 
 
 def test_accept_when_counts_for_members() -> None:
     drawer = "{closed: gap < 1 cm, open: gap >= 1 cm}"
-    assert reported(drawer=drawer) == []
-    assert [finding[:2] for finding in reported(drawer=drawer, accept=("gap > 2 cm",))] == [
+    assert finding_summaries(drawer=drawer) == []
+    assert [finding[:2] for finding in finding_summaries(drawer=drawer, accept=("gap > 2 cm",))] == [
         ("never-holds", "gap < 1 cm")
     ]
 
 
 def test_an_absent_value_stops_at_its_member() -> None:
-    assert reported(drawer="{closed: angle >= 0 rad, open: seen}") == [
+    assert finding_summaries(drawer="{closed: angle >= 0 rad, open: seen}") == [
         ("never-holds", "seen", ["holds whenever it does"])
     ]
 
@@ -215,7 +217,7 @@ def test_an_absent_value_stops_at_its_member() -> None:
     ],
 )
 def test_a_precondition_that_always_holds_is_reported(condition: str, offender: str) -> None:
-    assert [finding[:2] for finding in reported(condition)] == [("always-holds", offender)]
+    assert [finding[:2] for finding in finding_summaries(condition)] == [("always-holds", offender)]
 
 
 @pytest.mark.parametrize(
@@ -236,7 +238,7 @@ def test_a_precondition_that_always_holds_is_reported(condition: str, offender: 
     ],
 )
 def test_a_precondition_that_can_be_false_is_no_finding(condition: str) -> None:
-    assert reported(condition) == []
+    assert finding_summaries(condition) == []
 
 
 @pytest.mark.parametrize(
@@ -253,12 +255,12 @@ def test_a_precondition_that_can_be_false_is_no_finding(condition: str) -> None:
 def test_a_condition_over_results_that_always_holds_is_reported_unless_a_value_may_be_absent(
     accept: tuple[str, ...], held: str, offenders: list[str]
 ) -> None:
-    texts = [marked for rule, marked, _ in reported(accept=accept, held=held)]
+    texts = [text for rule, text, _ in finding_summaries(accept=accept, held=held)]
     assert texts == offenders
 
 
 def test_a_name_with_a_wrong_declaration_causes_no_finding_about_conditions() -> None:
     text = SPEC.replace("[GIVEN]", "[]").replace("OBSERVABLE", "[level > 200 percent]").replace("ACCEPT", "[]")
     text = text.replace("HELD", "seen").replace("DRAWER", MEMBERS)
-    wrong = text.replace("steps: {type: int, range: [1, 9]", "steps: {type: int, range: [1, 9.5]")
-    assert [finding.rule.name for finding in findings(wrong)] == ["wrong-range", "never-runs"]
+    wrong_text = text.replace("steps: {type: int, range: [1, 9]", "steps: {type: int, range: [1, 9.5]")
+    assert [finding.rule.name for finding in findings(wrong_text)] == ["wrong-range", "never-runs"]

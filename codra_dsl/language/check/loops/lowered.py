@@ -148,15 +148,15 @@ def _tree(scope: SpecIndex, tree: TreeElement) -> CheckedTree:
     forest = scope.forests[tree.name][0]
     assert forest is not None
     entry, values = chosen_values(tree, forest.forest)
-    courses = (adaptation.name for adaptation in scope.spec.adaptation if _is_course_of(adaptation, tree.name))
+    courses = (
+        adaptation.name
+        for adaptation in scope.spec.adaptation
+        if isinstance(adaptation.does, Course) and adaptation.does.within.name == tree.name
+    )
     tasks = dict.fromkeys(task.name for leaf in tree.leaves for task in leaf.tasks)
     return CheckedTree(
         element=tree, forest=forest, course=next(courses, ""), entry=entry, branches=values, tasks=tuple(tasks)
     )
-
-
-def _is_course_of(adaptation: Adaptation, tree: str) -> bool:
-    return isinstance(adaptation.does, Course) and adaptation.does.within.name == tree
 
 
 def _loop(scope: SpecIndex, loop: Loop) -> CheckedLoop:

@@ -10,7 +10,7 @@ from codra_dsl.language.check.knowledge.owners import reads
 from codra_dsl.language.check.quality.exclusion import excluded_previews
 from codra_dsl.language.check.quality.reach import judges_reach, unreached_settings
 from codra_dsl.language.diagnostics import Diagnostic, Place, Related
-from codra_dsl.language.model import ADAPTER, ANALYST, ObserverSetting, Skill, Variable
+from codra_dsl.language.model import ADAPTER, ANALYST, Skill, Variable
 
 MAX_RELATED_PLACES = 5
 """The maximum number of further places of one kind in a finding."""
@@ -23,7 +23,7 @@ def unreached_variables(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnost
     """
     if not judges_reach(scope):
         return
-    observer_variables = {name for setting in unreached_settings(scope) for name in _named(setting)}
+    observer_variables = {reference.name for setting in unreached_settings(scope) for reference in setting.identifies}
     agent_variables = {
         element.name
         for agent in scope.spec.agents
@@ -84,10 +84,6 @@ def unwatched_monitors(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnosti
 
 DECISIONS = (unreached_variables, decisions_without_observer, unwatched_monitors, excluded_previews)
 """The checks of this module."""
-
-
-def _named(setting: ObserverSetting) -> Iterator[str]:
-    return (reference.name for reference in setting.identifies)
 
 
 _Mentions = Mapping[str, list[tuple[Skill, Place]]]

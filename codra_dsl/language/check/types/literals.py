@@ -12,7 +12,7 @@ from codra_dsl.language.check.index.mentions import Mention
 from codra_dsl.language.check.index.spec_index import SpecIndex
 from codra_dsl.language.check.solver.values import links
 from codra_dsl.language.diagnostics import Fix
-from codra_dsl.language.expression import Name, Node, walk
+from codra_dsl.language.expression import Name, walk
 from codra_dsl.language.load.yaml.fixes import truth_value_of
 from codra_dsl.language.model import Condition, Kind
 
@@ -76,7 +76,11 @@ def literal_compared(scope: SpecIndex, mention: Mention) -> str | None:
         owner = scope.owner_of_member.get(mention.name) if is_over_context else next(owners, None)
         return f'write {owner} == "{mention.name}"' if owner else None
     sides = (side for node in walk(site.condition.tree) for _, *link in links(node) for side in (link, link[::-1]))
-    opposite_names = (other.name for one, other in sides if isinstance(other, Name) and _is(one, mention.name))
+    opposite_names = (
+        other.name
+        for one, other in sides
+        if isinstance(one, Name) and isinstance(other, Name) and one.name == mention.name
+    )
     kinds = {value_type.kind for name in opposite_names if (value_type := seen_types.get(name)) is not None}
     if kinds == {Kind.BOOL}:
         return "write true or false"
@@ -88,7 +92,3 @@ def _readable_types(scope: SpecIndex, site: Site) -> Types:
     if site.role is Role.MONITOR:
         return {site.variable or "": scope.wanted(site)}
     return scope.returned_types[site.owner[1]]
-
-
-def _is(node: Node, name: str) -> bool:
-    return isinstance(node, Name) and node.name == name
