@@ -18,7 +18,7 @@ from codra_dsl.language.check.solver.contradictions import (
 )
 from codra_dsl.language.check.solver.satisfiable import always_holds
 from codra_dsl.language.diagnostics import Diagnostic, Related
-from codra_dsl.language.expression import Name, Not, Truth, names_in, spelt_out
+from codra_dsl.language.expression import Name, Node, Not, Truth, names_in, spelt_out
 from codra_dsl.language.model import Algorithm, Condition, Hysteresis, Identification, Kind, Members, Returned, Variable
 
 MAX_MEMBERS = 30
@@ -166,10 +166,7 @@ def _never_identified(
             if not earlier_values:
                 earlier_values[value] = value, stated_condition
                 continue
-            denials = [
-                Stated(Not(start=other.tree.start, end=other.tree.end, operand=other.tree), other.text, other.place)
-                for _, other in earlier_values.values()
-            ]
+            denials = [Stated(_negation(other), other.text, other.place) for _, other in earlier_values.values()]
             blocking_core = contradiction((*accepted, *denials, stated_condition), types)
             blocking_values = [
                 name for name, denial in zip(earlier_values, denials, strict=True) if denial in blocking_core
@@ -199,6 +196,10 @@ def _values(scope: SpecIndex, entry: Identification) -> Iterator[tuple[str, Cond
 def _is_bool(scope: SpecIndex, entry: Identification) -> bool:
     declared = scope.context_types.get(entry.variable.name)
     return declared is not None and declared.kind is Kind.BOOL
+
+
+def _negation(condition: Stated) -> Node:
+    return Not(start=condition.tree.start, end=condition.tree.end, operand=condition.tree)
 
 
 def _never_finding(algorithm: Algorithm, key: str, effect: str, core: Sequence[Stated], types: Types) -> Diagnostic:
