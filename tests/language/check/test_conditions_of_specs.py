@@ -193,7 +193,7 @@ def test_accept_when_counts_for_members() -> None:
     ]
 
 
-def test_an_absent_value_stops_at_its_member() -> None:
+def test_a_member_with_an_absent_value_is_not_skipped() -> None:
     assert finding_summaries(drawer="{closed: angle >= 0 rad, open: seen}") == [
         ("never-holds", "seen", ["holds whenever it does"])
     ]
