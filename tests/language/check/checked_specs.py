@@ -39,13 +39,13 @@ def reference(name: str) -> Reference:
 
 
 def condition(text: str, *variables: str, python: str | None = None) -> CheckedCondition:
-    python_text = python if python is not None else f"value({text!r})"
-    return CheckedCondition(text=text, python=python_text, variables=variables or (text,), place=place())
+    lowered = python if python is not None else f"value({text!r})"
+    return CheckedCondition(text=text, python=lowered, variables=variables or (text,), place=place())
 
 
 def variable(name: str, **fields: object) -> Variable:
-    defaults = {"name": name, "type": ValueType(kind=Kind.BOOL), "place": place(), "label": name} | fields
-    return Variable(**({"sources": (reference("observer"),)} | defaults))  # type: ignore[arg-type]
+    known = {"name": name, "type": ValueType(kind=Kind.BOOL), "place": place(), "label": name} | fields
+    return Variable(**({"sources": (reference("observer"),)} | known))  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,11 +73,8 @@ class Pi:
 
     def checked(self) -> CheckedAlgorithm:
         needs = tuple(need if isinstance(need, CheckedCondition) else condition(need) for need in self.needs)
-        pairs = [
-            (identification, "value('seen')") if isinstance(identification, str) else identification
-            for identification in self.identifies
-        ]
-        read_names = {name for need in needs for name in need.variables} | set(self.given)
+        pairs = [(entry, "value('seen')") if isinstance(entry, str) else entry for entry in self.identifies]
+        read = {name for need in needs for name in need.variables} | set(self.given)
         algorithm = Algorithm(
             name=self.name,
             place=self.place,
@@ -98,7 +95,7 @@ class Pi:
             observable_when=needs,
             accept_when=tuple(self.accept),
             identifies=tuple((name, condition(text, "seen", python=text)) for name, text in pairs),
-            waits_for=tuple(sorted(read_names - set(self.feedback))),
+            waits_for=tuple(sorted(read - set(self.feedback))),
             feedback=tuple(sorted(self.feedback)),
         )
 
@@ -134,25 +131,26 @@ def checked_spec(
     """
     checked_algorithms = {algorithm.name: algorithm.checked() for algorithm in algorithms}
     declared_variables = _variables(checked_algorithms, variables, skills)
-    makers: dict[str, list[str]] = {}
-    for maker, algorithm in checked_algorithms.items():
+    algorithms_of: dict[str, list[str]] = {}
+    for algorithm_name, algorithm in checked_algorithms.items():
         for variable_name, _ in algorithm.identifies:
-            makers.setdefault(variable_name, []).append(maker)
+            algorithms_of.setdefault(variable_name, []).append(algorithm_name)
     producers = {
         declared_name: tuple(
-            sorted(makers[declared_name], key=lambda maker: (checked_algorithms[maker].algorithm.rank, maker))
+            sorted(
+                algorithms_of[declared_name],
+                key=lambda algorithm_name: (checked_algorithms[algorithm_name].algorithm.rank, algorithm_name),
+            )
         )
         for declared_name in declared_variables
-        if declared_name in makers
+        if declared_name in algorithms_of
     }
-    decided_names = [
-        mention.name
-        for one in skills
-        for mention in (*one.preview, *(expectation.variable for expectation in one.monitor))
+    decision_names = [
+        watched.name for one in skills for watched in (*one.preview, *(seen.variable for seen in one.monitor))
     ]
-    default_origins = {("context", variable_name): "lab" for variable_name in declared_variables}
-    default_origins |= {("perception", algorithm_name): "lab" for algorithm_name in checked_algorithms}
-    default_origins |= {("skills", one.name): "lab" for one in skills}
+    homes = {("context", variable_name): "lab" for variable_name in declared_variables}
+    homes |= {("perception", algorithm_name): "lab" for algorithm_name in checked_algorithms}
+    homes |= {("skills", one.name): "lab" for one in skills}
     spec = Spec(
         name=name,
         place=place(),
@@ -164,9 +162,9 @@ def checked_spec(
         observers=tuple(observers),
         resources=tuple(resources),
         uses=tuple(uses),
-        origins=default_origins | dict(origins or {}),
+        origins=homes | dict(origins or {}),
     )
-    decisions = tuple(dict.fromkeys(decided_names if skills else producers))
+    decisions = tuple(dict.fromkeys(decision_names if skills else producers))
     return CheckedSpec(
         spec=spec, variables=declared_variables, algorithms=checked_algorithms, producers=producers, decisions=decisions
     )
@@ -175,16 +173,14 @@ def checked_spec(
 def _variables(
     algorithms: Mapping[str, CheckedAlgorithm], variables: Iterable[Variable], skills: Sequence[Skill]
 ) -> dict[str, Variable]:
-    declared_variables = {declared_variable.name: declared_variable for declared_variable in variables}
+    variables_by_name = {variable_.name: variable_ for variable_ in variables}
     for algorithm in algorithms.values():
         for name, _ in algorithm.identifies:
-            declared_variables.setdefault(name, variable(name))
+            variables_by_name.setdefault(name, variable(name))
     needed_names = [name for algorithm in algorithms.values() for name in algorithm.needs]
     needed_names += [
-        mention.name
-        for one in skills
-        for mention in (*one.preview, *(expectation.variable for expectation in one.monitor))
+        watched.name for one in skills for watched in (*one.preview, *(seen.variable for seen in one.monitor))
     ]
     for name in needed_names:
-        declared_variables.setdefault(name, variable(name, sources=(reference("main_execution"),)))
-    return declared_variables
+        variables_by_name.setdefault(name, variable(name, sources=(reference("main_execution"),)))
+    return variables_by_name

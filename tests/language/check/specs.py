@@ -97,7 +97,7 @@ def marked_text(text: str, finding: Diagnostic) -> str:
     return text.splitlines()[span.line - 1][span.column - 1 : span.end_column - 1]
 
 
-def finding_summaries(text: str) -> list[tuple[str, str, str, str]]:
+def finding_texts(text: str) -> list[tuple[str, str, str, str]]:
     """Return the rule, the marked text, the message and the help of each finding."""
     return [
         (finding.rule.name, marked_text(text, finding), finding.message, finding.help) for finding in findings(text)

@@ -44,7 +44,7 @@ def list_text(conditions: tuple[str, ...]) -> str:
     return "[" + ", ".join(f"'{condition}'" for condition in conditions) + "]"
 
 
-def finding_summaries(
+def findings_with_related(
     *observable: str, accept: tuple[str, ...] = (), held: str = "seen", drawer: str = MEMBERS, given: str = ""
 ) -> list[tuple[str, str, list[str]]]:
     """Return the rule, the marked text without quotes and the related messages of each finding about the spec."""
@@ -89,14 +89,14 @@ TOGETHER = "cannot be true together with this"
 def test_conditions_that_are_never_true_together_are_reported_at_their_place(
     conditions: tuple[str, ...], offender: str, related: list[str] | None
 ) -> None:
-    (finding,) = finding_summaries(*conditions)
+    (finding,) = findings_with_related(*conditions)
     assert finding[:2] == ("never-runs", offender)
     assert related is None or finding[2] == related
 
 
 def test_a_value_that_is_given_is_known() -> None:
-    assert finding_summaries("not known(lit)", given="lit") == [("never-runs", "not known(lit)", [TOGETHER])]
-    assert finding_summaries("not known(lit) or distance > 3 m", given="lit") == []
+    assert findings_with_related("not known(lit)", given="lit") == [("never-runs", "not known(lit)", [TOGETHER])]
+    assert findings_with_related("not known(lit) or distance > 3 m", given="lit") == []
 
 
 @pytest.mark.parametrize(
@@ -122,7 +122,7 @@ def test_a_value_that_is_given_is_known() -> None:
     ],
 )
 def test_conditions_that_can_be_true_together_are_no_finding(conditions: tuple[str, ...]) -> None:
-    assert finding_summaries(*conditions) == []
+    assert findings_with_related(*conditions) == []
 
 
 @pytest.mark.parametrize(
@@ -135,7 +135,7 @@ def test_conditions_that_can_be_true_together_are_no_finding(conditions: tuple[s
     ],
 )
 def test_an_algorithm_that_rejects_all_results_is_reported_once(accept: tuple[str, ...], offender: str) -> None:
-    assert [finding[:2] for finding in finding_summaries(accept=accept, held="gap > 2 m")] == [
+    assert [finding[:2] for finding in findings_with_related(accept=accept, held="gap > 2 m")] == [
         ("never-holds", offender)
     ]
 
@@ -153,12 +153,12 @@ def test_an_algorithm_that_rejects_all_results_is_reported_once(accept: tuple[st
 def test_a_bool_that_never_becomes_true_is_reported(
     held: str, accept: tuple[str, ...], offender: str, related: list[str]
 ) -> None:
-    assert finding_summaries(held=held, accept=accept) == [("never-holds", offender, related)]
+    assert findings_with_related(held=held, accept=accept) == [("never-holds", offender, related)]
 
 
 @pytest.mark.parametrize("held", ["gap > 0.5 m", "'true'", "'false'", "seen and gap > 0.5 m", "angle > 1.9 rad"])
 def test_a_bool_that_can_become_true_or_is_a_literal_is_no_finding(held: str) -> None:
-    assert finding_summaries(held=held, accept=("gap < 80 cm",)) == []
+    assert findings_with_related(held=held, accept=("gap < 80 cm",)) == []
 
 
 @pytest.mark.parametrize(
@@ -182,19 +182,19 @@ def test_a_bool_that_can_become_true_or_is_a_literal_is_no_finding(held: str) ->
 def test_a_member_that_is_never_first_is_reported_with_those_above_it(
     drawer: str, offender: str, related: list[str]
 ) -> None:
-    assert finding_summaries(drawer=drawer) == [("never-holds", offender, related)]
+    assert findings_with_related(drawer=drawer) == [("never-holds", offender, related)]
 
 
 def test_accept_when_counts_for_members() -> None:
     drawer = "{closed: gap < 1 cm, open: gap >= 1 cm}"
-    assert finding_summaries(drawer=drawer) == []
-    assert [finding[:2] for finding in finding_summaries(drawer=drawer, accept=("gap > 2 cm",))] == [
+    assert findings_with_related(drawer=drawer) == []
+    assert [finding[:2] for finding in findings_with_related(drawer=drawer, accept=("gap > 2 cm",))] == [
         ("never-holds", "gap < 1 cm")
     ]
 
 
 def test_a_member_with_an_absent_value_is_not_skipped() -> None:
-    assert finding_summaries(drawer="{closed: angle >= 0 rad, open: seen}") == [
+    assert findings_with_related(drawer="{closed: angle >= 0 rad, open: seen}") == [
         ("never-holds", "seen", ["holds whenever it does"])
     ]
 
@@ -217,7 +217,7 @@ def test_a_member_with_an_absent_value_is_not_skipped() -> None:
     ],
 )
 def test_a_precondition_that_always_holds_is_reported(condition: str, offender: str) -> None:
-    assert [finding[:2] for finding in finding_summaries(condition)] == [("always-holds", offender)]
+    assert [finding[:2] for finding in findings_with_related(condition)] == [("always-holds", offender)]
 
 
 @pytest.mark.parametrize(
@@ -238,7 +238,7 @@ def test_a_precondition_that_always_holds_is_reported(condition: str, offender: 
     ],
 )
 def test_a_precondition_that_can_be_false_is_no_finding(condition: str) -> None:
-    assert finding_summaries(condition) == []
+    assert findings_with_related(condition) == []
 
 
 @pytest.mark.parametrize(
@@ -255,7 +255,7 @@ def test_a_precondition_that_can_be_false_is_no_finding(condition: str) -> None:
 def test_a_condition_over_results_that_always_holds_is_reported_unless_a_value_may_be_absent(
     accept: tuple[str, ...], held: str, offenders: list[str]
 ) -> None:
-    texts = [text for rule, text, _ in finding_summaries(accept=accept, held=held)]
+    texts = [text for rule, text, _ in findings_with_related(accept=accept, held=held)]
     assert texts == offenders
 
 

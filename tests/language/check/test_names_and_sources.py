@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from codra_dsl.language.check.index.spec_index import MAX_SUGGESTIONS
-from tests.language.check.specs import DOOR, check_sound_text, check_text, edit_spec, finding_summaries, findings
+from tests.language.check.specs import DOOR, check_sound_text, check_text, edit_spec, finding_texts, findings
 
 
 def test_an_undeclared_name_is_one_finding_with_all_its_mentions() -> None:
@@ -46,7 +46,7 @@ def test_very_many_unknown_names_are_all_reported_but_not_all_compared() -> None
 
 
 def test_no_two_arguments_of_a_perception_function_have_one_name() -> None:
-    assert finding_summaries(edit_spec(("with: {gain: 3}", "with: {camera: 3, robot_is_localized: 2, vision: 1}"))) == [
+    assert finding_texts(edit_spec(("with: {gain: 3}", "with: {camera: 3, robot_is_localized: 2, vision: 1}"))) == [
         (
             "ambiguous-argument",
             "camera",

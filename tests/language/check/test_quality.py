@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.language.check.specs import DOOR, check_sound_text, check_text, edit_spec, finding_summaries, findings
+from tests.language.check.specs import DOOR, check_sound_text, check_text, edit_spec, finding_texts, findings
 
 KEEP = "near_door: {type: bool, when_unobservable: keep}"
 FORGET = "near_door: {type: bool, when_unobservable: forget}"
@@ -49,7 +49,7 @@ def test_preconditions_that_never_expire_are_reported(edits: list[tuple[str, str
 
 
 def test_a_variable_with_another_source_must_state_its_validity() -> None:
-    assert finding_summaries(edit_spec(("source: main_execution, valid_for: forever", "source: main_execution"))) == [
+    assert finding_texts(edit_spec(("source: main_execution, valid_for: forever", "source: main_execution"))) == [
         (
             "unnoticed-precondition",
             "robot_is_localized",

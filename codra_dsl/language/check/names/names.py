@@ -22,7 +22,7 @@ from codra_dsl.language.check.index.rules import finding
 from codra_dsl.language.check.index.spec_index import MAIN_EXECUTION, OBSERVER, Silenced, SpecIndex
 from codra_dsl.language.check.index.words import NOUNS
 from codra_dsl.language.check.names.misspelt import blame, blamed
-from codra_dsl.language.check.types.literals import Literal, comparison_help, intended_literal
+from codra_dsl.language.check.types.literals import Literal, intended_literal, literal_compared
 from codra_dsl.language.diagnostics import Diagnostic, Fix, Place, Related, is_slip
 from codra_dsl.language.load.templates.templates import INSTANCE
 from codra_dsl.language.load.yaml.names import is_identifier
@@ -169,7 +169,7 @@ def names_in_expectations(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]
             for mention in mentions_of(site, site.values):
                 if mention.name != site.variable:
                     message = f"'{mention.name}' is not a value that {mention.user} can expect of '{site.variable}'"
-                    literal_help = comparison_help(scope, mention) or "write a literal"
+                    literal_help = literal_compared(scope, mention) or "write a literal"
                     literal = intended_literal(scope, site, mention.name) or Literal(literal_help)
                     yield _finding("name-out-of-sight", message, literal.help, mention, (), fix=literal.fix((mention,)))
 
@@ -260,7 +260,7 @@ def _renaming(
 
 def _declare(scope: SpecIndex, mention: Mention, section: str) -> str:
     """Return the help for a name without a similar declaration."""
-    intended = _intended_parameter(scope, mention) or comparison_help(scope, mention)
+    intended = _intended_parameter(scope, mention) or literal_compared(scope, mention)
     if intended is not None:
         return intended
     if mention.site is None and not is_identifier(mention.name):

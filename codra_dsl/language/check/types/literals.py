@@ -60,7 +60,7 @@ def intended_literal(scope: SpecIndex, site: Site, name: str) -> Literal | None:
     return Literal(f'put the member in quotes: "{name}"', condition=site.condition)
 
 
-def comparison_help(scope: SpecIndex, mention: Mention) -> str | None:
+def literal_compared(scope: SpecIndex, mention: Mention) -> str | None:
     """Return the help for an undeclared name that is compared as a literal, or is a member of some enum."""
     site = mention.site
     if site is None or site.condition.tree is None:
