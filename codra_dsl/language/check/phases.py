@@ -26,15 +26,15 @@ from codra_dsl.language.check.knowledge.owners import OWNERS
 from codra_dsl.language.check.knowledge.pose_conditions import POSE_CONDITIONS, python_of_poses
 from codra_dsl.language.check.knowledge.stale import TRUSTED_POSES
 from codra_dsl.language.check.knowledge.triplets import TRIPLETS
-from codra_dsl.language.check.knowledge.unused import KNOWLEDGE_LEFTOVERS
+from codra_dsl.language.check.knowledge.unused import UNUSED_KNOWLEDGE
 from codra_dsl.language.check.loops.branches import BRANCHES, TREE_FILES
 from codra_dsl.language.check.loops.feedback import FED_BACK, SELF_DEFEATING
 from codra_dsl.language.check.loops.firing import FIRING
 from codra_dsl.language.check.loops.inputs import LOOP_TYPES
 from codra_dsl.language.check.loops.lowered import checked_mape
 from codra_dsl.language.check.loops.names import LOOP_NAMES
-from codra_dsl.language.check.loops.parts import LOOP_LEFTOVERS, LOOP_PARTS
-from codra_dsl.language.check.loops.range_exit import LEAVING
+from codra_dsl.language.check.loops.parts import LOOP_PARTS, UNREAD_OUTPUTS
+from codra_dsl.language.check.loops.range_exit import RANGE_EXIT
 from codra_dsl.language.check.names.names import NAMES
 from codra_dsl.language.check.quality import QUALITY
 from codra_dsl.language.check.types.condition_types import TYPES
@@ -53,7 +53,7 @@ PHASES: tuple[tuple[Rule, ...], ...] = (
     (*SOURCES, *OWNERS),
     (*TYPES, *KNOWLEDGE_TYPES, *POSE_CONDITIONS, *LOOP_TYPES),
     (*GRAPH, *FRAMES, *HANDOVERS, *TRIPLETS, *CHAINS, *LOOP_PARTS, *BRANCHES, *SELF_DEFEATING),
-    (*QUALITY, *KNOWLEDGE_LEFTOVERS, *TRUSTED_POSES, *FIRING, *LOOP_LEFTOVERS, *FED_BACK, *LEAVING),
+    (*QUALITY, *UNUSED_KNOWLEDGE, *TRUSTED_POSES, *FIRING, *UNREAD_OUTPUTS, *FED_BACK, *RANGE_EXIT),
 )
 """The rules of each phase."""
 

@@ -13,13 +13,13 @@ class Eyes:
     """The handle that all looks read: how long the first looks of each algorithm take; later ones take no time."""
 
     durations_s: Mapping[str, float]
-    needed: Mapping[str, int] = field(default_factory=dict)
-    looked: Counter[str] = field(default_factory=Counter)
+    needed_looks: Mapping[str, int] = field(default_factory=dict)
+    looks: Counter[str] = field(default_factory=Counter)
 
     def look(self, name: str, job: Any) -> None:
-        self.looked[name] += 1
+        self.looks[name] += 1
         job.evidence(job.now_s(), job.now_s())
-        if self.looked[name] <= self.needed.get(name, 1):
+        if self.looks[name] <= self.needed_looks.get(name, 1):
             job.sleep(self.durations_s[name])
 
 

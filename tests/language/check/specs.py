@@ -64,7 +64,7 @@ observers:
 """
 
 
-def checked(text: str) -> tuple[CheckedSpec | None, tuple[Diagnostic, ...]]:
+def check_text(text: str) -> tuple[CheckedSpec | None, tuple[Diagnostic, ...]]:
     """Return the result of `check` for a text that `load` reads without findings."""
     spec, diagnostics = load_text(text, "spec.yaml", HERE)
     assert spec is not None
@@ -73,24 +73,24 @@ def checked(text: str) -> tuple[CheckedSpec | None, tuple[Diagnostic, ...]]:
 
 
 def findings(text: str) -> tuple[Diagnostic, ...]:
-    return checked(text)[1]
+    return check_text(text)[1]
 
 
-def sound(text: str) -> CheckedSpec:
-    spec, diagnostics = checked(text)
+def check_sound_text(text: str) -> CheckedSpec:
+    spec, diagnostics = check_text(text)
     assert diagnostics == ()
     assert spec is not None
     return spec
 
 
-def edited(*edits: tuple[str, str], text: str = DOOR) -> str:
+def edit_spec(*edits: tuple[str, str], text: str = DOOR) -> str:
     for old, new in edits:
         assert text.count(old) == 1, old
         text = text.replace(old, new)
     return text
 
 
-def marked(text: str, finding: Diagnostic) -> str:
+def marked_text(text: str, finding: Diagnostic) -> str:
     """Return the text that a finding points to."""
     span = finding.place.span
     assert span.line == span.end_line
@@ -99,4 +99,6 @@ def marked(text: str, finding: Diagnostic) -> str:
 
 def finding_texts(text: str) -> list[tuple[str, str, str, str]]:
     """Return the rule, the marked text, the message and the help of each finding."""
-    return [(finding.rule.name, marked(text, finding), finding.message, finding.help) for finding in findings(text)]
+    return [
+        (finding.rule.name, marked_text(text, finding), finding.message, finding.help) for finding in findings(text)
+    ]

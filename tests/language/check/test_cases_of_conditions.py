@@ -16,7 +16,7 @@ from codra_dsl.language.expression import Arithmetic, Comparison, In, Negative, 
 from codra_dsl.language.model import Kind
 from codra_dsl.language.units import UNITS
 from codra_dsl.logic import Term, Value
-from tests.language.check.typed_conditions import AT, World, call, compare, joined, name, number
+from tests.language.check.typed_conditions import AT, World, call, compare, composite_conditions, name, number
 
 STEPS = 16
 TYPES = {
@@ -30,59 +30,66 @@ ORDERED = [Comparison.LESS, Comparison.LESS_OR_EQUAL, Comparison.GREATER, Compar
 Trees = st.SearchStrategy[Node]
 
 
-def constants(of: str) -> Trees:
+def constants(variable: str) -> Trees:
     lengths = [number(quarter / 4, "m") for quarter in range(10)] + [number(50, "cm"), number(1500, "mm"), number(0)]
     counts = [number(quarter / 2, "cm") for quarter in range(8)] + [number(10, "mm"), number(0)]
-    return st.sampled_from(counts if of == "n" else lengths)
+    return st.sampled_from(counts if variable == "n" else lengths)
 
 
-def quantities(of: str) -> Trees:
-    return st.recursive(st.just(name(of)), partial(_moved, of), max_leaves=2)
+def quantities(variable: str) -> Trees:
+    return st.recursive(st.just(name(variable)), partial(_expressions, variable), max_leaves=2)
 
 
-def _moved(of: str, values: Trees) -> Trees:
-    fixed = constants(of)
+def _expressions(variable: str, values: Trees) -> Trees:
+    constant_values = constants(variable)
     return st.one_of(
         st.builds(
-            lambda op, a, b: Arithmetic(operator=op, left=a, right=b, **AT), st.sampled_from("+-"), values, fixed
+            lambda op, a, b: Arithmetic(operator=op, left=a, right=b, **AT),
+            st.sampled_from("+-"),
+            values,
+            constant_values,
         ),
         st.builds(lambda a: Arithmetic(operator="*", left=number(2), right=a, **AT), values),
         values.map(lambda operand: Negative(operand=operand, **AT)),
         values.map(lambda operand: call("abs", operand)),
-        st.builds(call, st.sampled_from(["min", "max"]), values, fixed),
+        st.builds(call, st.sampled_from(["min", "max"]), values, constant_values),
     )
 
 
 def atoms() -> Trees:
-    compared = [
-        st.builds(lambda a, op, c: compare(a, (op, c)), quantities(of), st.sampled_from(Comparison), constants(of))
-        for of in ("n", "x")
+    comparisons = [
+        st.builds(
+            lambda a, op, c: compare(a, (op, c)), quantities(variable), st.sampled_from(Comparison), constants(variable)
+        )
+        for variable in ("n", "x")
     ]
-    chained = [
+    chains = [
         st.builds(
             lambda low, a, op, high: compare(low, (Comparison.LESS, a), (op, high)),
-            constants(of),
-            quantities(of),
+            constants(variable),
+            quantities(variable),
             st.sampled_from(ORDERED),
-            constants(of),
+            constants(variable),
         )
-        for of in ("n", "x")
+        for variable in ("n", "x")
     ]
-    listed = st.lists(constants("n"), min_size=1, max_size=3).map(tuple)
-    among = st.builds(lambda options, no: In(item=name("n"), options=options, negated=no, **AT), listed, st.booleans())
-    plain = st.sampled_from([name("b"), *(call("known", name(variable)) for variable in TYPES)])
-    return st.one_of(plain, among, *compared, *chained)
+    option_lists = st.lists(constants("n"), min_size=1, max_size=3).map(tuple)
+    memberships = st.builds(
+        lambda options, no: In(item=name("n"), options=options, negated=no, **AT), option_lists, st.booleans()
+    )
+    plain_conditions = st.sampled_from([name("b"), *(call("known", name(variable)) for variable in TYPES)])
+    return st.one_of(plain_conditions, memberships, *comparisons, *chains)
 
 
-CONDITIONS: Trees = st.recursive(atoms(), joined, max_leaves=5)
+CONDITIONS: Trees = st.recursive(atoms(), composite_conditions, max_leaves=5)
 
 
 def term(condition: Node) -> Term:
     typed, problems = infer_condition(condition, TYPES, known=True)
     assert problems == ()
-    built = eval(lower(typed), vars(logic).copy())
-    assert isinstance(built, Term)
-    return built
+    built_term = eval(lower(typed), vars(logic).copy())
+    assert isinstance(built_term, Term)
+    return built_term
 
 
 def all_worlds(*, with_unknown: bool) -> Iterator[World]:
@@ -104,16 +111,16 @@ def hold(conditions: Sequence[Term], world: World) -> bool:
 @given(st.lists(CONDITIONS, min_size=1, max_size=3))
 def test_conditions_over_numbers_can_hold_exactly_if_some_values_make_them_true(conditions: list[Node]) -> None:
     terms = [term(condition) for condition in conditions]
-    tried = any(hold(terms, world) for world in all_worlds(with_unknown=True))
-    assert can_hold(conditions, (), TYPES) is tried
+    expected = any(hold(terms, world) for world in all_worlds(with_unknown=True))
+    assert can_hold(conditions, (), TYPES) is expected
 
 
 @settings(max_examples=200)
 @given(CONDITIONS, CONDITIONS)
 def test_a_condition_follows_from_another_exactly_if_no_values_make_only_the_other_true(one: Node, other: Node) -> None:
     stronger, weaker = term(one), term(other)
-    tried = all(hold([weaker], world) for world in all_worlds(with_unknown=True) if hold([stronger], world))
-    assert implies([one], [other], TYPES) is tried
+    expected = all(hold([weaker], world) for world in all_worlds(with_unknown=True) if hold([stronger], world))
+    assert implies([one], [other], TYPES) is expected
 
 
 def asks_for_knowledge(condition: Node) -> bool:
@@ -123,6 +130,6 @@ def asks_for_knowledge(condition: Node) -> bool:
 @settings(max_examples=200)
 @given(CONDITIONS.filter(lambda condition: not asks_for_knowledge(condition)))
 def test_a_condition_always_holds_exactly_if_all_known_values_make_it_true(condition: Node) -> None:
-    judged = term(condition)
-    tried = all(hold([judged], world) for world in all_worlds(with_unknown=False))
-    assert always_holds(condition, TYPES) is tried
+    judged_term = term(condition)
+    expected = all(hold([judged_term], world) for world in all_worlds(with_unknown=False))
+    assert always_holds(condition, TYPES) is expected

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.language.check.specs import findings, marked
+from tests.language.check.specs import findings, marked_text
 
 SPEC = """\
 codra: 1
@@ -40,7 +40,7 @@ perception:
 MEMBERS = "{closed: gap < 1 cm, ajar: gap < 20 cm, open: 'true'}"
 
 
-def listed(conditions: tuple[str, ...]) -> str:
+def list_text(conditions: tuple[str, ...]) -> str:
     return "[" + ", ".join(f"'{condition}'" for condition in conditions) + "]"
 
 
@@ -48,10 +48,10 @@ def findings_with_related(
     *observable: str, accept: tuple[str, ...] = (), held: str = "seen", drawer: str = MEMBERS, given: str = ""
 ) -> list[tuple[str, str, list[str]]]:
     """Return the rule, the marked text without quotes and the related messages of each finding about the spec."""
-    text = SPEC.replace("[GIVEN]", f"[{given}]").replace("OBSERVABLE", listed(observable))
-    text = text.replace("ACCEPT", listed(accept)).replace("HELD", held).replace("DRAWER", drawer)
+    text = SPEC.replace("[GIVEN]", f"[{given}]").replace("OBSERVABLE", list_text(observable))
+    text = text.replace("ACCEPT", list_text(accept)).replace("HELD", held).replace("DRAWER", drawer)
     return [
-        (finding.rule.name, marked(text, finding).strip("'"), [finding.message for finding in finding.related])
+        (finding.rule.name, marked_text(text, finding).strip("'"), [finding.message for finding in finding.related])
         for finding in findings(text)
     ]
 
@@ -193,7 +193,7 @@ def test_accept_when_counts_for_members() -> None:
     ]
 
 
-def test_an_absent_value_stops_at_its_member() -> None:
+def test_a_member_with_an_absent_value_is_not_skipped() -> None:
     assert findings_with_related(drawer="{closed: angle >= 0 rad, open: seen}") == [
         ("never-holds", "seen", ["holds whenever it does"])
     ]
@@ -255,12 +255,12 @@ def test_a_precondition_that_can_be_false_is_no_finding(condition: str) -> None:
 def test_a_condition_over_results_that_always_holds_is_reported_unless_a_value_may_be_absent(
     accept: tuple[str, ...], held: str, offenders: list[str]
 ) -> None:
-    texts = [marked for rule, marked, _ in findings_with_related(accept=accept, held=held)]
+    texts = [text for rule, text, _ in findings_with_related(accept=accept, held=held)]
     assert texts == offenders
 
 
 def test_a_name_with_a_wrong_declaration_causes_no_finding_about_conditions() -> None:
     text = SPEC.replace("[GIVEN]", "[]").replace("OBSERVABLE", "[level > 200 percent]").replace("ACCEPT", "[]")
     text = text.replace("HELD", "seen").replace("DRAWER", MEMBERS)
-    wrong = text.replace("steps: {type: int, range: [1, 9]", "steps: {type: int, range: [1, 9.5]")
-    assert [finding.rule.name for finding in findings(wrong)] == ["wrong-range", "never-runs"]
+    wrong_text = text.replace("steps: {type: int, range: [1, 9]", "steps: {type: int, range: [1, 9.5]")
+    assert [finding.rule.name for finding in findings(wrong_text)] == ["wrong-range", "never-runs"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.language.check.specs import findings, marked
+from tests.language.check.specs import findings, marked_text
 
 SPEC = """\
 codra: 1
@@ -44,7 +44,7 @@ START = "  start: {preview: [closed, loaded]}\n"
 BOTH = CLOSE + START + "  rest: {monitor: [state, paged], preview: [payload]}\n"
 
 
-def edited(skills: str, *edits: tuple[str, str], more: str = "") -> str:
+def edit_spec(skills: str, *edits: tuple[str, str], more: str = "") -> str:
     text = SPEC
     for old, new in edits:
         assert text.count(old) == 1, old
@@ -52,25 +52,25 @@ def edited(skills: str, *edits: tuple[str, str], more: str = "") -> str:
     return text + skills + more
 
 
-def reported(text: str, *rules: str) -> list[tuple[str, str]]:
+def rules_and_marked_texts(text: str, *rules: str) -> list[tuple[str, str]]:
     """Return the rule and the marked text of each finding of some rules, or of all rules."""
     return [
-        (finding.rule.name, marked(text, finding))
+        (finding.rule.name, marked_text(text, finding))
         for finding in findings(text)
         if finding.rule.name in rules or not rules
     ]
 
 
 def test_a_decision_that_only_an_agent_can_answer_is_reported_once_with_all_its_skills() -> None:
-    text = edited(
+    text = edit_spec(
         USE_ALL + "  one: {preview: [paged], monitor: [payload becomes > 1 kg within 5 s]}\n  two: {preview: [paged]}\n"
     )
     (first, second) = (finding for finding in findings(text) if finding.rule.code in ("CDR7103", "CDR7104"))
-    assert (marked(text, first), [related.message for related in first.related]) == (
+    assert (marked_text(text, first), [related.message for related in first.related]) == (
         "paged",
         ["its source", "also in skill 'two'"],
     )
-    assert (second.rule.name, marked(text, second)) == ("unwatched-monitor", "payload")
+    assert (second.rule.name, marked_text(text, second)) == ("unwatched-monitor", "payload")
 
 
 @pytest.mark.parametrize(
@@ -82,12 +82,17 @@ def test_a_decision_that_only_an_agent_can_answer_is_reported_once_with_all_its_
     ],
 )
 def test_a_variable_that_can_be_observed_is_no_finding(skills: str, old: str, new: str) -> None:
-    assert reported(edited(USE_ALL + skills, (old, new)), "decision-without-observer", "unwatched-monitor") == []
+    assert (
+        rules_and_marked_texts(
+            edit_spec(USE_ALL + skills, (old, new)), "decision-without-observer", "unwatched-monitor"
+        )
+        == []
+    )
 
 
 def test_an_unknown_source_silences_dependent_findings() -> None:
-    text = edited(USE_ALL + "  one: {preview: [paged], monitor: [payload]}\n", ("source: page", "source: pager"))
-    assert [rule for rule, _ in reported(text)] == ["unknown-source", "unwatched-monitor"]
+    text = edit_spec(USE_ALL + "  one: {preview: [paged], monitor: [payload]}\n", ("source: page", "source: pager"))
+    assert [rule for rule, _ in rules_and_marked_texts(text)] == ["unknown-source", "unwatched-monitor"]
 
 
 @pytest.mark.parametrize(
@@ -108,7 +113,7 @@ def test_an_unknown_source_silences_dependent_findings() -> None:
     ],
 )
 def test_variables_that_cannot_be_observed_after_a_skill_are_reported(edits: tuple[tuple[str, str], ...]) -> None:
-    assert reported(edited(BOTH, *edits), "excluded-preview") == [("excluded-preview", "loaded")]
+    assert rules_and_marked_texts(edit_spec(BOTH, *edits), "excluded-preview") == [("excluded-preview", "loaded")]
 
 
 @pytest.mark.parametrize(
@@ -131,21 +136,21 @@ def test_variables_that_cannot_be_observed_after_a_skill_are_reported(edits: tup
     ],
 )
 def test_variables_that_can_still_be_observed_or_known_are_no_finding(edits: tuple[tuple[str, str], ...]) -> None:
-    text = edited(BOTH)
+    text = edit_spec(BOTH)
     for old, new in edits:
         assert text.count(old) == 1, old
         text = text.replace(old, new)
-    assert reported(text) == []
+    assert rules_and_marked_texts(text) == []
 
 
 def test_an_alternative_that_works_after_the_skill_takes_a_preview_out_of_the_exclusion() -> None:
     ask = "  ask:\n    call: a.b:c\n    returns: {seen: {type: bool}}\n    rank: 2\n    identifies: {loaded: seen}\n"
-    assert reported(edited(BOTH, ("skills:\n", f"{ask}skills:\n"))) == []
+    assert rules_and_marked_texts(edit_spec(BOTH, ("skills:\n", f"{ask}skills:\n"))) == []
 
 
 def test_the_skill_that_changes_the_variable_may_preview_the_other_one() -> None:
     skills = "  close: {preview: [closed, loaded], monitor: [closed becomes true within 1 s, state, paged]}\n"
-    assert reported(edited(skills + "  rest: {preview: [payload]}\n")) == []
+    assert rules_and_marked_texts(edit_spec(skills + "  rest: {preview: [payload]}\n")) == []
 
 
 @pytest.mark.parametrize(
@@ -159,8 +164,8 @@ def test_the_skill_that_changes_the_variable_may_preview_the_other_one() -> None
 def test_exclusion_compares_with_the_members_that_skills_set(made: str, asked: str, expected: bool) -> None:
     skills = f"  fill: {{monitor: ['{made} within 5 s']}}\n  start: {{preview: [state, loaded]}}\n"
     rest = "  rest: {preview: [payload, closed], monitor: [paged]}\n"
-    text = edited(skills + rest, ("observable_when: [near]", f"observable_when: ['{asked}', near]"))
-    assert reported(text) == ([("excluded-preview", "loaded")] if expected else [])
+    text = edit_spec(skills + rest, ("observable_when: [near]", f"observable_when: ['{asked}', near]"))
+    assert rules_and_marked_texts(text) == ([("excluded-preview", "loaded")] if expected else [])
 
 
 def test_a_preview_is_excluded_only_if_every_resulting_value_excludes_it() -> None:
@@ -168,21 +173,23 @@ def test_a_preview_is_excluded_only_if_every_resulting_value_excludes_it() -> No
     fill = "  fill: {monitor: ['state becomes \"full\" within 5 s']}\n"
     fill += "  drain: {monitor: ['state becomes \"WANTED\" within 5 s']}\n"
     rest = "  start: {preview: [state, loaded]}\n  rest: {preview: [payload, closed], monitor: [paged]}\n"
-    assert reported(edited(fill.replace("WANTED", "empty") + rest, asks)) == [("excluded-preview", "loaded")]
-    assert reported(edited(fill.replace("WANTED", "half") + rest, asks)) == []
+    assert rules_and_marked_texts(edit_spec(fill.replace("WANTED", "empty") + rest, asks)) == [
+        ("excluded-preview", "loaded")
+    ]
+    assert rules_and_marked_texts(edit_spec(fill.replace("WANTED", "half") + rest, asks)) == []
 
 
 def test_an_unneeded_observer_is_reported_instead_of_its_variables() -> None:
     skills = "  use: {preview: [loaded, payload], monitor: [paged]}\n"
     watch = "observers:\n  watch: {identifies: [state], period: 5 s}\n"
-    assert reported(edited(skills)) == [("unreached-variable", "state")]
-    assert reported(edited(skills, more=watch)) == [("unreached-observer", "watch")]
-    assert reported(edited(skills.replace("paged", "paged, state"), more=watch)) == []
+    assert rules_and_marked_texts(edit_spec(skills)) == [("unreached-variable", "state")]
+    assert rules_and_marked_texts(edit_spec(skills, more=watch)) == [("unreached-observer", "watch")]
+    assert rules_and_marked_texts(edit_spec(skills.replace("paged", "paged, state"), more=watch)) == []
 
 
 def test_without_skills_every_observer_is_generated() -> None:
     watch = "observers:\n  watch: {identifies: [state], period: 5 s}\n"
-    assert reported(edited("", ("skills:\n", ""), more=watch)) == []
+    assert rules_and_marked_texts(edit_spec("", ("skills:\n", ""), more=watch)) == []
 
 
 LOOPS = """\
@@ -199,9 +206,11 @@ SPEED = ("agents:", "  speed: {type: float, range: [0, 2], source: adaptation}\n
 
 def test_variables_that_loops_read_are_needed_and_computed_ones_are_exempt() -> None:
     skills = "  use: {preview: [payload]}\n"
-    assert reported(edited(skills, SPEED, more=LOOPS), "unreached-variable") == [("unreached-variable", "loaded")]
+    assert rules_and_marked_texts(edit_spec(skills, SPEED, more=LOOPS), "unreached-variable") == [
+        ("unreached-variable", "loaded")
+    ]
 
 
 def test_unreadable_rules_may_need_any_variable() -> None:
-    text = edited("  use: {preview: [payload]}\n", SPEED, more=LOOPS.replace("is full and", "is fool and"))
-    assert reported(text, "unreached-variable") == []
+    text = edit_spec("  use: {preview: [payload]}\n", SPEED, more=LOOPS.replace("is full and", "is fool and"))
+    assert rules_and_marked_texts(text, "unreached-variable") == []

@@ -22,12 +22,12 @@ from tests.language.check.checked_specs import Pi, checked_spec, place, referenc
 from tests.language.check.slow_perception import Eyes
 
 ROOT = Path(__file__).parents[3]
-HAIR_S = 1e-4
-MANY = 100_000.0
+MARGIN_S = 1e-4
+LIMIT_S = 100_000.0
 
 
 @dataclass(frozen=True)
-class Compiled:
+class CompiledSpec:
     """A spec whose observers can be run."""
 
     spec: CheckedSpec
@@ -38,11 +38,11 @@ class Compiled:
         self, variable: str, durations_s: Mapping[str, float], truths: Mapping[str, bool], limit_s: float
     ) -> float:
         """Declare one variable while no observer runs, and return how long it takes until it is known."""
-        needed = {
+        needed_results = {
             name: max(map(needed_of, algorithm.algorithm.identifies))
             for name, algorithm in self.spec.algorithms.items()
         }
-        clock, eyes = SimClock(), Eyes(durations_s, needed)
+        clock, eyes = SimClock(), Eyes(durations_s, needed_results)
         with self.start(clock=clock, resources=dict.fromkeys(self.handles, eyes)) as codra:
             for name, truth in truths.items():
                 codra.set(name, truth)
@@ -51,7 +51,7 @@ class Compiled:
             return clock.now_s() if is_known else math.inf
 
 
-def compiled(folder: Path, text: str, parts: Mapping[str, str] | None = None) -> Compiled:
+def compile_spec(folder: Path, text: str, parts: Mapping[str, str] | None = None) -> CompiledSpec:
     """Compile a spec in a separate folder and load the generated observers."""
     (folder / "specs").mkdir(parents=True)
     for name, part in {"spec.yaml": text, **(parts or {})}.items():
@@ -59,41 +59,43 @@ def compiled(folder: Path, text: str, parts: Mapping[str, str] | None = None) ->
         (folder / "specs" / name).write_text(part, encoding="utf-8")
     compilation = compile_paths([folder / "specs/spec.yaml"], folder)
     assert compilation.planned.plans, [finding.message for finding in compilation.planned.diagnostics]
-    (made,) = compilation.planned.plans
-    handles = [resource.name for resource in made.checked.spec.resources if resource.slots is None]
-    return Compiled(made.checked, load_start(compilation.files, made.name, folder / "generated"), handles)
+    (plan,) = compilation.planned.plans
+    handles = [resource.name for resource in plan.checked.spec.resources if resource.slots is None]
+    return CompiledSpec(plan.checked, load_start(compilation.files, plan.name, folder / "generated"), handles)
 
 
 def full_timeouts(spec: CheckedSpec) -> dict[str, float]:
-    return {name: algorithm.algorithm.timeout_s - HAIR_S for name, algorithm in spec.algorithms.items()}
+    return {name: algorithm.algorithm.timeout_s - MARGIN_S for name, algorithm in spec.algorithms.items()}
 
 
 # The laboratory
 
 
 @pytest.fixture(scope="module")
-def lab(tmp_path_factory: pytest.TempPathFactory) -> Compiled:
+def lab(tmp_path_factory: pytest.TempPathFactory) -> CompiledSpec:
     """The lab's own spec, with perception that takes its full timeout instead of the lab's perception."""
-    here, real = "call: tests.language.check.slow_perception:", "call: codra_papers.lab.perception.functions:"
+    slow_call, real_call = "call: tests.language.check.slow_perception:", "call: codra_papers.lab.perception.functions:"
     text, part = ((ROOT / "specs" / name).read_text("utf-8") for name in ("lab.yaml", "parts/machine.yaml"))
-    assert real in text
-    assert real in part
+    assert real_call in text
+    assert real_call in part
     folder = tmp_path_factory.mktemp("lab")
-    return compiled(folder, text.replace(real, here), {"parts/machine.yaml": part.replace(real, here)})
+    return compile_spec(
+        folder, text.replace(real_call, slow_call), {"parts/machine.yaml": part.replace(real_call, slow_call)}
+    )
 
 
-def test_the_bound_is_reached_by_every_variable_of_the_lab(lab: Compiled) -> None:
+def test_the_bound_is_reached_by_every_variable_of_the_lab(lab: CompiledSpec) -> None:
     bounds = worst_cases(lab.spec)
 
-    observed = {
-        name: lab.known_after_s(name, full_timeouts(lab.spec), {"robot_is_localized": True}, MANY) for name in bounds
+    observed_s = {
+        name: lab.known_after_s(name, full_timeouts(lab.spec), {"robot_is_localized": True}, LIMIT_S) for name in bounds
     }
 
     assert len(bounds) == 14
-    assert all(bounds[name] - 0.001 <= observed[name] <= bounds[name] for name in bounds), (bounds, observed)
+    assert all(bounds[name] - 0.001 <= observed_s[name] <= bounds[name] for name in bounds), (bounds, observed_s)
 
 
-def test_the_lid_is_known_after_distance_view_and_its_own_look(lab: Compiled) -> None:
+def test_the_lid_is_known_after_distance_view_and_its_own_look(lab: CompiledSpec) -> None:
     assert worst_cases(lab.spec)["pcr_cycler_open"] == 1 + 3 + 8
     assert worst_cases(lab.spec)["centrifuge_rotor_in_pos_1"] == 1 + 3 + 8 + 6
 
@@ -102,7 +104,7 @@ def test_the_lid_is_known_after_distance_view_and_its_own_look(lab: Compiled) ->
 
 
 @dataclass(frozen=True)
-class Drawn:
+class DrawnSpec:
     """A spec, the duration of each first look, and the algorithms that can run in this world."""
 
     text: str
@@ -138,8 +140,8 @@ class Sketch:
         return "\n".join([*lines, "  two: {slots: 2}", "perception:", *looks, *observers, ""])
 
     def _condition_text(self, name: str) -> str:
-        needed = self.confirms[name]
-        return "seen" if needed == 1 else f"{{enter: seen, confirm: {needed} of {needed + 1}}}"
+        needed_count = self.confirms[name]
+        return "seen" if needed_count == 1 else f"{{enter: seen, confirm: {needed_count} of {needed_count + 1}}}"
 
     def _look(self, name: str) -> list[str]:
         uses = ", ".join(["eyes: read", *(f"{slot}: slot" for slot in self.slots[name])])
@@ -161,28 +163,34 @@ class Sketch:
 
 
 @st.composite
-def drawn_specs(draw: st.DrawFn) -> Drawn:
+def drawn_specs(draw: st.DrawFn) -> DrawnSpec:
     """A chain or a web of algorithms: alternatives, feedback, slots, priorities, periods."""
     sketch = Sketch()
     for number in range(draw(st.integers(3, 6))):
-        earlier = sketch.variables if number > 1 else []  # two without needs, then others that need them
-        made = [f"v{number}{letter}" for letter in "ab"[: draw(st.integers(1, 2))]]
+        earlier_variables = sketch.variables if number > 1 else []  # two without needs, then others that need them
+        variables = [f"v{number}{letter}" for letter in "ab"[: draw(st.integers(1, 2))]]
         for rank in range(1, 1 + draw(st.sampled_from([1, 1, 1, 2, 3]))):
             name = f"p{number}_{rank}"
             sketch.identifies[name] = (
-                made if rank == 1 else draw(st.lists(st.sampled_from(made), min_size=1, unique=True))
+                variables if rank == 1 else draw(st.lists(st.sampled_from(variables), min_size=1, unique=True))
             )
-            needs = draw(st.lists(st.sampled_from(earlier), min_size=1, max_size=3, unique=True)) if earlier else []
+            needs = (
+                draw(st.lists(st.sampled_from(earlier_variables), min_size=1, max_size=3, unique=True))
+                if earlier_variables
+                else []
+            )
             sketch.conditions[name] = [
                 draw(st.sampled_from(["{}", "known({})", "{0} or {0}"])).format(need) for need in needs
             ]
-            sketch.given[name] = draw(st.lists(st.sampled_from(earlier), max_size=1)) if earlier else []
+            sketch.given[name] = (
+                draw(st.lists(st.sampled_from(earlier_variables), max_size=1)) if earlier_variables else []
+            )
             sketch.slots[name] = draw(st.sampled_from([["one"], [], ["one"], ["two"], ["one", "two"]]))
             sketch.confirms[name] = draw(st.sampled_from([1, 1, 1, 1, 2, 3]))
             sketch.timeouts_s[name], sketch.ranks[name] = draw(st.integers(1, 9)), rank
         period_s, priority = draw(st.integers(1, 4)), draw(st.integers(0, 3))
-        named = f"{{identifies: [{', '.join(made)}], period: {period_s} s, priority: {priority}}}"
-        sketch.settings.append(f"  tree_{number}: {named}")
+        setting_text = f"{{identifies: [{', '.join(variables)}], period: {period_s} s, priority: {priority}}}"
+        sketch.settings.append(f"  tree_{number}: {setting_text}")
     if draw(st.booleans()):
         first, last = "p0_1", sketch.variables[-1]
         sketch.conditions[first].append(f"not known({last}) or {last}")
@@ -190,31 +198,35 @@ def drawn_specs(draw: st.DrawFn) -> Drawn:
     truths = {
         f"world_lets_{name}": draw(st.sampled_from([True, True, True, True, False])) for name in sketch.identifies
     }
-    return Drawn(sketch.text(), shares, truths)
+    return DrawnSpec(sketch.text(), shares, truths)
 
 
-def reachable(spec: CheckedSpec, truths: Mapping[str, bool]) -> set[str]:
+def reachable_variables(spec: CheckedSpec, truths: Mapping[str, bool]) -> set[str]:
     """Return the variables that can be known in this world, by trying until nothing changes."""
-    known = {name for name, truth in truths.items() if truth}
+    known_names = {name for name, truth in truths.items() if truth}
     while True:
-        able = (algorithm for algorithm in spec.algorithms.values() if known.issuperset(algorithm.waits_for))
-        more = {name for algorithm in able for name, _ in algorithm.identifies} - known
-        if not more:
-            return known
-        known |= more
+        able_algorithms = (
+            algorithm for algorithm in spec.algorithms.values() if known_names.issuperset(algorithm.waits_for)
+        )
+        new_names = {name for algorithm in able_algorithms for name, _ in algorithm.identifies} - known_names
+        if not new_names:
+            return known_names
+        known_names |= new_names
 
 
 @settings(max_examples=150)
-@given(drawn=drawn_specs())
-def test_no_variable_takes_longer_than_its_bound(drawn: Drawn, tmp_path_factory: pytest.TempPathFactory) -> None:
-    made = compiled(tmp_path_factory.mktemp("drawn"), drawn.text)
-    bounds = worst_cases(made.spec)
-    durations_s = {name: drawn.shares[name] * full_s for name, full_s in full_timeouts(made.spec).items()}
-    can_be_known = reachable(made.spec, drawn.truths)
+@given(drawn_spec=drawn_specs())
+def test_no_variable_takes_longer_than_its_bound(
+    drawn_spec: DrawnSpec, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    compiled_spec = compile_spec(tmp_path_factory.mktemp("drawn"), drawn_spec.text)
+    bounds = worst_cases(compiled_spec.spec)
+    durations_s = {name: drawn_spec.shares[name] * full_s for name, full_s in full_timeouts(compiled_spec.spec).items()}
+    knowable_names = reachable_variables(compiled_spec.spec, drawn_spec.truths)
 
     for name, bound_s in bounds.items():
-        if name in can_be_known:
-            taken_s = made.known_after_s(name, durations_s, drawn.truths, bound_s + 1.0)
+        if name in knowable_names:
+            taken_s = compiled_spec.known_after_s(name, durations_s, drawn_spec.truths, bound_s + 1.0)
 
             assert taken_s <= bound_s, (name, bound_s)
             event(f"{round(10 * taken_s / bound_s)} tenths of the bound")
@@ -235,10 +247,10 @@ class Look:
 
 def spec_of(*looks: Look) -> CheckedSpec:
     resources = [Resource(name=name, place=place(), slots=slots) for name, slots in (("one", 1), ("two", 2))]
-    return checked_spec(map(pi, looks), resources=resources)
+    return checked_spec(map(to_pi, looks), resources=resources)
 
 
-def pi(look: Look) -> Pi:
+def to_pi(look: Look) -> Pi:
     uses = [Usage(resource=reference(slot), access=Access.SLOT, place=place()) for slot in look.slots.split()]
     identifies, needs = look.identifies.split(), look.needs.split()
     return Pi(name=look.name, identifies=identifies, needs=needs, uses=uses, timeout_s=look.timeout_s, rank=look.rank)
@@ -279,13 +291,13 @@ def test_the_bound_is_the_longest_path_with_all_its_delays(looks: list[Look], bo
 
 def test_a_joined_tree_runs_all_its_looks() -> None:
     uses = [Usage(resource=reference("one"), access=Access.SLOT, place=place())]
-    both = [Pi(name=name, identifies=[name[-1]], uses=uses, timeout_s=4.0) for name in ("see_x", "see_y")]
+    algorithms = [Pi(name=name, identifies=[name[-1]], uses=uses, timeout_s=4.0) for name in ("see_x", "see_y")]
     one_slot = [Resource(name="one", place=place(), slots=1)]
 
-    alone = worst_cases(checked_spec(both, resources=one_slot))
-    joined = worst_cases(checked_spec(both, resources=one_slot, observers=[setting("both", "x", "y")]))
+    separate_bounds = worst_cases(checked_spec(algorithms, resources=one_slot))
+    joined_bounds = worst_cases(checked_spec(algorithms, resources=one_slot, observers=[setting("both", "x", "y")]))
 
-    assert (alone["x"], joined["x"]) == (4.0, 8.0)
+    assert (separate_bounds["x"], joined_bounds["x"]) == (4.0, 8.0)
 
 
 def test_looks_of_alternatives_that_wait_for_one_another_count_once() -> None:

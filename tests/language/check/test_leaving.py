@@ -23,11 +23,11 @@ loops:
 """
 
 
-def reported(value: str, kind: str = "int, range: [0, 9]") -> list[tuple[str, str]]:
+def codes_and_messages(value: str, kind: str = "int, range: [0, 9]") -> list[tuple[str, str]]:
     return [(finding.rule.code, finding.message) for finding in findings(SPEC.format(value=value, kind=kind))]
 
 
-def leaves(sides: str) -> list[tuple[str, str]]:
+def expected_findings(sides: str) -> list[tuple[str, str]]:
     return [("CDR7128", f"adaptation 'b' can set 'count' to {sides}, outside of its range")]
 
 
@@ -44,7 +44,7 @@ def leaves(sides: str) -> list[tuple[str, str]]:
     ],
 )
 def test_a_value_outside_the_range_of_its_variable_is_reported(value: str, sides: str) -> None:
-    assert reported(value) == leaves(sides)
+    assert codes_and_messages(value) == expected_findings(sides)
 
 
 @pytest.mark.parametrize(
@@ -60,14 +60,14 @@ def test_a_value_outside_the_range_of_its_variable_is_reported(value: str, sides
     ],
 )
 def test_a_value_inside_the_range_or_without_known_range_is_not_reported(value: str) -> None:
-    assert reported(value) == []
+    assert codes_and_messages(value) == []
 
 
 def test_ranges_are_compared_in_their_units() -> None:
     metres = "float, unit: m, range: [0, 0.5]"
-    assert reported("glow * 0.5", metres) == []
-    assert reported("glow", metres) == leaves("more than 0.5 m")
+    assert codes_and_messages("glow * 0.5", metres) == []
+    assert codes_and_messages("glow", metres) == expected_findings("more than 0.5 m")
 
 
 def test_a_variable_without_a_range_accepts_every_value() -> None:
-    assert reported("heat * 2", "int") == []
+    assert codes_and_messages("heat * 2", "int") == []

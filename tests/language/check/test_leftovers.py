@@ -8,7 +8,7 @@ import pytest
 
 from codra_dsl.language.check import check
 from codra_dsl.language.load import load_spec, load_text
-from tests.language.check.specs import findings, marked
+from tests.language.check.specs import findings, marked_text
 
 SPEC = """\
 codra: 1
@@ -57,7 +57,7 @@ use:
 """
 
 
-def edited(*edits: tuple[str, str]) -> str:
+def edit_spec(*edits: tuple[str, str]) -> str:
     text = SPEC
     for old, new in edits:
         assert text.count(old) == 1, old
@@ -65,39 +65,41 @@ def edited(*edits: tuple[str, str]) -> str:
     return text
 
 
-def reported(*edits: tuple[str, str]) -> list[tuple[str, str]]:
+def rules_and_marked_texts(*edits: tuple[str, str]) -> list[tuple[str, str]]:
     """Return the rule and the marked text of each finding."""
-    text = edited(*edits)
-    return [(finding.rule.name, marked(text, finding)) for finding in findings(text)]
+    text = edit_spec(*edits)
+    return [(finding.rule.name, marked_text(text, finding)) for finding in findings(text)]
 
 
 def test_used_declarations_are_no_finding() -> None:
-    assert reported() == []
+    assert rules_and_marked_texts() == []
 
 
 def test_an_unused_resource_is_reported() -> None:
-    assert reported(("  camera: {}\n", "  camera: {}\n  vision: {slots: 2}\n")) == [("unused-resource", "vision")]
+    assert rules_and_marked_texts(("  camera: {}\n", "  camera: {}\n  vision: {slots: 2}\n")) == [
+        ("unused-resource", "vision")
+    ]
 
 
 def test_an_agent_that_is_no_source_is_reported() -> None:
-    assert reported(("  page: {}\n", "  page: {}\n  porter: {}\n")) == [("unused-agent", "porter")]
+    assert rules_and_marked_texts(("  page: {}\n", "  page: {}\n  porter: {}\n")) == [("unused-agent", "porter")]
 
 
 def test_a_misspelt_use_or_source_is_the_only_finding() -> None:
-    assert reported(("uses: {camera: read}", "uses: {camra: read}")) == [("unknown-resource", "camra")]
-    wrong = [
+    assert rules_and_marked_texts(("uses: {camera: read}", "uses: {camra: read}")) == [("unknown-resource", "camra")]
+    wrong_edits = [
         ("near: {type: bool, source: page", "near: {type: bool, source: pag"),
         ("source: page}\n    perc", "source: main_execution}\n    perc"),
     ]
-    assert reported(*wrong) == [("unknown-source", "pag")]
+    assert rules_and_marked_texts(*wrong_edits) == [("unknown-source", "pag")]
 
 
 def test_an_unused_template_is_reported() -> None:
-    assert reported(("  sugar: {template: jar, title: Sugar}\n", "")) == [("unused-template", "jar")]
+    assert rules_and_marked_texts(("  sugar: {template: jar, title: Sugar}\n", "")) == [("unused-template", "jar")]
 
 
 def test_a_template_in_a_wrong_use_is_not_reported_as_unused() -> None:
-    spec, diagnostics = load_text(edited(("title: Sugar}", "title: Sugar, size: 3}")), "spec.yaml", Path())
+    spec, diagnostics = load_text(edit_spec(("title: Sugar}", "title: Sugar, size: 3}")), "spec.yaml", Path())
     assert spec is not None
     assert [finding.rule.name for finding in (*diagnostics, *check(spec)[1])] == ["unknown-argument"]
 
@@ -116,12 +118,12 @@ def test_elements_that_an_unused_template_may_name_are_not_reported_as_unused(
     resource: str, source: str, unused: list[str]
 ) -> None:
     pot = POT.replace("RESOURCE", resource).replace("SOURCE", source)
-    rules = reported(
+    summaries = rules_and_marked_texts(
         ("use:\n", pot),
         ("  camera: {}\n", "  camera: {}\n  lidar: {}\n"),
         ("  page: {}\n", "  page: {}\n  porter: {}\n"),
     )
-    assert sorted(rule for rule, _ in rules) == sorted([*unused, "unused-template"])
+    assert sorted(rule for rule, _ in summaries) == sorted([*unused, "unused-template"])
 
 
 @pytest.mark.parametrize("name", ["near", "door", "camera", "look", "page", "sugar_full_too"])
@@ -130,13 +132,16 @@ def test_a_parameter_with_a_name_that_its_template_can_read_is_reported(name: st
         ("title: str, part", f"title: str, {name}: str, part"),
         ("label: $(title)}", f"label: $(title) $({name})}}"),
     ]
-    rules = reported(*edits, ("title: Sugar}", f"title: Sugar, {name}: x}}"))
-    assert rules == ([] if name == "sugar_full_too" else [("shadowed-name", name)])
+    summaries = rules_and_marked_texts(*edits, ("title: Sugar}", f"title: Sugar, {name}: x}}"))
+    assert summaries == ([] if name == "sugar_full_too" else [("shadowed-name", name)])
 
 
 def test_a_parameter_may_have_the_name_of_an_element_of_its_own_template() -> None:
-    own = [("part: {type: identifier, default: lid}", "lid_of_sugar: {type: identifier, default: lid}")]
-    assert reported(*own, ("      $(part)_of_$(instance)", "      $(lid_of_sugar)_of_$(instance)")) == []
+    own_edits = [("part: {type: identifier, default: lid}", "lid_of_sugar: {type: identifier, default: lid}")]
+    assert (
+        rules_and_marked_texts(*own_edits, ("      $(part)_of_$(instance)", "      $(lid_of_sugar)_of_$(instance)"))
+        == []
+    )
 
 
 @pytest.mark.parametrize(
@@ -149,12 +154,12 @@ def test_a_parameter_may_have_the_name_of_an_element_of_its_own_template() -> No
     ],
 )
 def test_labels_that_look_the_same_are_reported(edits: list[tuple[str, str]], offender: str) -> None:
-    assert reported(*edits) == [("same-label", offender)]
+    assert rules_and_marked_texts(*edits) == [("same-label", offender)]
 
 
 @pytest.mark.parametrize("label", ["door", "Door", "front-door 2", "sugar full"])
 def test_different_labels_are_no_finding(label: str) -> None:
-    assert reported(("label: Front door", f"label: {label}")) == []
+    assert rules_and_marked_texts(("label: Front door", f"label: {label}")) == []
 
 
 def test_declarations_of_a_part_may_be_for_another_spec(tmp_path: Path) -> None:

@@ -30,13 +30,13 @@ WORDS = {
 }
 
 
-def built(python: str) -> logic.Term:
+def build_term(python: str) -> logic.Term:
     term = eval(python, {"__builtins__": {"abs": abs}}, dict(WORDS))
     assert isinstance(term, logic.Term), python
     return term
 
 
-def lowered(text: str, types: dict[str, Type] | None = None) -> str:
+def lower_text(text: str, types: dict[str, Type] | None = None) -> str:
     tree = parse(text)
     assert isinstance(tree, Node), tree
     typed, problems = infer_condition(tree, TYPES if types is None else types, known=True)
@@ -53,7 +53,7 @@ def test_lowered_conditions_have_the_meaning_of_the_language(tree: Node, world: 
         expected = meaning(tree, world)
     except TooCloseError:
         assume(False)
-    assert built(lower(typed)).evaluate(world) is expected
+    assert build_term(lower(typed)).evaluate(world) is expected
 
 
 @given(quantities("length"), st.sampled_from(["m", "cm", "mm", "km"]), worlds())
@@ -64,7 +64,7 @@ def test_lowered_values_are_in_the_requested_unit(tree: Node, unit: str, world: 
         expected = meaning(tree, world)
     except TooCloseError:
         assume(False)
-    result = built(lower(typed, UNITS[unit])).evaluate(world)
+    result = build_term(lower(typed, UNITS[unit])).evaluate(world)
     if expected is None:
         assert result is None
     else:
@@ -77,15 +77,17 @@ def test_lowered_values_are_in_the_requested_unit(tree: Node, unit: str, world: 
 @given(CONDITIONS)
 def test_lowered_conditions_read_the_same_names(tree: Node) -> None:
     typed, _ = infer_condition(tree, TYPES, known=True)
-    term = built(lower(typed))
+    term = build_term(lower(typed))
     assert term.variables() == {name.name for name in names_in(tree)}
 
 
 @given(CONDITIONS)
 def test_types_do_not_depend_on_how_a_condition_is_spelled(tree: Node) -> None:
-    again = parse(to_text(tree))
-    if isinstance(again, Node):
-        assert lower(infer_condition(again, TYPES, known=True)[0]) == lower(infer_condition(tree, TYPES, known=True)[0])
+    parsed_again = parse(to_text(tree))
+    if isinstance(parsed_again, Node):
+        assert lower(infer_condition(parsed_again, TYPES, known=True)[0]) == lower(
+            infer_condition(tree, TYPES, known=True)[0]
+        )
 
 
 @pytest.mark.parametrize(
@@ -132,8 +134,8 @@ def test_types_do_not_depend_on_how_a_condition_is_spelled(tree: Node) -> None:
     ],
 )
 def test_conditions_are_lowered_to_readable_python(text: str, python: str) -> None:
-    assert lowered(text) == python
-    built(python)
+    assert lower_text(text) == python
+    build_term(python)
 
 
 @pytest.mark.parametrize(
@@ -142,7 +144,7 @@ def test_conditions_are_lowered_to_readable_python(text: str, python: str) -> No
 )
 def test_limits_in_another_unit_are_met_exactly(text: str, value: int, expected: bool) -> None:
     world = World({name: value if name == "y" else None for name in TYPES}, dict.fromkeys(TYPES, 0.0))
-    assert built(lowered(text)).evaluate(world) is expected
+    assert build_term(lower_text(text)).evaluate(world) is expected
 
 
 @given(st.text(max_size=20))
@@ -157,7 +159,7 @@ def test_plain_texts_are_in_double_quotes() -> None:
 
 def test_a_duration_age_is_compared_with_flips_at_run_time() -> None:
     world = World({name: True if name == "b1" else None for name in TYPES}, dict.fromkeys(TYPES, 4.0))
-    assert built(lowered("age(b1) > 10 s")).flips_s(world) == 6.0
+    assert build_term(lower_text("age(b1) > 10 s")).flips_s(world) == 6.0
 
 
 def test_numbers_without_a_unit_are_left_as_they_are_written() -> None:

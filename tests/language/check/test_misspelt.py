@@ -7,7 +7,7 @@ import pytest
 from codra_dsl.language.check import check
 from codra_dsl.language.diagnostics import Applicability, Diagnostic
 from codra_dsl.language.load import load_text
-from tests.language.check.specs import HERE, edited, findings, marked
+from tests.language.check.specs import HERE, edit_spec, findings, marked_text
 
 LAMP = """\
 codra: 1
@@ -66,7 +66,7 @@ def test_the_hall_has_no_mistake() -> None:
 def test_a_misspelt_declaration_is_the_only_finding_and_names_its_uses(
     declared: str, written: str, intended: str
 ) -> None:
-    (finding,) = lamp_findings(edited((declared, written), text=LAMP))
+    (finding,) = lamp_findings(edit_spec((declared, written), text=LAMP))
 
     assert finding.help == f"did you mean '{intended}'?"
     assert finding.place.span.line == LAMP[: LAMP.index(declared)].count("\n") + 1
@@ -76,24 +76,24 @@ def test_a_misspelt_declaration_is_the_only_finding_and_names_its_uses(
 
 
 def test_the_message_has_the_number_of_uses_of_the_name() -> None:
-    text = edited(("  near: {", "  naer: {"), text=LAMP)
+    text = edit_spec(("  near: {", "  naer: {"), text=LAMP)
     (finding,) = lamp_findings(text)
 
     assert finding.message == "context-variable 'naer' is used nowhere, and 'near', used 2 times, is not declared"
-    assert marked(text, finding) == "naer"
+    assert marked_text(text, finding) == "naer"
     assert [other.message for other in finding.related] == ["in algorithm 'look_at_lamp'", "in algorithm 'look_again'"]
 
 
 def test_a_name_that_is_used_once_is_the_misspelt_one() -> None:
-    text = edited(('identifies: {lamp: \'"dim" if seen', 'identifies: {lamp: \'"dim" if sen'), text=LAMP)
+    text = edit_spec(('identifies: {lamp: \'"dim" if seen', 'identifies: {lamp: \'"dim" if sen'), text=LAMP)
     (finding,) = lamp_findings(text)
 
     assert finding.rule.name == "unknown-returned-value"
-    assert (marked(text, finding), finding.help) == ("sen", "did you mean 'seen'?")
+    assert (marked_text(text, finding), finding.help) == ("sen", "did you mean 'seen'?")
 
 
 def test_if_two_names_occur_once_the_one_with_words_of_the_spec_is_right() -> None:
-    text = edited(
+    text = edit_spec(
         ("{light: {type: float, unit: lux}, ", "{ligt: {type: float, unit: lux}, "),
         ("accept_when: [light > 0, light < 900 lux]", "accept_when: [light > 0]"),
         ("call: hall.perception:look\n", "call: hall.perception:measure_light\n"),
@@ -101,7 +101,7 @@ def test_if_two_names_occur_once_the_one_with_words_of_the_spec_is_right() -> No
     )
     (finding,) = lamp_findings(text)
 
-    assert marked(text, finding) == "ligt"
+    assert marked_text(text, finding) == "ligt"
 
 
 def test_a_declaration_in_a_template_is_blamed_once_for_all_uses() -> None:
@@ -124,13 +124,15 @@ use:
 """
     (finding,) = lamp_findings(template)
 
-    assert marked(template, finding) == "$(instance)_opn"
+    assert marked_text(template, finding) == "$(instance)_opn"
     assert "'door_open', used 2 times, is not declared" in finding.message
 
 
 def test_conditions_with_a_misspelt_name_are_checked_with_the_intended_name() -> None:
     """The light is compared with m, in both spellings."""
-    text = edited(("accept_when: [light > 0, light < 900 lux]", "accept_when: [ligth > 0, light < 900 m]"), text=LAMP)
+    text = edit_spec(
+        ("accept_when: [light > 0, light < 900 lux]", "accept_when: [ligth > 0, light < 900 m]"), text=LAMP
+    )
 
     assert [finding.rule.name for finding in lamp_findings(text)] == ["unknown-returned-value", "mismatched-units"]
 
@@ -151,20 +153,20 @@ def test_an_unknown_identified_name_may_mean_the_unidentified_variable() -> None
     (finding,) = lamp_findings(text)
 
     assert finding.rule.name == "unknown-variable"
-    assert marked(text, finding) == "unheard_of"
+    assert marked_text(text, finding) == "unheard_of"
 
 
 # Members
 
 
 def test_a_missing_comma_between_members_is_reported_at_their_declaration() -> None:
-    text = edited(
+    text = edit_spec(
         ("lamp: {type: enum, values: [off, dim, bright]", "lamp: {type: enum, values: [off dim, bright]"), text=LAMP
     )
     (finding,) = lamp_findings(text)
 
     assert finding.message == "the member 'off dim' of context-variable 'lamp' is not used, but its words are"
-    assert (marked(text, finding), finding.help) == ("off dim", "write 'off, dim'")
+    assert (marked_text(text, finding), finding.help) == ("off dim", "write 'off, dim'")
 
 
 def test_a_member_may_contain_a_space() -> None:
@@ -174,7 +176,7 @@ def test_a_member_may_contain_a_space() -> None:
 
 
 def test_an_unknown_member_is_reported_where_it_is_used() -> None:
-    text = edited(('lamp stays "bright"', 'lamp stays "brigt"'), text=LAMP)
+    text = edit_spec(('lamp stays "bright"', 'lamp stays "brigt"'), text=LAMP)
     (finding,) = lamp_findings(text)
 
-    assert (marked(text, finding), finding.help) == ('"brigt"', 'did you mean "bright"?')
+    assert (marked_text(text, finding), finding.help) == ('"brigt"', 'did you mean "bright"?')

@@ -10,36 +10,36 @@ from hypothesis import strategies as st
 from codra_dsl.language.check import RULES, check
 from codra_dsl.language.diagnostics import Severity, in_file_order
 from codra_dsl.language.load import load_text
-from tests.language.check.specs import DOOR, HERE, checked, edited, findings, sound
+from tests.language.check.specs import DOOR, HERE, check_sound_text, check_text, edit_spec, findings
 
 CASES = Path(__file__).parents[2] / "cases"
 WORDS = sorted(set(re.findall(r"[A-Za-z_]\w*|\d+", DOOR)))
 
 
-def names_of(text: str) -> list[str]:
+def rule_names(text: str) -> list[str]:
     return [finding.rule.name for finding in findings(text)]
 
 
 def test_a_spec_without_faults_is_checked_without_findings() -> None:
-    spec = sound(DOOR)
+    spec = check_sound_text(DOOR)
     assert list(spec.variables) == [variable.name for variable in spec.spec.context]
     assert list(spec.algorithms) == ["measure_distance", "look_at_door"]
 
 
 def test_a_spec_with_an_error_is_not_returned() -> None:
-    spec, diagnostics = checked(edited(("markers >= 2", "markers >= 2 m")))
+    spec, diagnostics = check_text(edit_spec(("markers >= 2", "markers >= 2 m")))
     assert spec is None
     assert [finding.severity for finding in diagnostics] == [Severity.ERROR]
 
 
 def test_a_spec_with_only_warnings_is_returned() -> None:
-    spec, diagnostics = checked(edited(("resources:\n", "resources:\n  spare: {}\n")))
+    spec, diagnostics = check_text(edit_spec(("resources:\n", "resources:\n  spare: {}\n")))
     assert spec is not None
     assert [finding.severity for finding in diagnostics] == [Severity.WARNING]
 
 
 def test_a_spec_that_was_read_only_partly_is_not_returned_even_without_other_errors() -> None:
-    spec, diagnostics = load_text(edited(("preview:", "previw:")), "spec.yaml", HERE)
+    spec, diagnostics = load_text(edit_spec(("preview:", "previw:")), "spec.yaml", HERE)
     assert len(diagnostics) == 1
     assert spec is not None
     assert check(spec) == (None, ())
@@ -63,7 +63,7 @@ def test_a_spec_that_was_read_only_partly_is_not_returned_even_without_other_err
     ],
 )
 def test_an_unreadable_key_silences_dependent_findings(old: str, new: str) -> None:
-    spec, diagnostics = load_text(edited((old, new)), "spec.yaml", HERE)
+    spec, diagnostics = load_text(edit_spec((old, new)), "spec.yaml", HERE)
     assert len(diagnostics) == 1
     assert spec is not None
     assert check(spec)[1] == ()
@@ -106,7 +106,7 @@ def test_an_unreadable_key_silences_dependent_findings(old: str, new: str) -> No
 def test_a_damaged_key_does_not_silence_the_rest_of_its_element_and_others(
     damage: tuple[str, str], mistake: tuple[str, str], rule: str
 ) -> None:
-    spec, diagnostics = load_text(edited(damage, mistake), "spec.yaml", HERE)
+    spec, diagnostics = load_text(edit_spec(damage, mistake), "spec.yaml", HERE)
     assert len(diagnostics) == 1
     assert spec is not None
     checked_spec, check_findings = check(spec)
@@ -130,11 +130,11 @@ def test_a_damaged_key_does_not_silence_the_rest_of_its_element_and_others(
     ],
 )
 def test_one_wrong_declaration_gives_one_finding(edits: list[tuple[str, str]], rules: list[str]) -> None:
-    assert names_of(edited(*edits)) == rules
+    assert rule_names(edit_spec(*edits)) == rules
 
 
 def test_unrelated_mistakes_are_all_reported_in_file_order() -> None:
-    text = edited(
+    text = edit_spec(
         ("people: {type: int, source: [observer, page]}", "people: {type: int, source: [observer, pgae]}"),
         ("uses: {base: read}", "uses: {base: command}"),
         ("      markers: {type: int, range: [0, 12]}", "      markers: {type: int, range: [0, 1.5]}"),
@@ -161,9 +161,9 @@ def test_twelve_unrelated_mistakes_are_twelve_findings() -> None:
     text = (CASES / "invalid/twelve-mistakes.yaml").read_text("utf-8")
     spec, diagnostics = load_text(text, "spec.yaml", HERE)
     assert spec is not None
-    together = in_file_order((*diagnostics, *check(spec)[1]))
-    assert len(together) == 12
-    assert len({finding.place.span.line for finding in together}) == 12
+    all_findings = in_file_order((*diagnostics, *check(spec)[1]))
+    assert len(all_findings) == 12
+    assert len({finding.place.span.line for finding in all_findings}) == 12
 
 
 def test_every_finding_has_a_help_and_a_path_that_names_its_element() -> None:
@@ -196,8 +196,8 @@ def test_codes_and_names_of_rules_are_unique() -> None:
 
 
 def test_every_rule_has_a_case() -> None:
-    shown = "".join(path.read_text("utf-8") for path in sorted((CASES / "invalid").glob("*.txt")))
-    assert [rule.code for rule in RULES.values() if f"[{rule.code}]" not in shown] == []
+    case_texts = "".join(path.read_text("utf-8") for path in sorted((CASES / "invalid").glob("*.txt")))
+    assert [rule.code for rule in RULES.values() if f"[{rule.code}]" not in case_texts] == []
 
 
 @settings(max_examples=150)
@@ -217,26 +217,28 @@ def test_a_spec_with_exchanged_words_is_checked_without_an_exception(exchanges: 
 
 
 def test_decisions_are_what_skills_preview_and_monitor_in_order() -> None:
-    assert sound(DOOR).decisions == ("door_state", "door_gap", "door_locked", "people")
+    assert check_sound_text(DOOR).decisions == ("door_state", "door_gap", "door_locked", "people")
 
 
 def test_without_skills_every_variable_with_an_algorithm_is_decided_on() -> None:
     head, skills, observers = DOOR.partition("skills:\n")[0], "", "observers:" + DOOR.partition("observers:")[2]
-    spec = sound(head + skills + observers)
+    spec = check_sound_text(head + skills + observers)
     assert spec.decisions == ("near_door", "door_state", "door_gap", "door_locked", "people")
 
 
 def test_conditions_are_lowered_with_the_names_that_they_read() -> None:
-    algorithm = sound(DOOR).algorithms["look_at_door"]
+    algorithm = check_sound_text(DOOR).algorithms["look_at_door"]
     assert [(condition.text, condition.python, condition.variables) for condition in algorithm.observable_when] == [
         ("near_door", 'value("near_door")', ("near_door",))
     ]
-    by_name = dict(algorithm.identifies)
-    assert by_name["door_gap"].python == 'value("width") * 0.1'
-    assert by_name["door_locked"].python == 'value("latched") & (value("handle") == "level")'
-    assert by_name["door_locked"].variables == ("handle", "latched")
-    assert by_name["door_state"].text == "open: angle > 1 rad; ajar: angle > 5 deg; closed: angle <= 5 deg"
-    assert by_name["door_state"].python == (
+    identified_conditions = dict(algorithm.identifies)
+    assert identified_conditions["door_gap"].python == 'value("width") * 0.1'
+    assert identified_conditions["door_locked"].python == 'value("latched") & (value("handle") == "level")'
+    assert identified_conditions["door_locked"].variables == ("handle", "latched")
+    assert (
+        identified_conditions["door_state"].text == "open: angle > 1 rad; ajar: angle > 5 deg; closed: angle <= 5 deg"
+    )
+    assert identified_conditions["door_state"].python == (
         'first_of(("open", value("angle") > 1), ("ajar", value("angle") > 0.08726646259971647), '
         '("closed", value("angle") <= 0.08726646259971647))'
     )
@@ -244,24 +246,28 @@ def test_conditions_are_lowered_with_the_names_that_they_read() -> None:
 
 
 def test_enter_and_leave_are_lowered_to_between() -> None:
-    spec, _ = checked(
-        edited(
+    spec, _ = check_text(
+        edit_spec(
             ('latched and handle == "level"', "{enter: latched, leave: markers == 0}"),
             ("      people: faces", "      people: faces if markers > 1 else 0"),
         )
     )
     assert spec is not None
-    by_name = dict(spec.algorithms["look_at_door"].identifies)
-    assert by_name["door_locked"].python == 'between(value("latched"), value("markers") == 0)'
-    assert by_name["door_locked"].variables == ("latched", "markers")
-    assert by_name["people"].python == 'choose(value("faces"), value("markers") > 1, 0)'
+    identified_conditions = dict(spec.algorithms["look_at_door"].identifies)
+    assert identified_conditions["door_locked"].python == 'between(value("latched"), value("markers") == 0)'
+    assert identified_conditions["door_locked"].variables == ("latched", "markers")
+    assert identified_conditions["people"].python == 'choose(value("faces"), value("markers") > 1, 0)'
 
 
 def test_producers_are_listed_by_rank() -> None:
     text = (CASES / "valid/trees.yaml").read_text("utf-8")
-    assert sound(text).producers["door_open"] == ("look_at_door", "feel_the_door")
-    only_open = edited(("{door_open: seen, door_locked: locked}", "{door_open: seen}\n    rank: 3"), text=text)
-    without = edited(("identifies: [door_locked, door_open]", "identifies: [door_open]"), text=only_open)
-    spec, _ = checked(without.replace("  door_locked: {type: bool}\n", "").replace("    changes: [door_locked]\n", ""))
+    assert check_sound_text(text).producers["door_open"] == ("look_at_door", "feel_the_door")
+    only_open_text = edit_spec(("{door_open: seen, door_locked: locked}", "{door_open: seen}\n    rank: 3"), text=text)
+    without_lock_text = edit_spec(
+        ("identifies: [door_locked, door_open]", "identifies: [door_open]"), text=only_open_text
+    )
+    spec, _ = check_text(
+        without_lock_text.replace("  door_locked: {type: bool}\n", "").replace("    changes: [door_locked]\n", "")
+    )
     assert spec is not None
     assert spec.producers["door_open"] == ("feel_the_door", "look_at_door")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from codra_dsl.language.check.index.graph_schema import DeclaredGraph
-from tests.language.check.specs import sound
+from tests.language.check.specs import check_sound_text
 
 SPEC = """\
 codra: 1
@@ -46,6 +46,6 @@ agents: {people: {}}
 )
 def test_edges_that_move_both_nodes_do_not_contribute_to_their_relative_pose(one: str, other: str, edges: str) -> None:
     """A load is on the tray or on the cart; two cups are in one crate or in two crates, which are in the cart."""
-    world = DeclaredGraph(sound(SPEC).spec)
+    world = DeclaredGraph(check_sound_text(SPEC).spec)
     assert world.between(one, other) == tuple(f"{edge}_pose" for edge in edges.split())
     assert world.between(other, one) == world.between(one, other)

@@ -44,24 +44,26 @@ def text(value: str) -> Node:
 
 
 def atoms() -> st.SearchStrategy[Node]:
-    equal = st.sampled_from([Comparison.EQUAL, Comparison.NOT_EQUAL])
+    operators = st.sampled_from([Comparison.EQUAL, Comparison.NOT_EQUAL])
     members = st.sampled_from(["open", "closed", "ajar"]).map(text)
-    chosen = st.lists(members, min_size=1, max_size=2).map(tuple)
+    option_lists = st.lists(members, min_size=1, max_size=2).map(tuple)
     return st.one_of(
         st.sampled_from(["b1", "b2"]).map(name),
         st.sampled_from(sorted(SMALL)).map(lambda variable: Call(function="known", arguments=(name(variable),), **AT)),
         st.booleans().map(lambda value: Truth(value=value, **AT)),
-        st.builds(lambda op, member: Compare(first=name("door"), rest=((op, member),), **AT), equal, members),
-        st.builds(lambda options, no: In(item=name("door"), options=options, negated=no, **AT), chosen, st.booleans()),
+        st.builds(lambda op, member: Compare(first=name("door"), rest=((op, member),), **AT), operators, members),
+        st.builds(
+            lambda options, no: In(item=name("door"), options=options, negated=no, **AT), option_lists, st.booleans()
+        ),
     )
 
 
 def branches(nodes: st.SearchStrategy[Node]) -> st.SearchStrategy[Node]:
-    several = st.lists(nodes, min_size=2, max_size=3).map(tuple)
+    operand_lists = st.lists(nodes, min_size=2, max_size=3).map(tuple)
     return st.one_of(
         nodes.map(lambda node: Not(operand=node, **AT)),
-        several.map(lambda operands: And(operands=operands, **AT)),
-        several.map(lambda operands: Or(operands=operands, **AT)),
+        operand_lists.map(lambda operands: And(operands=operands, **AT)),
+        operand_lists.map(lambda operands: Or(operands=operands, **AT)),
         st.builds(lambda a, b, c: Choice(then=a, condition=b, otherwise=c, **AT), nodes, nodes, nodes),
         st.builds(lambda a, b: Compare(first=a, rest=((Comparison.EQUAL, b),), **AT), nodes, nodes),
     )
@@ -83,9 +85,11 @@ def all_worlds(unknown: frozenset[str]) -> Iterator[World]:
 @settings(max_examples=300)
 @given(st.lists(LOGIC, min_size=1, max_size=3), st.sets(st.sampled_from(sorted(SMALL))))
 def test_for_bools_and_enums_can_hold_agrees_with_trying_everything(conditions: list[Node], unknown: set[str]) -> None:
-    hidden = frozenset(unknown)
-    tried = any(all(meaning(condition, world) is True for condition in conditions) for world in all_worlds(hidden))
-    assert can_hold(conditions, hidden, SMALL) is tried
+    unknown_names = frozenset(unknown)
+    expected = any(
+        all(meaning(condition, world) is True for condition in conditions) for world in all_worlds(unknown_names)
+    )
+    assert can_hold(conditions, unknown_names, SMALL) is expected
 
 
 @settings(max_examples=200)
@@ -100,7 +104,7 @@ def test_a_condition_that_holds_in_some_world_can_hold(tree: Node, world: World)
         assert can_hold([tree], unknown, TYPES)
 
 
-def possible(condition: str, *unknown: str) -> bool:
+def is_possible(condition: str, *unknown: str) -> bool:
     tree = parse(condition)
     assert isinstance(tree, Node)
     return can_hold([tree], unknown, TYPES)
@@ -143,7 +147,7 @@ def possible(condition: str, *unknown: str) -> bool:
 def test_conditions_can_hold_or_not_while_some_names_are_unknown(
     condition: str, unknown: tuple[str, ...], expected: bool
 ) -> None:
-    assert possible(condition, *unknown) is expected
+    assert is_possible(condition, *unknown) is expected
 
 
 def test_very_many_combinations_are_not_all_tried() -> None:

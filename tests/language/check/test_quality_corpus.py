@@ -32,15 +32,15 @@ class Defect:
 
 def defects() -> list[Defect]:
     """Return the seeded defects."""
-    seeded = []
+    seeded_defects = []
     for path in sorted((CORPUS / "defects").glob("*.yaml")):
         match = EXPECT.match(path.read_text("utf-8").splitlines()[0])
         assert match is not None, path
-        seeded.append(Defect(path, match["code"], int(match["first"]), int(match["last"] or match["first"])))
-    return seeded
+        seeded_defects.append(Defect(path, match["code"], int(match["first"]), int(match["last"] or match["first"])))
+    return seeded_defects
 
 
-def clean() -> list[Path]:
+def clean_specs() -> list[Path]:
     """Return the specs without a defect."""
     return sorted((CORPUS / "clean").glob("*.yaml"))
 
@@ -58,7 +58,7 @@ def test_a_seeded_defect_is_the_only_finding_and_at_its_place(defect: Defect) ->
     assert any(defect.first <= finding.place.span.line <= defect.last for finding in diagnostics), diagnostics
 
 
-@pytest.mark.parametrize("path", clean(), ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", clean_specs(), ids=lambda path: path.stem)
 def test_a_clean_spec_has_no_findings(path: Path) -> None:
     assert findings(path) == []
 
@@ -69,18 +69,18 @@ def report() -> str:
     lines = []
     for defect in defects():
         diagnostics = findings(defect.path)
-        is_there = any(
+        is_reported = any(
             finding.code == defect.code and defect.first <= finding.place.span.line <= defect.last
             for finding in diagnostics
         )
-        (right if is_there else missed)[defect.code] += 1
+        (right if is_reported else missed)[defect.code] += 1
         others = [finding for finding in diagnostics if finding.code != defect.code]
         wrong.update({other.code for other in others})
-        lines += [] if is_there and not others else [f"{defect.path.stem}: {_listed(diagnostics)}"]
-    for path in clean():
+        lines += [] if is_reported and not others else [f"{defect.path.stem}: {_findings_text(diagnostics)}"]
+    for path in clean_specs():
         diagnostics = findings(path)
         wrong.update({finding.code for finding in diagnostics})
-        lines += [f"clean {path.stem}: {_listed(diagnostics)}"] if diagnostics else []
+        lines += [f"clean {path.stem}: {_findings_text(diagnostics)}"] if diagnostics else []
     rows = [f"{'rule':8} {'right':>6} {'missed':>7} {'wrong':>6} {'precision':>10} {'recall':>7}"]
     for code in sorted({*right, *missed, *wrong}):
         precision = right[code] / max(1, right[code] + wrong[code])
@@ -89,7 +89,7 @@ def report() -> str:
     return "\n".join(rows + lines)
 
 
-def _listed(diagnostics: list[Diagnostic]) -> str:
+def _findings_text(diagnostics: list[Diagnostic]) -> str:
     return (
         "; ".join(f"{finding.place.span.line} {finding.code} {finding.message}" for finding in diagnostics) or "nothing"
     )

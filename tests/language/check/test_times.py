@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.language.check.specs import findings, marked
+from tests.language.check.specs import findings, marked_text
 
 SPEC = """\
 codra: 1
@@ -48,7 +48,7 @@ skills:
 LOOK = "    observable_when: [lit]\n"
 
 
-def edited(*edits: tuple[str, str]) -> str:
+def edit_spec(*edits: tuple[str, str]) -> str:
     text = SPEC
     for old, new in edits:
         assert text.count(old) == 1, old
@@ -56,22 +56,22 @@ def edited(*edits: tuple[str, str]) -> str:
     return text
 
 
-def reported(*edits: tuple[str, str]) -> list[tuple[str, str, str]]:
+def finding_summaries(*edits: tuple[str, str]) -> list[tuple[str, str, str]]:
     """Return the rule, the marked text and the message of each finding."""
-    text = edited(*edits)
-    return [(finding.rule.name, marked(text, finding), finding.message) for finding in findings(text)]
+    text = edit_spec(*edits)
+    return [(finding.rule.name, marked_text(text, finding), finding.message) for finding in findings(text)]
 
 
 def rules(*edits: tuple[str, str]) -> list[str]:
-    return [rule for rule, _, _ in reported(*edits)]
+    return [rule for rule, _, _ in finding_summaries(*edits)]
 
 
 def test_evidence_that_is_renewed_just_in_time_is_no_finding() -> None:
-    assert reported() == []
+    assert finding_summaries() == []
 
 
 def test_a_value_that_becomes_stale_before_it_is_renewed_is_reported_with_both_durations() -> None:
-    (finding,) = reported(("valid_for: 3 s", "valid_for: 2.9 s"))
+    (finding,) = finding_summaries(("valid_for: 3 s", "valid_for: 2.9 s"))
     assert finding == (
         "stale-before-renewed",
         "2.9 s",
@@ -81,8 +81,8 @@ def test_a_value_that_becomes_stale_before_it_is_renewed_is_reported_with_both_d
 
 
 def test_results_that_are_too_old_when_the_last_confirming_one_arrives_are_reported() -> None:
-    assert reported(("{near: found}", "{near: {enter: found, confirm: 2 of 3}}")) == []
-    (finding,) = reported(("{near: found}", "{near: {enter: found, confirm: 3 of 3}}"))
+    assert finding_summaries(("{near: found}", "{near: {enter: found, confirm: 2 of 3}}")) == []
+    (finding,) = finding_summaries(("{near: found}", "{near: {enter: found, confirm: 3 of 3}}"))
     assert finding == (
         "stale-before-renewed",
         "3 s",
@@ -92,8 +92,8 @@ def test_results_that_are_too_old_when_the_last_confirming_one_arrives_are_repor
 
 
 def test_on_event_together_with_a_periodic_variable_has_no_effect() -> None:
-    both = [("steady: {type: bool}", "steady: {type: bool, refresh: on_event}")]
-    (finding,) = reported(*both)
+    edits = [("steady: {type: bool}", "steady: {type: bool, refresh: on_event}")]
+    (finding,) = finding_summaries(*edits)
     assert finding == (
         "ineffective-on-event",
         "on_event",
@@ -101,9 +101,12 @@ def test_on_event_together_with_a_periodic_variable_has_no_effect() -> None:
         "looks periodically",
     )
     lit = ("lit: {type: bool, valid_for: 10 s}", "lit: {type: bool, valid_for: 10 s, refresh: on_event}")
-    assert reported(*both, lit) == []
+    assert finding_summaries(*edits, lit) == []
     assert (
-        reported(("near: {type: bool, valid_for: 3 s}", "near: {type: bool, valid_for: 3 s, refresh: on_event}")) == []
+        finding_summaries(
+            ("near: {type: bool, valid_for: 3 s}", "near: {type: bool, valid_for: 3 s, refresh: on_event}")
+        )
+        == []
     )
 
 
@@ -144,11 +147,11 @@ def test_variables_that_are_unneeded_or_have_no_algorithm_are_not_reported_as_st
     assert rules(
         ("  enter: {preview: [near]}\n  open: {preview: [near, open]}", "  open: {preview: [open]}"), ("3 s", "1 s")
     ) == ["unreached-variable"]
-    by_robot = (
+    robot_edit = (
         "  near: {type: bool, valid_for: 3 s}\n",
         "  near: {type: bool, valid_for: 3 s}\n  paged: {type: bool, source: main_execution, valid_for: 1 s}\n",
     )
-    assert rules(by_robot, ("enter: {preview: [near]}", "enter: {preview: [near, paged]}")) == []
+    assert rules(robot_edit, ("enter: {preview: [near]}", "enter: {preview: [near, paged]}")) == []
 
 
 @pytest.mark.parametrize(
@@ -161,7 +164,7 @@ def test_variables_that_are_unneeded_or_have_no_algorithm_are_not_reported_as_st
     ],
 )
 def test_a_maximum_age_that_observers_cannot_guarantee_is_reported(condition: str, offender: str) -> None:
-    (finding,) = reported((LOOK, f"    observable_when: ['{condition}']\n"))
+    (finding,) = finding_summaries((LOOK, f"    observable_when: ['{condition}']\n"))
     assert finding[0] == "stale-before-renewed"
     assert offender in finding[1]
     assert "evidence about 'lit' can be up to 3 s old" in finding[2]
@@ -192,9 +195,9 @@ def test_a_maximum_age_that_observers_may_guarantee_is_no_finding(edits: list[tu
 
 def test_a_skill_that_needs_too_much_time_of_a_slot_is_reported_at_the_resource() -> None:
     edits = [("lit: {type: bool, valid_for: 10 s}", "lit: {type: bool, valid_for: 5 s}")]
-    text = edited(*edits)
+    text = edit_spec(*edits)
     (finding,) = findings(text)
-    assert (finding.rule.name, marked(text, finding)) == ("oversubscribed-slot", "vision")
+    assert (finding.rule.name, marked_text(text, finding)) == ("oversubscribed-slot", "vision")
     assert finding.message == (
         "resource 'vision' has 1 slot, but the observers of skill 'open' need 1.067: "
         "some value becomes stale in any order of the looks"
@@ -232,6 +235,6 @@ def test_the_largest_share_of_alternatives_counts() -> None:
 
 
 def test_without_skills_all_observers_count() -> None:
-    text = edited(("lit: {type: bool, valid_for: 10 s}", "lit: {type: bool, valid_for: 5 s}"))
+    text = edit_spec(("lit: {type: bool, valid_for: 10 s}", "lit: {type: bool, valid_for: 5 s}"))
     (finding,) = findings(text.partition("skills:\n")[0])
     assert "but all observers together need 1.067" in finding.message

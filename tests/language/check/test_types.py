@@ -16,9 +16,9 @@ SEEN: dict[str, Type | None] = dict(zip(NAMES, [*TYPES.values(), None], strict=T
 
 
 def tree(text: str) -> Node:
-    parsed = parse(text)
-    assert isinstance(parsed, Node), parsed
-    return parsed
+    parsed_tree = parse(text)
+    assert isinstance(parsed_tree, Node), parsed_tree
+    return parsed_tree
 
 
 @settings(max_examples=300)

@@ -96,7 +96,7 @@ def _or_zero(values: Trees) -> Trees:
     return st.one_of(values, st.just(number(0)))
 
 
-def _combined(values: Trees, bare: Trees, truths: Trees) -> Trees:
+def _combinations(values: Trees, bare: Trees, truths: Trees) -> Trees:
     """Return expressions over quantities of one dimension that keep the dimension."""
     seconds = _or_zero(values)
     return st.one_of(
@@ -112,19 +112,19 @@ def _combined(values: Trees, bare: Trees, truths: Trees) -> Trees:
 
 
 def _simple_truths() -> Trees:
-    known = st.sampled_from(sorted(TYPES)).map(lambda variable: call("known", name(variable)))
+    known_calls = st.sampled_from(sorted(TYPES)).map(lambda variable: call("known", name(variable)))
     return st.one_of(
-        st.sampled_from([name("b1"), name("b2")]), known, st.booleans().map(lambda v: Truth(value=v, **AT))
+        st.sampled_from([name("b1"), name("b2")]), known_calls, st.booleans().map(lambda v: Truth(value=v, **AT))
     )
 
 
 def bare_numbers() -> Trees:
-    return st.recursive(_bare_leaves(), lambda values: _combined(values, values, _simple_truths()), max_leaves=4)
+    return st.recursive(_bare_leaves(), lambda values: _combinations(values, values, _simple_truths()), max_leaves=4)
 
 
 def quantities(kind: str) -> Trees:
     return st.recursive(
-        _measured_leaves(kind), lambda values: _combined(values, bare_numbers(), _simple_truths()), max_leaves=4
+        _measured_leaves(kind), lambda values: _combinations(values, bare_numbers(), _simple_truths()), max_leaves=4
     )
 
 
@@ -140,9 +140,9 @@ def _chain(values: Trees) -> Trees:
 
 
 def _membership(values: Trees) -> Trees:
-    several = st.lists(values, min_size=1, max_size=3).map(tuple)
+    option_lists = st.lists(values, min_size=1, max_size=3).map(tuple)
     return st.builds(
-        lambda item, options, no: In(item=item, options=options, negated=no, **AT), values, several, st.booleans()
+        lambda item, options, no: In(item=item, options=options, negated=no, **AT), values, option_lists, st.booleans()
     )
 
 
@@ -160,42 +160,44 @@ def _texts() -> Trees:
 
 
 def _in_doors(doors: Trees) -> Trees:
-    several = st.lists(doors, min_size=1, max_size=3).map(tuple)
+    option_lists = st.lists(doors, min_size=1, max_size=3).map(tuple)
     return st.builds(
-        lambda options, no: In(item=name("door"), options=options, negated=no, **AT), several, st.booleans()
+        lambda options, no: In(item=name("door"), options=options, negated=no, **AT), option_lists, st.booleans()
     )
 
 
 def _ages() -> Trees:
     limits = st.one_of(st.builds(number, LITERALS, st.sampled_from(["s", "ms", "min"])), st.just(name("t")))
-    ordered = st.sampled_from(
+    order_operators = st.sampled_from(
         [Comparison.LESS, Comparison.LESS_OR_EQUAL, Comparison.GREATER, Comparison.GREATER_OR_EQUAL]
     )
     ages = st.sampled_from(["x", "b1", "door"]).map(lambda variable: call("age", name(variable)))
-    left = st.builds(lambda age, op, limit: compare(age, (op, limit)), ages, ordered, limits)
-    return st.one_of(left, st.builds(lambda age, op, limit: compare(limit, (op, age)), ages, ordered, limits))
+    ages_first = st.builds(lambda age, op, limit: compare(age, (op, limit)), ages, order_operators, limits)
+    return st.one_of(
+        ages_first, st.builds(lambda age, op, limit: compare(limit, (op, age)), ages, order_operators, limits)
+    )
 
 
 def _atoms() -> Trees:
     numbers = [quantities("length"), quantities("angle"), quantities("time"), bare_numbers(), ratios()]
-    compared = [strategy for values in numbers for strategy in (_chain(values), _membership(values))]
-    return st.one_of(_simple_truths(), _texts(), _ages(), *compared)
+    comparisons = [strategy for values in numbers for strategy in (_chain(values), _membership(values))]
+    return st.one_of(_simple_truths(), _texts(), _ages(), *comparisons)
 
 
-def joined(truths: Trees) -> Trees:
+def composite_conditions(truths: Trees) -> Trees:
     """Return conditions that combine other conditions."""
-    several = st.lists(truths, min_size=2, max_size=3).map(tuple)
+    operand_lists = st.lists(truths, min_size=2, max_size=3).map(tuple)
     return st.one_of(
         truths.map(lambda operand: Not(operand=operand, **AT)),
-        several.map(lambda operands: And(operands=operands, **AT)),
-        several.map(lambda operands: Or(operands=operands, **AT)),
+        operand_lists.map(lambda operands: And(operands=operands, **AT)),
+        operand_lists.map(lambda operands: Or(operands=operands, **AT)),
         st.builds(lambda a, c, b: Choice(then=a, condition=c, otherwise=b, **AT), truths, truths, truths),
     )
 
 
 def _logic(truths: Trees) -> Trees:
     return st.one_of(
-        joined(truths),
+        composite_conditions(truths),
         st.builds(lambda a, b: compare(a, (Comparison.EQUAL, b)), truths, truths),
     )
 
@@ -227,12 +229,12 @@ def worlds() -> st.SearchStrategy[World]:
         Kind.FLOAT: floats,
         Kind.STR: st.sampled_from(["x", "it's", 'say "no"']),
     }
-    drawn = {
+    values_by_variable = {
         variable: st.one_of(st.none(), st.sampled_from(kind.values) if kind.kind is Kind.ENUM else kinds[kind.kind])
         for variable, kind in TYPES.items()
     }
     ages = st.fixed_dictionaries({variable: st.sampled_from([0.0, 0.25, 1.5, 3.0, 90.0]) for variable in TYPES})
-    return st.builds(World, st.fixed_dictionaries(drawn), ages)
+    return st.builds(World, st.fixed_dictionaries(values_by_variable), ages)
 
 
 class TooCloseError(Exception):
@@ -244,7 +246,7 @@ class Exact:
     """A number in base units; `sure` if floating point gives it without rounding."""
 
     number: Fraction
-    sure: bool
+    is_sure: bool
 
 
 Result = bool | str | Exact | None
@@ -266,25 +268,25 @@ def meaning(node: Node, world: World) -> Result:
         case Call(function="age", arguments=(Name(name=variable),)):
             return _in_base(world.age_s(variable), ONE)
         case Not(operand=operand):
-            held = meaning(operand, world)
-            return None if held is None else not held
+            operand_value = meaning(operand, world)
+            return None if operand_value is None else not operand_value
         case And(operands=operands):
             return _all([meaning(operand, world) for operand in operands])
         case Or(operands=operands):
             return _any([meaning(operand, world) for operand in operands])
         case Compare(first=first, rest=rest):
             sides = [meaning(first, world), *(meaning(operand, world) for _, operand in rest)]
-            return _all([_compared(op, *pair) for (op, _), pair in zip(rest, pairwise(sides), strict=True)])
+            return _all([_compare_values(op, *pair) for (op, _), pair in zip(rest, pairwise(sides), strict=True)])
         case In(item=item, options=options, negated=negated):
             one = meaning(item, world)
-            is_member = _any([_compared(Comparison.EQUAL, one, meaning(option, world)) for option in options])
+            is_member = _any([_compare_values(Comparison.EQUAL, one, meaning(option, world)) for option in options])
             return None if is_member is None else is_member != negated
         case Choice(then=then, condition=condition, otherwise=otherwise):
-            return _chosen(meaning(then, world), meaning(condition, world), meaning(otherwise, world))
-    return _calculated(node, world)
+            return _choose(meaning(then, world), meaning(condition, world), meaning(otherwise, world))
+    return _calculate(node, world)
 
 
-def _calculated(node: Node, world: World) -> Result:
+def _calculate(node: Node, world: World) -> Result:
     operators = {Negative: "negative", Arithmetic: getattr(node, "operator", ""), Call: getattr(node, "function", "")}
     operator = operators[type(node)]
     values = [meaning(operand, world) for operand in parts(node)]
@@ -316,22 +318,22 @@ def _in_base(value: bool | int | float | str | None, unit: Unit) -> Result:
     if value is None or isinstance(value, (bool, str)):
         return value
     exact = Fraction(value) * unit.factor
-    return Exact(exact * Fraction(math.pi / 180) if unit.degrees else exact, sure=unit == ONE)
+    return Exact(exact * Fraction(math.pi / 180) if unit.degrees else exact, is_sure=unit == ONE)
 
 
-def _compared(operator: str, one: Result, other: Result) -> bool | None:
+def _compare_values(operator: str, one: Result, other: Result) -> bool | None:
     if one is None or other is None:
         return None
     if isinstance(one, Exact) and isinstance(other, Exact):
         largest = max(abs(one.number), abs(other.number), Fraction(1))
-        near = abs(one.number - other.number) <= largest / 10**9
-        if near and not (one.sure and other.sure):
+        is_near = abs(one.number - other.number) <= largest / 10**9
+        if is_near and not (one.is_sure and other.is_sure):
             raise TooCloseError
-        return _ordered(operator, one.number, other.number)
+        return _order_holds(operator, one.number, other.number)
     return (one == other) == (operator == "==")
 
 
-def _ordered(operator: str, one: Fraction, other: Fraction) -> bool:
+def _order_holds(operator: str, one: Fraction, other: Fraction) -> bool:
     return {
         "<": one < other,
         "<=": one <= other,
@@ -354,11 +356,11 @@ def _any(values: list[Result]) -> bool | None:
     return None if any(value is None for value in values) else False
 
 
-def _chosen(then: Result, condition: Result, otherwise: Result) -> Result:
+def _choose(then: Result, condition: Result, otherwise: Result) -> Result:
     if condition is not None:
         return then if condition else otherwise
     if then is None or otherwise is None:
         return None
     if isinstance(then, Exact) and isinstance(otherwise, Exact):
-        return then if _compared("==", then, otherwise) else None
+        return then if _compare_values("==", then, otherwise) else None
     return then if then == otherwise else None

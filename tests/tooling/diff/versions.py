@@ -7,7 +7,7 @@ from pathlib import Path
 from codra_dsl.compiler import plan_text
 from codra_dsl.language.diagnostics import has_errors
 from codra_dsl.tooling.diff import Review, Version, review
-from tests.language.check.specs import edited
+from tests.language.check.specs import edit_spec
 
 
 def planned(text: str) -> Version:
@@ -19,4 +19,4 @@ def planned(text: str) -> Version:
 
 def reviewed(base: str, *edits: tuple[str, str]) -> Review:
     """Return the review of edits; each edited text is in the base once."""
-    return review(planned(base), planned(edited(*edits, text=base)))
+    return review(planned(base), planned(edit_spec(*edits, text=base)))

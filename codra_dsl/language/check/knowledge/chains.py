@@ -1,7 +1,7 @@
 """Phase 4 for rules: each can begin, because something can make its `before` patterns true (P2, section 3.1).
 
-Declared nodes and edges exist from the start, and an agent without rules may write anything that it owns at any time.
-If the rules of an agent mention something, the agent changes it only by these rules. A rule can begin once all its
+What exists from the start needs no rule, and an agent without rules may write anything that it owns at any time. If
+the rules of an agent mention something, the agent changes it only by these rules. A rule can begin once all its
 `before` patterns can be true. The rules that can begin are the least fixed point of this.
 """
 
@@ -17,7 +17,7 @@ from codra_dsl.language.check.index.graph_schema import DeclaredGraph, Knowledge
 from codra_dsl.language.check.index.rules import finding
 from codra_dsl.language.check.index.spec_index import Silenced, SpecIndex
 from codra_dsl.language.check.knowledge.mentions import Pattern, Step, names_read, patterns_in, steps
-from codra_dsl.language.check.knowledge.owners import is_complete, may_write
+from codra_dsl.language.check.knowledge.owners import is_knowledge_complete, state_writers
 from codra_dsl.language.check.solver.satisfiable import can_hold
 from codra_dsl.language.diagnostics import Diagnostic, Related
 from codra_dsl.language.expression import Path
@@ -26,15 +26,15 @@ from codra_dsl.language.model import Agent, AgentRule, EdgeType, Task, TaskState
 
 def unreachable_rules(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
     """The `before` patterns of each rule, and the `wakes` patterns of each agent, can become true."""
-    if not is_complete(scope, faults):
+    if not is_knowledge_complete(scope, faults):
         return
     chains = _Chains(scope.world)
-    stuck = [rule for rule in chains.rules if chains.missing(rule, chains.everything) is not None]
-    for rule in stuck:
-        yield _never(scope.world, rule, chains)
+    stuck_rules = [rule for rule in chains.rules if chains.missing_pattern(rule, chains.all_rule_names) is not None]
+    for rule in stuck_rules:
+        yield _rule_finding(scope.world, rule, chains)
     for agent in scope.spec.agents:
-        yield from _asleep(scope.world, agent, chains)
-    yield from _circles(chains, frozenset(rule.name for rule in stuck))
+        yield from _wakes_findings(scope.world, agent, chains)
+    yield from _cycle_findings(chains, frozenset(rule.name for rule in stuck_rules))
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,22 +51,22 @@ class _Rule:
 
     @property
     def label(self) -> str:
-        """Return its name in messages."""
+        """Return the name of the rule in messages."""
         return f"rule '{self.rule.name}' of agent '{self.agent.name}'"
 
     @cached_property
     def before(self) -> tuple[Pattern, ...]:
-        """The patterns that it needs."""
+        """The patterns that the rule needs."""
         return tuple(pattern for pattern in patterns_in(self.agent, self.rule) if pattern.role is Role.BEFORE)
 
     @cached_property
     def effects(self) -> tuple[Pattern, ...]:
-        """The patterns that it makes true: those of `during` and `after`, without negated paths."""
+        """The patterns that the rule makes true: those of `during` and `after`, without negated paths."""
         later = (pattern for pattern in patterns_in(self.agent, self.rule) if pattern.role is not Role.BEFORE)
         return tuple(pattern for pattern in later if not (isinstance(pattern.tree, Path) and pattern.tree.negated))
 
 
-_Startable = frozenset[str]
+_RuleNames = frozenset[str]
 """The names of rules that can begin."""
 
 
@@ -83,46 +83,48 @@ class _Chains:
         return tuple(_Rule(agent, rule) for agent in self.world.spec.agents for rule in agent.conduct.rules)
 
     @cached_property
-    def everything(self) -> _Startable:
+    def all_rule_names(self) -> _RuleNames:
         """All rules, as if every one could begin."""
         return frozenset(rule.name for rule in self.rules)
 
-    def startable(self, given: _Startable) -> _Startable:
+    def startable_rules(self, given_names: _RuleNames) -> _RuleNames:
         """Return the rules that can begin, if the given ones can."""
-        startable = given
+        names = given_names
         while True:
-            more = frozenset(rule.name for rule in self.rules if self.missing(rule, startable) is None) | startable
-            if more == startable:
-                return startable
-            startable = more
+            next_names = (
+                frozenset(rule.name for rule in self.rules if self.missing_pattern(rule, names) is None) | names
+            )
+            if next_names == names:
+                return names
+            names = next_names
 
-    def missing(self, rule: _Rule, startable: _Startable) -> Pattern | None:
+    def missing_pattern(self, rule: _Rule, startable_names: _RuleNames) -> Pattern | None:
         """Return the first `before` pattern that cannot become true if only the `startable` rules can begin."""
-        return next((pattern for pattern in rule.before if not self.possible(pattern, startable)), None)
+        return next((pattern for pattern in rule.before if not self.is_possible(pattern, startable_names)), None)
 
-    def possible(self, pattern: Pattern, startable: _Startable) -> bool:
+    def is_possible(self, pattern: Pattern, startable_names: _RuleNames) -> bool:
         """Return whether a pattern can become true if only the `startable` rules can begin."""
-        needed = self._needed(pattern)
-        return needed is not None and all(
-            not several or any(rule.name in startable for rule in several) for several in needed
+        makers_of_parts = self._makers_of_parts(pattern)
+        return makers_of_parts is not None and all(
+            not makers or any(rule.name in startable_names for rule in makers) for makers in makers_of_parts
         )
 
     def makers(self, pattern: Pattern) -> Iterator[_Rule]:
         """Yield the rules of which one is required to make a pattern, or a part of it, true."""
-        for several in self._needed(pattern) or ():
-            yield from several
+        for makers_of_part in self._makers_of_parts(pattern) or ():
+            yield from makers_of_part
 
-    def _needed(self, pattern: Pattern) -> tuple[tuple[_Rule, ...], ...] | None:
+    def _makers_of_parts(self, pattern: Pattern) -> tuple[tuple[_Rule, ...], ...] | None:
         """Return, for each part of a pattern, the rules of which one must act; () if other writers can make it true.
 
         Return None if nothing can make a part true.
         """
         key = id(pattern.condition)
         if key not in self._sources:
-            self._sources[key] = self._find_needed(pattern)
+            self._sources[key] = self._find_makers_of_parts(pattern)
         return self._sources[key]
 
-    def _find_needed(self, pattern: Pattern) -> tuple[tuple[_Rule, ...], ...] | None:
+    def _find_makers_of_parts(self, pattern: Pattern) -> tuple[tuple[_Rule, ...], ...] | None:
         if not isinstance(pattern.tree, Path):
             makers = self._makers_of_condition(pattern)
             return None if makers is None else (makers,)
@@ -141,22 +143,22 @@ class _Chains:
         if task is not None:
             if step.link.edge == TaskState.ABORTED:  # a deadline can always abort a task
                 return ()
-            writers = may_write(task, step.link.edge)
+            writers = state_writers(task, step.link.edge)
             return self._makers(writers, lambda effect: self._is_state_of(effect, task, step.link.edge), lambda _: True)
         if step.link.edge in {state.value for state in TaskState}:
             return ()
         makers_of_edges: list[_Rule] = []
         for edge in self.world.edges_between(step.origin, step.link.edge, step.target):
             names = [writer.name for writer in self.world.writers(KnowledgeElement("edges", edge.name))]
-            makers = self._makers(names, _draws(self.world, edge), lambda effect: self._meets(effect, step))
+            makers = self._makers(names, _make_edge_filter(self.world, edge), lambda effect: self._meets(effect, step))
             if self.world.starts_with(edge) or makers == ():
                 return ()
             makers_of_edges += makers or ()
         return tuple(dict.fromkeys(makers_of_edges)) or None
 
     def _is_state_of(self, step: Step, task: Task, state: str) -> bool:
-        named = self.world.task_of(step.origin, step.link.edge, step.target)
-        return named is task and step.link.edge == state
+        named_task = self.world.task_of(step.origin, step.link.edge, step.target)
+        return named_task is task and step.link.edge == state
 
     def _meets(self, effect: Step, step: Step) -> bool:
         may_be = self.world.may_be
@@ -202,7 +204,7 @@ class _Chains:
                 for rule in self.rules
                 if rule.agent.name == writer.name
                 for effect in rule.effects
-                if {read.name for read in names_read(effect)} == {name}
+                if {read_name.name for read_name in names_read(effect)} == {name}
             ]
             if not effects:
                 return ()
@@ -214,7 +216,7 @@ class _Chains:
         names: list[str] = []
         for step in steps(pattern):
             task = self.world.task_of(step.origin, step.link.edge, step.target)
-            names += may_write(task, step.link.edge) if task is not None else ()
+            names += state_writers(task, step.link.edge) if task is not None else ()
             for edge in self.world.edges_between(step.origin, step.link.edge, step.target):
                 names += [writer.name for writer in self.world.writers(KnowledgeElement("edges", edge.name))]
         for name in names_read(pattern):
@@ -223,18 +225,18 @@ class _Chains:
         return dict.fromkeys(names)
 
 
-def _draws(world: DeclaredGraph, edge: EdgeType) -> Callable[[Step], bool]:
+def _make_edge_filter(world: DeclaredGraph, edge: EdgeType) -> Callable[[Step], bool]:
     """Return a function that decides whether a step is about an edge of a type."""
     return lambda step: edge in world.edges_between(step.origin, step.link.edge, step.target)
 
 
-def _never(world: DeclaredGraph, rule: _Rule, chains: _Chains) -> Diagnostic:
-    pattern = chains.missing(rule, chains.everything)
+def _rule_finding(world: DeclaredGraph, rule: _Rule, chains: _Chains) -> Diagnostic:
+    pattern = chains.missing_pattern(rule, chains.all_rule_names)
     assert pattern is not None
-    return _unmet(world, pattern, chains, f"{rule.label} never begins")
+    return _pattern_finding(world, pattern, chains, f"{rule.label} never begins")
 
 
-def _asleep(world: DeclaredGraph, agent: Agent, chains: _Chains) -> Iterator[Diagnostic]:
+def _wakes_findings(world: DeclaredGraph, agent: Agent, chains: _Chains) -> Iterator[Diagnostic]:
     """Yield the findings about patterns that never wake an agent."""
     wakes = [
         Pattern(agent, Role.WAKES, None, condition, condition.tree)
@@ -242,14 +244,14 @@ def _asleep(world: DeclaredGraph, agent: Agent, chains: _Chains) -> Iterator[Dia
         if condition.tree is not None
     ]
     for pattern in wakes:
-        if not chains.possible(pattern, chains.everything):
-            yield _unmet(world, pattern, chains, f"this pattern never wakes agent '{agent.name}'")
+        if not chains.is_possible(pattern, chains.all_rule_names):
+            yield _pattern_finding(world, pattern, chains, f"this pattern never wakes agent '{agent.name}'")
 
 
-def _unmet(world: DeclaredGraph, pattern: Pattern, chains: _Chains, what: str) -> Diagnostic:
+def _pattern_finding(world: DeclaredGraph, pattern: Pattern, chains: _Chains, what: str) -> Diagnostic:
     if isinstance(pattern.tree, Path) and pattern.tree.negated:
         message = f"{what}: '{pattern.condition.text}' is false from the start, and no agent removes these edges"
-        help = "name an agent that removes them under 'source', or change the pattern"
+        help = "under 'source', name an agent that removes them, or change the pattern"
     else:
         who = " and ".join(f"'{name}'" for name in chains.writers(pattern)) or "an agent"
         message = f"{what}: nothing makes '{pattern.condition.text}' true"
@@ -263,40 +265,48 @@ def _unmet(world: DeclaredGraph, pattern: Pattern, chains: _Chains, what: str) -
     return finding("unreachable-rule", message, place, path=pattern.path, help=help, related=related)
 
 
-def _circles(chains: _Chains, stuck: _Startable) -> Iterator[Diagnostic]:
+def _cycle_findings(chains: _Chains, stuck_names: _RuleNames) -> Iterator[Diagnostic]:
     """Yield findings about rules that wait for each other, each cycle once."""
-    startable = chains.startable(stuck)
-    left = {rule.name: rule for rule in chains.rules if rule.name not in startable}
-    waits = {name: _awaited(chains, rule, startable, left) for name, rule in left.items()}
-    for names in graph.strong_components(waits):
-        cycle = graph.shortest_cycle({name: tuple(need for need in waits[name] if need in names) for name in names})
-        circle = [left[name] for name in cycle]
-        pattern = chains.missing(circle[0], startable)
+    startable_names = chains.startable_rules(stuck_names)
+    waiting_rules = {rule.name: rule for rule in chains.rules if rule.name not in startable_names}
+    dependencies = {
+        name: _awaited_names(chains, rule, startable_names, waiting_rules) for name, rule in waiting_rules.items()
+    }
+    for names in graph.strong_components(dependencies):
+        cycle = graph.shortest_cycle(
+            {name: tuple(need for need in dependencies[name] if need in names) for name in names}
+        )
+        cycle_rules = [waiting_rules[name] for name in cycle]
+        pattern = chains.missing_pattern(cycle_rules[0], startable_names)
         assert pattern is not None
-        shown = " -> ".join((*cycle, cycle[0]))
+        cycle_text = " -> ".join((*cycle, cycle[0]))
         yield finding(
             "unreachable-rule",
-            f"rules wait for each other, so they never begin: {shown}",
+            f"rules wait for each other, so they never begin: {cycle_text}",
             pattern.condition.place,
             path=pattern.path,
-            help="let one of them begin without the others, or let another agent make its 'before' patterns true",
-            related=tuple(_related(chains, rule, startable) for rule in circle[1:]),
+            help="let one of them begin without the others, or let something else make its 'before' patterns true",
+            related=tuple(_related_place(chains, rule, startable_names) for rule in cycle_rules[1:]),
         )
 
 
-def _awaited(chains: _Chains, rule: _Rule, startable: _Startable, left: Iterable[str]) -> tuple[str, ...]:
+def _awaited_names(
+    chains: _Chains, rule: _Rule, startable_names: _RuleNames, waiting_names: Iterable[str]
+) -> tuple[str, ...]:
     """Return the rules in `left` that a rule waits for."""
-    unmet = [pattern for pattern in rule.before if not chains.possible(pattern, startable)]
+    unmet = [pattern for pattern in rule.before if not chains.is_possible(pattern, startable_names)]
     return tuple(
-        dict.fromkeys(maker.name for pattern in unmet for maker in chains.makers(pattern) if maker.name in left)
+        dict.fromkeys(
+            maker.name for pattern in unmet for maker in chains.makers(pattern) if maker.name in waiting_names
+        )
     )
 
 
-def _related(chains: _Chains, rule: _Rule, startable: _Startable) -> Related:
-    pattern = chains.missing(rule, startable)
+def _related_place(chains: _Chains, rule: _Rule, startable_names: _RuleNames) -> Related:
+    pattern = chains.missing_pattern(rule, startable_names)
     assert pattern is not None
     return Related(f"{rule.label} waits for this", pattern.condition.place)
 
 
 CHAINS = (unreachable_rules,)
-"""The rules of this subject."""
+"""The checks of this module."""

@@ -8,7 +8,7 @@ from codra_dsl.language.check.index.graph_schema import STATES, DeclaredGraph
 from codra_dsl.language.check.index.rules import finding
 from codra_dsl.language.check.index.spec_index import Silenced, SpecIndex
 from codra_dsl.language.check.knowledge.mentions import Step, names_read, patterns, steps
-from codra_dsl.language.check.knowledge.owners import is_complete
+from codra_dsl.language.check.knowledge.owners import is_knowledge_complete
 from codra_dsl.language.diagnostics import Diagnostic, Place, Related, suggest
 from codra_dsl.language.expression import reads_of
 from codra_dsl.language.model import Attribute, Kind, NodeElement, StartingValue, ValueType
@@ -17,15 +17,15 @@ from codra_dsl.language.units import convert, parse_unit
 
 def wrong_ends(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
     """An edge in a pattern connects nodes that its declaration allows as its ends."""
-    if not is_complete(scope, faults):
+    if not is_knowledge_complete(scope, faults):
         return
     world = scope.world
     for pattern in patterns(scope):
         for step in steps(pattern):
             if step.link.edge in STATES and world.task_of(step.origin, step.link.edge, step.target) is None:
-                yield from _no_task(world, step)
+                yield from _no_task_findings(world, step)
             elif step.link.edge not in STATES and not world.edges_between(step.origin, step.link.edge, step.target):
-                yield _misled(world, step)
+                yield _wrong_ends_finding(world, step)
         for name in names_read(pattern):
             function, _, camera = reads_of(name.name)
             kind = world.types.get(world.type_of(camera)) if function == "in_view" else None
@@ -36,17 +36,22 @@ def wrong_ends(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
                 yield finding("wrong-ends", message, place, path=pattern.path, help=help)
 
 
-def _no_task(world: DeclaredGraph, step: Step) -> Iterator[Diagnostic]:
-    """Yield the finding about a task state on an edge that is not the edge of a task; `some task` matches any task."""
+def _no_task_findings(world: DeclaredGraph, step: Step) -> Iterator[Diagnostic]:
+    """Yield the finding about a task state on an edge that is not the edge of a task.
+
+    `some task` and `anything` match any task, so such a target is no mistake.
+    """
     task = world.tasks.get(step.target.name)
     if not step.target.name and step.target.type in ("", "task"):
         return
     place = step.pattern.condition.place_of(step.link)
     if task is None:
         backward = world.tasks.get(step.origin.name)
-        turned = f"write {backward.origin.name} -{step.link.edge}-> {backward.name}" if backward is not None else ""
+        turned_help = (
+            f"write {backward.origin.name} -{step.link.edge}-> {backward.name}" if backward is not None else ""
+        )
         message = f"'{step.link.edge}' must lead to a task, and '{step.target}' is not a task ({step.pattern.user})"
-        help = turned or "name a task, or declare it under 'tasks' of 'knowledge'"
+        help = turned_help or "name a task, or declare it under 'tasks' of 'knowledge'"
         yield finding("wrong-ends", message, place, path=step.pattern.path, help=help)
         return
     message = f"task '{task.name}' is done by '{task.origin.name}', not by '{step.origin}' ({step.pattern.user})"
@@ -55,15 +60,15 @@ def _no_task(world: DeclaredGraph, step: Step) -> Iterator[Diagnostic]:
     yield finding("wrong-ends", message, place, path=step.pattern.path, help=help, related=related)
 
 
-def _misled(world: DeclaredGraph, step: Step) -> Diagnostic:
+def _wrong_ends_finding(world: DeclaredGraph, step: Step) -> Diagnostic:
     edges = world.edges_named(step.link.edge)
     origins = " or ".join(dict.fromkeys(f"'{origin.name}'" for edge in edges for origin in edge.origins))
     targets = " or ".join(dict.fromkeys(f"'{target.name}'" for edge in edges for target in edge.targets))
-    turned = any(world.leads(edge, step.target, step.origin) for edge in edges)
-    help = f"write {step.target} -{step.link.edge}-> {step.origin}" if turned else ""
-    fitting = suggest(step.link.edge, (name for name in world.edges if name != step.link.edge))
-    if not help and fitting and world.leads(world.edges[fitting], step.origin, step.target):
-        help = f"did you mean '{fitting}'?"
+    is_turned = any(world.leads(edge, step.target, step.origin) for edge in edges)
+    help = f"write {step.target} -{step.link.edge}-> {step.origin}" if is_turned else ""
+    similar_name = suggest(step.link.edge, (name for name in world.edges if name != step.link.edge))
+    if not help and similar_name and world.leads(world.edges[similar_name], step.origin, step.target):
+        help = f"did you mean '{similar_name}'?"
     return finding(
         "wrong-ends",
         f"edge '{step.link.edge}' leads from {origins} to {targets}, "
@@ -77,24 +82,26 @@ def _misled(world: DeclaredGraph, step: Step) -> Diagnostic:
 
 def wrong_starting_values(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
     """An initial value of a node has the attribute's type, and is in its unit and range."""
-    if not is_complete(scope, faults):
+    if not is_knowledge_complete(scope, faults):
         return
     for node in scope.spec.nodes:
         kind = scope.world.types.get(node.type.name)
-        known = {attribute.name: attribute for attribute in kind.attributes} if kind is not None else {}
+        attributes = {attribute.name: attribute for attribute in kind.attributes} if kind is not None else {}
         for value in node.values:
-            attribute = known.get(value.name)
+            attribute = attributes.get(value.name)
             if attribute is None:
                 message = f"'{value.name}' of node '{node.name}' is a context-variable, which is unknown at first"
-                yield _wrong(node, value, message, "remove it: its 'source' writes it", value.place)
+                yield _value_finding(node, value, message, "remove it: its 'source' writes it", value.place)
             elif (problem := _misfit(value, attribute.type)) is not None:
                 message = f"'{value.name}' of node '{node.name}' {problem[0]}"
-                yield _wrong(node, value, message, problem[1], attribute.place)
+                yield _value_finding(node, value, message, problem[1], attribute.place)
 
 
-def _wrong(node: NodeElement, value: StartingValue, message: str, help: str, declared: Place) -> Diagnostic:
+def _value_finding(
+    node: NodeElement, value: StartingValue, message: str, help: str, declared_place: Place
+) -> Diagnostic:
     path = f"knowledge.nodes.{node.name}.with.{value.name}"
-    related = () if declared is value.place else (Related("declared here", declared),)
+    related = () if declared_place is value.place else (Related("declared here", declared_place),)
     return finding("wrong-starting-value", message, value.place, path=path, help=help, related=related)
 
 
@@ -107,46 +114,46 @@ def starting_value(value: StartingValue, attribute: Attribute) -> bool | int | f
     return int(number) if attribute.type.kind is Kind.INT else float(number)
 
 
-def _misfit(value: StartingValue, declared: ValueType) -> tuple[str, str] | None:
+def _misfit(value: StartingValue, declared_type: ValueType) -> tuple[str, str] | None:
     """Return why a value does not fit a type, and the help; None if it fits."""
-    given, kind = value.value, declared.kind
+    raw_value, kind = value.value, declared_type.kind
     if kind is Kind.ENUM:
-        if given in declared.values:
+        if raw_value in declared_type.values:
             return None
-        near = suggest(str(given), declared.values)
-        listed = f"values are {', '.join(declared.values[:10])}"
-        return f"cannot be '{given}'", f"did you mean '{near}'?" if near else listed
-    wanted = {Kind.BOOL: bool, Kind.STR: str}.get(kind)
-    if wanted is not None:
-        return None if isinstance(given, wanted) else ("must be " + _NOUNS[kind], _EXAMPLES[kind])
-    return _misfit_of_number(value, declared)
+        near = suggest(str(raw_value), declared_type.values)
+        values_text = f"values are {', '.join(declared_type.values[:10])}"
+        return f"cannot be '{raw_value}'", f"did you mean '{near}'?" if near else values_text
+    required_class = {Kind.BOOL: bool, Kind.STR: str}.get(kind)
+    if required_class is not None:
+        return None if isinstance(raw_value, required_class) else ("must be " + _NOUNS[kind], _EXAMPLES[kind])
+    return _misfit_of_number(value, declared_type)
 
 
 _NOUNS = {Kind.BOOL: "true or false", Kind.STR: "a text"}
 _EXAMPLES = {Kind.BOOL: "write true or false", Kind.STR: "put it in quotes"}
 
 
-def _misfit_of_number(value: StartingValue, declared: ValueType) -> tuple[str, str] | None:
-    unit = declared.unit
+def _misfit_of_number(value: StartingValue, declared_type: ValueType) -> tuple[str, str] | None:
+    unit = declared_type.unit
     if isinstance(value.value, bool | str):
         return "must be a number", f"write a number in {unit}" if unit else "write a number"
-    number = _number(value, declared)
+    number = _number(value, declared_type)
     if number is None:
         if unit is None:
             return "has no unit", "remove the unit, or declare the attribute with one"
         return f"is a quantity in {unit}", f"write a number with a unit that converts to {unit}"
-    if declared.kind is Kind.INT and not float(number).is_integer():
+    if declared_type.kind is Kind.INT and not float(number).is_integer():
         return "must be a whole number", "write a whole number"
-    if declared.range is not None and not declared.range[0] <= number <= declared.range[1]:
-        low, high = declared.range
+    if declared_type.range is not None and not declared_type.range[0] <= number <= declared_type.range[1]:
+        low, high = declared_type.range
         return f"is out of its range: {number:g}", f"it is between {low:g} and {high:g}{f' {unit}' if unit else ''}"
     return None
 
 
-def _number(value: StartingValue, declared: ValueType) -> float | None:
+def _number(value: StartingValue, declared_type: ValueType) -> float | None:
     """Return a number in a type's unit; None if its own unit does not fit, or one of the two is missing."""
     assert not isinstance(value.value, bool | str)
-    target = parse_unit(declared.unit) if declared.unit is not None else None
+    target = parse_unit(declared_type.unit) if declared_type.unit is not None else None
     source = parse_unit(value.unit) if value.unit is not None else None
     if target is None or source is None:
         return value.value if target is source or (source is None and value.value == 0) else None
@@ -154,4 +161,4 @@ def _number(value: StartingValue, declared: ValueType) -> float | None:
 
 
 KNOWLEDGE_TYPES = (wrong_ends, wrong_starting_values)
-"""The rules of this subject."""
+"""The checks of this module."""

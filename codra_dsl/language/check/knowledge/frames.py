@@ -9,21 +9,21 @@ from codra_dsl.language import graph
 from codra_dsl.language.check.index.graph_schema import DeclaredGraph, End, is_rigid
 from codra_dsl.language.check.index.rules import finding
 from codra_dsl.language.check.index.spec_index import Silenced, SpecIndex
-from codra_dsl.language.check.knowledge.owners import is_complete
+from codra_dsl.language.check.knowledge.owners import is_knowledge_complete
 from codra_dsl.language.diagnostics import Diagnostic, Related
 from codra_dsl.language.model import EdgeType, Reference
 
 
 def two_parents(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
     """A frame has one parent at a time, so at most one edge with poses leads to it."""
-    if not is_complete(scope, faults):
+    if not is_knowledge_complete(scope, faults):
         return
-    rigid = [edge for edge in scope.spec.edges if is_rigid(edge)]
-    for first, second in combinations(rigid, 2):
+    rigid_edges = [edge for edge in scope.spec.edges if is_rigid(edge)]
+    for first, second in combinations(rigid_edges, 2):
         for target in second.targets:
             other = next((end for end in first.targets if _same_frame(scope.world, end, target)), None)
             if other is not None:
-                yield _two_parents(first, second, target)
+                yield _two_parents_finding(first, second, target)
                 break
 
 
@@ -36,34 +36,35 @@ def _same_frame(world: DeclaredGraph, one: Reference, other: Reference) -> bool:
     return world.type_of(node.name) == kind.name
 
 
-def _two_parents(first: EdgeType, second: EdgeType, target: Reference) -> Diagnostic:
+def _two_parents_finding(first: EdgeType, second: EdgeType, target: Reference) -> Diagnostic:
     parents = [" or ".join(f"'{origin.name}'" for origin in edge.origins) for edge in (first, second)]
-    both = ", ".join(dict.fromkeys(origin.name for edge in (first, second) for origin in edge.origins))
+    origins = ", ".join(dict.fromkeys(origin.name for edge in (first, second) for origin in edge.origins))
     return finding(
         "two-parents",
         f"'{target.name}' has two parent frames: {parents[0]} by edge '{first.name}', "
         f"and {parents[1]} by edge '{second.name}'",
         target.place,
         path=f"knowledge.edges.{second.name}.to",
-        help=f"remove one edge; if the node moves from one parent to the other, write one edge with 'from: [{both}]'",
+        help="remove one edge; if the node moves from one parent to the other, write one edge with "
+        f"'from: [{origins}]'",
         related=(Related(f"edge '{first.name}'", first.place),),
     )
 
 
 def frame_cycles(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
     """No frame is its own ancestor."""
-    if not is_complete(scope, faults):
+    if not is_knowledge_complete(scope, faults):
         return
     parents = dict(_parents(scope.world))
     needs = {target: (parent,) for target, (parent, _) in parents.items()}
     for names in graph.strong_components(needs):
-        within = {name: needs[name] for name in names}
-        cycle = graph.shortest_cycle(within)
+        component_needs = {name: needs[name] for name in names}
+        cycle = graph.shortest_cycle(component_needs)
         edges = [parents[name][1] for name in cycle]
-        shown = " -> ".join((cycle[0], *reversed(cycle)))
+        cycle_text = " -> ".join((cycle[0], *reversed(cycle)))
         yield finding(
             "frame-cycle",
-            f"the parents of frames form a cycle: {shown}",
+            f"the parents of frames form a cycle: {cycle_text}",
             edges[0].place,
             path=f"knowledge.edges.{edges[0].name}",
             help="give one of them a parent outside of the cycle, such as the world",
@@ -75,7 +76,7 @@ def frame_cycles(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
 
 
 def _parents(world: DeclaredGraph) -> Iterator[tuple[str, tuple[str, EdgeType]]]:
-    """Yield each single node with a certain parent, with the parent and the edge between them."""
+    """Yield each single node whose parent is certain, with this parent and the edge between them."""
     for edge in world.edges.values():
         origins: list[End] = [world.end(origin.name) for origin in edge.origins]
         if is_rigid(edge) and len(origins) == 1 and origins[0].is_node:
@@ -85,4 +86,4 @@ def _parents(world: DeclaredGraph) -> Iterator[tuple[str, tuple[str, EdgeType]]]
 
 
 FRAMES = (two_parents, frame_cycles)
-"""The rules of this subject."""
+"""The checks of this module."""

@@ -10,14 +10,14 @@ from codra_dsl.language.check.index.graph_schema import DeclaredGraph
 from codra_dsl.language.check.index.rules import finding
 from codra_dsl.language.check.index.spec_index import Silenced, SpecIndex
 from codra_dsl.language.check.knowledge.mentions import patterns_of, steps
-from codra_dsl.language.check.knowledge.owners import is_complete
+from codra_dsl.language.check.knowledge.owners import is_knowledge_complete
 from codra_dsl.language.diagnostics import Diagnostic, Related
 from codra_dsl.language.model import Agent, Task, TaskState
 
 
 def waiting_loops(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
     """No task waits for another task that waits for it: executors do not request each other's tasks in a cycle."""
-    if not is_complete(scope, faults):
+    if not is_knowledge_complete(scope, faults):
         return
     world = scope.world
     needs = {
@@ -25,48 +25,48 @@ def waiting_loops(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
         for task in scope.spec.tasks
     }
     for names in graph.strong_components(needs):
-        within = {name: tuple(need for need in needs[name] if need in names) for name in names}
-        yield _loop(world, graph.shortest_cycle(within))
+        component_needs = {name: tuple(need for need in needs[name] if need in names) for name in names}
+        yield _loop_finding(world, graph.shortest_cycle(component_needs))
 
 
 def _waits(world: DeclaredGraph, task: Task, other: Task) -> bool:
     """Return whether the executor of a task may request another one meanwhile.
 
-    Without rules, this is true of every task that it may request. With rules, it is true of the tasks that the rules
-    which take the task up request.
+    This is true of every task that it may request, unless it has rules that request the other task and rules that take
+    the task up. In that case, it is true only if the same rule does both.
     """
     if task.by.name not in (requester.name for requester in other.requesters):
         return False
     agent = world.agents.get(task.by.name)
     if agent is None:
         return True
-    requesting = _rules_about(world, agent, other, (Role.DURING, Role.AFTER), (TaskState.WANTS,))
-    taken = _rules_about(world, agent, task, (Role.BEFORE, Role.DURING), (TaskState.WANTS, TaskState.IS))
-    return not requesting or not taken or bool(requesting & taken)
+    requesting_rules = _rules_about(world, agent, other, (Role.DURING, Role.AFTER), (TaskState.WANTS,))
+    accepting_rules = _rules_about(world, agent, task, (Role.BEFORE, Role.DURING), (TaskState.WANTS, TaskState.IS))
+    return not requesting_rules or not accepting_rules or bool(requesting_rules & accepting_rules)
 
 
 def _rules_about(
     world: DeclaredGraph, agent: Agent, task: Task, roles: tuple[Role, ...], states: tuple[TaskState, ...]
 ) -> frozenset[str]:
     """Return the names of an agent's rules with a pattern of one of the roles about a task in one of the states."""
-    rules = set()
+    rule_names = set()
     for pattern in patterns_of(agent):
         for step in steps(pattern) if pattern.role in roles else ():
-            named = world.task_of(step.origin, step.link.edge, step.target)
-            if pattern.rule is not None and named is task and step.link.edge in states:
-                rules.add(pattern.rule.name)
-    return frozenset(rules)
+            named_task = world.task_of(step.origin, step.link.edge, step.target)
+            if pattern.rule is not None and named_task is task and step.link.edge in states:
+                rule_names.add(pattern.rule.name)
+    return frozenset(rule_names)
 
 
-def _loop(world: DeclaredGraph, cycle: tuple[str, ...]) -> Diagnostic:
+def _loop_finding(world: DeclaredGraph, cycle: tuple[str, ...]) -> Diagnostic:
     tasks = [world.tasks[name] for name in cycle]
     first = tasks[0]
-    shown = " -> ".join((*cycle, cycle[0]))
+    cycle_text = " -> ".join((*cycle, cycle[0]))
     if len(tasks) == 1:
         message = f"agent '{first.by.name}' executes task '{first.name}' and may request it: it would wait for itself"
     else:
-        message = f"tasks may wait for each other forever: {shown}"
-    following = (*tasks[1:], first)
+        message = f"tasks may wait for each other forever: {cycle_text}"
+    next_tasks = (*tasks[1:], first)
     return finding(
         "waiting-loops",
         message,
@@ -75,10 +75,10 @@ def _loop(world: DeclaredGraph, cycle: tuple[str, ...]) -> Diagnostic:
         help="let an agent that executes none of these tasks request them, or write rules that request them",
         related=tuple(
             Related(f"agent '{task.by.name}' executes '{task.name}' and requests '{other.name}'", task.place)
-            for task, other in zip(tasks, following, strict=True)
+            for task, other in zip(tasks, next_tasks, strict=True)
         ),
     )
 
 
 HANDOVERS = (waiting_loops,)
-"""The rules of this subject."""
+"""The checks of this module."""

@@ -1,4 +1,4 @@
-"""The construction of `CheckedKnowledge`: lowered patterns, ownership, and initial values."""
+"""The construction of `CheckedKnowledge`: lowered patterns, owned and read elements, and initial values."""
 
 from __future__ import annotations
 
@@ -81,11 +81,11 @@ class _Naming(ast.NodeTransformer):
     def _reading(self, reader: str, name: str) -> ast.Call:
         function, first, second = reads_of(name)
         if function and reader == "value":
-            return _called(function, first, second)
-        return _called(reader, name if function or first else f"{self._world.variables[second].node}.{second}")
+            return _make_call(function, first, second)
+        return _make_call(reader, name if function or first else f"{self._world.variables[second].node}.{second}")
 
 
-def _called(function: str, *arguments: str) -> ast.Call:
+def _make_call(function: str, *arguments: str) -> ast.Call:
     return ast.Call(
         func=ast.Name(id=function), args=[ast.Constant(value=argument) for argument in arguments], keywords=[]
     )

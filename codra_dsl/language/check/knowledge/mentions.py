@@ -29,7 +29,7 @@ class Pattern:
 
     @property
     def path(self) -> str:
-        """Return the path of its key."""
+        """Return the path of the key that contains it."""
         within = f".rules.{self.rule.name}" if self.rule is not None else ""
         return f"agents.{self.agent.name}{within}.{self.role}"
 
@@ -67,9 +67,11 @@ def patterns_of(agent: Agent) -> Iterator[Pattern]:
 
 def patterns_in(agent: Agent, rule: AgentRule) -> Iterator[Pattern]:
     """Yield every pattern of a rule that could be read."""
-    for role, several in ((Role.BEFORE, rule.before), (Role.DURING, rule.during), (Role.AFTER, rule.after)):
+    for role, conditions in ((Role.BEFORE, rule.before), (Role.DURING, rule.during), (Role.AFTER, rule.after)):
         yield from (
-            Pattern(agent, role, rule, condition, condition.tree) for condition in several if condition.tree is not None
+            Pattern(agent, role, rule, condition, condition.tree)
+            for condition in conditions
+            if condition.tree is not None
         )
 
 
@@ -85,7 +87,7 @@ def names_read(pattern: Pattern) -> Iterator[Name]:
         yield from (part for part in walk(pattern.tree) if isinstance(part, Name))
 
 
-def mention(pattern: Pattern, name: str, part: Node) -> Mention:
+def mention_in(pattern: Pattern, name: str, part: Node) -> Mention:
     """Return a name in a pattern as a mention."""
     return Mention(name, pattern.condition.place_of(part), pattern.user, pattern.path)
 
@@ -95,13 +97,13 @@ def type_mentions(scope: SpecIndex) -> Iterator[Mention]:
     for pattern in patterns(scope):
         for term in pattern.tree.terms if isinstance(pattern.tree, Path) else ():
             if term.type:
-                yield mention(pattern, term.type, _last_word(pattern, term))
+                yield mention_in(pattern, term.type, _last_word(pattern, term))
 
 
 def _last_word(pattern: Pattern, term: NodeTerm) -> Node:
     """Return the place of the type in `some TYPE as NAME`."""
-    written = pattern.condition.text[term.start : term.end]
-    start = term.start + written.index(term.type, len("some"))
+    term_text = pattern.condition.text[term.start : term.end]
+    start = term.start + term_text.index(term.type, len("some"))
     return Node(start=start, end=start + len(term.type))
 
 
@@ -112,25 +114,25 @@ def node_mentions(scope: SpecIndex) -> Iterator[Mention]:
             place = variable.places["of"]
             yield Mention(variable.node, place, user_of("context", variable.name), f"context.{variable.name}.of")
         if variable.pose_condition is not None:
-            yield from _nodes_with_poses(variable.pose_condition)
+            yield from _pose_mentions(variable.pose_condition)
     for task in scope.spec.tasks:
         if task.origin.name:
             yield mention_of(task.origin, "tasks", task.name, "from")
     for pattern in patterns(scope):
         for term in pattern.tree.terms if isinstance(pattern.tree, Path) else ():
             if term.name:
-                yield mention(pattern, term.name, term)
+                yield mention_in(pattern, term.name, term)
         for name in names_read(pattern):
             function, first, second = reads_of(name.name)
             if function:
-                yield from (mention(pattern, node_name, name) for node_name in (first, second))
+                yield from (mention_in(pattern, node_name, name) for node_name in (first, second))
             elif first:
                 node = Node(start=name.start, end=name.start + len(first))
-                yield mention(pattern, first, node)
+                yield mention_in(pattern, first, node)
 
 
-def _nodes_with_poses(pose_condition: PoseCondition) -> Iterator[Mention]:
-    """Yield the nodes whose poses a comparison reads."""
+def _pose_mentions(pose_condition: PoseCondition) -> Iterator[Mention]:
+    """Yield the mentions of nodes whose poses a comparison reads."""
     section, element, _ = pose_condition.owner
     for name in names_in(pose_condition.tree):
         for node in reads_of(name.name)[1:]:
@@ -147,8 +149,8 @@ def end_mentions(scope: SpecIndex) -> Iterator[Mention]:
 
 
 def edge_mentions(scope: SpecIndex) -> Iterator[Mention]:
-    """Yield every edge that a pattern names."""
+    """Yield every name of an edge in a pattern."""
     for pattern in patterns(scope):
         for step in steps(pattern):
             start = step.link.start + pattern.condition.text[step.link.start : step.link.end].index(step.link.edge)
-            yield mention(pattern, step.link.edge, Node(start=start, end=start + len(step.link.edge)))
+            yield mention_in(pattern, step.link.edge, Node(start=start, end=start + len(step.link.edge)))

@@ -13,7 +13,7 @@ from codra_dsl.language.check.index.spec_index import OBSERVER, UNDER_KNOWLEDGE,
 from codra_dsl.language.check.knowledge.mentions import (
     edge_mentions,
     end_mentions,
-    mention,
+    mention_in,
     names_read,
     node_mentions,
     patterns,
@@ -44,70 +44,76 @@ _OTHER_STATES: Mapping[str, str] = {
 
 
 def unknown_types(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
-    """Every type in a pattern is declared or has a node; the type of a node is not a misspelling of another one."""
+    """Every type in a pattern is declared or has a node; the type of a node does not misspell a declared one."""
     if not scope.spec.knows:
         return
-    declared = list(scope.world.types)  # without the type of tasks, which no node can have
-    reported = set()
+    type_names = list(scope.world.types)  # without the type of tasks, which no node can have
+    reported_names = set()
     for node in scope.spec.nodes:
         name = node.type.name
-        near = None if name in (*declared, TASK_TYPE) or scope.declares("types", name) else suggest(name, declared)
+        near = None if name in (*type_names, TASK_TYPE) or scope.declares("types", name) else suggest(name, type_names)
         if near is not None and is_slip(name, near) and scope.readable("nodes", node.name, "type"):
-            reported.add(name)
-            mentioned = (mention_of(node.type, "nodes", node.name, "type"),)
-            yield _unknown(scope, "unknown-node-type", "type", _Unknown(mentioned, near, declared))
-    known = scope.world.type_names - reported
-    undeclared = (mentioned for mentioned in type_mentions(scope) if not scope.declares("types", mentioned.name))
+            reported_names.add(name)
+            mentions = (mention_of(node.type, "nodes", node.name, "type"),)
+            yield _unknown_finding(scope, "unknown-node-type", "type", _UnknownName(mentions, near, type_names))
+    known_names = scope.world.type_names - reported_names
+    undeclared_mentions = (mention for mention in type_mentions(scope) if not scope.declares("types", mention.name))
     for group in _groups(
-        mentioned for mentioned in undeclared if mentioned.name not in known and mentioned.name not in reported
+        mention
+        for mention in undeclared_mentions
+        if mention.name not in known_names and mention.name not in reported_names
     ):
-        near = scope.nearest(group[0].name, "types", known)
-        help_ = f"'{group[0].name}' is a node: remove 'some'" if group[0].name in scope.world.node_names else ""
-        yield _unknown(scope, "unknown-node-type", "type", _Unknown(group, near, known), help=help_)
+        near = scope.nearest(group[0].name, "types", known_names)
+        help = f"'{group[0].name}' is a node: remove 'some'" if group[0].name in scope.world.node_names else ""
+        yield _unknown_finding(scope, "unknown-node-type", "type", _UnknownName(group, near, known_names), help=help)
 
 
 def unknown_nodes(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
     """Every node that something names is declared; patterns name other nodes by their type."""
     if not scope.spec.knows and not scope.spec.pose_conditions:
         return
-    world, known = scope.world, scope.world.node_names
-    undeclared = (
-        mentioned
-        for mentioned in node_mentions(scope)
-        if mentioned.name not in known and not _may_be_lost(scope, mentioned.name)
+    world, known_names = scope.world, scope.world.node_names
+    undeclared_mentions = (
+        mention
+        for mention in node_mentions(scope)
+        if mention.name not in known_names and not _may_be_lost(scope, mention.name)
     )
-    for group in _groups(undeclared):
+    for group in _groups(undeclared_mentions):
         name = group[0].name
-        near = scope.nearest(name, "nodes", known)
+        near = scope.nearest(name, "nodes", known_names)
         is_type = name in world.type_names
-        help = _named_by_type(group[0], name) if is_type else ""
-        yield _unknown(scope, "unknown-node", "node", _Unknown(group, None if is_type else near, known), help=help)
-    both = known | world.type_names
-    ends = (
-        mentioned
-        for mentioned in end_mentions(scope)
-        if mentioned.name not in both and not _may_be_lost(scope, mentioned.name)
+        help = _type_name_help(group[0], name) if is_type else ""
+        yield _unknown_finding(
+            scope, "unknown-node", "node", _UnknownName(group, None if is_type else near, known_names), help=help
+        )
+    end_names = known_names | world.type_names
+    undeclared_ends = (
+        mention
+        for mention in end_mentions(scope)
+        if mention.name not in end_names and not _may_be_lost(scope, mention.name)
     )
-    for group in _groups(ends):
-        near = scope.nearest(group[0].name, "nodes and types", both)
+    for group in _groups(undeclared_ends):
+        near = scope.nearest(group[0].name, "nodes and types", end_names)
         help = f"declare '{group[0].name}' under 'types' or 'nodes' of 'knowledge'"
-        yield _unknown(scope, "unknown-node", "node or type", _Unknown(group, near, both), help=help)
+        yield _unknown_finding(scope, "unknown-node", "node or type", _UnknownName(group, near, end_names), help=help)
 
 
 def unknown_edges(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
     """Every edge in a pattern is declared, or is the state of a task."""
     if not scope.spec.knows:
         return
-    known = scope.world.edge_words
-    lost = scope.lost("edges", "label") or scope.lost("tasks")
-    undeclared = (mentioned for mentioned in edge_mentions(scope) if mentioned.name not in known and not lost)
-    for group in _groups(undeclared):
+    known_words = scope.world.edge_words
+    is_lost = scope.lost("edges", "label") or scope.lost("tasks")
+    undeclared_mentions = (
+        mention for mention in edge_mentions(scope) if mention.name not in known_words and not is_lost
+    )
+    for group in _groups(undeclared_mentions):
         name = group[0].name
         state = _OTHER_STATES.get(name) if scope.spec.tasks else None
-        near = state or scope.nearest(name, "edges", known - {RT})
+        near = state or scope.nearest(name, "edges", known_words - {RT})
         help = "declare the task under 'tasks' of 'knowledge'" if name in STATES else ""
         help = help or f"declare '{name}' under 'edges' of 'knowledge'"
-        yield _unknown(scope, "unknown-edge", "edge", _Unknown(group, near, known), help=help)
+        yield _unknown_finding(scope, "unknown-edge", "edge", _UnknownName(group, near, known_words), help=help)
 
 
 def unknown_attributes(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
@@ -118,69 +124,75 @@ def unknown_attributes(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
             function, node, attribute = reads_of(name.name)
             if function or not node or node not in world.node_names or _is_open(scope, node):
                 continue
-            known = world.attributes_of(node)
-            if attribute not in known:
+            attributes = world.attributes_of(node)
+            if attribute not in attributes:
                 start = name.start + len(node) + 1
                 part = Node(start=start, end=start + len(attribute))
-                yield _unknown_attribute(scope, mention(pattern, attribute, part), node, known)
+                yield _attribute_finding(scope, mention_in(pattern, attribute, part), node, attributes)
     for element in scope.spec.nodes:
         for value in element.values:
-            known = world.attributes_of(element.name)
-            if value.name not in known and not _is_open(scope, element.name):
+            attributes = world.attributes_of(element.name)
+            if value.name not in attributes and not _is_open(scope, element.name):
                 path = f"knowledge.nodes.{element.name}.with.{value.name}"
-                yield _unknown_attribute(scope, Mention(value.name, value.key, "", path), element.name, known)
+                yield _attribute_finding(scope, Mention(value.name, value.key, "", path), element.name, attributes)
 
 
 def unknown_elements(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
     """Every name under `owns` and `reads` of an agent is an element that can have writers."""
     world = scope.world
-    lost = any(scope.lost(section) for section in ("context", "types", "edges", "tasks"))
-    for agent in () if lost else scope.spec.agents:
-        for key, named in (("owns", agent.conduct.owns), ("reads", agent.conduct.reads)):
-            for reference in named:
+    is_lost = any(scope.lost(section) for section in ("context", "types", "edges", "tasks"))
+    for agent in () if is_lost else scope.spec.agents:
+        for key, references in (("owns", agent.conduct.owns), ("reads", agent.conduct.reads)):
+            for reference in references:
                 element = world.named(reference.name)
                 if element is not None and not (key == "owns" and element.section == "tasks"):
                     continue
-                known = [str(other.name) for other in world.elements()]
-                known += [f"{other.name}.{other.attribute}" for other in world.elements() if other.attribute]
-                near = None if element else scope.nearest(reference.name, "things", known)
+                known_names = [str(other.name) for other in world.elements()]
+                known_names += [f"{other.name}.{other.attribute}" for other in world.elements() if other.attribute]
+                near = None if element else scope.nearest(reference.name, "things", known_names)
                 help = "name a variable, a type, an edge or type.attribute"
                 help = "name the agent as 'by' of the task" if element else help
-                mentioned = (mention_of(reference, "agents", agent.name, key),)
-                message = f"task '{reference.name}' under 'owns'" if element else ""
-                unknown = _Unknown(mentioned, near, known)
-                yield _unknown(scope, "unknown-knowledge", "name", unknown, help=help, what=message)
+                mentions = (mention_of(reference, "agents", agent.name, key),)
+                subject = f"task '{reference.name}' under 'owns'" if element else ""
+                unknown = _UnknownName(mentions, near, known_names)
+                yield _unknown_finding(scope, "unknown-knowledge", "name", unknown, help=help, subject=subject)
 
 
 def reserved_names(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
-    """No edge is named like a task state, no type is `task`, no task is named like a node, no source is `observer`."""
+    """No edge is named like a task state, no type is `task`, no task is named like a node.
+
+    Observers are the source of context-variables only. The label of an edge is an identifier. A context-variable does
+    not have the name of another attribute of its node.
+    """
     for edge in scope.spec.edges:
-        taken = edge.label if edge.label in STATES else edge.name if edge.name in STATES | {RT} else ""
-        if taken:
-            message = f"edge '{edge.name}' has the name '{taken}', which is the state of a task"
-            if taken == RT:
+        taken_name = edge.label if edge.label in STATES else edge.name if edge.name in STATES | {RT} else ""
+        if taken_name:
+            message = f"edge '{edge.name}' has the name '{taken_name}', which is the state of a task"
+            if taken_name == RT:
                 message = f"edge '{edge.name}' has the name of the label of rigid motions"
-            place = edge.places.get("label", edge.place) if edge.label == taken else edge.place
-            yield _reserved(f"edges.{edge.name}", message, place, "choose another name")
+            place = edge.places.get("label", edge.place) if edge.label == taken_name else edge.place
+            yield _reserved_finding(f"edges.{edge.name}", message, place, "choose another name")
         elif not is_identifier(edge.label):
             message = f"the label '{edge.label}' of edge '{edge.name}' is not a name"
             help = "use only letters A to Z, digits and '_', and begin with a letter"
-            yield _reserved(f"edges.{edge.name}.label", message, edge.places.get("label", edge.place), help)
+            yield _reserved_finding(f"edges.{edge.name}.label", message, edge.places.get("label", edge.place), help)
     for kind in scope.spec.types:
         if kind.name == TASK_TYPE:
             message = f"type '{TASK_TYPE}' is reserved for the nodes of tasks"
-            yield _reserved(f"types.{kind.name}", message, kind.place, "choose another name")
+            yield _reserved_finding(f"types.{kind.name}", message, kind.place, "choose another name")
     for node_element in scope.spec.nodes:
         if node_element.type.name == TASK_TYPE:
             message = f"node '{node_element.name}' is of type '{TASK_TYPE}', which is reserved for the nodes of tasks"
-            yield _reserved(f"nodes.{node_element.name}.type", message, node_element.type.place, "choose another type")
+            yield _reserved_finding(
+                f"nodes.{node_element.name}.type", message, node_element.type.place, "choose another type"
+            )
     nodes = {name.casefold(): node for name, node in scope.world.nodes.items()}
     for task in scope.spec.tasks:
         node = nodes.get(task.name.casefold())
         if node is not None:
             message = f"task '{task.name}' has a node of its name, and node '{node.name}' is declared already"
             related = (Related("the node", node.place),)
-            yield _reserved(f"tasks.{task.name}", message, task.place, "rename one of them", related)
+            yield _reserved_finding(f"tasks.{task.name}", message, task.place, "rename one of them", related)
     yield from _observers_as_writers(scope)
     yield from _taken_attributes(scope)
 
@@ -190,28 +202,28 @@ def _taken_attributes(scope: SpecIndex) -> Iterator[Diagnostic]:
     world = scope.world
     for variable in scope.spec.context if scope.spec.knows else ():
         kind = world.types.get(world.type_of(variable.node))
-        own = {attribute.name: attribute for attribute in kind.attributes} if kind is not None else {}
+        own_attributes = {attribute.name: attribute for attribute in kind.attributes} if kind is not None else {}
         path, place = f"context.{variable.name}.of", variable.places.get("of", variable.place)
         if variable.node in world.tasks and variable.name in TASK_ATTRIBUTES:
             message = (
                 f"context-variable '{variable.name}' of task '{variable.node}' is named like an attribute of tasks"
             )
-            yield _taken(path, message, place, "rename it")
-        elif variable.name in own:
+            yield _taken_finding(path, message, place, "rename it")
+        elif variable.name in own_attributes:
             message = f"the type of node '{variable.node}' already has an attribute '{variable.name}'"
-            related = (Related("declared here", own[variable.name].place),)
-            yield _taken(path, message, place, "rename one of them, or remove one", related)
+            related = (Related("declared here", own_attributes[variable.name].place),)
+            yield _taken_finding(path, message, place, "rename one of them, or remove one", related)
 
 
 def _observers_as_writers(scope: SpecIndex) -> Iterator[Diagnostic]:
-    elements = (("types", scope.spec.types), ("edges", scope.spec.edges))
-    for section, element in ((section, element) for section, several in elements for element in several):
+    sections = (("types", scope.spec.types), ("edges", scope.spec.edges))
+    for section, element in ((section, element) for section, elements in sections for element in elements):
         writers = (*element.sources, *(writer for attribute in element.attributes for writer in attribute.sources))
         for writer in writers:
             if writer.name == OBSERVER:
                 message = f"observers write only context-variables, not '{element.name}'"
                 help = "name an agent; observers can identify a variable with 'of'"
-                yield _reserved(f"{section}.{element.name}.source", message, writer.place, help)
+                yield _reserved_finding(f"{section}.{element.name}.source", message, writer.place, help)
 
 
 KNOWLEDGE_NAMES = (
@@ -222,14 +234,16 @@ KNOWLEDGE_NAMES = (
     unknown_elements,
     reserved_names,
 )
-"""The rules of this subject."""
+"""The checks of this module."""
 
 
-def _taken(path: str, message: str, place: Place, help: str, related: tuple[Related, ...] = ()) -> Diagnostic:
+def _taken_finding(path: str, message: str, place: Place, help: str, related: tuple[Related, ...] = ()) -> Diagnostic:
     return finding("reserved-in-knowledge", message, place, path=path, help=help, related=related)
 
 
-def _reserved(path: str, message: str, place: Place, help: str, related: tuple[Related, ...] = ()) -> Diagnostic:
+def _reserved_finding(
+    path: str, message: str, place: Place, help: str, related: tuple[Related, ...] = ()
+) -> Diagnostic:
     return finding(
         "reserved-in-knowledge",
         message,
@@ -243,11 +257,10 @@ def _reserved(path: str, message: str, place: Place, help: str, related: tuple[R
 def _groups(mentions: Iterable[Mention]) -> list[tuple[Mention, ...]]:
     """Return the mentions of each name, in the order of their places."""
     groups: dict[str, list[Mention]] = {}
-    for mentioned in mentions:
-        groups.setdefault(mentioned.name, []).append(mentioned)
+    for mention in mentions:
+        groups.setdefault(mention.name, []).append(mention)
     return [
-        tuple(sorted(mentions_of_name, key=lambda mentioned: mentioned.place.span))
-        for mentions_of_name in groups.values()
+        tuple(sorted(mentions_of_name, key=lambda mention: mention.place.span)) for mentions_of_name in groups.values()
     ]
 
 
@@ -263,14 +276,14 @@ def _is_open(scope: SpecIndex, node: str) -> bool:
     return kind in lost or bool(scope.spec.damaged.get("context")) or node in scope.spec.damaged.get("nodes", ())
 
 
-def _named_by_type(mentioned: Mention, name: str) -> str:
-    if ".rules." in mentioned.path or mentioned.path.endswith("wakes"):
+def _type_name_help(mention: Mention, name: str) -> str:
+    if ".rules." in mention.path or mention.path.endswith("wakes"):
         return f"'{name}' is a type: write some {name}"
     return f"'{name}' is a type; name a node that is declared under 'nodes'"
 
 
 @dataclass(frozen=True, slots=True)
-class _Unknown:
+class _UnknownName:
     """An undeclared name: its mentions, and its candidates.
 
     Attributes:
@@ -286,39 +299,39 @@ class _Unknown:
         return self.mentions[0].name
 
 
-def _unknown(
-    scope: SpecIndex, rule: str, noun: str, unknown: _Unknown, *, help: str = "", what: str = ""
+def _unknown_finding(
+    scope: SpecIndex, rule: str, noun: str, unknown: _UnknownName, *, help: str = "", subject: str = ""
 ) -> Diagnostic:
     """Return the finding about an undeclared name, with all its mentions."""
     first, *others = unknown.mentions
     near = unknown.near
-    subject = what or f"unknown {noun} '{first.name}'"
+    subject = subject or f"unknown {noun} '{first.name}'"
     message = f"{subject} in {first.user}"
     fix = None
     if near is not None:
-        places = [mentioned.place for mentioned in unknown.mentions]
+        places = [mention.place for mention in unknown.mentions]
         fix = renaming(first.name, near, unknown.candidates, places, scope.mentioned)
     section = {"type": "types", "node": "nodes"}.get(noun, "")
-    declare = f"declare '{first.name}' under '{section}' of 'knowledge'" if section in UNDER_KNOWLEDGE else help
+    declare_help = f"declare '{first.name}' under '{section}' of 'knowledge'" if section in UNDER_KNOWLEDGE else help
     return finding(
         rule,
         message,
         first.place,
         path=first.path,
-        help=f"did you mean '{near}'?" if near is not None else help or declare,
-        related=tuple(Related(f"also in {mentioned.user}", mentioned.place) for mentioned in others),
+        help=f"did you mean '{near}'?" if near is not None else help or declare_help,
+        related=tuple(Related(f"also in {mention.user}", mention.place) for mention in others),
         fix=fix,
     )
 
 
-def _unknown_attribute(scope: SpecIndex, mentioned: Mention, node: str, known: Mapping[str, object]) -> Diagnostic:
-    near = scope.nearest(mentioned.name, f"attributes of {node}", known)
-    listed = f"it has {', '.join(list(known)[:10])}" if known else "it has none"
-    help = f"did you mean '{near}'?" if near is not None else f"{listed}; declare it with its type"
+def _attribute_finding(scope: SpecIndex, mention: Mention, node: str, attributes: Mapping[str, object]) -> Diagnostic:
+    near = scope.nearest(mention.name, f"attributes of {node}", attributes)
+    attributes_text = f"it has {', '.join(list(attributes)[:10])}" if attributes else "it has none"
+    help = f"did you mean '{near}'?" if near is not None else f"{attributes_text}; declare it with its type"
     kind = scope.world.type_of(node)
-    user = f" in {mentioned.user}" if mentioned.user else ""
-    message = f"node '{node}', of type '{kind}', has no attribute '{mentioned.name}'{user}"
+    user = f" in {mention.user}" if mention.user else ""
+    message = f"node '{node}', of type '{kind}', has no attribute '{mention.name}'{user}"
     fix = None
     if near is not None:
-        fix = renaming(mentioned.name, near, known, [mentioned.place], scope.mentioned)
-    return finding("unknown-attribute", message, mentioned.place, path=mentioned.path, help=help, fix=fix)
+        fix = renaming(mention.name, near, attributes, [mention.place], scope.mentioned)
+    return finding("unknown-attribute", message, mention.place, path=mention.path, help=help, fix=fix)

@@ -1,4 +1,4 @@
-"""Phase 2 for knowledge: every element has a writer, several writers have priorities, and rules write own elements."""
+"""Phase 2 for knowledge: each element has a writer, several writers have priorities, and agents own what they write."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from codra_dsl.language.model import Agent, Task, TaskState, Writer
 _SECTIONS = ("context", "types", "nodes", "edges", "tasks", "agents")
 
 
-def is_complete(scope: SpecIndex, faults: Silenced) -> bool:
+def is_knowledge_complete(scope: SpecIndex, faults: Silenced) -> bool:
     """Return whether knowledge is declared, could be read completely, and has no wrong names."""
     if not scope.spec.knows or any(scope.spec.damaged.get(section) for section in _SECTIONS):
         return False
@@ -25,22 +25,23 @@ def is_complete(scope: SpecIndex, faults: Silenced) -> bool:
 
 def two_owners(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
     """Several writers of the same element have priorities; for a context-variable, the newest evidence counts."""
-    if not is_complete(scope, faults):
+    if not is_knowledge_complete(scope, faults):
         return
-    reported: set[Place] = set()
+    reported_places: set[Place] = set()
     for element in scope.world.elements():
         writers = scope.world.writers(element)
         unranked = [writer for writer in writers if writer.priority is None]
-        if element.section == "context" or len(writers) < 2 or not unranked or unranked[-1].place in reported:
+        if element.section == "context" or len(writers) < 2 or not unranked or unranked[-1].place in reported_places:
             continue
-        reported.add(unranked[-1].place)  # attributes without an own source have the sources of their type or edge
-        yield _unranked(scope.world, element, writers, unranked[-1])
+        # attributes without a source of their own have the sources of their type or edge
+        reported_places.add(unranked[-1].place)
+        yield _unranked_finding(scope.world, element, writers, unranked[-1])
 
 
-def _unranked(
+def _unranked_finding(
     world: DeclaredGraph, element: KnowledgeElement, writers: tuple[Writer, ...], offender: Writer
 ) -> Diagnostic:
-    ranked = ", ".join(
+    priorities_text = ", ".join(
         f"{writer.name}: {rank}" for rank, writer in zip(range(len(writers), 0, -1), writers, strict=True)
     )
     others = " and ".join(f"'{writer.name}'" for writer in writers if writer is not offender)
@@ -51,29 +52,29 @@ def _unranked(
         message,
         offender.place,
         path=f"knowledge.{element.section}.{element.name}{key}.source",
-        help=f"write 'source: {{{ranked}}}' where it is declared: the larger number has priority",
+        help=f"write 'source: {{{priorities_text}}}' where it is declared: the larger number has priority",
         related=(Related("declared here", world.place_of(element)),),
     )
 
 
 def unwritten(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
     """Everything that an agent reads, and every declared edge, exists from the start or has a writer."""
-    if not is_complete(scope, faults):
+    if not is_knowledge_complete(scope, faults):
         return
     world = scope.world
-    reported: set[KnowledgeElement] = set()
+    reported_elements: set[KnowledgeElement] = set()
     for edge in scope.spec.edges:
         element = KnowledgeElement("edges", edge.name)
         if not world.writers(element) and not world.starts_with(edge):
-            reported.add(element)
+            reported_elements.add(element)
             message = f"no agent writes edge '{edge.name}', and it does not exist from the start"
             help = "name its writer under 'source', or declare it between two single nodes"
             path = f"knowledge.edges.{edge.name}"
             yield finding("unwritten-knowledge", message, edge.place, path=path, help=help)
     for agent in scope.spec.agents:
         for element, place, path in _readings(world, agent):
-            if element not in reported and not _is_written(world, element):
-                reported.add(element)
+            if element not in reported_elements and not _is_written(world, element):
+                reported_elements.add(element)
                 message = f"agent '{agent.name}' reads {element}, which no agent writes"
                 related = (Related("declared here", world.place_of(element)),)
                 help = "name its writer under 'source'"
@@ -99,8 +100,8 @@ def _readings(world: DeclaredGraph, agent: Agent) -> Iterator[tuple[KnowledgeEle
 def _terms_sought(pattern: Pattern) -> tuple[NodeTerm, ...]:
     """Return the nodes that an agent searches for with a pattern."""
     path = pattern.tree
-    sought = isinstance(path, Path) and pattern.role is not Role.AFTER and not path.negated
-    return path.terms if sought and isinstance(path, Path) else ()
+    is_search = isinstance(path, Path) and pattern.role is not Role.AFTER and not path.negated
+    return path.terms if is_search and isinstance(path, Path) else ()
 
 
 def _is_written(world: DeclaredGraph, element: KnowledgeElement) -> bool:
@@ -109,50 +110,55 @@ def _is_written(world: DeclaredGraph, element: KnowledgeElement) -> bool:
         return True
     if element.section == "edges":
         return world.starts_with(world.edges[element.name])
-    of_type = [node for node in world.spec.nodes if node.type.name == element.name]
+    nodes_of_type = [node for node in world.spec.nodes if node.type.name == element.name]
     if not element.attribute:
-        return bool(of_type) or element.name not in world.types
-    return any(value.name == element.attribute for node in of_type for value in node.values)
+        return bool(nodes_of_type) or element.name not in world.types
+    return any(value.name == element.attribute for node in nodes_of_type for value in node.values)
 
 
 def foreign_writes(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
-    """An agent owns what its rules write."""
-    if not is_complete(scope, faults):
+    """An agent owns what its rules write; if a rule can write one of several elements, its agent owns at least one."""
+    if not is_knowledge_complete(scope, faults):
         return
     for pattern in patterns(scope):
         if pattern.role is Role.AFTER:
-            written = _written(scope.world, pattern)
-            if written and not any(scope.world.owns(pattern.agent.name, element) for element, _ in written):
-                yield _foreign(scope.world, pattern, *written[0])
-            yield from _foreign_states(scope.world, pattern)
+            elements = _written_elements(scope.world, pattern)
+            if elements and not any(scope.world.owns(pattern.agent.name, element) for element, _ in elements):
+                yield _foreign_finding(scope.world, pattern, *elements[0])
+            yield from _foreign_state_findings(scope.world, pattern)
 
 
-def _written(world: DeclaredGraph, pattern: Pattern) -> list[tuple[KnowledgeElement, Place]]:
-    """Return the elements that a pattern under `after` can write, each with its place; empty if this is undecided."""
-    written: list[tuple[KnowledgeElement, Place]] = []
+def _written_elements(world: DeclaredGraph, pattern: Pattern) -> list[tuple[KnowledgeElement, Place]]:
+    """Return the elements of which a rule can write one to make a pattern under `after` true, each with its place.
+
+    The list is empty if this is undecided.
+    """
+    elements: list[tuple[KnowledgeElement, Place]] = []
     for step in steps(pattern):
         if world.task_of(step.origin, step.link.edge, step.target) is not None:
             return []
         edges = world.edges_between(step.origin, step.link.edge, step.target)
-        written += [(KnowledgeElement("edges", edge.name), pattern.condition.place_of(step.link)) for edge in edges]
+        elements += [(KnowledgeElement("edges", edge.name), pattern.condition.place_of(step.link)) for edge in edges]
     for name in names_read(pattern):
         element = world.read(name.name)
         if element is None or reads_of(name.name)[0]:
             return []
-        written.append((element, pattern.condition.place_of(name)))
+        elements.append((element, pattern.condition.place_of(name)))
     if isinstance(pattern.tree, Path) and pattern.tree.negated:
         kinds = [term.type for term in pattern.tree.terms if term.type]
-        written += [(KnowledgeElement("types", kind), pattern.condition.place) for kind in kinds if kind in world.types]
-    return written
+        elements += [
+            (KnowledgeElement("types", kind), pattern.condition.place) for kind in kinds if kind in world.types
+        ]
+    return elements
 
 
-def _foreign(world: DeclaredGraph, pattern: Pattern, element: KnowledgeElement, place: Place) -> Diagnostic:
+def _foreign_finding(world: DeclaredGraph, pattern: Pattern, element: KnowledgeElement, place: Place) -> Diagnostic:
     owners = [writer.name for writer in world.writers(element)]
     who = " and ".join(f"'{owner}'" for owner in owners)
     assert pattern.rule is not None
     verb = "own" if len(owners) > 1 else "owns"
-    own = f"name '{pattern.agent.name}' as its '{'by' if element.section == 'tasks' else 'source'}'"
-    help = f"{own}, or leave it to {who}: a rule may write only what its agent owns" if who else own
+    own_help = f"name '{pattern.agent.name}' as its '{'by' if element.section == 'tasks' else 'source'}'"
+    help = f"{own_help}, or leave it to {who}: a rule may write only what its agent owns" if who else own_help
     return finding(
         "foreign-write",
         f"rule '{pattern.rule.name}' of {pattern.user} writes {element}, which {who or 'no agent'} {verb}",
@@ -163,13 +169,13 @@ def _foreign(world: DeclaredGraph, pattern: Pattern, element: KnowledgeElement, 
     )
 
 
-def _foreign_states(world: DeclaredGraph, pattern: Pattern) -> Iterator[Diagnostic]:
+def _foreign_state_findings(world: DeclaredGraph, pattern: Pattern) -> Iterator[Diagnostic]:
     for step in steps(pattern):
         task = world.task_of(step.origin, step.link.edge, step.target)
-        if task is None or pattern.agent.name in may_write(task, step.link.edge):
+        if task is None or pattern.agent.name in state_writers(task, step.link.edge):
             continue
         assert pattern.rule is not None
-        who = " and ".join(f"'{name}'" for name in may_write(task, step.link.edge))
+        who = " and ".join(f"'{name}'" for name in state_writers(task, step.link.edge))
         yield finding(
             "foreign-write",
             f"rule '{pattern.rule.name}' of {pattern.user} writes '{step.link.edge}' of task '{task.name}', "
@@ -181,7 +187,7 @@ def _foreign_states(world: DeclaredGraph, pattern: Pattern) -> Iterator[Diagnost
         )
 
 
-def may_write(task: Task, state: str) -> tuple[str, ...]:
+def state_writers(task: Task, state: str) -> tuple[str, ...]:
     """Return the writers of a task state: requesters write `wants` and `aborted`, the executor `is` and `finished`."""
     if state in (TaskState.WANTS, TaskState.ABORTED):
         return tuple(requester.name for requester in task.requesters)
@@ -190,20 +196,20 @@ def may_write(task: Task, state: str) -> tuple[str, ...]:
 
 def claimed_tasks(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
     """No rule of another agent takes up a task, since a task has one executor."""
-    if not is_complete(scope, faults):
+    if not is_knowledge_complete(scope, faults):
         return
     for agent in scope.spec.agents:
         for rule in agent.conduct.rules:
             wanted = {task.name for task, _ in _task_steps(scope.world, agent, rule.name, Role.BEFORE, TaskState.WANTS)}
             for task, step in _task_steps(scope.world, agent, rule.name, Role.DURING, TaskState.IS):
                 if task.name in wanted and task.by.name != agent.name:
-                    yield _claimed(agent, rule.name, task, step)
+                    yield _claimed_task_finding(agent, rule.name, task, step)
 
 
 def _task_steps(
     world: DeclaredGraph, agent: Agent, rule: str, role: Role, state: TaskState
 ) -> Iterator[tuple[Task, Step]]:
-    """Yield the tasks whose state is in the patterns of a rule."""
+    """Yield the tasks with this state in the patterns of a rule with this role, each with its step."""
     for pattern in patterns_of(agent):
         if pattern.rule is None or pattern.rule.name != rule or pattern.role is not role:
             continue
@@ -213,7 +219,7 @@ def _task_steps(
                 yield task, step
 
 
-def _claimed(agent: Agent, rule: str, task: Task, step: Step) -> Diagnostic:
+def _claimed_task_finding(agent: Agent, rule: str, task: Task, step: Step) -> Diagnostic:
     return finding(
         "claimed-task",
         f"rule '{rule}' of agent '{agent.name}' takes up task '{task.name}', which agent '{task.by.name}' executes",
@@ -226,18 +232,18 @@ def _claimed(agent: Agent, rule: str, task: Task, step: Step) -> Diagnostic:
 
 def unattended_tasks(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
     """The executor of a task reacts to a request: it is always active or woken by it, and has a rule for it."""
-    if not is_complete(scope, faults):
+    if not is_knowledge_complete(scope, faults):
         return
     for task in scope.spec.tasks:
         agent = scope.world.agents.get(task.by.name)
         if agent is None:
             continue
-        asleep = agent.conduct.wakes and not _names_request(scope.world, agent, task, Role.WAKES)
-        idle = agent.conduct.rules and not _names_request(scope.world, agent, task, Role.BEFORE)
-        if asleep or idle:
-            wants = f"{task.origin.name} -wants-> {task.name}"
-            reason = "is not woken by it" if asleep else "has no rule for it"
-            help = f"add '{wants}' to its 'wakes'" if asleep else f"add a rule with 'before: [{wants}]'"
+        is_asleep = agent.conduct.wakes and not _names_request(scope.world, agent, task, Role.WAKES)
+        is_idle = agent.conduct.rules and not _names_request(scope.world, agent, task, Role.BEFORE)
+        if is_asleep or is_idle:
+            request = f"{task.origin.name} -wants-> {task.name}"
+            reason = "is not woken by it" if is_asleep else "has no rule for it"
+            help = f"add '{request}' to its 'wakes'" if is_asleep else f"add a rule with 'before: [{request}]'"
             yield finding(
                 "unattended-task",
                 f"no agent takes up task '{task.name}': agent '{agent.name}', which executes it, {reason}",
@@ -258,9 +264,9 @@ def _names_request(world: DeclaredGraph, agent: Agent, task: Task, role: Role) -
                 return True
             continue
         for step in steps(pattern):
-            named = world.task_of(step.origin, step.link.edge, step.target)
+            other = world.task_of(step.origin, step.link.edge, step.target)
             is_any = not step.target.name and step.link.edge == TaskState.WANTS
-            if is_any or (named is not None and named.name == task.name and step.link.edge == TaskState.WANTS):
+            if is_any or (other is not None and other.name == task.name and step.link.edge == TaskState.WANTS):
                 return True
     return False
 
@@ -288,4 +294,4 @@ def reads(world: DeclaredGraph, agent: Agent) -> tuple[KnowledgeElement, ...]:
 
 
 OWNERS = (two_owners, unwritten, foreign_writes, claimed_tasks, unattended_tasks)
-"""The rules of this subject."""
+"""The checks of this module."""

@@ -9,21 +9,21 @@ from codra_dsl.language.check.index.mentions import user_of
 from codra_dsl.language.check.index.rules import finding
 from codra_dsl.language.check.index.spec_index import Silenced, SpecIndex
 from codra_dsl.language.check.knowledge.mentions import names_read, patterns
-from codra_dsl.language.check.knowledge.owners import is_complete
+from codra_dsl.language.check.knowledge.owners import is_knowledge_complete
 from codra_dsl.language.diagnostics import Diagnostic, Place, Related
 from codra_dsl.language.expression import names_in, reads_of
 
 
 def unnoticed_poses(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
-    """An edge with a writer whose poses are used by conditions states how long a pose is valid."""
-    if not is_complete(scope, faults):
+    """If conditions use the poses of an edge, and the edge has a writer, it states how long a pose is valid."""
+    if not is_knowledge_complete(scope, faults):
         return
-    trusted: dict[str, Related] = {}
+    first_uses: dict[str, Related] = {}
     for user, name, place in _pose_readings(scope):
         _, first, second = reads_of(name)
-        for between in scope.world.between(first, second):
-            trusted.setdefault(between, Related(f"{user} uses it", place))
-    for name, related in trusted.items():
+        for edge_name in scope.world.between(first, second):
+            first_uses.setdefault(edge_name, Related(f"{user} uses it", place))
+    for name, related in first_uses.items():
         edge = scope.world.edges[name]
         states_validity = edge.motion is None or edge.motion.is_static or edge.motion.valid_for_s is not None
         if not states_validity and scope.world.writers(KnowledgeElement("edges", name)):
@@ -50,4 +50,4 @@ def _pose_readings(scope: SpecIndex) -> Iterator[tuple[str, str, Place]]:
 
 
 TRUSTED_POSES = (unnoticed_poses,)
-"""The rules of this subject."""
+"""The checks of this module."""

@@ -1,4 +1,4 @@
-"""Phase 4 for rules: the patterns of one moment of a rule can hold together, also with those of the moment before."""
+"""Phase 4 for rules: the patterns of one moment of a rule can hold together; so can `before` and `during`."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from codra_dsl.language.check.index.graph_schema import DeclaredGraph, Knowledge
 from codra_dsl.language.check.index.rules import finding
 from codra_dsl.language.check.index.spec_index import Silenced, SpecIndex
 from codra_dsl.language.check.knowledge.mentions import Pattern, names_read, patterns_in, patterns_of, steps
-from codra_dsl.language.check.knowledge.owners import is_complete, may_write
+from codra_dsl.language.check.knowledge.owners import is_knowledge_complete, state_writers
 from codra_dsl.language.check.solver.contradictions import contradiction, never_true, related_to, stated
 from codra_dsl.language.diagnostics import Diagnostic, Place, Related
 from codra_dsl.language.expression import Path
@@ -19,30 +19,33 @@ from codra_dsl.language.model import Agent, AgentRule
 
 
 def contradictory_rules(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
-    """The patterns of one moment of a rule can hold together, also with those before that continue to hold."""
-    if not is_complete(scope, faults):
+    """The patterns of one moment of a rule can hold together, and so can the patterns of `wakes` alone.
+
+    The patterns of `during` can also hold together with those of `before`, unless the agent itself makes them true.
+    """
+    if not is_knowledge_complete(scope, faults):
         return
     for agent in scope.spec.agents:
         for pattern in patterns_of(agent):
             if pattern.role is Role.WAKES:
-                yield from _excluded(scope, [pattern])
+                yield from _exclusion_findings(scope, [pattern])
         for rule in agent.conduct.rules:
-            yield from _of_rule(scope, agent, rule)
+            yield from _rule_findings(scope, agent, rule)
 
 
-def _of_rule(scope: SpecIndex, agent: Agent, rule: AgentRule) -> Iterator[Diagnostic]:
+def _rule_findings(scope: SpecIndex, agent: Agent, rule: AgentRule) -> Iterator[Diagnostic]:
     moments: dict[Role, list[Pattern]] = {Role.BEFORE: [], Role.DURING: [], Role.AFTER: []}
     for pattern in patterns_in(agent, rule):
         moments[pattern.role].append(pattern)
-    by_moment = [list(_excluded(scope, patterns)) for patterns in moments.values()]
-    for several in by_moment:
-        yield from several
-    lasting = [pattern for pattern in moments[Role.DURING] if not _is_own(scope.world, pattern)]
-    if not any(by_moment) and lasting:
-        yield from _excluded(scope, [*moments[Role.BEFORE], *lasting])
+    findings_of_moments = [list(_exclusion_findings(scope, patterns)) for patterns in moments.values()]
+    for findings in findings_of_moments:
+        yield from findings
+    lasting_patterns = [pattern for pattern in moments[Role.DURING] if not _is_own(scope.world, pattern)]
+    if not any(findings_of_moments) and lasting_patterns:
+        yield from _exclusion_findings(scope, [*moments[Role.BEFORE], *lasting_patterns])
 
 
-def _excluded(scope: SpecIndex, patterns: Sequence[Pattern]) -> Iterator[Diagnostic]:
+def _exclusion_findings(scope: SpecIndex, patterns: Sequence[Pattern]) -> Iterator[Diagnostic]:
     """Yield findings about patterns that cannot hold together."""
     conditions = [
         pattern for pattern in patterns if not isinstance(pattern.tree, Path) and not _is_wrong(scope, pattern)
@@ -83,8 +86,8 @@ def _clash(world: DeclaredGraph, one: Pattern, other: Pattern) -> str:
     if not isinstance(one.tree, Path) or not isinstance(other.tree, Path):
         return ""
     if one.tree.negated != other.tree.negated:
-        same = replace(one.tree, negated=False) == replace(other.tree, negated=False)
-        return f"'{other.tree}' is the opposite of '{one.tree}'" if same else ""
+        is_same = replace(one.tree, negated=False) == replace(other.tree, negated=False)
+        return f"'{other.tree}' is the opposite of '{one.tree}'" if is_same else ""
     if one.tree.negated:
         return ""
     states = dict(_states(world, one))
@@ -107,11 +110,11 @@ def _is_own(world: DeclaredGraph, pattern: Pattern) -> bool:
     for step in steps(pattern):
         task = world.task_of(step.origin, step.link.edge, step.target)
         edges = world.edges_between(step.origin, step.link.edge, step.target)
-        if task is not None and name in may_write(task, step.link.edge):
+        if task is not None and name in state_writers(task, step.link.edge):
             return True
         if any(world.owns(name, KnowledgeElement("edges", edge.name)) for edge in edges):
             return True
-    elements = (world.read(read.name) for read in names_read(pattern))
+    elements = (world.read(read_name.name) for read_name in names_read(pattern))
     return any(element is not None and world.owns(name, element) for element in elements)
 
 
@@ -124,4 +127,4 @@ def _finding(pattern: Pattern, reason: str, help: str, place: Place, related: It
 
 
 TRIPLETS = (contradictory_rules,)
-"""The rules of this subject."""
+"""The checks of this module."""

@@ -1,4 +1,4 @@
-"""Phase 4 for trees: their files, the branches for actions, and the executors of their leaves."""
+"""Checks of trees: their files (phase 1); the branches for actions and the executors of the leaves (phase 4)."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ class Branch:
 
     Attributes:
         entry: the entry of the blackboard that selects the branch.
-        value: the value of the entry with which it runs; empty for the default branch.
-        others: for the default branch: the values with which it does not run.
-        tree: the ID of its tree.
+        value: the branch runs while the entry has this value; empty for the default branch.
+        others: for the default branch: it does not run while the entry has one of these values.
+        tree: the ID of the tree that it runs.
     """
 
     entry: str
@@ -38,7 +38,7 @@ class Branch:
 def branches(forest: Forest) -> tuple[Branch, ...]:
     """Return the guarded branches of the main tree of a file."""
     main = main_tree(forest)
-    return () if main is None else tuple(branch for node in main.root.walk() for branch in _guarded(node))
+    return () if main is None else tuple(branch for node in main.root.walk() for branch in _guarded_branches(node))
 
 
 def main_tree(forest: Forest) -> BehaviorTree | None:
@@ -46,8 +46,8 @@ def main_tree(forest: Forest) -> BehaviorTree | None:
     return next((tree for tree in forest.trees if tree.id == forest.main), None)
 
 
-def _guarded(node: TreeNode) -> Iterator[Branch]:
-    """Yield the branches of a switch, or a subtree with a guard of its own."""
+def _guarded_branches(node: TreeNode) -> Iterator[Branch]:
+    """Yield the branches of a switch, or the one branch that a subtree with its own guard forms."""
     built_in = BUILT_IN.get(node.id)
     ports = {port.name: port.value for port in node.ports}
     if built_in is not None and built_in.word == "Switch":
@@ -60,9 +60,9 @@ def _guarded(node: TreeNode) -> Iterator[Branch]:
                 yield Branch(entry.key, value, child.subtree, child.place, others)
     elif node.subtree is not None:
         guard = next((condition.value for condition in node.conditions if condition.name == "_while"), "")
-        named = _equality(parse_condition(guard)) if guard else None
-        if named is not None:
-            yield Branch(*named, node.subtree, node.place)
+        equality = _equality(parse_condition(guard)) if guard else None
+        if equality is not None:
+            yield Branch(*equality, node.subtree, node.place)
 
 
 def _equality(condition: object) -> tuple[str, str] | None:
@@ -77,23 +77,26 @@ def _equality(condition: object) -> tuple[str, str] | None:
 
 
 def chosen_values(tree: TreeElement, forest: Forest) -> tuple[str, Mapping[str, str]]:
-    """Return the entry that selects the branch, and its value for each action."""
-    guarded = {branch.tree: branch for branch in branches(forest)}
-    branch_of = {action.name: guarded[id_.name] for action, id_ in tree.course if id_.name in guarded}
-    entry = next((branch.entry for branch in branch_of.values()), "course")
+    """Return the entry that selects among the branches of a tree, and for each action the value of this entry."""
+    branches_by_tree = {branch.tree: branch for branch in branches(forest)}
+    branches_by_action = {
+        action.name: branches_by_tree[id_.name] for action, id_ in tree.course if id_.name in branches_by_tree
+    }
+    entry = next((branch.entry for branch in branches_by_action.values()), "course")
     return entry, {
-        action: branch.value or (action if action not in branch.others else "") for action, branch in branch_of.items()
+        action: branch.value or (action if action not in branch.others else "")
+        for action, branch in branches_by_action.items()
     }
 
 
 def leaves(forest: Forest) -> Mapping[str, TreeNode]:
-    """Return the robot's own leaves by their ID: the first of each, in the order of the file."""
-    first: dict[str, TreeNode] = {}
+    """Return the leaves that are not built in, by ID: for each ID the first one, in the order of the file."""
+    first_leaves: dict[str, TreeNode] = {}
     for tree in forest.trees:
         for node in tree.root.walk():
             if node.id not in BUILT_IN and node.subtree is None:
-                first.setdefault(node.id, node)
-    return first
+                first_leaves.setdefault(node.id, node)
+    return first_leaves
 
 
 def tree_files(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
@@ -110,31 +113,31 @@ def unmatched_branches(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnosti
         if isinstance(adaptation.does, Course)
     ]
     for tree in scope.spec.trees:
-        forest = _sound(scope, faults, tree)
+        forest = _sound_forest(scope, faults, tree)
         if forest is None or not scope.readable("trees", tree.name, "course"):
             continue
-        yield from _unguarded(tree, forest.forest)
-        yield from _without_action(tree, [course for _, course in courses if course.within.name == tree.name])
+        yield from _wrong_branches(tree, forest.forest)
+        yield from _branches_without_action(tree, [course for _, course in courses if course.within.name == tree.name])
         for name, course in courses:
             if course.within.name == tree.name:
-                yield from _without_branch(tree, name, course)
+                yield from _actions_without_branch(tree, name, course)
 
 
-def _sound(scope: SpecIndex, faults: Silenced, tree: TreeElement) -> CheckedForest | None:
+def _sound_forest(scope: SpecIndex, faults: Silenced, tree: TreeElement) -> CheckedForest | None:
     forest, findings = scope.forests.get(tree.name, UNREAD)
     return None if has_errors(findings) or not faults.sound("trees", tree.name) else forest
 
 
-def _unguarded(tree: TreeElement, forest: Forest) -> Iterator[Diagnostic]:
-    known = {declared.id for declared in forest.trees}
-    guarded = {branch.tree: branch for branch in branches(forest)}
+def _wrong_branches(tree: TreeElement, forest: Forest) -> Iterator[Diagnostic]:
+    tree_ids = {forest_tree.id for forest_tree in forest.trees}
+    branches_by_tree = {branch.tree: branch for branch in branches(forest)}
     entries: dict[str, str] = {}
     for action, id_ in tree.course:
         path = f"trees.{tree.name}.course.{action.name}"
-        branch = guarded.get(id_.name)
-        if id_.name not in known:
+        branch = branches_by_tree.get(id_.name)
+        if id_.name not in tree_ids:
             message = f"there is no tree '{id_.name}' in '{tree.file.name}'"
-            yield _branch_finding(message, id_.place, path, f"its trees are {', '.join(sorted(known))}")
+            yield _branch_finding(message, id_.place, path, f"its trees are {', '.join(sorted(tree_ids))}")
         elif branch is None:
             message = f"tree '{id_.name}' is not a branch that can be chosen: it has no guard in '{forest.main}'"
             help = "make it a child of a Switch, or write _while=\"course == 'NAME'\" on it"
@@ -144,34 +147,32 @@ def _unguarded(tree: TreeElement, forest: Forest) -> Iterator[Diagnostic]:
             if first != branch.entry:
                 message = f"branch '{id_.name}' uses entry '{branch.entry}', and others use '{first}'"
                 yield _branch_finding(message, id_.place, path, "use the same entry in all branches")
-    if tree.course and all(id_.name in known for _, id_ in tree.course):
-        mapped = {id_.name for _, id_ in tree.course}
-        for branch in guarded.values():
-            if branch.tree not in mapped and branch.entry == entries.get("", branch.entry):
+    if tree.course and all(id_.name in tree_ids for _, id_ in tree.course):
+        mapped_trees = {id_.name for _, id_ in tree.course}
+        for branch in branches_by_tree.values():
+            if branch.tree not in mapped_trees and branch.entry == entries.get("", branch.entry):
                 message = f"no action chooses branch '{branch.tree}' of tree '{tree.name}'"
                 related = (Related("the branch", branch.place),)
                 place, path = tree.places.get("course", tree.place), f"trees.{tree.name}.course"
                 yield _branch_finding(message, place, path, "name the action under 'course'", related)
 
 
-def _without_action(tree: TreeElement, courses: list[Course]) -> Iterator[Diagnostic]:
-    chosen = {reference.name for course in courses for reference in course.choose}
+def _branches_without_action(tree: TreeElement, courses: list[Course]) -> Iterator[Diagnostic]:
+    chosen_actions = {reference.name for course in courses for reference in course.choose}
     for action, _ in tree.course:
-        if action.name not in chosen:
-            message = (
-                f"branch of '{action.name}' in tree '{tree.name}', but no adaptation of it chooses '{action.name}'"
-            )
+        if action.name not in chosen_actions:
+            message = f"tree '{tree.name}' has a branch for action '{action.name}', which no adaptation of it chooses"
             help = "add the action to 'choose', or remove the branch"
             yield _branch_finding(message, action.place, f"trees.{tree.name}.course.{action.name}", help)
 
 
-def _without_branch(tree: TreeElement, name: str, course: Course) -> Iterator[Diagnostic]:
-    mapped = {action.name for action, _ in tree.course}
+def _actions_without_branch(tree: TreeElement, name: str, course: Course) -> Iterator[Diagnostic]:
+    mapped_actions = {action.name for action, _ in tree.course}
     for reference in course.choose:
-        if reference.name not in mapped:
+        if reference.name not in mapped_actions:
             message = f"action '{reference.name}' of adaptation '{name}' has no branch in tree '{tree.name}'"
             related = (Related("the tree", tree.place),)
-            help = f"add '{reference.name}: TREE' to its 'course'"
+            help = f"add '{reference.name}: TREE' to 'course' of the tree"
             yield _branch_finding(message, reference.place, f"adaptation.{name}.choose", help, related)
 
 
@@ -180,16 +181,16 @@ def _branch_finding(message: str, place: Place, path: str, help: str, related: t
 
 
 def idle_leaves(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
-    """Every leaf of a tree states which tasks it hands over, and its agent may request them."""
+    """Every tree states for each leaf which tasks it hands over, and the agent of the tree may request these tasks."""
     tasks = {task.name: task for task in scope.spec.tasks}
     for tree in scope.spec.trees:
-        forest = _sound(scope, faults, tree)
+        forest = _sound_forest(scope, faults, tree)
         if forest is None or not scope.readable("trees", tree.name, "leaves"):
             continue
-        own = leaves(forest.forest)
-        stated = {entry.leaf.name: entry for entry in tree.leaves}
-        for id_, node in own.items():
-            if id_ not in stated:
+        own_leaves = leaves(forest.forest)
+        stated_leaves = {entry.leaf.name: entry for entry in tree.leaves}
+        for id_, node in own_leaves.items():
+            if id_ not in stated_leaves:
                 message = f"nothing executes leaf '{id_}' of tree '{tree.name}'"
                 help = f"add '{id_}: [TASK]' to 'leaves' of the tree, or '{id_}: []' if its code does everything"
                 related = (Related("the tree", tree.place),)
@@ -197,14 +198,14 @@ def idle_leaves(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
                 yield finding("leaf-without-executor", message, node.place, path=path, help=help, related=related)
         for entry in tree.leaves:
             path = f"trees.{tree.name}.leaves.{entry.leaf.name}"
-            if entry.leaf.name not in own:
+            if entry.leaf.name not in own_leaves:
                 message = f"tree '{tree.name}' has no leaf '{entry.leaf.name}'"
-                help = f"its leaves are {', '.join(own)}" if own else "remove it"
+                help = f"its leaves are {', '.join(own_leaves)}" if own_leaves else "remove it"
                 yield finding("leaf-without-executor", message, entry.leaf.place, path=path, help=help)
             for reference in entry.tasks:
                 task = tasks.get(reference.name)
-                asks = task is not None and tree.agent is not None
-                if asks and task and tree.agent and tree.agent.name not in (who.name for who in task.requesters):
+                can_ask = task is not None and tree.agent is not None
+                if can_ask and task and tree.agent and tree.agent.name not in (who.name for who in task.requesters):
                     message = f"agent '{tree.agent.name}' may not request task '{task.name}'"
                     help = f"add it to 'requesters' of '{task.name}', or let another agent execute the tree"
                     related = (Related("the task", task.place),)
@@ -213,12 +214,12 @@ def idle_leaves(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
                     )
                 elif tree.agent is None:
                     message = f"leaf '{entry.leaf.name}' hands over '{reference.name}', but the tree has no agent"
-                    help = "add 'agent', which requests the task"
+                    help = "add the key 'agent' to the tree: this agent requests the task"
                     yield finding("leaf-without-executor", message, reference.place, path=path, help=help)
 
 
 TREE_FILES = (tree_files,)
-"""The rules of phase 1."""
+"""The checks of phase 1."""
 
 BRANCHES = (unmatched_branches, idle_leaves)
-"""The rules of phase 4."""
+"""The checks of phase 4."""

@@ -21,28 +21,32 @@ from codra_dsl.language.model import ADAPTER, Adaptation, Condition, Course, Par
 
 def self_defeating(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
     """An adaptation can set its variable at all, and has a stable value or action, which it does not change again."""
-    never = list(_never_set(scope, faults))
-    yield from never
+    findings = list(_never_set(scope, faults))
+    yield from findings
     yield from _unstable_courses(scope, faults)
-    elements = frozenset(("adaptation", diagnostic.path.split(".")[1]) for diagnostic in never)
+    elements = frozenset(("adaptation", diagnostic.path.split(".")[1]) for diagnostic in findings)
     yield from _unstable_parameters(scope, Silenced(faults.elements | elements, faults.suggested))
 
 
 def _never_set(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
     """Yield findings about variables that only adaptations set and that wait for themselves; one for each cycle."""
     values = {
-        own: (adaptation, tree)
-        for adaptation, own, tree in set_variables(scope, faults)
-        if [source.name for source in scope.variables[own].sources] == [ADAPTER]
+        name: (adaptation, tree)
+        for adaptation, name, tree in adapted_variables(scope, faults)
+        if [source.name for source in scope.variables[name].sources] == [ADAPTER]
     }
-    needs = {own: [read.name for read in names_in(tree)] for own, (_, tree) in values.items()}
-    equal_to_itself = {own: _equal(tree, tree) for own, (_, tree) in values.items()}  # true only if it is known
-    unknown = frozenset(values)
+    needs = {name: [read_name.name for read_name in names_in(tree)] for name, (_, tree) in values.items()}
+    equal_to_itself = {name: _equality(tree, tree) for name, (_, tree) in values.items()}  # true only if it is known
+    unknown_names = frozenset(values)
     while True:
-        while known := {own for own in unknown if can_hold([equal_to_itself[own]], unknown, scope.context_types)}:
-            unknown -= known
-        waits = {own: [need for need in needs[own] if need in unknown] for own in sorted(unknown)}
-        circle = next((cycle for own in waits if (cycle := graph.cycle_through(waits, own))), ())
+        while known_names := {
+            name for name in unknown_names if can_hold([equal_to_itself[name]], unknown_names, scope.context_types)
+        }:
+            unknown_names -= known_names
+        awaited_names = {
+            name: [need for need in needs[name] if need in unknown_names] for name in sorted(unknown_names)
+        }
+        circle = next((cycle for name in awaited_names if (cycle := graph.cycle_through(awaited_names, name))), ())
         if not circle:
             return
         adaptation, _ = values[circle[0]]
@@ -51,19 +55,19 @@ def _never_set(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
             f"adaptation '{adaptation.name}' never sets '{circle[0]}', which waits for itself: {' -> '.join(path)}"
         )
         help = f"give a first value with 'known({path[1]}) and ...', or name another writer of it under 'source'"
-        yield _defeated(adaptation, "value", message, help)
-        unknown -= set(circle)
+        yield _finding(adaptation, "value", message, help)
+        unknown_names -= set(circle)
 
 
 def _unstable_parameters(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
-    for adaptation, own, tree in set_variables(scope, faults):
-        is_free = adaptation.dwell_s == 0.0 and own in {read.name for read in names_in(tree)}
-        if is_free and not can_hold([_equal(tree, _name(own))], (), scope.context_types):
+    for adaptation, name, tree in adapted_variables(scope, faults):
+        is_free = adaptation.dwell_s == 0.0 and name in {read_name.name for read_name in names_in(tree)}
+        if is_free and not can_hold([_equality(tree, _name_node(name))], (), scope.context_types):
             message = (
-                f"adaptation '{adaptation.name}' never becomes stable: for every value of '{own}', it sets another one"
+                f"adaptation '{adaptation.name}' never becomes stable: for every value of '{name}', it sets another one"
             )
             help = "compute it from other variables, or add a 'dwell' if it should alternate"
-            yield _defeated(adaptation, "value", message, help)
+            yield _finding(adaptation, "value", message, help)
 
 
 def _unstable_courses(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
@@ -75,29 +79,30 @@ def _unstable_courses(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic
                 _can_be_stable(scope, adaptation.name, course, trees, reference.name) for reference in course.choose
             ):
                 message = f"adaptation '{adaptation.name}' never becomes stable: hard rules replace each of its actions"
-                yield _defeated(adaptation, "always", message, "make a rule false once its action is chosen")
+                yield _finding(adaptation, "always", message, "make a rule false once its action is chosen")
 
 
-def _can_be_stable(scope: SpecIndex, own: str, course: Course, trees: Sequence[Node | None], action: str) -> bool:
+def _can_be_stable(scope: SpecIndex, name: str, course: Course, trees: Sequence[Node | None], action: str) -> bool:
     """Return whether an action may stay: while it is chosen, no hard rule holds, or the first that does chooses it."""
     types = scope.context_types
     conditions = [Truth(start=0, end=0, value=True) if tree is None else tree for tree in trees]
-    chosen = _equal(_name(own), Text(start=0, end=0, value=action))
-    if None in trees or not implies([chosen], [_any(conditions)], types):
+    choice = _equality(_name_node(name), Text(start=0, end=0, value=action))
+    if None in trees or not implies([choice], [_disjunction(conditions)], types):
         return True
     return any(
-        rule.action.name == action and not implies([chosen, conditions[index]], [_any(conditions[:index])], types)
+        rule.action.name == action
+        and not implies([choice, conditions[index]], [_disjunction(conditions[:index])], types)
         for index, rule in enumerate(course.always)
     )
 
 
-def set_variables(scope: SpecIndex, faults: Silenced) -> Iterator[tuple[Adaptation, str, Node]]:
-    """Yield each sound adaptation that sets a variable, with the variable's name and the value."""
+def adapted_variables(scope: SpecIndex, faults: Silenced) -> Iterator[tuple[Adaptation, str, Node]]:
+    """Yield each sound adaptation that sets a variable, with the name of the variable and its value."""
     for adaptation in scope.spec.adaptation:
         if isinstance(adaptation.does, Parameter) and faults.sound("adaptation", adaptation.name):
-            own, tree = adaptation.does.variable.name, _tree(scope, adaptation.does.value)
-            if own in scope.variables and faults.sound("context", own) and tree is not None:
-                yield adaptation, own, tree
+            name, tree = adaptation.does.variable.name, _tree(scope, adaptation.does.value)
+            if name in scope.variables and faults.sound("context", name) and tree is not None:
+                yield adaptation, name, tree
 
 
 def _tree(scope: SpecIndex, condition: Condition) -> Node | None:
@@ -105,19 +110,19 @@ def _tree(scope: SpecIndex, condition: Condition) -> Node | None:
     return None if judgement is None or judgement.problems else spelt_out(judgement.typed.node)
 
 
-def _name(name: str) -> Name:
+def _name_node(name: str) -> Name:
     return Name(start=0, end=0, name=name)
 
 
-def _equal(one: Node, other: Node) -> Node:
+def _equality(one: Node, other: Node) -> Node:
     return Compare(start=0, end=0, first=one, rest=((Comparison.EQUAL, other),))
 
 
-def _any(conditions: Sequence[Node]) -> Node:
+def _disjunction(conditions: Sequence[Node]) -> Node:
     return Or(start=0, end=0, operands=(Truth(start=0, end=0, value=False), *conditions))
 
 
-def _defeated(adaptation: Adaptation, key: str, message: str, help: str) -> Diagnostic:
+def _finding(adaptation: Adaptation, key: str, message: str, help: str) -> Diagnostic:
     place = adaptation.places.get(key, adaptation.place)
     path = f"adaptation.{adaptation.name}.{key}"
     return finding("self-defeating-adaptation", message, place, path=path, help=help)
@@ -127,18 +132,21 @@ def fed_back(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
     """No adaptation depends on a value that it sets or chooses itself; one finding for each cycle."""
     needs = _needs(scope)
     order = {name: tuple(places) for name, places in needs.items()}
-    reported: set[str] = set()
+    reported_names: set[str] = set()
     for adaptation in scope.spec.adaptation:
-        own, does = _written(adaptation), "sets" if isinstance(adaptation.does, Parameter) else "chooses"
-        circle = graph.cycle_through(order, own) if own not in reported else ()
-        reported.update(circle)
+        target, verb = (
+            _written_variable(adaptation),
+            "sets" if isinstance(adaptation.does, Parameter) else "chooses",
+        )
+        circle = graph.cycle_through(order, target) if target not in reported_names else ()
+        reported_names.update(circle)
         if not circle or not faults.sound("adaptation", adaptation.name):
             continue
-        path = (*circle, own)
+        path = (*circle, target)
         first, *others = [(name, need, needs[name][need]) for name, need in pairwise(path)]
         yield finding(
             "adaptation-feedback",
-            f"adaptation '{adaptation.name}' depends on a value that it {does} itself: {' -> '.join(path)}",
+            f"adaptation '{adaptation.name}' depends on a value that it {verb} itself: {' -> '.join(path)}",
             first[2],
             path=f"adaptation.{adaptation.name}",
             help="read a measured value instead, or give the reason in a comment '# codra: ignore[CDR7127]'",
@@ -146,7 +154,7 @@ def fed_back(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
         )
 
 
-def _written(adaptation: Adaptation) -> str:
+def _written_variable(adaptation: Adaptation) -> str:
     """Return the context-variable that an adaptation writes."""
     return adaptation.does.variable.name if isinstance(adaptation.does, Parameter) else adaptation.name
 
@@ -163,18 +171,18 @@ def _needs(scope: SpecIndex) -> Mapping[str, Mapping[str, Place]]:
         if variable.rate is not None:
             needs.setdefault(variable.name, {})[variable.rate.of.name] = variable.rate.of.place
     for adaptation in scope.spec.adaptation:
-        own = needs.setdefault(_written(adaptation), {})
+        own_needs = needs.setdefault(_written_variable(adaptation), {})
         for action in adaptation.does.choose if isinstance(adaptation.does, Course) else ():
-            own.setdefault(weight_name(action.name), action.place)
+            own_needs.setdefault(weight_name(action.name), action.place)
     for site in scope.sites:
         if site.owner[0] == "adaptation":
-            for read in site.names:
-                needs[site.variable or site.owner[1]].setdefault(read.name, site.condition.place_of(read))
+            for read_name in site.names:
+                needs[site.variable or site.owner[1]].setdefault(read_name.name, site.condition.place_of(read_name))
     return needs
 
 
 SELF_DEFEATING = (self_defeating,)
-"""The rules of phase 4."""
+"""The checks of phase 4."""
 
 FED_BACK = (fed_back,)
-"""The rules of phase 5."""
+"""The checks of phase 5."""

@@ -1,7 +1,7 @@
 """Phase 5 for fuzzy rules: where rules fire. Every term holds on intervals, so a few cells cover all cases.
 
 The checks use these intervals instead of degrees. They therefore need nothing of the runtime, and name exactly the case
-in which no rule acts.
+in which no rule fires.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class Cell:
     Attributes:
         holding: the terms with a degree above 0; `wholly` those with degree 1.
         words: the numbers of the cell, as text for messages.
-        is_point: whether it is a single number of a continuous range.
+        is_point: whether it is a single number of a wider range.
     """
 
     holding: frozenset[str]
@@ -45,8 +45,8 @@ def cells(variable: Variable, terms: tuple[Term, ...]) -> tuple[Cell, ...]:
     if members(variable):
         return tuple(_cell(float(index), extents, name) for index, name in enumerate(members(variable)))
     low, high = range_of(variable) or (0.0, 0.0)
-    inner = {end for support in extents.values() for end in support.ends if low < end < high}
-    ends = (low, *sorted(inner), high)
+    inner_ends = {end for support in extents.values() for end in support.ends if low < end < high}
+    ends = (low, *sorted(inner_ends), high)
     unit = f" {variable.type.unit}" if variable.type.unit else ""
     cells_of_range = [_cell(low, extents, f"{low:g}{unit}", is_point=low < high)]
     for one, other in pairwise(ends):
@@ -63,19 +63,19 @@ def _cell(number: float, extents: Mapping[str, Extent], words: str, *, is_point:
     return Cell(holding, wholly, words, is_point)
 
 
-Scene = Mapping[str, Cell]
-"""A cell of each variable."""
+Combination = Mapping[str, Cell]
+"""A cell of each variable, by its name."""
 
 
-def acts(antecedent: Antecedent, scene: Scene) -> bool:
-    """Return whether an antecedent holds to any degree; a norm is above 0 if both sides are."""
+def acts(antecedent: Antecedent, combination: Combination) -> bool:
+    """Return whether an antecedent holds to any degree, for norms that are above 0 if both sides are."""
     if isinstance(antecedent, And):
-        return acts(antecedent.left, scene) and acts(antecedent.right, scene)
+        return acts(antecedent.left, combination) and acts(antecedent.right, combination)
     if isinstance(antecedent, Or):
-        return acts(antecedent.left, scene) or acts(antecedent.right, scene)
+        return acts(antecedent.left, combination) or acts(antecedent.right, combination)
     if Hedge.ANY in antecedent.hedges:
         return True
-    cell = scene[antecedent.variable]
+    cell = combination[antecedent.variable]
     negations = antecedent.hedges.count(Hedge.NOT)
     if negations > 1:
         return True  # rare; True never causes a wrong finding
@@ -83,12 +83,12 @@ def acts(antecedent: Antecedent, scene: Scene) -> bool:
 
 
 def uncovered_ranges(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
-    """The terms of a number together cover its range, and each holds somewhere in it."""
+    """Several terms of a number together cover its range, and each term holds somewhere in it."""
     for variable in scope.spec.context:
-        is_complete = faults.sound("context", variable.name) and scope.readable(
+        is_readable = faults.sound("context", variable.name) and scope.readable(
             "context", variable.name, "terms", "range"
         )
-        if not variable.terms or variable.is_derived or not is_complete or variable.type.range is None:
+        if not variable.terms or variable.is_derived or not is_readable or variable.type.range is None:
             continue
         variable_cells = cells(variable, scope.book.terms(variable))
         place, path = variable.places.get("terms", variable.place), f"context.{variable.name}.terms"
@@ -106,64 +106,66 @@ def uncovered_ranges(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]
 def idle_rules(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
     """Every rule can fire, and in every case some rule does."""
     for section, output in scope.book.outputs:
-        read = scope.book.rules[section, output.name]
-        rules = [read_rule.rule for read_rule in read if read_rule.rule is not None]
-        if not faults.sound(section, output.name) or len(rules) < len(read) or not rules:
+        parsed_rules = scope.book.rules[section, output.name]
+        rules = [parsed_rule.rule for parsed_rule in parsed_rules if parsed_rule.rule is not None]
+        if not faults.sound(section, output.name) or len(rules) < len(parsed_rules) or not rules:
             continue
-        if any(read_rule.problems for read_rule in read):
+        if any(parsed_rule.problems for parsed_rule in parsed_rules):
             continue
-        scenes = list(_scenes(scope, faults, scope.book.named(section, output.name)))
-        if not scenes:
+        combinations = list(_combinations(scope, faults, scope.book.named(section, output.name)))
+        if not combinations:
             continue
-        yield from _never_acting(section, output, read, scenes)
-        yield from _uncovered(section, output, rules, scenes)
+        yield from _never_firing(section, output, parsed_rules, combinations)
+        yield from _uncovered_combination(section, output, rules, combinations)
 
 
 _KEYS = ("type", "range", "values", "terms")
 
 
-def _scenes(scope: SpecIndex, faults: Silenced, names: tuple[str, ...]) -> Iterator[Scene]:
+def _combinations(scope: SpecIndex, faults: Silenced, names: tuple[str, ...]) -> Iterator[Combination]:
     variables = [scope.book.variables[name] for name in names]
     if any(range_of(variable) is None or not faults.sound("context", variable.name) for variable in variables):
         return
     if not all(scope.readable("context", name, *_KEYS) for name in names):
         return
-    cells_of = [cells(variable, scope.book.terms(variable)) for variable in variables]
+    cells_of_variables = [cells(variable, scope.book.terms(variable)) for variable in variables]
     count = 1
-    for variable_cells in cells_of:
+    for variable_cells in cells_of_variables:
         count *= len(variable_cells)
     if count <= MAX_CELLS:
-        yield from (dict(zip(names, scene, strict=True)) for scene in product(*cells_of))
+        yield from (dict(zip(names, combination, strict=True)) for combination in product(*cells_of_variables))
 
 
-def _never_acting(
-    section: str, output: Output, read: tuple[ParsedRule, ...], scenes: list[Scene]
+def _never_firing(
+    section: str, output: Output, parsed_rules: tuple[ParsedRule, ...], combinations: list[Combination]
 ) -> Iterator[Diagnostic]:
-    for number, read_rule in enumerate(read):
-        if read_rule.rule is None:
+    for number, parsed_rule in enumerate(parsed_rules):
+        if parsed_rule.rule is None:
             continue
-        if read_rule.rule.weight == 0.0:
+        if parsed_rule.rule.weight == 0.0:
             reason = "its weight is 0"
-        elif not any(acts(read_rule.rule.antecedent, scene) for scene in scenes):
+        elif not any(acts(parsed_rule.rule.antecedent, combination) for combination in combinations):
             reason = "its condition never holds"
         else:
             continue
         message = f"this rule of '{output.name}' never fires: {reason}"
         path = f"{section}.{output.name}.rules.{number}"
-        yield finding("idle-fuzzy-rule", message, read_rule.phrase.place, path=path, help="correct it, or remove it")
+        yield finding("idle-fuzzy-rule", message, parsed_rule.phrase.place, path=path, help="correct it, or remove it")
 
 
-def _uncovered(section: str, output: Output, rules: list[Rule], scenes: list[Scene]) -> Iterator[Diagnostic]:
-    silent = [
-        scene
-        for scene in scenes
-        if not any(cell.is_point for cell in scene.values())
-        and not any(rule.weight > 0.0 and acts(rule.antecedent, scene) for rule in rules)
+def _uncovered_combination(
+    section: str, output: Output, rules: list[Rule], combinations: list[Combination]
+) -> Iterator[Diagnostic]:
+    silent_combinations = [
+        combination
+        for combination in combinations
+        if not any(cell.is_point for cell in combination.values())
+        and not any(rule.weight > 0.0 and acts(rule.antecedent, combination) for rule in rules)
     ]
-    if silent:
-        shown = " and ".join(f"{name} is {cell.words}" for name, cell in silent[0].items())
-        more = f", and in {len(silent) - 1} more cases" if len(silent) > 1 else ""
-        message = f"no rule of '{output.name}' fires if {shown}{more}"
+    if silent_combinations:
+        case_text = " and ".join(f"{name} is {cell.words}" for name, cell in silent_combinations[0].items())
+        more_text = f", and in {len(silent_combinations) - 1} more cases" if len(silent_combinations) > 1 else ""
+        message = f"no rule of '{output.name}' fires if {case_text}{more_text}"
         place = output.places.get("rules", output.place)
         help = "add a rule: without one the output is unknown there"
         yield finding("silent-combination", message, place, path=f"{section}.{output.name}.rules", help=help)
@@ -172,39 +174,39 @@ def _uncovered(section: str, output: Output, rules: list[Rule], scenes: list[Sce
 def contradictory_rules(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
     """No two rules of an output have the same condition."""
     for section, output in scope.book.outputs:
-        first: dict[object, ParsedRule] = {}
-        for number, read_rule in enumerate(scope.book.rules[section, output.name]):
-            if read_rule.rule is None:
+        first_rules: dict[object, ParsedRule] = {}
+        for number, parsed_rule in enumerate(scope.book.rules[section, output.name]):
+            if parsed_rule.rule is None:
                 continue
-            other = first.setdefault(_meaning(read_rule.rule.antecedent), read_rule)
-            if other is read_rule or other.rule is None:
+            other = first_rules.setdefault(_condition_key(parsed_rule.rule.antecedent), parsed_rule)
+            if other is parsed_rule or other.rule is None:
                 continue
-            same = other.rule.conclusions == read_rule.rule.conclusions
-            what = "repeats another one" if same else "contradicts another one"
-            message = f"this rule of '{output.name}' {what}: both have the same condition"
+            is_repetition = other.rule.conclusions == parsed_rule.rule.conclusions
+            effect = "repeats another one" if is_repetition else "contradicts another one"
+            message = f"this rule of '{output.name}' {effect}: both have the same condition"
             path = f"{section}.{output.name}.rules.{number}"
             related = (Related("the other rule", other.phrase.place),)
-            help = "remove one of them" if same else "remove one of them, or change a condition"
+            help = "remove one of them" if is_repetition else "remove one of them, or change a condition"
             yield finding(
-                "contradictory-fuzzy-rule", message, read_rule.phrase.place, path=path, help=help, related=related
+                "contradictory-fuzzy-rule", message, parsed_rule.phrase.place, path=path, help=help, related=related
             )
 
 
-def _meaning(antecedent: Antecedent) -> object:
+def _condition_key(antecedent: Antecedent) -> object:
     """Return a key of an antecedent that ignores the order of operands of the same operator."""
     if isinstance(antecedent, Proposition):
         return antecedent
     kind = type(antecedent)
     parts: set[object] = set()
-    waiting: list[Antecedent] = [antecedent]
-    while waiting:
-        part = waiting.pop()
+    waiting_parts: list[Antecedent] = [antecedent]
+    while waiting_parts:
+        part = waiting_parts.pop()
         if isinstance(part, kind) and not isinstance(part, Proposition):
-            waiting += [part.left, part.right]
+            waiting_parts += [part.left, part.right]
         else:
-            parts.add(_meaning(part))
+            parts.add(_condition_key(part))
     return kind, frozenset(parts)
 
 
 FIRING = (uncovered_ranges, idle_rules, contradictory_rules)
-"""The rules of this subject."""
+"""The checks of this module."""

@@ -16,11 +16,11 @@ from codra_dsl.language.units import ONE, UNITS, Unit, convert, parse_unit
 
 _NUMBERS = (Kind.INT, Kind.FLOAT)
 
-_OF_RULES = KEYWORDS | set(Hedge)
+_RULE_KEYWORDS = KEYWORDS | set(Hedge)
 
 
 def unfit_inputs(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
-    """Every variable in a rule has a range; only numbers have terms."""
+    """Every number that rules read has a range, only numbers have terms, and no term is a keyword of rules."""
     for variable in scope.spec.context:
         if variable.terms and variable.type.kind not in _NUMBERS and not variable.is_derived:
             message = f"context-variable '{variable.name}' is not a number, but has terms"
@@ -28,25 +28,25 @@ def unfit_inputs(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
             place = variable.places.get("terms", variable.place)
             yield finding("unfit-input", message, place, path=f"context.{variable.name}.terms", help=help)
     for name in dict.fromkeys(name for key in scope.book.rules for name in scope.book.named(*key)):
-        read_variable = scope.book.variables.get(name)
-        is_complete = scope.readable("context", name, "range") and faults.sound("context", name)
+        input_variable = scope.book.variables.get(name)
+        is_readable = scope.readable("context", name, "range") and faults.sound("context", name)
         if (
-            read_variable is not None
-            and is_complete
-            and range_of(read_variable) is None
-            and read_variable.type.kind in _NUMBERS
+            input_variable is not None
+            and is_readable
+            and range_of(input_variable) is None
+            and input_variable.type.kind in _NUMBERS
         ):
             message = f"rules read context-variable '{name}', which has no range"
             help = "add 'range': while it is unknown, it counts as the whole range"
-            yield finding("unfit-input", message, read_variable.place, path=f"context.{name}", help=help)
-        if read_variable is not None and is_complete:
-            yield from _reserved_words(read_variable, scope.book.terms(read_variable))
+            yield finding("unfit-input", message, input_variable.place, path=f"context.{name}", help=help)
+        if input_variable is not None and is_readable:
+            yield from _reserved_words(input_variable, scope.book.terms(input_variable))
 
 
 def _reserved_words(variable: Variable, terms: tuple[Term, ...]) -> Iterator[Diagnostic]:
     """No term or member is a keyword of rules: `is any` would always hold."""
     for term in terms:
-        if term.name in _OF_RULES:
+        if term.name in _RULE_KEYWORDS:
             key = "values" if variable.type.values else "terms"
             message = f"rules read context-variable '{variable.name}', but '{term.name}' is a keyword of rules"
             place, path = variable.places.get(key, variable.place), f"context.{variable.name}.{key}"
@@ -57,14 +57,14 @@ def unfit_outputs(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
     """The terms of an output fit its defuzzification method."""
     for section, output in scope.book.outputs:
         method = defuzzifier_of(output)
-        weighted = method.is_weighted
-        constant = [term.name for term in output_terms(output) if term.shape is Shape.Constant]
-        if constant and not weighted:
+        is_weighted = method.is_weighted
+        constants = [term.name for term in output_terms(output) if term.shape is Shape.Constant]
+        if constants and not is_weighted:
             message = (
-                f"term '{constant[0]}' of '{output.name}' is a number, but '{snake_case(method.value)}' needs shapes"
+                f"term '{constants[0]}' of '{output.name}' is a number, but '{snake_case(method.value)}' needs shapes"
             )
             help = "write 'inference: takagi_sugeno', or give the term a shape"
-        elif weighted and len(constant) < len(output_terms(output)):
+        elif is_weighted and len(constants) < len(output_terms(output)):
             message = f"'{output.name}' adds up numbers, but not all of its terms are numbers"
             help = "write its terms as 'constant 0.5'"
         else:
@@ -74,58 +74,62 @@ def unfit_outputs(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
 
 
 def unfit_rates(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
-    """A rate is of a number that agents or observers write, has its unit per time, and enough readings are kept."""
+    """A rate is of a number that loops do not compute, has its unit per time, and the number keeps enough readings."""
     for variable in scope.spec.context:
         if variable.rate is None or not faults.sound("context", variable.name):
             continue
-        of = scope.variables.get(variable.rate.of.name)
+        base = scope.variables.get(variable.rate.of.name)
         keys = ("type", "unit", "rate_of")
-        if of is None or not all(scope.readable("context", declared.name, *keys) for declared in (variable, of)):
+        if base is None or not all(scope.readable("context", either.name, *keys) for either in (variable, base)):
             continue
-        for message, help, key in _about_rate(variable, of):
+        for message, help, key in _rate_problems(variable, base):
             place = variable.places.get(key, variable.place)
             yield finding("unfit-rate", message, place, path=f"context.{variable.name}.{key}", help=help)
 
 
-def _about_rate(variable: Variable, of: Variable) -> Iterator[tuple[str, str, str]]:
+def _rate_problems(variable: Variable, base: Variable) -> Iterator[tuple[str, str, str]]:
     subject = f"context-variable '{variable.name}'"
     if [source.name for source in variable.sources] != [ANALYST]:
         yield f"{subject} is a rate, which loops compute", "remove 'source'", "source"
-    if of.type.kind not in _NUMBERS:
-        yield f"{subject} is the rate of '{of.name}', which is not a number", "name a number", "rate_of"
+    if base.type.kind not in _NUMBERS:
+        yield f"{subject} is the rate of '{base.name}', which is not a number", "name a number", "rate_of"
         return
-    if of.rate is not None or of.is_derived:
+    if base.rate is not None or base.is_derived:
         yield (
-            f"{subject} is the rate of '{of.name}', which loops compute",
+            f"{subject} is the rate of '{base.name}', which loops compute",
             "name a variable that agents write",
             "rate_of",
         )
     if variable.type.kind is not Kind.FLOAT:
         yield f"{subject} is a rate, but not a float", "write 'type: float'", "type"
-    elif rate_factor(variable, of) is None:
-        unit = f"{of.type.unit or '1'}/s"
+    elif rate_factor(variable, base) is None:
+        unit = f"{base.type.unit or '1'}/s"
         yield (
-            f"{subject} does not have the unit of '{of.name}' per time",
+            f"{subject} does not have the unit of '{base.name}' per time",
             f"write 'unit: {unit}', or per min or h",
             "unit",
         )
-    if of.history < _FEWEST:
-        yield f"'{of.name}' keeps {of.history} reading, but a rate needs more", "let it keep more", "rate_of"
+    if base.history < _MIN_READINGS:
+        yield (
+            f"'{base.name}' keeps {base.history} reading, but a rate needs more",
+            "let it keep more",
+            "rate_of",
+        )
 
 
-_FEWEST = 2
+_MIN_READINGS = 2
 
 
-def rate_factor(variable: Variable, of: Variable) -> float | None:
+def rate_factor(variable: Variable, base: Variable) -> float | None:
     """Return the factor from a change of 1 per second to the unit of the rate; None if the units do not fit."""
-    base, wanted = _unit(of), _unit(variable)
-    if base is None or wanted is None:
+    base_unit, rate_unit = _unit(base), _unit(variable)
+    if base_unit is None or rate_unit is None:
         return None
-    per_second = base / UNITS["s"]
-    if per_second.dimension != wanted.dimension:
+    per_second = base_unit / UNITS["s"]
+    if per_second.dimension != rate_unit.dimension:
         return None
     sign = -1.0 if variable.rate is not None and variable.rate.is_falling else 1.0
-    return sign * convert(1.0, per_second, wanted)
+    return sign * convert(1.0, per_second, rate_unit)
 
 
 def _unit(variable: Variable) -> Unit | None:
@@ -133,15 +137,15 @@ def _unit(variable: Variable) -> Unit | None:
 
 
 def unfit_parameters(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
-    """Every variable that an adaptation sets has it as its source, and no other adaptation sets the variable."""
-    first: dict[str, str] = {}
+    """Every variable that an adaptation sets has the source `adaptation`, and no other adaptation sets the variable."""
+    first_adaptations: dict[str, str] = {}
     for adaptation in scope.spec.adaptation:
         does = adaptation.does
         if not isinstance(does, Parameter):
             continue
         name, path = does.variable.name, f"adaptation.{adaptation.name}.set"
         variable = scope.variables.get(name)
-        other = first.setdefault(name, adaptation.name)
+        other = first_adaptations.setdefault(name, adaptation.name)
         if other != adaptation.name:
             message = f"adaptation '{other}' also sets '{name}'"
             yield finding("two-adaptations", message, does.variable.place, path=path, help="set it in one of them")
@@ -157,29 +161,29 @@ def senseless_times(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
     """The numbers of an adaptation fit together."""
     for adaptation in scope.spec.adaptation:
         does = adaptation.does
-        for key, message, help in _about_times(does, adaptation.dwell_s) if isinstance(does, Course) else ():
-            is_complete = scope.readable("adaptation", adaptation.name, key, "choose")
-            if is_complete and faults.sound("adaptation", adaptation.name):
+        for key, message, help in _time_problems(does, adaptation.dwell_s) if isinstance(does, Course) else ():
+            is_readable = scope.readable("adaptation", adaptation.name, key, "choose")
+            if is_readable and faults.sound("adaptation", adaptation.name):
                 place = adaptation.places.get(key, adaptation.place)
                 path = f"adaptation.{adaptation.name}.{key}"
                 yield finding("senseless-filter", message, place, path=path, help=help)
 
 
-def _about_times(course: Course, dwell_s: float) -> Iterator[tuple[str, str, str]]:
+def _time_problems(course: Course, dwell_s: float) -> Iterator[tuple[str, str, str]]:
     if not 0.0 <= course.lead < 1.0:
         message = f"a lead of {course.lead:g} is never reached: weights go from 0 to 1"
         message = message if course.lead >= 1.0 else f"a lead of {course.lead:g} is negative"
         yield "lead", message, "write a number from 0 up to below 1"
     if course.hold_s > dwell_s > 0.0:
         yield "hold", "'hold' is longer than 'dwell', which makes 'dwell' useless", "make 'hold' shorter than 'dwell'"
-    chosen = [reference.name for reference in course.choose]
-    if course.otherwise.name and course.otherwise.name not in chosen:
+    choices = [reference.name for reference in course.choose]
+    if course.otherwise.name and course.otherwise.name not in choices:
         message = f"'{course.otherwise.name}' is not one of the actions under 'choose'"
         yield "otherwise", message, "add it to 'choose', or name one of them"
     for rule in course.always:
-        if rule.action.name not in chosen:
+        if rule.action.name not in choices:
             yield "always", f"'{rule.action.name}' is not one of the actions under 'choose'", "add it to 'choose'"
 
 
 LOOP_TYPES = (unfit_inputs, unfit_outputs, unfit_rates, unfit_parameters, senseless_times)
-"""The rules of this subject."""
+"""The checks of this module."""

@@ -59,7 +59,7 @@ def _stage(book: ParsedRules, section: str, outputs: tuple[Output, ...]) -> Chec
         CheckedOutput(output=output, variable=output.name if section == "metrics" else weight_name(output.name))
         for output in outputs
     )
-    blocks = tuple(_block(book, section, checked) for checked in checked_outputs)
+    blocks = tuple(_block(book, section, checked_output) for checked_output in checked_outputs)
     engine = Engine(
         name=section,
         inputs=tuple(
@@ -75,9 +75,9 @@ def _stage(book: ParsedRules, section: str, outputs: tuple[Output, ...]) -> Chec
         blocks=blocks,
     )
     rules = tuple(
-        CheckedFuzzyRule(text=rule_text(rule), output=checked.output.name, place=phrase.place)
-        for checked, block in zip(checked_outputs, blocks, strict=True)
-        for rule, phrase in zip(block.rules, checked.output.rules, strict=True)
+        CheckedFuzzyRule(text=rule_text(rule), output=checked_output.output.name, place=phrase.place)
+        for checked_output, block in zip(checked_outputs, blocks, strict=True)
+        for rule, phrase in zip(block.rules, checked_output.output.rules, strict=True)
     )
     return CheckedStage(engine=engine, inputs=inputs, outputs=checked_outputs, rules=rules)
 
@@ -93,32 +93,32 @@ def _input(book: ParsedRules, variable: Variable) -> CheckedInput:
     )
 
 
-def _output(checked: CheckedOutput) -> OutputVariable:
+def _output(checked_output: CheckedOutput) -> OutputVariable:
     return OutputVariable(
-        name=checked.variable,
+        name=checked_output.variable,
         minimum=0.0,
         maximum=1.0,
         is_locked=True,
-        aggregation=checked.output.method.aggregation,
-        defuzzifier=Defuzzifier(method=defuzzifier_of(checked.output)),
-        terms=output_terms(checked.output),
+        aggregation=checked_output.output.method.aggregation,
+        defuzzifier=Defuzzifier(method=defuzzifier_of(checked_output.output)),
+        terms=output_terms(checked_output.output),
     )
 
 
-def _block(book: ParsedRules, section: str, checked: CheckedOutput) -> RuleBlock:
-    method = checked.output.method
-    rules = (read_rule.rule for read_rule in book.rules[section, checked.output.name])
+def _block(book: ParsedRules, section: str, checked_output: CheckedOutput) -> RuleBlock:
+    method = checked_output.output.method
+    rules = (parsed_rule.rule for parsed_rule in book.rules[section, checked_output.output.name])
     return RuleBlock(
-        name=checked.output.name,
+        name=checked_output.output.name,
         conjunction=method.conjunction,
         disjunction=method.disjunction,
         implication=method.implication,
         activation=Activation(method=Method.GENERAL),
-        rules=tuple(_about(rule, checked.variable) for rule in rules if rule is not None),
+        rules=tuple(_with_variable(rule, checked_output.variable) for rule in rules if rule is not None),
     )
 
 
-def _about(rule: Rule, variable: str) -> Rule:
+def _with_variable(rule: Rule, variable: str) -> Rule:
     concluded: tuple[Proposition, ...] = tuple(
         replace(conclusion, variable=variable) for conclusion in rule.conclusions
     )
@@ -127,10 +127,10 @@ def _about(rule: Rule, variable: str) -> Rule:
 
 def _rate(scope: SpecIndex, variable: Variable) -> CheckedRate:
     assert variable.rate is not None
-    of = scope.variables[variable.rate.of.name]
-    factor = rate_factor(variable, of)
+    base = scope.variables[variable.rate.of.name]
+    factor = rate_factor(variable, base)
     assert factor is not None
-    return CheckedRate(variable=variable, of=of.name, over_s=variable.rate.over_s, factor=factor)
+    return CheckedRate(variable=variable, of=base.name, over_s=variable.rate.over_s, factor=factor)
 
 
 def _adaptation(scope: SpecIndex, adaptation: Adaptation) -> CheckedAdaptation:
@@ -139,8 +139,8 @@ def _adaptation(scope: SpecIndex, adaptation: Adaptation) -> CheckedAdaptation:
         python: tuple[str, ...] = (scope.python(does.value, scope.context_types[does.variable.name]),)
     else:
         python = tuple(scope.python(rule.condition, None) for rule in does.always)
-    own = (site for site in scope.sites if site.owner == ("adaptation", adaptation.name))
-    reads = sorted({read.name for site in own for read in site.names})
+    own_sites = (site for site in scope.sites if site.owner == ("adaptation", adaptation.name))
+    reads = sorted({read_name.name for site in own_sites for read_name in site.names})
     return CheckedAdaptation(adaptation=adaptation, python=python, reads=tuple(reads))
 
 
@@ -148,22 +148,22 @@ def _tree(scope: SpecIndex, tree: TreeElement) -> CheckedTree:
     forest = scope.forests[tree.name][0]
     assert forest is not None
     entry, values = chosen_values(tree, forest.forest)
-    courses = (adaptation.name for adaptation in scope.spec.adaptation if _is_course_of(adaptation, tree.name))
+    courses = (
+        adaptation.name
+        for adaptation in scope.spec.adaptation
+        if isinstance(adaptation.does, Course) and adaptation.does.within.name == tree.name
+    )
     tasks = dict.fromkeys(task.name for leaf in tree.leaves for task in leaf.tasks)
     return CheckedTree(
         element=tree, forest=forest, course=next(courses, ""), entry=entry, branches=values, tasks=tuple(tasks)
     )
 
 
-def _is_course_of(adaptation: Adaptation, tree: str) -> bool:
-    return isinstance(adaptation.does, Course) and adaptation.does.within.name == tree
-
-
 def _loop(scope: SpecIndex, loop: Loop) -> CheckedLoop:
     """Return a loop with the rates that its rules and conditions read; unread rates belong to the first loop."""
-    claimed = {claimant.name: tuple(_rates(scope, claimant)) for claimant in scope.spec.loops}
+    rates_by_loop = {reader.name: tuple(_rates(scope, reader)) for reader in scope.spec.loops}
     owners: dict[str, str] = {}
-    for owner, rates in claimed.items():
+    for owner, rates in rates_by_loop.items():
         for rate in rates:
             owners.setdefault(rate, owner)
     for variable in scope.spec.context:
@@ -180,10 +180,10 @@ def _rates(scope: SpecIndex, loop: Loop) -> Iterator[str]:
             actions = [reference.name for reference in does.choose] if isinstance(does, Course) else []
             names |= {name for action in actions for name in scope.book.named("actions", action)}
             names |= {
-                read.name
+                read_name.name
                 for site in scope.sites
                 if site.owner == ("adaptation", adaptation.name)
-                for read in site.names
+                for read_name in site.names
             }
     for name in sorted(names):
         variable = scope.variables.get(name)

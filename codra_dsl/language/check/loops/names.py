@@ -1,4 +1,4 @@
-"""Phase 1 for loops: all names in rules, adaptations, trees and loops are declared."""
+"""Phase 1 for MAPE-K loops: all names in fuzzy rules, adaptations, trees and loops are declared."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from codra_dsl.language.check.index.spec_index import Silenced, SpecIndex
 from codra_dsl.language.diagnostics import Diagnostic
 from codra_dsl.language.model import Course, Reference
 
-_READ_AS: Mapping[str, str] = {"fll-unknown-name": "unknown-in-fuzzy-rule"}
+_SPEC_RULES: Mapping[str, str] = {"fll-unknown-name": "unknown-in-fuzzy-rule"}
 
 
 def wrong_rules(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
@@ -20,25 +20,27 @@ def wrong_rules(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
     for section, output in scope.book.outputs:
         for number, rule in enumerate(scope.book.rules[section, output.name]):
             for problem in rule.problems:
-                yield _about_rule(scope, rule, problem, f"{section}.{output.name}.rules.{number}")
+                yield _rule_finding(scope, rule, problem, f"{section}.{output.name}.rules.{number}")
 
 
-def _about_rule(scope: SpecIndex, rule: ParsedRule, problem: Diagnostic, path: str) -> Diagnostic:
+def _rule_finding(scope: SpecIndex, rule: ParsedRule, problem: Diagnostic, path: str) -> Diagnostic:
     place = rule.place_of(problem)
     help = problem.help or "write 'if VARIABLE is TERM then TERM'"
     word = rule.phrase.text[problem.place.span.column - 1 : problem.place.span.end_column - 1]
-    metric = word in scope.book.metrics and path.startswith("metrics.")
-    help = "use it in a rule of an action: rules of metrics read context" if metric else help
-    return finding(_READ_AS.get(problem.rule.name, "fuzzy-rule-syntax"), problem.message, place, path=path, help=help)
+    is_metric = word in scope.book.metrics and path.startswith("metrics.")
+    help = "use it in a rule of an action: rules of metrics read context" if is_metric else help
+    return finding(
+        _SPEC_RULES.get(problem.rule.name, "fuzzy-rule-syntax"), problem.message, place, path=path, help=help
+    )
 
 
 def unknown_parts(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
     """All names in adaptations, trees and loops are declared."""
-    for section, noun, reference, path in _named(scope):
+    for section, noun, reference, path in _references(scope):
         if scope.declares(section, reference.name) or not reference.name or scope.lost(section):
             continue
-        element = path.split(".")
-        user = f"{_NOUNS[element[0]]} '{element[1]}'"
+        path_parts = path.split(".")
+        user = f"{_NOUNS[path_parts[0]]} '{path_parts[1]}'"
         near = scope.nearest(reference.name, section, scope.names(section))
         help = f"did you mean '{near}'?" if near else f"declare '{reference.name}' under '{section}'"
         message = f"unknown {noun} '{reference.name}' in {user}"
@@ -48,13 +50,13 @@ def unknown_parts(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
 _NOUNS = {"adaptation": "adaptation", "trees": "tree", "loops": "loop"}
 
 
-def _named(scope: SpecIndex) -> Iterator[tuple[str, str, Reference, str]]:
+def _references(scope: SpecIndex) -> Iterator[tuple[str, str, Reference, str]]:
     """Yield the section, its noun, the name and the path of each reference in loops and their parts."""
     for adaptation in scope.spec.adaptation:
         path, does = f"adaptation.{adaptation.name}", adaptation.does
         if isinstance(does, Course):
-            named = (*does.choose, *(rule.action for rule in does.always), does.otherwise)
-            yield from (("actions", "action", reference, path) for reference in named)
+            references = (*does.choose, *(rule.action for rule in does.always), does.otherwise)
+            yield from (("actions", "action", reference, path) for reference in references)
             yield "trees", "tree", does.within, f"{path}.in"
     for tree in scope.spec.trees:
         path = f"trees.{tree.name}"
@@ -71,4 +73,4 @@ def _named(scope: SpecIndex) -> Iterator[tuple[str, str, Reference, str]]:
 
 
 LOOP_NAMES = (wrong_rules, unknown_parts)
-"""The rules of this subject."""
+"""The checks of this module."""

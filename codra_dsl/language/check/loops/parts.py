@@ -36,7 +36,7 @@ def parts_of_loops(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
                     message = f"loop '{owner.name}' also {does} '{reference.name}'"
                     related = (Related("the other entry", first.place),)
                     path = f"loops.{loop.name}.{key}"
-                    help = "name it in one of them"
+                    help = f"name '{reference.name}' in only one of the two loops"
                     yield finding("two-loops", message, reference.place, path=path, help=help, related=related)
         for element in elements[section]:
             if element.name not in owners:
@@ -47,23 +47,23 @@ def parts_of_loops(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
 
 def split_courses(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
     """The loop that adapts a course also executes its tree, and each tree has one course."""
-    first: dict[str, Adaptation] = {}
+    first_adaptations: dict[str, Adaptation] = {}
     for adaptation in scope.spec.adaptation:
         does = adaptation.does
         if not isinstance(does, Course):
             continue
         path = f"adaptation.{adaptation.name}.in"
-        other = first.setdefault(does.within.name, adaptation)
+        other = first_adaptations.setdefault(does.within.name, adaptation)
         if other is not adaptation:
             message = f"adaptation '{other.name}' also chooses the course of tree '{does.within.name}'"
             help = "put all actions under 'choose' of one of them"
             yield finding("two-adaptations", message, does.within.place, path=path, help=help)
-        makes = [loop for loop in scope.spec.loops if adaptation.name in _names(loop.adapt)]
-        if makes and not any(does.within.name in _names(loop.execute) for loop in makes):
-            loops = [loop.name for loop in scope.spec.loops if does.within.name in _names(loop.execute)]
-            where = f"which loop '{loops[0]}' executes" if loops else "which no loop executes"
-            message = f"loop '{makes[0].name}' chooses the course of tree '{does.within.name}', {where}"
-            help = f"name '{does.within.name}' under 'execute' of loop '{makes[0].name}'"
+        adapting_loops = [loop for loop in scope.spec.loops if adaptation.name in _names(loop.adapt)]
+        if adapting_loops and not any(does.within.name in _names(loop.execute) for loop in adapting_loops):
+            executing_loops = [loop.name for loop in scope.spec.loops if does.within.name in _names(loop.execute)]
+            where = f"which loop '{executing_loops[0]}' executes" if executing_loops else "which no loop executes"
+            message = f"loop '{adapting_loops[0].name}' chooses the course of tree '{does.within.name}', {where}"
+            help = f"name '{does.within.name}' under 'execute' of loop '{adapting_loops[0].name}'"
             yield finding("two-loops", message, does.within.place, path=path, help=help)
 
 
@@ -79,19 +79,19 @@ def unread_outputs(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
     """Every metric is read, and every action can be chosen."""
     if any(scope.lost(section, *keys) for section, keys in _READERS.items()):
         return
-    read = {name for key in scope.book.rules for name in scope.book.named(*key)}
-    read |= {mention.name for mention in references(scope)}
-    read |= {reads_of(name.name)[2] for site in scope.sites if site.role in OVER_CONTEXT for name in site.names}
-    read |= {reference.name for agent in scope.spec.agents for reference in agent.conduct.reads}
+    read_names = {name for key in scope.book.rules for name in scope.book.named(*key)}
+    read_names |= {mention.name for mention in references(scope)}
+    read_names |= {reads_of(name.name)[2] for site in scope.sites if site.role in OVER_CONTEXT for name in site.names}
+    read_names |= {reference.name for agent in scope.spec.agents for reference in agent.conduct.reads}
     for metric in scope.spec.metrics:
-        if metric.name not in read and faults.sound("metrics", metric.name):
+        if metric.name not in read_names and faults.sound("metrics", metric.name):
             message = f"nothing reads metric '{metric.name}'"
             help = "name it in a rule of an action or in an adaptation, or remove it"
             yield finding("unread-output", message, metric.place, path=f"metrics.{metric.name}", help=help)
     courses = [adaptation.does for adaptation in scope.spec.adaptation if isinstance(adaptation.does, Course)]
-    chosen = {reference.name for course in courses for reference in course.choose}
+    chosen_actions = {reference.name for course in courses for reference in course.choose}
     for action in scope.spec.actions:
-        if action.name not in chosen and faults.sound("actions", action.name):
+        if action.name not in chosen_actions and faults.sound("actions", action.name):
             message = f"no adaptation chooses action '{action.name}'"
             help = "name it under 'choose' of an adaptation, or remove it"
             yield finding("unread-output", message, action.place, path=f"actions.{action.name}", help=help)
@@ -102,7 +102,7 @@ def _names(references_: tuple[Reference, ...]) -> list[str]:
 
 
 LOOP_PARTS = (parts_of_loops, split_courses)
-"""The rules of phase 4."""
+"""The checks of phase 4."""
 
-LOOP_LEFTOVERS = (unread_outputs,)
-"""The rules of phase 5."""
+UNREAD_OUTPUTS = (unread_outputs,)
+"""The checks of phase 5."""

@@ -8,7 +8,7 @@ from fractions import Fraction
 from codra_dsl.language.check.conditions.types import Type
 from codra_dsl.language.check.index.rules import finding
 from codra_dsl.language.check.index.spec_index import Silenced, SpecIndex
-from codra_dsl.language.check.loops.feedback import set_variables
+from codra_dsl.language.check.loops.feedback import adapted_variables
 from codra_dsl.language.check.solver.intervals import Interval, Number, in_base
 from codra_dsl.language.check.solver.satisfiable import can_hold
 from codra_dsl.language.check.solver.values import AGES, UNKNOWN, Context, age_key, known_values, outcomes
@@ -22,19 +22,19 @@ _END = "the end of the range"
 
 def leaving_values(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
     """The value that an adaptation sets is in the range of the variable, as far as the ranges of its inputs show."""
-    for adaptation, own, tree in set_variables(scope, faults):
-        wanted, variable = scope.context_types[own], scope.variables[own]
-        if wanted is None or wanted.range is None or not isinstance(adaptation.does, Parameter):
+    for adaptation, name, tree in adapted_variables(scope, faults):
+        variable_type, variable = scope.context_types[name], scope.variables[name]
+        if variable_type is None or variable_type.range is None or not isinstance(adaptation.does, Parameter):
             continue
-        low, high = (f"{end:g}" if end else "0" for end in wanted.range)
-        unit = "" if variable.type.unit is None else f" {wanted.unit}"
-        for branch, held in _branches(tree, ()):
-            sides = [_SIDES[operator] for operator in _left(scope, wanted, branch, held)]
+        low, high = (f"{end:g}" if end else "0" for end in variable_type.range)
+        unit = "" if variable.type.unit is None else f" {variable_type.unit}"
+        for branch, assumptions in _branches(tree, ()):
+            sides = [_SIDES[operator] for operator in _exit_sides(scope, variable_type, branch, assumptions)]
             if sides:
-                shown = " or ".join(sides).format(low=f"{low}{unit}", high=f"{high}{unit}")
+                sides_text = " or ".join(sides).format(low=f"{low}{unit}", high=f"{high}{unit}")
                 yield finding(
                     "value-leaves-range",
-                    f"adaptation '{adaptation.name}' can set '{own}' to {shown}, outside of its range",
+                    f"adaptation '{adaptation.name}' can set '{name}' to {sides_text}, outside of its range",
                     adaptation.does.value.place_of(branch),
                     path=f"adaptation.{adaptation.name}.value",
                     help=f"keep the value in [{low}, {high}]{unit}, e.g. with 'min' and 'max', or write a wider range",
@@ -45,47 +45,50 @@ def leaving_values(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
 _SIDES = {Comparison.LESS: "less than {low}", Comparison.GREATER: "more than {high}"}
 
 
-def _branches(tree: Node, held: Sequence[Node]) -> Iterator[tuple[Node, Sequence[Node]]]:
+def _branches(tree: Node, assumptions: Sequence[Node]) -> Iterator[tuple[Node, Sequence[Node]]]:
     """Yield each branch of a value that is a choice, with the conditions that hold then."""
     if not isinstance(tree, Choice):
-        yield tree, held
+        yield tree, assumptions
         return
-    yield from _branches(tree.then, (*held, tree.condition))
-    yield from _branches(tree.otherwise, (*held, Not(start=0, end=0, operand=tree.condition)))
+    yield from _branches(tree.then, (*assumptions, tree.condition))
+    yield from _branches(tree.otherwise, (*assumptions, Not(start=0, end=0, operand=tree.condition)))
 
 
-def _left(scope: SpecIndex, wanted: Type, branch: Node, held: Sequence[Node]) -> Iterator[Comparison]:
+def _exit_sides(
+    scope: SpecIndex, variable_type: Type, branch: Node, assumptions: Sequence[Node]
+) -> Iterator[Comparison]:
     """Yield the sides on which a value can leave the range of its variable.
 
     If a name in it has no range, or occurs twice, a side counts only if the value is certainly there.
     """
     types = scope.context_types
-    mentioned = [mention.name for mention in names_in(branch)]
-    names = set(mentioned)
-    is_exact = len(names) == len(mentioned)
+    occurrences = [occurrence.name for occurrence in names_in(branch)]
+    names = set(occurrences)
+    is_exact = len(names) == len(occurrences)
     values = {name: known_values(types.get(name)) | UNKNOWN for name in names}
     results = outcomes(branch, Context(values | {age_key(name): AGES for name in names}))
-    numbers = [result for result in results if isinstance(result, Interval)]
-    assert wanted.range is not None
-    for operator, end in zip(_SIDES, wanted.range, strict=True):
-        limit = in_base(end, wanted.unit)
+    intervals = [result for result in results if isinstance(result, Interval)]
+    assert variable_type.range is not None
+    for operator, end in zip(_SIDES, variable_type.range, strict=True):
+        limit = in_base(end, variable_type.unit)
         if any(
-            _is_beyond(interval, operator, limit) or (is_exact and _ends(interval, operator)) for interval in numbers
+            _is_beyond(interval, operator, limit) or (is_exact and _has_finite_end(interval, operator))
+            for interval in intervals
         ):
-            point = Type(wanted.kind, wanted.unit, range=(end, end))
-            beyond = Compare(start=0, end=0, first=branch, rest=((operator, Name(start=0, end=0, name=_END)),))
-            if can_hold([*held, beyond], (), {**types, _END: point}):
+            end_type = Type(variable_type.kind, variable_type.unit, range=(end, end))
+            exit_condition = Compare(start=0, end=0, first=branch, rest=((operator, Name(start=0, end=0, name=_END)),))
+            if can_hold([*assumptions, exit_condition], (), {**types, _END: end_type}):
                 yield operator
 
 
-def _ends(numbers: Interval, operator: Comparison) -> bool:
+def _has_finite_end(interval: Interval, operator: Comparison) -> bool:
     """Return whether some numbers have a finite end on one side."""
-    return isinstance(numbers.low if operator is Comparison.LESS else numbers.high, Fraction)
+    return isinstance(interval.low if operator is Comparison.LESS else interval.high, Fraction)
 
 
-def _is_beyond(numbers: Interval, operator: Comparison, limit: Number) -> bool:
-    return numbers.high < limit if operator is Comparison.LESS else numbers.low > limit
+def _is_beyond(interval: Interval, operator: Comparison, limit: Number) -> bool:
+    return interval.high < limit if operator is Comparison.LESS else interval.low > limit
 
 
-LEAVING = (leaving_values,)
-"""The rules of this subject."""
+RANGE_EXIT = (leaving_values,)
+"""The checks of this module."""

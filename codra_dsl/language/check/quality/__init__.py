@@ -7,9 +7,9 @@ from codra_dsl.language.check.quality.conditions import CONDITIONS
 from codra_dsl.language.check.quality.decisions import DECISIONS
 from codra_dsl.language.check.quality.times import TIMES
 from codra_dsl.language.check.quality.trust import TRUST
-from codra_dsl.language.check.quality.unused import LEFTOVERS
+from codra_dsl.language.check.quality.unused import UNUSED
 
-QUALITY = (*TRUST, *CONDITIONS, *DECISIONS, *TIMES, *LEFTOVERS)
-"""The rules of this phase."""
+QUALITY = (*TRUST, *CONDITIONS, *DECISIONS, *TIMES, *UNUSED)
+"""The checks of this phase."""
 
 __all__ = ["QUALITY"]

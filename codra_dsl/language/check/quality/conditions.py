@@ -22,23 +22,23 @@ from codra_dsl.language.expression import Name, Node, Not, Truth, names_in, spel
 from codra_dsl.language.model import Algorithm, Condition, Hysteresis, Identification, Kind, Members, Returned, Variable
 
 MAX_MEMBERS = 30
-"""The maximum number of members that later ones are compared with."""
+"""The maximum number of members that a later one is compared with; further members are not compared."""
 
-MAX_NAMED = 5
+MAX_RELATED_PLACES = 5
 """The maximum number of further members in a finding."""
 
 
 def never_holding(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
     """Some result can be accepted, and can give each variable each value that has a condition."""
-    yield from _once_per_shape(scope, faults, _never_holding)
+    yield from _once_per_shape(scope, faults, _never_holding_of)
 
 
-def _never_holding(scope: SpecIndex, faults: Silenced, algorithm: Algorithm) -> Iterator[Diagnostic]:
-    accepted = tuple(_stated(scope, algorithm.accept_when))
+def _never_holding_of(scope: SpecIndex, faults: Silenced, algorithm: Algorithm) -> Iterator[Diagnostic]:
+    accepted = tuple(_sound_conditions(scope, algorithm.accept_when))
     types = scope.returned_types[algorithm.name]
     core = contradiction(accepted, types)
     if core:
-        yield _never_true(algorithm, "accept_when", "rejects every result", core, types)
+        yield _never_finding(algorithm, "accept_when", "rejects every result", core, types)
         return
     for entry in algorithm.identifies:
         if faults.sound("context", entry.variable.name) and entry.variable.name in scope.variables:
@@ -50,29 +50,29 @@ def always_holding(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
     for algorithm in scope.algorithms.values():
         if not faults.sound("perception", algorithm.name):
             continue
-        context = scope.context_types
-        for condition in _listed(scope, algorithm.observable_when):
-            if always_holds(condition.tree, context):
-                declared = [scope.variables[name] for name in _names(condition) if name in scope.variables]
-                yield _always(algorithm, "observable_when", condition, context, declared)
-    yield from _once_per_shape(scope, faults, _always_holding)
+        context_types = scope.context_types
+        for condition in _parts_of_conditions(scope, algorithm.observable_when):
+            if always_holds(condition.tree, context_types):
+                variables = [scope.variables[name] for name in _names(condition) if name in scope.variables]
+                yield _always_finding(algorithm, "observable_when", condition, context_types, variables)
+    yield from _once_per_shape(scope, faults, _always_holding_of)
 
 
-def _always_holding(scope: SpecIndex, faults: Silenced, algorithm: Algorithm) -> Iterator[Diagnostic]:
-    returned = scope.returned_types[algorithm.name]
-    absent = frozenset(returned_value.name for returned_value in algorithm.returns if returned_value.optional)
-    for condition in _listed(scope, algorithm.accept_when):
-        if always_holds(condition.tree, returned, absent=absent):
-            yield _always(algorithm, "accept_when", condition, returned, algorithm.returns)
+def _always_holding_of(scope: SpecIndex, faults: Silenced, algorithm: Algorithm) -> Iterator[Diagnostic]:
+    returned_types = scope.returned_types[algorithm.name]
+    optional_names = frozenset(returned_value.name for returned_value in algorithm.returns if returned_value.optional)
+    for condition in _parts_of_conditions(scope, algorithm.accept_when):
+        if always_holds(condition.tree, returned_types, absent=optional_names):
+            yield _always_finding(algorithm, "accept_when", condition, returned_types, algorithm.returns)
     for entry in algorithm.identifies:
-        for condition in _truths(scope, faults, entry):
-            if always_holds(condition.tree, returned, absent=absent):
+        for condition in _true_conditions(scope, faults, entry):
+            if always_holds(condition.tree, returned_types, absent=optional_names):
                 key = f"identifies.{entry.variable.name}"
-                yield _always(algorithm, key, condition, returned, algorithm.returns)
+                yield _always_finding(algorithm, key, condition, returned_types, algorithm.returns)
 
 
 CONDITIONS = (never_holding, always_holding)
-"""The rules of this subject."""
+"""The checks of this module."""
 
 
 def _once_per_shape(
@@ -82,17 +82,17 @@ def _once_per_shape(
 
     Many algorithms of a large spec are alike: if one has no finding, all algorithms with the same shape have none.
     """
-    right: set[object] = set()
+    clean_shapes: set[object] = set()
     for algorithm in scope.algorithms.values():
         if faults.sound("perception", algorithm.name):
             shape = scope.shape_over_results(algorithm, faults)
-            findings = () if shape in right else tuple(rule(scope, faults, algorithm))
+            findings = () if shape in clean_shapes else tuple(rule(scope, faults, algorithm))
             yield from findings
             if not findings:
-                right.add(shape)
+                clean_shapes.add(shape)
 
 
-def _stated(scope: SpecIndex, conditions: Iterable[Condition]) -> Iterator[Stated]:
+def _sound_conditions(scope: SpecIndex, conditions: Iterable[Condition]) -> Iterator[Stated]:
     """Yield the conditions without a problem."""
     for condition in conditions:
         judgement = scope.judgement(condition)
@@ -100,11 +100,11 @@ def _stated(scope: SpecIndex, conditions: Iterable[Condition]) -> Iterator[State
             yield stated(condition, spelt_out(judgement.typed.node))
 
 
-def _listed(scope: SpecIndex, conditions: Iterable[Condition]) -> Iterator[Stated]:
+def _parts_of_conditions(scope: SpecIndex, conditions: Iterable[Condition]) -> Iterator[Stated]:
     """Yield the conditions of a list, each part of an `and` separately, without plain names and their negations."""
     for condition in conditions:
-        for conjunction in _stated(scope, [condition]):
-            for part in conjunction.parts or (conjunction,):
+        for stated_condition in _sound_conditions(scope, [condition]):
+            for part in stated_condition.parts or (stated_condition,):
                 if not isinstance(part.tree.operand if isinstance(part.tree, Not) else part.tree, Name):
                     yield part
 
@@ -113,31 +113,33 @@ def _names(condition: Stated) -> Iterable[str]:
     return dict.fromkeys(name.name for name in names_in(condition.tree))
 
 
-def _truths(scope: SpecIndex, faults: Silenced, entry: Identification) -> Iterator[Stated]:
-    """Yield the condition under which a bool is True, unless it is a literal, which is intended."""
+def _true_conditions(scope: SpecIndex, faults: Silenced, entry: Identification) -> Iterator[Stated]:
+    """Yield the condition under which a bool is True, unless it is a literal or a plain name, which are intended."""
     variable = scope.variables.get(entry.variable.name)
     by = entry.by.enter if isinstance(entry.by, Hysteresis) else entry.by
     if variable is None or not faults.sound("context", variable.name) or not isinstance(by, Condition):
         return
     if _is_bool(scope, entry):
-        yield from (condition for condition in _stated(scope, [by]) if not isinstance(condition.tree, (Truth, Name)))
+        yield from (
+            condition for condition in _sound_conditions(scope, [by]) if not isinstance(condition.tree, (Truth, Name))
+        )
 
 
-def _always(
-    algorithm: Algorithm, key: str, always: Stated, types: Types, declared: Iterable[Variable | Returned]
+def _always_finding(
+    algorithm: Algorithm, key: str, condition: Stated, types: Types, variables: Iterable[Variable | Returned]
 ) -> Diagnostic:
-    by_range = not always_holds(always.tree, without_ranges(types, [always.tree]))
-    names = tuple(_names(always))
+    needs_range = not always_holds(condition.tree, without_ranges(types, [condition.tree]))
+    names = tuple(_names(condition))
     place = f"'{key.partition('.')[0]}' of algorithm '{algorithm.name}'"
-    known = f"remove it, or write 'known({names[0]})' if that is intended" if names else "remove it"
-    ways = {"observable_when": known, "accept_when": "change the condition, or remove it"}
+    precondition_help = f"remove it, or write 'known({names[0]})' if that is intended" if names else "remove it"
+    help_by_key = {"observable_when": precondition_help, "accept_when": "change the condition, or remove it"}
     return finding(
         "always-holds",
-        f"'{always.text}' holds for every possible value ({place})",
-        always.place,
+        f"'{condition.text}' holds for every possible value ({place})",
+        condition.place,
         path=f"perception.{algorithm.name}.{key}",
-        help=ways.get(key, "change the condition: as it is, the variable is never False"),
-        related=tuple(limits_of([always.tree], declared)) if by_range else (),
+        help=help_by_key.get(key, "change the condition: as it is, the variable is never False"),
+        related=tuple(limits_of([condition.tree], variables)) if needs_range else (),
     )
 
 
@@ -146,32 +148,36 @@ def _never_identified(
 ) -> Iterator[Diagnostic]:
     """Yield findings about values that a variable never gets, one for all values with the same cause."""
     types = scope.returned_types[algorithm.name]
-    before: dict[str, tuple[str, Stated]] = {}
-    shadowed: dict[tuple[str, ...], list[tuple[str, Stated]]] = {}
+    earlier_values: dict[str, tuple[str, Stated]] = {}
+    shadowed_values: dict[tuple[str, ...], list[tuple[str, Stated]]] = {}
     for value, condition in _values(scope, entry):
-        for own in _stated(scope, [condition]):
-            if isinstance(own.tree, Truth) and not own.tree.value:
+        for stated_condition in _sound_conditions(scope, [condition]):
+            if isinstance(stated_condition.tree, Truth) and not stated_condition.tree.value:
                 continue
-            core = contradiction((*accepted, own), types)
+            core = contradiction((*accepted, stated_condition), types)
             if core:
                 name = entry.variable.name
-                yield _never_true(algorithm, f"identifies.{name}", f"never identifies '{name}' as {value}", core, types)
+                yield _never_finding(
+                    algorithm, f"identifies.{name}", f"never identifies '{name}' as {value}", core, types
+                )
                 continue
-            if len(before) == MAX_MEMBERS:
+            if len(earlier_values) == MAX_MEMBERS:
                 break
-            if not before:
-                before[value] = value, own
+            if not earlier_values:
+                earlier_values[value] = value, stated_condition
                 continue
-            denied = [Stated(_denial(other), other.text, other.place) for _, other in before.values()]
-            behind = contradiction((*accepted, *denied, own), types)
-            blocking = [name for name, denial in zip(before, denied, strict=True) if denial in behind]
-            if behind:
-                shadowed.setdefault(tuple(blocking), []).append((value, own))
+            denials = [Stated(_negation(other), other.text, other.place) for _, other in earlier_values.values()]
+            blocking_core = contradiction((*accepted, *denials, stated_condition), types)
+            blocking_values = [
+                name for name, denial in zip(earlier_values, denials, strict=True) if denial in blocking_core
+            ]
+            if blocking_core:
+                shadowed_values.setdefault(tuple(blocking_values), []).append((value, stated_condition))
             else:
-                before[value] = value, own
-    for names, values in shadowed.items():
-        if not isinstance(entry.by, Hysteresis) or not always_holds(before["true"][1].tree, types):
-            yield _never_first(algorithm, entry, values, [before[name] for name in names])
+                earlier_values[value] = value, stated_condition
+    for names, values in shadowed_values.items():
+        if not isinstance(entry.by, Hysteresis) or not always_holds(earlier_values["true"][1].tree, types):
+            yield _shadowed_finding(algorithm, entry, values, [earlier_values[name] for name in names])
 
 
 def _values(scope: SpecIndex, entry: Identification) -> Iterator[tuple[str, Condition]]:
@@ -192,11 +198,11 @@ def _is_bool(scope: SpecIndex, entry: Identification) -> bool:
     return declared is not None and declared.kind is Kind.BOOL
 
 
-def _denial(condition: Stated) -> Node:
+def _negation(condition: Stated) -> Node:
     return Not(start=condition.tree.start, end=condition.tree.end, operand=condition.tree)
 
 
-def _never_true(algorithm: Algorithm, key: str, effect: str, core: Sequence[Stated], types: Types) -> Diagnostic:
+def _never_finding(algorithm: Algorithm, key: str, effect: str, core: Sequence[Stated], types: Types) -> Diagnostic:
     return finding(
         "never-holds",
         f"algorithm '{algorithm.name}' {effect}: {never_true(core)}",
@@ -207,26 +213,29 @@ def _never_true(algorithm: Algorithm, key: str, effect: str, core: Sequence[Stat
     )
 
 
-def _never_first(
+def _shadowed_finding(
     algorithm: Algorithm,
     entry: Identification,
     values: Sequence[tuple[str, Stated]],
-    blocking: Sequence[tuple[str, Stated]],
+    blocking_conditions: Sequence[tuple[str, Stated]],
 ) -> Diagnostic:
     name = entry.variable.name
     (value, first), *others = values
-    wider = " or ".join(f"'{condition.text}'" for _, condition in blocking)
+    wider_texts = " or ".join(f"'{condition.text}'" for _, condition in blocking_conditions)
     return finding(
         "never-holds",
         f"algorithm '{algorithm.name}' never identifies '{name}' as {value}: whenever '{first.text}' holds, "
-        f"{wider} above it also holds",
+        f"{wider_texts} above it also holds",
         first.place,
         path=f"perception.{algorithm.name}.identifies.{name}",
         help="change the order: the first condition that holds gives the value"
         if isinstance(entry.by, Members)
         else "change the condition",
         related=(
-            *(Related("holds whenever it does", condition.place) for _, condition in blocking),
-            *(Related(f"it is never {other} either", condition.place) for other, condition in others[:MAX_NAMED]),
+            *(Related("holds whenever it does", condition.place) for _, condition in blocking_conditions),
+            *(
+                Related(f"it is never {other} either", condition.place)
+                for other, condition in others[:MAX_RELATED_PLACES]
+            ),
         ),
     )

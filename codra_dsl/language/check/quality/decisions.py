@@ -10,9 +10,9 @@ from codra_dsl.language.check.knowledge.owners import reads
 from codra_dsl.language.check.quality.exclusion import excluded_previews
 from codra_dsl.language.check.quality.reach import judges_reach, unreached_settings
 from codra_dsl.language.diagnostics import Diagnostic, Place, Related
-from codra_dsl.language.model import ADAPTER, ANALYST, ObserverSetting, Skill, Variable
+from codra_dsl.language.model import ADAPTER, ANALYST, Skill, Variable
 
-MAX_NAMED = 5
+MAX_RELATED_PLACES = 5
 """The maximum number of further places of one kind in a finding."""
 
 
@@ -23,8 +23,8 @@ def unreached_variables(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnost
     """
     if not judges_reach(scope):
         return
-    of_observers = {name for setting in unreached_settings(scope) for name in _named(setting)}
-    of_agents = {
+    observer_variables = {reference.name for setting in unreached_settings(scope) for reference in setting.identifies}
+    agent_variables = {
         element.name
         for agent in scope.spec.agents
         for element in reads(scope.world, agent)
@@ -33,9 +33,9 @@ def unreached_variables(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnost
     for variable in scope.variables.values():
         name = variable.name
         is_exempt = name in scope.read_by_loops or any(source.name in (ADAPTER, ANALYST) for source in variable.sources)
-        is_exempt = is_exempt or variable.pose_condition is not None or name in of_observers
+        is_exempt = is_exempt or variable.pose_condition is not None or name in observer_variables
         is_exempt = is_exempt or name in scope.spec.damaged.get("context", ())
-        is_exempt = is_exempt or (name in of_agents and name not in scope.producers)
+        is_exempt = is_exempt or (name in agent_variables and name not in scope.producers)
         if name not in scope.reached and not is_exempt and faults.sound("context", name):
             message, help = f"no skill needs context-variable '{name}'", "name it under 'preview' or 'monitor'"
             if name in scope.producers:
@@ -48,26 +48,26 @@ def unreached_variables(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnost
 
 def decisions_without_observer(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
     """Every variable that a skill previews can be observed: by an observer, or by the main execution as a fallback."""
-    for variable, mentions in _unidentified(scope, faults, _previews(scope, faults)):
+    for variable, mentions in _unidentified_variables(scope, faults, _previews(scope, faults)):
         sources = [source.name for source in variable.sources]
         if OBSERVER in sources or MAIN_EXECUTION in sources:
             continue
         (skill, place), *others = mentions
-        named = " and ".join(f"agent '{name}'" for name in sources)
+        agents = " and ".join(f"agent '{name}'" for name in sources)
         yield finding(
             "decision-without-observer",
-            f"skill '{skill.name}' decides on '{variable.name}', which nothing can observe: only {named} can write it",
+            f"skill '{skill.name}' decides on '{variable.name}', which nothing can observe: only {agents} can write it",
             place,
             path=f"skills.{skill.name}.preview",
             help="add an algorithm that identifies it, or 'main_execution' to its 'source' "
             "if the robot's own code can observe it",
-            related=(_source(variable), *_also(others)),
+            related=(_source_place(variable), *_other_places(others)),
         )
 
 
 def unwatched_monitors(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
     """Every variable that a skill monitors has another source than the main execution, which is busy acting."""
-    for variable, mentions in _unidentified(scope, faults, _monitored(scope, faults)):
+    for variable, mentions in _unidentified_variables(scope, faults, _monitors(scope, faults)):
         if {source.name for source in variable.sources} != {MAIN_EXECUTION}:
             continue
         (skill, place), *others = mentions
@@ -78,16 +78,12 @@ def unwatched_monitors(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnosti
             place,
             path=f"skills.{skill.name}.monitor.{variable.name}",
             help="add an algorithm that identifies it or an agent to its 'source', or decide on it in 'preview'",
-            related=(_source(variable), *_also(others)),
+            related=(_source_place(variable), *_other_places(others)),
         )
 
 
 DECISIONS = (unreached_variables, decisions_without_observer, unwatched_monitors, excluded_previews)
-"""The rules of this subject."""
-
-
-def _named(setting: ObserverSetting) -> Iterator[str]:
-    return (reference.name for reference in setting.identifies)
+"""The checks of this module."""
 
 
 _Mentions = Mapping[str, list[tuple[Skill, Place]]]
@@ -108,7 +104,7 @@ def _previews(scope: SpecIndex, faults: Silenced) -> _Mentions:
     return mentions
 
 
-def _monitored(scope: SpecIndex, faults: Silenced) -> _Mentions:
+def _monitors(scope: SpecIndex, faults: Silenced) -> _Mentions:
     mentions: dict[str, list[tuple[Skill, Place]]] = {}
     for skill in _sound_skills(scope, faults, "monitor"):
         for expectation in skill.monitor:
@@ -116,24 +112,24 @@ def _monitored(scope: SpecIndex, faults: Silenced) -> _Mentions:
     return mentions
 
 
-def _unidentified(
+def _unidentified_variables(
     scope: SpecIndex, faults: Silenced, mentions: _Mentions
 ) -> Iterator[tuple[Variable, list[tuple[Skill, Place]]]]:
     """Yield the variables with sources but without an algorithm, with the skills that name them."""
     if scope.lost("perception", "identifies"):
         return
-    for name, mentioned in mentions.items():
+    for name, skills_and_places in mentions.items():
         variable = scope.variables.get(name)
         if variable is None or not variable.sources or name in scope.producers or name in faults.suggested:
             continue
         if faults.sound("context", name) and scope.readable("context", name, "source"):
-            yield variable, mentioned
+            yield variable, skills_and_places
 
 
-def _source(variable: Variable) -> Related:
+def _source_place(variable: Variable) -> Related:
     return Related("its source", variable.places.get("source", variable.place))
 
 
-def _also(others: list[tuple[Skill, Place]]) -> Iterator[Related]:
-    for skill, place in others[:MAX_NAMED]:
+def _other_places(others: list[tuple[Skill, Place]]) -> Iterator[Related]:
+    for skill, place in others[:MAX_RELATED_PLACES]:
         yield Related(f"also in skill '{skill.name}'", place)

@@ -25,20 +25,20 @@ def excluded_previews(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic
     """
     if scope.lost("perception", *NEED_KEYS, "identifies") or scope.lost("skills", "preview", "monitor"):
         return
-    made = _made(scope, faults)
+    makers_by_variable = _makers_by_variable(scope, faults)
     search = _Search(scope, faults)
-    reported: set[tuple[str, str]] = set()
+    reported_pairs: set[tuple[str, str]] = set()
     for skill in scope.spec.skills:
         for state in skill.preview:
-            makers = made.get(state.name, [])
+            makers = makers_by_variable.get(state.name, [])
             if any(maker is not skill for maker, _ in makers):
-                excluded = search.excluded(state.name, [expectation for _, expectation in makers])
-                for wanted in skill.preview:
-                    lost = excluded.get(wanted.name)
-                    new = (state.name, wanted.name) not in reported
-                    if lost is not None and new and not _is_kept(scope, wanted.name, makers):
-                        reported.add((state.name, wanted.name))
-                        yield _finding(skill, state, wanted, makers, lost)
+                exclusions = search.exclusions_of(state.name, [expectation for _, expectation in makers])
+                for preview in skill.preview:
+                    exclusion = exclusions.get(preview.name)
+                    is_new = (state.name, preview.name) not in reported_pairs
+                    if exclusion is not None and is_new and not _is_kept(scope, preview.name, makers):
+                        reported_pairs.add((state.name, preview.name))
+                        yield _finding(skill, state, preview, makers, exclusion)
 
 
 _Makers = Sequence[tuple[Skill, Expectation]]
@@ -51,20 +51,20 @@ class _Exclusion:
     algorithm: Algorithm
     text: str
     place: Place
-    through: str | None
+    cause: str | None
 
 
-def _made(scope: SpecIndex, faults: Silenced) -> Mapping[str, list[tuple[Skill, Expectation]]]:
+def _makers_by_variable(scope: SpecIndex, faults: Silenced) -> Mapping[str, list[tuple[Skill, Expectation]]]:
     """Return, by variable, the skills that make it become a value, with their expectations."""
-    made: dict[str, list[tuple[Skill, Expectation]]] = {}
+    makers_by_variable: dict[str, list[tuple[Skill, Expectation]]] = {}
     for skill in scope.spec.skills:
         for expectation in skill.monitor:
             name, condition = expectation.variable.name, expectation.condition
             if expectation.expected is Expected.BECOMES and condition is not None and faults.sound("context", name):
                 judgement = scope.judgement(condition)
                 if judgement is not None and not judgement.problems and name in scope.variables:
-                    made.setdefault(name, []).append((skill, expectation))
-    return made
+                    makers_by_variable.setdefault(name, []).append((skill, expectation))
+    return makers_by_variable
 
 
 def _is_kept(scope: SpecIndex, name: str, makers: _Makers) -> bool:
@@ -73,20 +73,20 @@ def _is_kept(scope: SpecIndex, name: str, makers: _Makers) -> bool:
     return keeps and all(any(reference.name == name for reference in maker.preview) for maker, _ in makers)
 
 
-def _finding(skill: Skill, state: Reference, wanted: Reference, makers: _Makers, lost: _Exclusion) -> Diagnostic:
+def _finding(skill: Skill, state: Reference, preview: Reference, makers: _Makers, exclusion: _Exclusion) -> Diagnostic:
     maker, expectation = makers[0]
-    through = "" if lost.through is None else f", and '{lost.through}' cannot be observed then"
+    through_text = "" if exclusion.cause is None else f", and '{exclusion.cause}' cannot be observed then"
     return finding(
         "excluded-preview",
-        f"skill '{skill.name}' decides on '{wanted.name}', which cannot be observed after skill '{maker.name}' "
-        f"changes '{state.name}': algorithm '{lost.algorithm.name}' needs '{lost.text}'{through}",
-        wanted.place,
+        f"skill '{skill.name}' decides on '{preview.name}', which cannot be observed once '{state.name}' has the value "
+        f"from skill '{maker.name}': algorithm '{exclusion.algorithm.name}' needs '{exclusion.text}'{through_text}",
+        preview.place,
         path=f"skills.{skill.name}.preview",
-        help=f"preview '{wanted.name}' in skill '{maker.name}' instead, or add an algorithm that can run after it",
+        help=f"preview '{preview.name}' in skill '{maker.name}' instead, or add an algorithm that can run after it",
         related=(
             Related(f"'{state.name}' is in the same decision", state.place),
             Related(f"skill '{maker.name}' changes it", expectation.place),
-            Related("cannot be true afterwards", lost.place),
+            Related("cannot be true afterwards", exclusion.place),
         ),
     )
 
@@ -97,47 +97,55 @@ class _Search:
     def __init__(self, scope: SpecIndex, faults: Silenced) -> None:
         self._scope = scope
         self._faults = faults
-        self._left = MAX_STEPS
-        self._known: dict[str, Mapping[str, _Exclusion]] = {}
+        self._steps_left = MAX_STEPS
+        self._exclusions: dict[str, Mapping[str, _Exclusion]] = {}
         self._readers: dict[str, list[str]] = {}
         for name, needs in scope.needs.items():
             for need in needs:
                 self._readers.setdefault(need, []).append(name)
 
-    def excluded(self, name: str, expectations: Sequence[Expectation]) -> Mapping[str, _Exclusion]:
+    def exclusions_of(self, name: str, expectations: Sequence[Expectation]) -> Mapping[str, _Exclusion]:
         """Return the variables that cannot be observed with any of the expected values of a variable."""
-        if name not in self._known:
+        if name not in self._exclusions:
             conditions = (expectation.condition for expectation in expectations if expectation.condition is not None)
             facts = dict.fromkeys(condition.tree for condition in conditions if condition.tree is not None)
-            exclusions = [self._excluded(name, fact) for fact in facts]
-            common = set(exclusions[0]).intersection(*exclusions)
-            self._known[name] = {excluded: lost for excluded, lost in exclusions[0].items() if excluded in common}
-        return self._known[name]
+            exclusions = [self._find_exclusions(name, fact) for fact in facts]
+            common_names = set(exclusions[0]).intersection(*exclusions)
+            self._exclusions[name] = {
+                variable: exclusion for variable, exclusion in exclusions[0].items() if variable in common_names
+            }
+        return self._exclusions[name]
 
-    def _excluded(self, name: str, fact: Node) -> Mapping[str, _Exclusion]:
+    def _find_exclusions(self, name: str, fact: Node) -> Mapping[str, _Exclusion]:
         """Return the variables that cannot be observed while a fact about a variable holds, with the reasons."""
-        blocked: dict[str, _Exclusion] = {}
-        lost: dict[str, _Exclusion] = {}
-        unknown: set[str] = set()
-        waiting = list(self._readers.get(name, ()))
-        while waiting and self._left > 0:
-            self._left -= 1
-            reader = waiting.pop()
-            why = None if reader in blocked else self._exclusion(self._scope.algorithms[reader], fact, unknown)
-            if why is None:
+        reasons: dict[str, _Exclusion] = {}
+        exclusions: dict[str, _Exclusion] = {}
+        unknown_names: set[str] = set()
+        readers = list(self._readers.get(name, ()))
+        while readers and self._steps_left > 0:
+            self._steps_left -= 1
+            reader = readers.pop()
+            exclusion = (
+                None if reader in reasons else self._exclusion(self._scope.algorithms[reader], fact, unknown_names)
+            )
+            if exclusion is None:
                 continue
-            blocked[reader] = why
-            for entry in why.algorithm.identifies:
+            reasons[reader] = exclusion
+            for entry in exclusion.algorithm.identifies:
                 variable = entry.variable.name
                 producers = self._scope.producers[variable]
-                if variable != name and variable not in lost and all(producer in blocked for producer in producers):
+                if (
+                    variable != name
+                    and variable not in exclusions
+                    and all(producer in reasons for producer in producers)
+                ):
                     if self._has_other_sources(variable):
                         continue
-                    lost[variable] = blocked[producers[0]]
+                    exclusions[variable] = reasons[producers[0]]
                     if self._scope.variables[variable].when_unobservable is WhenUnobservable.FORGET:
-                        unknown.add(variable)
-                        waiting += self._readers.get(variable, ())
-        return lost if self._left > 0 else {}
+                        unknown_names.add(variable)
+                        readers += self._readers.get(variable, ())
+        return exclusions if self._steps_left > 0 else {}
 
     def _has_other_sources(self, name: str) -> bool:
         variable = self._scope.variables.get(name)
@@ -147,27 +155,28 @@ class _Search:
         others = any(source.name != OBSERVER for source in variable.sources)
         return others or not self._scope.readable("context", name, *keys)
 
-    def _exclusion(self, algorithm: Algorithm, fact: Node, unknown: set[str]) -> _Exclusion | None:
+    def _exclusion(self, algorithm: Algorithm, fact: Node, unknown_names: set[str]) -> _Exclusion | None:
         """Return why an algorithm cannot run while a fact holds and some variables are unknown; None if it can."""
         if not self._faults.sound("perception", algorithm.name):
             return None
         for reference in algorithm.given:
-            if reference.name in unknown:
+            if reference.name in unknown_names:
                 return _Exclusion(algorithm, reference.name, reference.place, reference.name)
         conditions = [
             (condition, tree) for condition in algorithm.observable_when if (tree := self._sound_tree(condition))
         ]
         trees = [tree for _, tree in conditions]
         types = self._scope.context_types
-        if can_hold([fact, *trees], unknown, types):
+        if can_hold([fact, *trees], unknown_names, types):
             return None
         for condition, tree in conditions:
-            if not can_hold([fact, tree], unknown, types):
-                through = next(
-                    (unknown_name for unknown_name in sorted(unknown) if _is_through(condition, unknown_name)), None
+            if not can_hold([fact, tree], unknown_names, types):
+                cause = next(
+                    (unknown_name for unknown_name in sorted(unknown_names) if _is_through(condition, unknown_name)),
+                    None,
                 )
-                directly = not can_hold([fact, tree], (), types)
-                return _Exclusion(algorithm, condition.text, condition.place, None if directly else through)
+                is_direct = not can_hold([fact, tree], (), types)
+                return _Exclusion(algorithm, condition.text, condition.place, None if is_direct else cause)
         place = algorithm.places.get("observable_when", algorithm.place)
         return _Exclusion(algorithm, " and ".join(condition.text for condition, _ in conditions), place, None)
 

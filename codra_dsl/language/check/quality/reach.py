@@ -1,4 +1,4 @@
-"""The observers that no decision or loop reaches, if this can be decided."""
+"""What decisions and loops reach, if this can be decided."""
 
 from __future__ import annotations
 

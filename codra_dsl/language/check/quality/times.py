@@ -28,7 +28,7 @@ MAX_VISITS = 300_000
 
 _ROUNDING = 1e-9
 
-MAX_NAMED = 5
+MAX_RELATED_PLACES = 5
 """The maximum number of algorithms in a finding about a resource."""
 
 
@@ -57,8 +57,8 @@ class Renewal:
 
     def confirming_s(self, variable: str) -> float:
         """Return the maximum age of the first result that confirms a variable when the last one arrives."""
-        needed = max(needed_of(entry) for entry in self.algorithm.identifies if entry.variable.name == variable)
-        return round((needed - 1) * max(self.pause_s, self.algorithm.timeout_s), 9)
+        needed_count = max(needed_of(entry) for entry in self.algorithm.identifies if entry.variable.name == variable)
+        return round((needed_count - 1) * max(self.pause_s, self.algorithm.timeout_s), 9)
 
 
 def stale_before_renewed(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
@@ -67,48 +67,48 @@ def stale_before_renewed(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnos
         return
     for name, variable in scope.variables.items():
         if name in scope.reached and variable.valid_for_s < FOREVER_S and faults.sound("context", name):
-            renewal = _slowest(scope, faults, name)
+            renewal = _slowest_renewal(scope, faults, name)
             if renewal is not None and variable.valid_for_s < renewal.oldest_s:
-                yield _stale(variable, renewal)
+                yield _stale_finding(variable, renewal)
             elif renewal is not None and variable.valid_for_s <= renewal.confirming_s(name):
-                yield _never_confirmed(variable, renewal)
+                yield _never_confirmed_finding(variable, renewal)
     for algorithm in scope.algorithms.values():
-        reached = any(entry.variable.name in scope.reached for entry in algorithm.identifies)
-        if reached and algorithm.observable_when and faults.sound("perception", algorithm.name):
-            yield from _demands(scope, faults, algorithm)
+        is_reached = any(entry.variable.name in scope.reached for entry in algorithm.identifies)
+        if is_reached and algorithm.observable_when and faults.sound("perception", algorithm.name):
+            yield from _age_findings(scope, faults, algorithm)
 
 
 def oversubscribed_slots(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
     """Observers that run together need no more time of a resource than its slots have."""
-    contested = _contested(scope, faults)
-    worst: dict[str, _Demand] = {}
-    left = MAX_VISITS
-    for skill in (scope.spec.skills or (None,)) if contested else ():
-        needed = graph.closure(scope.trees, scope.decisions if skill is None else watched_by(skill))
-        left -= len(needed)
-        if left < 0:
+    contested_shares = _contested_shares(scope, faults)
+    demands: dict[str, _Demand] = {}
+    visits_left = MAX_VISITS
+    for skill in (scope.spec.skills or (None,)) if contested_shares else ():
+        needed_names = graph.closure(scope.trees, scope.decisions if skill is None else watched_by(skill))
+        visits_left -= len(needed_names)
+        if visits_left < 0:
             break
-        groups = dict.fromkeys(group for name in needed if (group := scope.group_of.get(name)) is not None)
-        for name, shares in contested.items():
+        groups = dict.fromkeys(group for name in needed_names if (group := scope.group_of.get(name)) is not None)
+        for name, shares in contested_shares.items():
             demand = _Demand(skill, tuple(shares[group] for group in groups if group in shares))
             if (
                 demand.total
-                > max(worst[name].total if name in worst else 0, scope.resources[name].slots or 0) + _ROUNDING
+                > max(demands[name].total if name in demands else 0, scope.resources[name].slots or 0) + _ROUNDING
             ):
-                worst[name] = demand
-    yield from (_oversubscribed(scope.resources[name], demand) for name, demand in worst.items())
+                demands[name] = demand
+    yield from (_oversubscribed_finding(scope.resources[name], demand) for name, demand in demands.items())
 
 
 def ineffective_on_event(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
     """No algorithm identifies both variables with `refresh: on_event` and periodic variables."""
     for algorithm in scope.algorithms.values():
-        known = [
-            identified for entry in algorithm.identifies if (identified := scope.variables.get(entry.variable.name))
+        variables = [
+            candidate for entry in algorithm.identifies if (candidate := scope.variables.get(entry.variable.name))
         ]
-        periodic = next((variable for variable in known if variable.refresh is Refresh.PERIODIC), None)
+        periodic = next((variable for variable in variables if variable.refresh is Refresh.PERIODIC), None)
         if periodic is None or not faults.sound("perception", algorithm.name):
             continue
-        for variable in known:
+        for variable in variables:
             if variable.refresh is Refresh.ON_EVENT and faults.sound("context", variable.name):
                 yield finding(
                     "ineffective-on-event",
@@ -122,25 +122,25 @@ def ineffective_on_event(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnos
 
 
 TIMES = (stale_before_renewed, oversubscribed_slots, ineffective_on_event)
-"""The rules of this subject."""
+"""The checks of this module."""
 
 
-def _slowest(scope: SpecIndex, faults: Silenced, name: str) -> Renewal | None:
+def _slowest_renewal(scope: SpecIndex, faults: Silenced, name: str) -> Renewal | None:
     """Return the renewal of a variable by its slowest algorithm; None if it has none, or if it is unknown."""
     setting, _ = scope.claims.get(name, (None, None))
     if setting is not None and not faults.sound("observers", setting.name):
         return None
     renewals = []
     for producer in scope.producers.get(name, ()):
-        sound = faults.sound("perception", producer)
-        if not sound or not scope.readable("perception", producer, "timeout", "min_interval"):
+        is_sound = faults.sound("perception", producer)
+        if not is_sound or not scope.readable("perception", producer, "timeout", "min_interval"):
             return None
         period_s = DEFAULT_PERIOD_S if setting is None else setting.period_s
         renewals.append(Renewal(scope.algorithms[producer], period_s, setting))
     return max(renewals, key=lambda renewal: renewal.oldest_s, default=None)
 
 
-def _stale(variable: Variable, renewal: Renewal) -> Diagnostic:
+def _stale_finding(variable: Variable, renewal: Renewal) -> Diagnostic:
     return finding(
         "stale-before-renewed",
         f"context-variable '{variable.name}' can become stale although everything works: its evidence can be up to "
@@ -148,11 +148,11 @@ def _stale(variable: Variable, renewal: Renewal) -> Diagnostic:
         variable.places.get("valid_for", variable.place),
         path=f"context.{variable.name}.valid_for",
         help="write a longer 'valid_for', or a shorter 'timeout' or 'period'",
-        related=tuple(_renewed(renewal)),
+        related=tuple(_renewal_places(renewal)),
     )
 
 
-def _never_confirmed(variable: Variable, renewal: Renewal) -> Diagnostic:
+def _never_confirmed_finding(variable: Variable, renewal: Renewal) -> Diagnostic:
     return finding(
         "stale-before-renewed",
         f"context-variable '{variable.name}' may never be confirmed although everything works: the first result that "
@@ -161,11 +161,11 @@ def _never_confirmed(variable: Variable, renewal: Renewal) -> Diagnostic:
         variable.places.get("valid_for", variable.place),
         path=f"context.{variable.name}.valid_for",
         help="write a longer 'valid_for', a shorter 'period', or a 'confirm' that needs fewer results",
-        related=tuple(_renewed(renewal)),
+        related=tuple(_renewal_places(renewal)),
     )
 
 
-def _demands(scope: SpecIndex, faults: Silenced, algorithm: Algorithm) -> Iterator[Diagnostic]:
+def _age_findings(scope: SpecIndex, faults: Silenced, algorithm: Algorithm) -> Iterator[Diagnostic]:
     """Yield a finding for each maximum age in a precondition that observers cannot guarantee."""
     for condition in algorithm.observable_when:
         judgement = scope.judgement(condition)
@@ -173,9 +173,9 @@ def _demands(scope: SpecIndex, faults: Silenced, algorithm: Algorithm) -> Iterat
             variable = scope.variables.get(bound.name)
             if variable is None or bound.limit_s is None or not faults.sound("context", variable.name):
                 continue
-            observed = all(source.name == OBSERVER for source in variable.sources)
-            renewal = _slowest(scope, faults, variable.name)
-            if observed and renewal is not None and bound.limit_s < renewal.oldest_s:
+            is_observed = all(source.name == OBSERVER for source in variable.sources)
+            renewal = _slowest_renewal(scope, faults, variable.name)
+            if is_observed and renewal is not None and bound.limit_s < renewal.oldest_s:
                 yield finding(
                     "stale-before-renewed",
                     f"algorithm '{algorithm.name}' needs '{condition.text_of(bound.node)}', but evidence about "
@@ -183,15 +183,17 @@ def _demands(scope: SpecIndex, faults: Silenced, algorithm: Algorithm) -> Iterat
                     condition.place_of(bound.node),
                     path=f"perception.{algorithm.name}.observable_when",
                     help="write a larger age, or a shorter 'timeout' or 'period'",
-                    related=tuple(_renewed(renewal)),
+                    related=tuple(_renewal_places(renewal)),
                 )
 
 
-def _renewed(renewal: Renewal) -> Iterator[Related]:
+def _renewal_places(renewal: Renewal) -> Iterator[Related]:
     """Yield the places of the duration of a look, and of the pause before the next one."""
     algorithm, setting = renewal.algorithm, renewal.setting
-    took = algorithm.places.get("timeout", algorithm.place)
-    yield Related(f"algorithm '{algorithm.name}' has its result after up to {_seconds(algorithm.timeout_s)}", took)
+    timeout_place = algorithm.places.get("timeout", algorithm.place)
+    yield Related(
+        f"algorithm '{algorithm.name}' has its result after up to {_seconds(algorithm.timeout_s)}", timeout_place
+    )
     if algorithm.min_interval_s > renewal.period_s:
         place = algorithm.places.get("min_interval", algorithm.place)
         yield Related(f"it looks again after {_seconds(algorithm.min_interval_s)}", place)
@@ -202,13 +204,13 @@ def _renewed(renewal: Renewal) -> Iterator[Related]:
 
 @dataclass(frozen=True, slots=True)
 class _Share:
-    """The share of a slot's time that an algorithm needs: its timeout, once within the validity of its evidence."""
+    """The share of a slot's time that an algorithm needs: up to its timeout, once while its evidence is valid."""
 
     algorithm: Algorithm
     valid_for_s: float
 
     @property
-    def of_slot(self) -> float:
+    def slot_fraction(self) -> float:
         return self.algorithm.timeout_s / self.valid_for_s
 
 
@@ -221,53 +223,53 @@ class _Demand:
 
     @property
     def total(self) -> float:
-        return sum(share.of_slot for share in self.shares)
+        return sum(share.slot_fraction for share in self.shares)
 
 
-def _contested(scope: SpecIndex, faults: Silenced) -> Mapping[str, Mapping[Group, _Share]]:
+def _contested_shares(scope: SpecIndex, faults: Silenced) -> Mapping[str, Mapping[Group, _Share]]:
     """Return, for each resource that all observers together overload, the share of each group of alternatives."""
-    contested: dict[str, dict[Group, _Share]] = {}
+    contested_shares: dict[str, dict[Group, _Share]] = {}
     for group in scope.groups:
         for algorithm in group.algorithms:
             share = _share(scope, faults, algorithm)
             for usage in algorithm.uses if share is not None else ():
                 if usage.access is Access.SLOT and share is not None:
-                    shares = contested.setdefault(usage.resource.name, {})
-                    shares[group] = max(share, shares.get(group, share), key=lambda candidate: candidate.of_slot)
+                    shares = contested_shares.setdefault(usage.resource.name, {})
+                    shares[group] = max(share, shares.get(group, share), key=lambda candidate: candidate.slot_fraction)
     return {
         name: shares
-        for name, shares in contested.items()
+        for name, shares in contested_shares.items()
         if (resource := scope.resources.get(name)) is not None
         and resource.slots is not None
         and faults.sound("resources", name)
         and scope.readable("resources", name, "slots")
-        and sum(share.of_slot for share in shares.values()) > resource.slots
+        and sum(share.slot_fraction for share in shares.values()) > resource.slots
     }
 
 
 def _share(scope: SpecIndex, faults: Silenced, algorithm: Algorithm) -> _Share | None:
     """Return the share of a slot that an algorithm needs; None if it needs none, or if it is unknown."""
-    sound = faults.sound("perception", algorithm.name)
-    if not sound or not scope.readable("perception", algorithm.name, "timeout", "uses"):
+    is_sound = faults.sound("perception", algorithm.name)
+    if not is_sound or not scope.readable("perception", algorithm.name, "timeout", "uses"):
         return None
     names = [entry.variable.name for entry in algorithm.identifies]
-    valid = [
+    validities_s = [
         scope.variables[name].valid_for_s
         for name in names
         if name in scope.variables and scope.readable("context", name, "valid_for")
     ]
-    valid_for_s = min(valid, default=FOREVER_S)
+    valid_for_s = min(validities_s, default=FOREVER_S)
     return _Share(algorithm, valid_for_s) if valid_for_s < FOREVER_S else None
 
 
-def _oversubscribed(resource: Resource, demand: _Demand) -> Diagnostic:
+def _oversubscribed_finding(resource: Resource, demand: _Demand) -> Diagnostic:
     skill = demand.skill
     who = "all observers together need" if skill is None else f"the observers of skill '{skill.name}' need"
-    number = "1 slot" if resource.slots == 1 else f"{resource.slots} slots"
-    largest = sorted(demand.shares, key=lambda share: (-share.of_slot, share.algorithm.name))
+    slots_text = "1 slot" if resource.slots == 1 else f"{resource.slots} slots"
+    largest_shares = sorted(demand.shares, key=lambda share: (-share.slot_fraction, share.algorithm.name))
     return finding(
         "oversubscribed-slot",
-        f"resource '{resource.name}' has {number}, but {who} {demand.total:.4g}: some value becomes stale "
+        f"resource '{resource.name}' has {slots_text}, but {who} {demand.total:.4g}: some value becomes stale "
         "in any order of the looks",
         resource.place,
         path=f"resources.{resource.name}",
@@ -280,7 +282,7 @@ def _oversubscribed(resource: Resource, demand: _Demand) -> Diagnostic:
                     f"in every {_seconds(share.valid_for_s)}",
                     share.algorithm.places.get("timeout", share.algorithm.place),
                 )
-                for share in largest[:MAX_NAMED]
+                for share in largest_shares[:MAX_RELATED_PLACES]
             ),
         ),
     )

@@ -20,7 +20,7 @@ def unnoticed_preconditions(scope: SpecIndex, faults: Silenced) -> Iterator[Diag
     variable has preconditions itself and only observers write it. Conditions that bound the age of the variable, and
     conditions that only use `known` or `age`, use no old value.
     """
-    for name, (algorithm, place) in _trusting(scope).items():
+    for name, (algorithm, place) in _trusting_algorithms(scope).items():
         variable = scope.variables.get(name)
         if variable is None or not faults.sound("context", name) or _goes_stale(scope, variable):
             continue
@@ -37,12 +37,12 @@ def unnoticed_preconditions(scope: SpecIndex, faults: Silenced) -> Iterator[Diag
 
 
 TRUST = (unnoticed_preconditions,)
-"""The rules of this subject."""
+"""The checks of this module."""
 
 
-def _trusting(scope: SpecIndex) -> Mapping[str, tuple[Algorithm, Callable[[], Place]]]:
+def _trusting_algorithms(scope: SpecIndex) -> Mapping[str, tuple[Algorithm, Callable[[], Place]]]:
     """Return, for each variable whose last value a precondition uses, the first such algorithm and the place."""
-    trusting: dict[str, tuple[Algorithm, Callable[[], Place]]] = {}
+    trusting_algorithms: dict[str, tuple[Algorithm, Callable[[], Place]]] = {}
     sites: dict[str, list[Site]] = {}
     for site in scope.sites:
         if site.role is Role.OBSERVABLE_WHEN and not scope.judgements[id(site.condition)].problems:
@@ -50,16 +50,16 @@ def _trusting(scope: SpecIndex) -> Mapping[str, tuple[Algorithm, Callable[[], Pl
     for algorithm in scope.algorithms.values():
         if not scope.readable("perception", algorithm.name, "observable_when"):
             continue  # the unreadable condition may bound the age
-        own = sites.get(algorithm.name, [])
-        bounded = {bound.name for site in own for bound in upper_bounds(site.condition)}
-        for site in own:
+        own_sites = sites.get(algorithm.name, [])
+        bounded_names = {bound.name for site in own_sites for bound in upper_bounds(site.condition)}
+        for site in own_sites:
             for name in site.values:
-                if name.name not in bounded and name.name not in trusting:
-                    trusting[name.name] = algorithm, partial(site.condition.place_of, name)
+                if name.name not in bounded_names and name.name not in trusting_algorithms:
+                    trusting_algorithms[name.name] = algorithm, partial(site.condition.place_of, name)
         for reference in algorithm.given:
-            if reference.name not in bounded:
-                trusting.setdefault(reference.name, (algorithm, partial(getattr, reference, "place")))
-    return trusting
+            if reference.name not in bounded_names:
+                trusting_algorithms.setdefault(reference.name, (algorithm, partial(getattr, reference, "place")))
+    return trusting_algorithms
 
 
 def _goes_stale(scope: SpecIndex, variable: Variable) -> bool:
@@ -90,10 +90,10 @@ def _reason(scope: SpecIndex, variable: Variable) -> str:
         return "it has a source other than observers"
     if variable.when_unobservable is WhenUnobservable.KEEP:
         return "its last value is kept"
-    open_ended = (name for name in scope.producers[variable.name] if not _waits(scope, name))
-    return f"it is never forgotten, because algorithm '{next(open_ended)}' has no preconditions"
+    unconditional_algorithms = (name for name in scope.producers[variable.name] if not _waits(scope, name))
+    return f"it is never forgotten, because algorithm '{next(unconditional_algorithms)}' has no preconditions"
 
 
 def _cure(scope: SpecIndex, variable: Variable) -> str:
-    stated = "add 'valid_for', for example 'valid_for: forever'"
-    return f"{stated}, or 'when_unobservable: forget'" if _can_be_forgotten(scope, variable) else stated
+    valid_for_help = "add 'valid_for', for example 'valid_for: forever'"
+    return f"{valid_for_help}, or 'when_unobservable: forget'" if _can_be_forgotten(scope, variable) else valid_for_help

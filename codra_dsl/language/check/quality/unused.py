@@ -20,10 +20,10 @@ def unreached_observers(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnost
     """Every observer is generated, because some skill needs one of its variables."""
     for setting in unreached_settings(scope):
         if faults.sound("observers", setting.name):
-            named = " and ".join(f"'{reference.name}'" for reference in setting.identifies)
+            names_text = " and ".join(f"'{reference.name}'" for reference in setting.identifies)
             yield finding(
                 "unreached-observer",
-                f"observer '{setting.name}' is not generated: no skill needs {named}",
+                f"observer '{setting.name}' is not generated: no skill needs {names_text}",
                 setting.place,
                 path=f"observers.{setting.name}",
                 help="name one of its variables in a skill's 'preview' or 'monitor', or remove it with them",
@@ -35,9 +35,9 @@ def unused_resources(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]
     usages = [usage.resource.name for algorithm in scope.spec.perception for usage in algorithm.uses]
     if scope.lost("perception", "uses") or not scope.resources.keys() >= set(usages):
         return  # an undeclared name may be intended for any of them
-    used = _Used(scope, usages, ((template.name, template.resources) for template in scope.spec.templates))
-    for resource in _own(scope, scope.resources.values()):
-        if resource.name not in used and faults.sound("resources", resource.name):
+    used_names = _UsedNames(scope, usages, ((template.name, template.resources) for template in scope.spec.templates))
+    for resource in _own_elements(scope, scope.resources.values()):
+        if resource.name not in used_names and faults.sound("resources", resource.name):
             yield finding(
                 "unused-resource",
                 f"no algorithm uses resource '{resource.name}'",
@@ -56,9 +56,9 @@ def unused_agents(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
         sources += [agent.name for agent in scope.spec.agents if not agent.conduct.is_bare]
     if scope.lost("context", "source") or not {OBSERVER, MAIN_EXECUTION, *scope.agents} >= set(sources):
         return
-    used = _Used(scope, sources, ((template.name, template.sources) for template in scope.spec.templates))
-    for agent in _own(scope, scope.agents.values()):
-        if agent.name not in used and faults.sound("agents", agent.name):
+    used_names = _UsedNames(scope, sources, ((template.name, template.sources) for template in scope.spec.templates))
+    for agent in _own_elements(scope, scope.agents.values()):
+        if agent.name not in used_names and faults.sound("agents", agent.name):
             yield finding(
                 "unused-agent",
                 f"agent '{agent.name}' is not the source of anything",
@@ -80,60 +80,62 @@ def unused_templates(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
 def shadowed_names(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
     """No parameter has a name that conditions in its template can read already: `$(door)` beside `door`."""
     names = {parameter.name for template in scope.spec.templates for parameter in template.parameters}
-    visible: dict[str, list[tuple[str, _Visible]]] = {}
-    for noun, element in _visible(scope) if names else ():
+    visible_elements: dict[str, list[tuple[str, _VisibleElement]]] = {}
+    for noun, element in _visible_elements(scope) if names else ():
         if element.name in names:
-            visible.setdefault(element.name, []).append((noun, element))
-    makers = {use.place.span: use.template for use in scope.spec.uses}
+            visible_elements.setdefault(element.name, []).append((noun, element))
+    templates_by_use = {use.place.span: use.template for use in scope.spec.uses}
     for template in scope.spec.templates:
         if not template.is_used and template.place.span.file != scope.spec.file:
             continue
         for parameter in template.parameters:
-            for noun, element in visible.get(parameter.name, ()):
-                if element.place.use is None or makers.get(element.place.use) != template.name:
-                    yield _shadowed(template, parameter, noun, element)
+            for noun, element in visible_elements.get(parameter.name, ()):
+                if element.place.use is None or templates_by_use.get(element.place.use) != template.name:
+                    yield _shadowed_finding(template, parameter, noun, element)
                     break
 
 
 def same_labels(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
     """Labels of variables are different; a variable without a label is shown by its name."""
-    first: dict[str, Variable] = {}
-    by_name = {name.casefold(): variable for name, variable in scope.variables.items()}
+    first_variables: dict[str, Variable] = {}
+    variables_by_name = {name.casefold(): variable for name, variable in scope.variables.items()}
     for variable in scope.variables.values():
         if not scope.readable("context", variable.name, "label"):
             continue
-        shown = _shown(variable.label)
-        other = first.setdefault(shown, variable)
+        normalized_label = _normalize_label(variable.label)
+        other = first_variables.setdefault(normalized_label, variable)
         if other is variable:
-            other = by_name.get(shown, variable)
+            other = variables_by_name.get(normalized_label, variable)
         if other is not variable and variable.label != variable.name:
-            yield _same(variable, other)
+            yield _same_label_finding(variable, other)
 
 
-LEFTOVERS = (unreached_observers, unused_resources, unused_agents, unused_templates, shadowed_names, same_labels)
-"""The rules of this subject."""
+UNUSED = (unreached_observers, unused_resources, unused_agents, unused_templates, shadowed_names, same_labels)
+"""The checks of this module."""
 
-_Visible = Variable | Resource | Algorithm | Agent
-"""The elements that conditions and keys of a template can name."""
+_VisibleElement = Variable | Resource | Algorithm | Agent
+"""The elements outside of a template that its conditions and keys can name."""
 
-_Own = TypeVar("_Own", Resource, Agent)
+_Element = TypeVar("_Element", Resource, Agent)
 
 
-def _own(scope: SpecIndex, elements: Iterable[_Own]) -> Iterator[_Own]:
+def _own_elements(scope: SpecIndex, elements: Iterable[_Element]) -> Iterator[_Element]:
     """Yield the elements in the spec's own file; elements of a part may be for another spec."""
     return (element for element in elements if element.place.span.file == scope.spec.file)
 
 
-class _Used:
-    """The used names: those in elements, and, as far as they are known, those in templates without elements."""
+class _UsedNames:
+    """The used names: those in elements, and, as far as they are known, those in templates without a use."""
 
     def __init__(
-        self, scope: SpecIndex, names: Iterable[str], of_templates: Iterable[tuple[str, tuple[str, ...]]]
+        self, scope: SpecIndex, names: Iterable[str], templates: Iterable[tuple[str, tuple[str, ...]]]
     ) -> None:
-        filled = {use.template for use in scope.spec.uses}
-        written = {name for template, named in of_templates if template not in filled for name in named}
-        self._names = {*names, *written}
-        self._patterns = [_pattern(name) for name in sorted(written) if _PARAMETER.search(name)]
+        used_templates = {use.template for use in scope.spec.uses}
+        names_in_templates = {
+            name for template, own_names in templates if template not in used_templates for name in own_names
+        }
+        self._names = {*names, *names_in_templates}
+        self._patterns = [_pattern(name) for name in sorted(names_in_templates) if _PARAMETER.search(name)]
 
     def __contains__(self, name: str) -> bool:
         return name in self._names or any(pattern.fullmatch(name) for pattern in self._patterns)
@@ -144,14 +146,16 @@ def _pattern(written: str) -> re.Pattern[str]:
     return re.compile(r"\w*".join(map(re.escape, _PARAMETER.split(written))))
 
 
-def _visible(scope: SpecIndex) -> Iterator[tuple[str, _Visible]]:
+def _visible_elements(scope: SpecIndex) -> Iterator[tuple[str, _VisibleElement]]:
     yield from (("context-variable", variable) for variable in scope.variables.values())
     yield from (("resource", resource) for resource in scope.resources.values())
     yield from (("algorithm", algorithm) for algorithm in scope.algorithms.values())
     yield from (("agent", agent) for agent in scope.agents.values())
 
 
-def _shadowed(template: DeclaredTemplate, parameter: Reference, noun: str, element: _Visible) -> Diagnostic:
+def _shadowed_finding(
+    template: DeclaredTemplate, parameter: Reference, noun: str, element: _VisibleElement
+) -> Diagnostic:
     name = parameter.name
     return finding(
         "shadowed-name",
@@ -164,12 +168,12 @@ def _shadowed(template: DeclaredTemplate, parameter: Reference, noun: str, eleme
     )
 
 
-def _same(variable: Variable, other: Variable) -> Diagnostic:
-    own = f"the label '{variable.label}' of context-variable '{variable.name}'"
-    is_label = other.label != other.name and _shown(other.label) == _shown(variable.label)
+def _same_label_finding(variable: Variable, other: Variable) -> Diagnostic:
+    subject = f"the label '{variable.label}' of context-variable '{variable.name}'"
+    is_label = other.label != other.name and _normalize_label(other.label) == _normalize_label(variable.label)
     return finding(
         "same-label",
-        f"{own} is the same as that of '{other.name}'" if is_label else f"{own} is the name of another one",
+        f"{subject} is the same as that of '{other.name}'" if is_label else f"{subject} is the name of another one",
         variable.places.get("label", variable.place),
         path=f"context.{variable.name}.label",
         help="write different labels",
@@ -177,5 +181,5 @@ def _same(variable: Variable, other: Variable) -> Diagnostic:
     )
 
 
-def _shown(label: str) -> str:
+def _normalize_label(label: str) -> str:
     return "".join(label.split()).casefold()

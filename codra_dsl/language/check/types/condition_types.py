@@ -29,17 +29,17 @@ def conditions(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
     """Every condition is true or false or a value that fits its variable, and compares what can be compared."""
     for judgement in scope.judgements.values():
         for problem in judgement.problems:
-            yield _of_condition(scope, judgement.site, problem)
+            yield _condition_finding(scope, judgement.site, problem)
 
 
 def integral_ranges(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
     """The ends of the range of an int are whole numbers."""
     for variable in scope.spec.context:
-        yield from _of_range(variable.type, variable.place, "context", variable.name, "range")
+        yield from _range_findings(variable.type, variable.place, "context", variable.name, "range")
     for algorithm in scope.spec.perception:
         for returned in algorithm.returns:
             key = f"returns.{returned.name}.range"
-            yield from _of_range(returned.type, returned.place, "perception", algorithm.name, key)
+            yield from _range_findings(returned.type, returned.place, "perception", algorithm.name, key)
 
 
 def forms_of_identification(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
@@ -50,11 +50,13 @@ def forms_of_identification(scope: SpecIndex, _: Silenced) -> Iterator[Diagnosti
             if variable is None or scope.context_types[variable.name] is None:
                 continue
             if isinstance(entry.by, Members):
-                yield from _of_members(scope, algorithm, entry, entry.by, variable)
+                yield from _member_findings(scope, algorithm, entry, entry.by, variable)
             if isinstance(entry.by, Hysteresis) and variable.type.kind is not Kind.BOOL:
-                message = f"'enter' and 'leave' identify a bool, but '{variable.name}' is {_a(variable)}"
+                message = (
+                    f"'enter' and 'leave' identify a bool, but '{variable.name}' is {_type_with_article(variable)}"
+                )
                 help = "write one condition" if variable.type.kind is not Kind.ENUM else "map members to conditions"
-                yield _wrong_form(algorithm, entry.by.place, message, help, variable)
+                yield _wrong_form_finding(algorithm, entry.by.place, message, help, variable)
 
 
 def commanded_resources(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
@@ -81,75 +83,77 @@ def misused_resources(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
             if usage.access is Access.SLOT and resource.slots is None:
                 message = f"algorithm '{algorithm.name}' takes a slot of resource '{resource.name}', which has none"
                 help = f"write 'read', or declare '{resource.name}: {{slots: 1}}'"
-                yield _misused(algorithm, usage, resource.place, message, help)
+                yield _misuse_finding(algorithm, usage, resource.place, message, help)
             if usage.access is Access.READ and resource.slots is not None:
                 message = (
                     f"algorithm '{algorithm.name}' reads resource '{resource.name}', which has slots and no handle"
                 )
-                yield _misused(algorithm, usage, resource.place, message, "write 'slot'")
+                yield _misuse_finding(algorithm, usage, resource.place, message, "write 'slot'")
 
 
 TYPES = (conditions, integral_ranges, forms_of_identification, commanded_resources, misused_resources)
-"""The rules of this phase."""
+"""The checks of this phase."""
 
 
-def _of_range(declared: ValueType, place: Place, section: str, name: str, key: str) -> Iterator[Diagnostic]:
-    broken = [end for end in declared.range or () if not float(end).is_integer()]
-    if declared.kind is Kind.INT and broken:
+def _range_findings(value_type: ValueType, place: Place, section: str, name: str, key: str) -> Iterator[Diagnostic]:
+    broken_ends = [end for end in value_type.range or () if not float(end).is_integer()]
+    if value_type.kind is Kind.INT and broken_ends:
         owner = "" if section == "context" else f" of '{key.split('.')[1]}'"
-        message = f"the range{owner} in {USERS[section]} '{name}' ends at {broken[0]:g}, but an int needs whole numbers"
-        where = declared.places.get("range", place)
+        message = (
+            f"the range{owner} in {USERS[section]} '{name}' ends at {broken_ends[0]:g}, but an int needs whole numbers"
+        )
+        range_place = value_type.places.get("range", place)
         yield finding(
-            "wrong-range", message, where, path=f"{section}.{name}.{key}", help="use whole numbers, or a float"
+            "wrong-range", message, range_place, path=f"{section}.{name}.{key}", help="use whole numbers, or a float"
         )
 
 
-def _of_condition(scope: SpecIndex, site: Site, problem: Problem) -> Diagnostic:
+def _condition_finding(scope: SpecIndex, site: Site, problem: Problem) -> Diagnostic:
     section, name = site.owner
     message = f"{problem.message} ('{site.role}' of {USERS[section]} '{name}')"
     place = site.condition.place_of(problem.node)
     fix = None
     if problem.suggestion is not None and isinstance(problem.node, Text):
-        letters = site.condition.place_between(problem.node.start + 1, problem.node.end - 1)
-        fix = member_fix(problem.node.value, problem.suggestion, problem.candidates, letters, scope.mentioned)
+        text_place = site.condition.place_between(problem.node.start + 1, problem.node.end - 1)
+        fix = member_fix(problem.node.value, problem.suggestion, problem.candidates, text_place, scope.mentioned)
     return finding(problem.rule, message, place, path=site.path, help=problem.help, fix=fix)
 
 
-def _of_members(
+def _member_findings(
     scope: SpecIndex, algorithm: Algorithm, entry: Identification, by: Members, variable: Variable
 ) -> Iterator[Diagnostic]:
     if variable.type.kind is not Kind.ENUM:
-        message = f"a mapping identifies an enum, but '{variable.name}' is {_a(variable)}"
-        with_hysteresis = ", or {enter: ..., leave: ...}" if variable.type.kind is Kind.BOOL else ""
-        yield _wrong_form(algorithm, by.place, message, f"write one condition{with_hysteresis}", variable)
+        message = f"a mapping identifies an enum, but '{variable.name}' is {_type_with_article(variable)}"
+        hysteresis_help = ", or {enter: ..., leave: ...}" if variable.type.kind is Kind.BOOL else ""
+        yield _wrong_form_finding(algorithm, by.place, message, f"write one condition{hysteresis_help}", variable)
         return
     for member, _ in by.cases:
         if member.name not in variable.type.values:
             near = suggest(member.name, variable.type.values)
-            listed = ", ".join(variable.type.values[:10])
+            values_text = ", ".join(variable.type.values[:10])
             yield finding(
                 "unknown-member",
                 f"'{member.name}' is not a value of '{variable.name}' (algorithm '{algorithm.name}')",
                 member.place,
                 path=f"perception.{algorithm.name}.identifies.{entry.variable.name}",
-                help=f"did you mean '{near}'?" if near else f"values are {listed}",
+                help=f"did you mean '{near}'?" if near else f"values are {values_text}",
                 fix=member_fix(member.name, near, variable.type.values, member.place, scope.mentioned)
                 if near
                 else None,
             )
 
 
-def _wrong_form(algorithm: Algorithm, place: Place, message: str, help: str, variable: Variable) -> Diagnostic:
+def _wrong_form_finding(algorithm: Algorithm, place: Place, message: str, help: str, variable: Variable) -> Diagnostic:
     path = f"perception.{algorithm.name}.identifies.{variable.name}"
     related = (Related("declared here", variable.places.get("type", variable.place)),)
     return finding("wrong-value-identified", message, place, path=path, help=help, related=related)
 
 
-def _misused(algorithm: Algorithm, usage: Usage, declared: Place, message: str, help: str) -> Diagnostic:
+def _misuse_finding(algorithm: Algorithm, usage: Usage, declared_place: Place, message: str, help: str) -> Diagnostic:
     path = f"perception.{algorithm.name}.uses.{usage.resource.name}"
-    related = (Related("declared here", declared),)
+    related = (Related("declared here", declared_place),)
     return finding("misused-resource", message, usage.place, path=path, help=help, related=related)
 
 
-def _a(variable: Variable) -> str:
+def _type_with_article(variable: Variable) -> str:
     return f"an {variable.type.kind}" if variable.type.kind is Kind.INT else f"a {variable.type.kind}"

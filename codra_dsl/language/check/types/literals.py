@@ -12,7 +12,7 @@ from codra_dsl.language.check.index.mentions import Mention
 from codra_dsl.language.check.index.spec_index import SpecIndex
 from codra_dsl.language.check.solver.values import links
 from codra_dsl.language.diagnostics import Fix
-from codra_dsl.language.expression import Name, Node, walk
+from codra_dsl.language.expression import Name, walk
 from codra_dsl.language.load.yaml.fixes import truth_value_of
 from codra_dsl.language.model import Condition, Kind
 
@@ -30,32 +30,32 @@ class Literal:
         name = mentions[0].name
         if self.truth:
             return truth(name, self.truth, [mention.place for mention in mentions])
-        alone = self.condition is not None and len(mentions) == 1
-        return quoting(name, mentions[0].place, self.condition) if alone and self.condition else None
+        is_alone = self.condition is not None and len(mentions) == 1
+        return quoting(name, mentions[0].place, self.condition) if is_alone and self.condition else None
 
 
 def intended_literal(scope: SpecIndex, site: Site, name: str) -> Literal | None:
     """Return the help for a name that was intended as a literal: a member without quotes, or `yes`."""
-    alone = isinstance(site.condition.tree, Name)
+    is_alone = isinstance(site.condition.tree, Name)
     truth_value = truth_value_of(name)
     if truth_value is not None:
-        if not alone:
+        if not is_alone:
             return Literal(f"write '{truth_value}'", truth_value)
         return Literal(
             f"write '{truth_value}' including the quotes" if site.variable else f"write a condition: x == {truth_value}"
         )
-    seen: Types = scope.returned_types[site.owner[1]] if site.owner[0] == "perception" else {}
+    seen_types: Types = scope.returned_types[site.owner[1]] if site.owner[0] == "perception" else {}
     if site.role in OVER_KNOWLEDGE:
-        seen = {mentioned.name: scope.world.read_type(mentioned.name) for mentioned in site.names}
-    types = [seen.get(mentioned.name) or scope.context_types.get(mentioned.name) for mentioned in site.names]
-    members = [
-        declared.values
-        for declared in (*types, scope.wanted(site))
-        if declared is not None and declared.kind is Kind.ENUM
+        seen_types = {read_name.name: scope.world.read_type(read_name.name) for read_name in site.names}
+    types = [seen_types.get(read_name.name) or scope.context_types.get(read_name.name) for read_name in site.names]
+    enum_values = [
+        value_type.values
+        for value_type in (*types, scope.wanted(site))
+        if value_type is not None and value_type.kind is Kind.ENUM
     ]
-    if not any(name in values for values in members):
+    if not any(name in values for values in enum_values):
         return None
-    if alone:
+    if is_alone:
         return Literal(f"write '\"{name}\"': YAML removes the outer quotes")
     return Literal(f'put the member in quotes: "{name}"', condition=site.condition)
 
@@ -65,26 +65,30 @@ def literal_compared(scope: SpecIndex, mention: Mention) -> str | None:
     site = mention.site
     if site is None or site.condition.tree is None:
         return None
-    in_context = site.role in OVER_CONTEXT
-    seen = scope.context_types if in_context else _seen_by(scope, site)
+    is_over_context = site.role in OVER_CONTEXT
+    seen_types = scope.context_types if is_over_context else _readable_types(scope, site)
     if isinstance(site.condition.tree, Name):
-        owners = (name for name, declared in seen.items() if declared is not None and mention.name in declared.values)
-        owner = scope.owner_of_member.get(mention.name) if in_context else next(owners, None)
+        owners = (
+            name
+            for name, value_type in seen_types.items()
+            if value_type is not None and mention.name in value_type.values
+        )
+        owner = scope.owner_of_member.get(mention.name) if is_over_context else next(owners, None)
         return f'write {owner} == "{mention.name}"' if owner else None
     sides = (side for node in walk(site.condition.tree) for _, *link in links(node) for side in (link, link[::-1]))
-    beside = (other.name for one, other in sides if isinstance(other, Name) and _is(one, mention.name))
-    kinds = {declared.kind for name in beside if (declared := seen.get(name)) is not None}
+    opposite_names = (
+        other.name
+        for one, other in sides
+        if isinstance(one, Name) and isinstance(other, Name) and one.name == mention.name
+    )
+    kinds = {value_type.kind for name in opposite_names if (value_type := seen_types.get(name)) is not None}
     if kinds == {Kind.BOOL}:
         return "write true or false"
     return f'put the text in quotes: "{mention.name}"' if kinds == {Kind.STR} else None
 
 
-def _seen_by(scope: SpecIndex, site: Site) -> Types:
+def _readable_types(scope: SpecIndex, site: Site) -> Types:
     """Return the types of the names that a condition over results, or of an expectation, can read."""
     if site.role is Role.MONITOR:
         return {site.variable or "": scope.wanted(site)}
     return scope.returned_types[site.owner[1]]
-
-
-def _is(node: Node, name: str) -> bool:
-    return isinstance(node, Name) and node.name == name

@@ -31,14 +31,14 @@ class _Enum:
     mentions: dict[str, dict[Place, str]] = field(default_factory=dict)
 
     @property
-    def unknown(self) -> tuple[str, ...]:
+    def unknown_members(self) -> tuple[str, ...]:
         """Return the mentioned members that are not declared."""
         return tuple(member for member in self.mentions if member not in self.type.values)
 
     @property
-    def most_wanted(self) -> int:
+    def max_unknown_mentions(self) -> int:
         """Return the largest number of mentions of an undeclared member."""
-        return max((len(self.mentions[member]) for member in self.unknown), default=0)
+        return max((len(self.mentions[member]) for member in self.unknown_members), default=0)
 
     def place_of(self, member: str) -> Place:
         """Return the place of a member."""
@@ -55,10 +55,10 @@ def members_to_blame(scope: SpecIndex) -> Iterator[Diagnostic]:
     for key, member, place, user in _mentions(scope):
         if key in enums:
             enums[key].mentions.setdefault(member, {})[place] = user
-    wrong: set[str] = set()
-    for key, enum in sorted(enums.items(), key=lambda entry: -entry[1].most_wanted):
-        unknown = [member for member in enum.unknown if member not in wrong]
-        yield from _blame(scope, key, enum, unknown[:MAX_SUGGESTIONS], wrong)
+    wrong_members: set[str] = set()
+    for key, enum in sorted(enums.items(), key=lambda entry: -entry[1].max_unknown_mentions):
+        unknown_members = [member for member in enum.unknown_members if member not in wrong_members]
+        yield from _enum_findings(scope, key, enum, unknown_members[:MAX_SUGGESTIONS], wrong_members)
 
 
 def _enums(scope: SpecIndex) -> dict[Key, _Enum]:
@@ -76,47 +76,59 @@ def _enums(scope: SpecIndex) -> dict[Key, _Enum]:
     return enums
 
 
-def _blame(scope: SpecIndex, key: Key, enum: _Enum, unknown: list[str], wrong: set[str]) -> Iterator[Diagnostic]:
-    """Yield findings about the members of one enum; misspelt ones go to `wrong`, since other enums name them too."""
+def _enum_findings(
+    scope: SpecIndex, key: Key, enum: _Enum, unknown_members: list[str], wrong_members: set[str]
+) -> Iterator[Diagnostic]:
+    """Yield findings about the members of one enum; misspelt ones go to `wrong_members`: other enums name them too."""
     values = dict.fromkeys(enum.type.values)
-    corrected: dict[str, tuple[str, ...]] = {}
+    corrections: dict[str, tuple[str, ...]] = {}
     for member in values:
         pieces = tuple(member.split())
-        if len(pieces) > 1 and member not in enum.mentions and any(piece in unknown for piece in pieces):
-            corrected[member] = pieces
-            yield _two_in_one(enum, member, pieces)
-    joined = {piece for pieces in corrected.values() for piece in pieces}
-    uses = {member: len({place.span for place in enum.mentions[member]}) for member in unknown if member not in joined}
-    unused = [member for member in values if member not in enum.mentions and member not in corrected]
-    misspelt = misspelt_declarations(uses, unused, values, scope.vocabulary, suggest) if uses and unused else {}
-    for name, member in misspelt.items():
-        corrected[member] = (name,)
-        wrong.add(member)
-        yield _misspelt(enum, member, name)
-    if corrected:
-        members = (intended for member in values for intended in corrected.get(member, (member,)))
+        if len(pieces) > 1 and member not in enum.mentions and any(piece in unknown_members for piece in pieces):
+            corrections[member] = pieces
+            yield _joined_members_finding(enum, member, pieces)
+    joined_members = {piece for pieces in corrections.values() for piece in pieces}
+    uses = {
+        member: len({place.span for place in enum.mentions[member]})
+        for member in unknown_members
+        if member not in joined_members
+    }
+    unused_members = [member for member in values if member not in enum.mentions and member not in corrections]
+    misspelt_members = (
+        misspelt_declarations(uses, unused_members, values, scope.vocabulary, suggest)
+        if uses and unused_members
+        else {}
+    )
+    for name, member in misspelt_members.items():
+        corrections[member] = (name,)
+        wrong_members.add(member)
+        yield _misspelt_finding(enum, member, name)
+    if corrections:
+        members = (corrected_member for member in values for corrected_member in corrections.get(member, (member,)))
         scope.corrections.members[key] = tuple(dict.fromkeys(members))
 
 
-def _two_in_one(enum: _Enum, member: str, pieces: tuple[str, ...]) -> Diagnostic:
-    place, apart = enum.place_of(member), ", ".join(pieces)
+def _joined_members_finding(enum: _Enum, member: str, pieces: tuple[str, ...]) -> Diagnostic:
+    place, pieces_text = enum.place_of(member), ", ".join(pieces)
     message = f"the member '{member}' of {enum.user} is not used, but its words are"
     related = tuple(_related(enum, piece) for piece in pieces if piece in enum.mentions)
-    fix = _replacing(place, member, apart)
-    return finding("unknown-member", message, place, path=enum.path, help=f"write '{apart}'", related=related, fix=fix)
+    fix = _replacement_fix(place, member, pieces_text)
+    return finding(
+        "unknown-member", message, place, path=enum.path, help=f"write '{pieces_text}'", related=related, fix=fix
+    )
 
 
-def _misspelt(enum: _Enum, member: str, name: str) -> Diagnostic:
+def _misspelt_finding(enum: _Enum, member: str, name: str) -> Diagnostic:
     place = enum.place_of(member)
     message = f"the member '{member}' of {enum.user} is not used, and '{name}', which is used, is not a member"
-    fix = _replacing(place, member, name)
+    fix = _replacement_fix(place, member, name)
     help = f"did you mean '{name}'?"
     return finding(
         "unknown-member", message, place, path=enum.path, help=help, related=(_related(enum, name),), fix=fix
     )
 
 
-def _replacing(place: Place, member: str, intended: str) -> Fix | None:
+def _replacement_fix(place: Place, member: str, intended: str) -> Fix | None:
     """Return the fix of a member; None if it is written in quotes."""
     is_plain = place.span.end_column - place.span.column == len(member)
     return replacing(place, member, intended, safe=False) if is_plain else None
@@ -131,7 +143,7 @@ def _mentions(scope: SpecIndex) -> Iterator[tuple[Key, str, Place, str]]:
     """Yield every mention of a member, with its enum, its place, and the element that contains it."""
     for site in scope.sites:
         user = f"{USERS[site.owner[0]]} '{site.owner[1]}'"
-        for key, member, node in _in_condition(scope, site):
+        for key, member, node in _mentions_in_condition(scope, site):
             yield key, member, site.condition.place_of(node), user
     for algorithm in scope.spec.perception:
         for entry in algorithm.identifies:
@@ -139,33 +151,39 @@ def _mentions(scope: SpecIndex) -> Iterator[tuple[Key, str, Place, str]]:
                 yield ("context", entry.variable.name), case.name, case.place, f"algorithm '{algorithm.name}'"
 
 
-def _in_condition(scope: SpecIndex, site: Site) -> Iterator[tuple[Key, str, Node]]:
+def _mentions_in_condition(scope: SpecIndex, site: Site) -> Iterator[tuple[Key, str, Node]]:
     tree = site.condition.tree
     assert tree is not None
-    returned = site.role in (Role.ACCEPT_WHEN, Role.IDENTIFIES)
-    owner: Owner = (site.owner[1],) if returned else "context"
+    is_returned = site.role in (Role.ACCEPT_WHEN, Role.IDENTIFIES)
+    owner: Owner = (site.owner[1],) if is_returned else "context"
     for one, other in ((one, other) for node in walk(tree) for _, one, other in links(node)):
-        for named, value in ((one, other), (other, one)):
-            if isinstance(named, Name):
+        for name_side, value_side in ((one, other), (other, one)):
+            if isinstance(name_side, Name):
                 yield from (
-                    ((owner, named.name), leaf.value, leaf) for leaf in _leaves(value) if isinstance(leaf, Text)
+                    ((owner, name_side.name), leaf.value, leaf)
+                    for leaf in _leaves(value_side)
+                    if isinstance(leaf, Text)
                 )
     if site.result is Result.VALUE and site.variable is not None:
         for leaf in _leaves(tree):
             if isinstance(leaf, Text):
                 yield ("context", site.variable), leaf.value, leaf
             elif isinstance(leaf, Name):
-                yield from _handed_on(scope, site, (owner, leaf.name), leaf)
+                yield from _passed_on_members(scope, site, (owner, leaf.name), leaf)
 
 
-def _handed_on(scope: SpecIndex, site: Site, returned: Key, leaf: Name) -> Iterator[tuple[Key, str, Node]]:
+def _passed_on_members(scope: SpecIndex, site: Site, returned_key: Key, leaf: Name) -> Iterator[tuple[Key, str, Node]]:
     """Yield the members of a returned enum that becomes a context-variable, and vice versa."""
     variable = scope.variables.get(site.variable or "")
     algorithm = scope.algorithms[site.owner[1]]
-    declared = next((value for value in algorithm.returns if value.name == leaf.name), None)
-    if variable is not None and declared is not None and declared.type.kind is variable.type.kind is Kind.ENUM:
-        yield from ((("context", variable.name), member, leaf) for member in declared.type.values)
-        yield from ((returned, member, leaf) for member in variable.type.values)
+    returned_value = next((value for value in algorithm.returns if value.name == leaf.name), None)
+    if (
+        variable is not None
+        and returned_value is not None
+        and returned_value.type.kind is variable.type.kind is Kind.ENUM
+    ):
+        yield from ((("context", variable.name), member, leaf) for member in returned_value.type.values)
+        yield from ((returned_key, member, leaf) for member in variable.type.values)
 
 
 def _leaves(node: Node) -> Iterator[Node]:
