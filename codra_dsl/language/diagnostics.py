@@ -62,34 +62,34 @@ class HasSpans(Protocol):
         ...
 
 
-class _Late:
+class _LazyPlace:
     """Computes the span of a place on first access: the spans of most places are never used."""
 
-    __slots__ = ("_late",)
-    _late: tuple[HasSpans, int, int]
+    __slots__ = ("_range",)
+    _range: tuple[HasSpans, int, int]
 
     def __getattr__(self, name: str) -> object:
         """Fill the slot `span`. Python calls this method only while the slot is empty."""
         if name != "span":
             raise AttributeError(name)
-        text, start, end = self._late
+        text, start, end = self._range
         span = text.span(start, end)
         object.__setattr__(self, "span", span)
         return span
 
 
 @dataclass(frozen=True, slots=True, order=True)
-class Place(_Late):
+class Place(_LazyPlace):
     """Where an element is: its span and, if a template made it, the span of the `use` that made it."""
 
     span: Span
     use: Span | None = None
 
 
-def late_place(text: HasSpans, start: int, end: int, use: Span | None) -> Place:
+def lazy_place(text: HasSpans, start: int, end: int, use: Span | None) -> Place:
     """Return the place of a range of a text; its span is computed on first access."""
     place = object.__new__(Place)
-    object.__setattr__(place, "_late", (text, start, end))
+    object.__setattr__(place, "_range", (text, start, end))
     object.__setattr__(place, "use", use)
     return place
 

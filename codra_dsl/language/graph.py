@@ -66,7 +66,7 @@ def shortest_cycle(needs: Needs) -> tuple[str, ...]:
         path, visits = _cycle_through(start, part, shorter_than=len(best))
         best = path or best
         budget -= visits + part.number_of_edges()
-        part.remove_node(start)  # the shortest cycle through it is known
+        part.remove_node(start)  # no cycle through it is shorter than the best
         waiting.extend(_cyclic_parts(part))
     return _from_least(best)
 
@@ -97,7 +97,7 @@ def _cyclic_parts(graph: nx.DiGraph[str]) -> list[nx.DiGraph[str]]:
 
 
 def _cycle_through(start: str, graph: nx.DiGraph[str], *, shorter_than: int) -> tuple[tuple[str, ...], int]:
-    """Return a shortest cycle through `start` (below the length `shorter_than`, 0 = any) and the edges visited."""
+    """Return a shortest cycle through `start` (shorter than `shorter_than`, 0 = any length) and the number of edges visited."""
     came_from: dict[str, str] = {}
     layer, length, visits = [start], 1, 0
     while layer and (shorter_than == 0 or length < shorter_than):

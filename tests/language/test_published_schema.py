@@ -37,7 +37,7 @@ def resolved(part: dict[str, Any]) -> dict[str, Any]:
 
 
 def annotated(part: object) -> Iterator[dict[str, Any]]:
-    """Yield all schemas within a part."""
+    """Yield all schemas within a part; names of keys are not schemas."""
     if not isinstance(part, dict):
         return
     yield part

@@ -67,7 +67,11 @@ _OTHER_FUNCTIONS = {
     "unknown": "write not known(x)",
     "is_known": "did you mean 'known'?",
     "defined": "did you mean 'known'?",
-    **dict.fromkeys(("distance", "in_view"), "use poses in 'observable_when', or in patterns of agents"),
+    **{
+        name: f"{name}() is allowed only in 'observable_when', in patterns of agents, and in 'always' and 'value'"
+        " of adaptations"
+        for name in ("distance", "in_view")
+    },
 }
 
 
@@ -95,7 +99,7 @@ def parse(text: str) -> Node | SyntaxProblem:
 class _Parser:
     """Reads one condition.
 
-    Tokens are distinguished by their text alone: no name, number or quoted text is spelled like a word or a symbol.
+    The text of a token is enough to recognise a word or a symbol: no name, number or quoted text is spelled like one.
     """
 
     def __init__(self, all_tokens: tuple[Token, ...]) -> None:
@@ -115,7 +119,7 @@ class _Parser:
         return node
 
     def expression(self, power: Power) -> Node:
-        """Return the longest expression from here on whose operators bind at least as tightly as `power`."""
+        """Return the longest expression that starts at the next token and whose operators bind at least as `power`."""
         self._depth += 1
         if self._depth > MAX_DEPTH:
             raise _too_deep(self._next.start, self._next.end)
@@ -151,7 +155,7 @@ class _Parser:
         while self._next.text in _COMPARISONS:
             operator = Comparison(self._take().text)
             rest.append((operator, self.expression(Power.SUM)))
-            if len(rest) > MAX_DEPTH:  # Python nests the links of a chain
+            if len(rest) > MAX_DEPTH:  # generated code joins the links by `&`, which nests
                 raise _too_deep(first.start, rest[-1][1].end)
         if self._next.text in ("in", "not"):
             raise self._mixed_chain()
@@ -287,7 +291,7 @@ class _Parser:
             return SlipError(f"unexpected '{token.text}'", token.start, token.end, "write A if CONDITION else B")
         if self._position == 0 and token.text != ")":
             return SlipError(
-                f"a value is missing before '{token.text}'", token.start, token.end, "write what is compared first"
+                f"a value is missing before '{token.text}'", token.start, token.end, "begin the condition with a value"
             )
         if self._position == 0:
             return SlipError("')' closes nothing", token.start, token.end, "remove it")
@@ -309,12 +313,12 @@ class _Parser:
         if token.text == "," and numbers and (before.end, after.start) == (token.start, token.end):
             return SlipError("',' is not a decimal point", before.start, after.end, f"write {before.text}.{after.text}")
         if token.text == ",":
-            help_text = "join conditions with 'and' or 'or', or write each as an item of its own"
+            help_text = "join the conditions with 'and' or 'or'; or write each condition as an item of its own"
             return SlipError("unexpected ','", token.start, token.end, help_text)
         replacement = _OTHER_OPERATORS.get(small) or _OTHER_OPERATORS.get(before.text.lower())
         help_text = replacement or "join conditions with 'and' or 'or', compare values with '==' or '<'"
         if parse_unit(token.text) is not None and before.kind is TokenKind.NAME:
-            help_text = f"remove it: {before.text} has the unit that it is declared with"
+            help_text = f"remove '{token.text}': {before.text} already has the unit of its declaration"
         return SlipError(f"an operator is missing before {shown(token.text)}", token.start, token.end, help_text)
 
     def _missing_comma(self) -> SlipError:

@@ -77,7 +77,7 @@ class EdgeTerm(Node):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Path(Node):
-    """A sequence of nodes, each connected to the next by an edge; or, negated, that no such sequence exists.
+    """A sequence of nodes, each connected to the next by an edge; or, if negated, the statement that none exists.
 
     Attributes:
         terms: one more than links.

@@ -1,4 +1,4 @@
-"""Check that the function in `call` exists and takes its arguments. Modules of the project are read, never imported.
+"""Check that the function in `call` exists and takes the arguments that it gets. Modules of the project are read, never imported.
 
 The runtime calls a perception function with keyword arguments only: the arguments under `with`, the handle of each
 resource that it reads, the values of `given` variables, and `job`.

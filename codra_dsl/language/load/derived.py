@@ -32,7 +32,7 @@ _SHARE = ValueType(kind=Kind.FLOAT, range=(0.0, 1.0))
 def with_derived(spec: Spec, findings: Findings) -> Spec:
     """Return a spec with the context-variables and agents that its loops imply.
 
-    A declared context-variable with such a name is reported and kept; the implied one is left out.
+    If another context-variable, declared or implied earlier, has such a name, that is reported and this one left out.
     """
     if not spec.adapts:
         return spec
@@ -108,7 +108,7 @@ def _element(section: str, variable: str) -> str:
 def _report(section: str, variable: Variable, other: Variable, findings: Findings) -> None:
     name = _element(section, variable.name)
     noun = {"metrics": "metric", "actions": "action", "adaptation": "adaptation"}[section]
-    message = f"{noun} {shown(name)} implies a context-variable {shown(variable.name)}, which is already declared"
+    message = f"{noun} {shown(name)} implies a context-variable {shown(variable.name)}, which already exists"
     related = [Related("declared here", other.place)]
     findings.add(
         "duplicate-name", message, variable.place, help="rename one of them", path=f"{section}.{name}", related=related

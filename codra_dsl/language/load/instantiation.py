@@ -63,7 +63,7 @@ class Uses:
                 self.complete &= not template.is_lost
 
     def _misspelt(self, known: Iterable[tuple[Subject, YamlNode]], uses: _Named) -> dict[str, str]:
-        """Report templates with a misspelt declaration; return the declared name for each name in uses."""
+        """Report templates with a misspelt declaration; return their declared names by the names in uses."""
         declared = {subject.name: subject for subject, _ in known}
         unknown = {name: len(places) for name, places in uses.places.items() if name not in declared}
         if not unknown or self._blind:
@@ -119,7 +119,7 @@ class Uses:
             yield declared(template, is_used=name in self._named or not self.complete)
 
     def try_unused(self) -> None:
-        """Instantiate each unused template with examples, so that its mistakes are found as well."""
+        """Instantiate each template without a valid use with examples, so that its mistakes are found as well."""
         for name, template in self._templates.items():
             if name not in self._used:
                 bound = {key: example(parameter) for key, parameter in template.parameters.items()}
@@ -156,7 +156,7 @@ class Uses:
         return template
 
     def _correct(self, subject: Subject, node: MappingNode) -> None:
-        """Report arguments in a mapping of their own and a misspelt `template` key, and correct the node."""
+        """Report arguments in a mapping of their own, and another key in place of `template`; correct the node."""
         around = next((key for key in _AROUND_ARGUMENTS if isinstance(node.value(key), MappingNode)), None)
         if around is not None:
             place, path = subject.origin.of(node.entries[around][0]), subject.part(around)
@@ -212,7 +212,7 @@ def _is_text(value: YamlNode) -> bool:
 
 
 def _damage(template: Template, arguments: Arguments, elements: Elements) -> None:
-    """Record the names that a use would have created if it were valid."""
+    """Record the names that an invalid use would have created."""
     for section, mapping in Filler(template, arguments.bound).sections().items():
         for name in mapping.entries:
             elements.lose(section, name)

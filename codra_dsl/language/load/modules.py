@@ -90,7 +90,7 @@ class Modules:
         self._left = MAX_ALL_BYTES
 
     def find(self, name: str) -> Module | Missing | None:
-        """Return a module by its dotted name, or where the search fails; None if it may be outside the project."""
+        """Return a module by its dotted name, or where the search fails; None if that is uncertain."""
         if name not in self._modules:
             if len(self._modules) >= MAX_MODULES:
                 return None
@@ -153,7 +153,7 @@ class Modules:
         return names if len(names) <= _MAX_LISTED else None
 
     def _extends_path(self, folder: Path, depth: int) -> bool:
-        """Return whether a package changes its `__path__`."""
+        """Return whether a package may change its `__path__`."""
         path = folder / "__init__.py"
         data = self._bytes(path) if depth and "__init__.py" in (self._list(folder) or ()) else b""
         if depth:
@@ -165,7 +165,7 @@ class Modules:
         return OPEN if data is None else _module(data)
 
     def _bytes(self, path: Path) -> bytes | None:
-        """Return the content of a regular file in the project; None for any other or too large file."""
+        """Return the content of a regular file in the project; None for any other, unreadable or too large file."""
         try:
             about = path.stat()
             inside = path.resolve().is_relative_to(self._root)

@@ -81,7 +81,7 @@ class Parts:
         return True
 
     def _locate(self, node: ScalarNode, opened: _Open, place: Place) -> Path | None:
-        """Return the file of an include, with symbolic links followed; report a forbidden one and return None."""
+        """Return the file of an include, with symbolic links followed; report a missing or forbidden one and return None."""
         text = node.text
         if text.startswith(("/", "~")) or "\\" in text or Path(text).is_absolute():
             help_text = "write a relative path with '/'"

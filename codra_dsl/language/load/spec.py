@@ -28,7 +28,7 @@ from codra_dsl.language.model import AnyName, Spec
 STANDARD_INPUT = "-"
 
 Loaded = tuple[Spec | None, tuple[Diagnostic, ...]]
-"""A spec and its findings, in file order; the spec is None if it could not be read sensibly."""
+"""A spec and its findings, in file order. The spec is None if its file cannot be read as one, or has no name."""
 
 
 @paused_collector()
@@ -36,7 +36,7 @@ def load_spec(path: Path, root: Path, texts: Mapping[str, bytes] = AS_ON_DISK) -
     """Return the spec in a file, with its parts.
 
     `root` is the project's folder: findings name files relative to it, and parts must be inside it. `texts` has the
-    content of files, by such names, that are not read from disk.
+    content of files that are not read from disk, by their names relative to `root`.
 
     Raises:
         ValueError: if the file is not in the project.
@@ -47,9 +47,9 @@ def load_spec(path: Path, root: Path, texts: Mapping[str, bytes] = AS_ON_DISK) -
 
 @paused_collector()
 def load_text(text: str | bytes, file: str, root: Path) -> Loaded:
-    """Return the spec in a text, with its parts; findings name the text `file`, `-` for standard input.
+    """Return the spec in a text, with its parts. In findings, the text has the name `file`: `-` for standard input.
 
-    `root` is the project's folder, to which the parts of `-` are relative.
+    `root` is the project's folder. The parts that a spec from standard input includes are relative to it.
     """
     findings = Findings()
     source = decode(text, file, findings) if isinstance(text, bytes) else accept(text, file, findings)
@@ -93,7 +93,7 @@ def _spec(document: Document, name: ScalarNode | None, parts: Parts, root: Path,
     for part in parts.documents:
         origin = Origin(part.origin.source, module=modules[part.origin.source.file])
         for section in SECTIONS:
-            elements.add(section, take_section(part.root, section), origin)  # so that its nodes are freed
+            elements.add(section, take_section(part.root, section), origin)  # removed, so that its nodes can be freed
     uses.make(parts.documents, modules, elements)
     uses.try_unused()
     elements.report_comments()
@@ -131,10 +131,11 @@ def _damaged(elements: Elements, lost: Iterable[str]) -> dict[str, frozenset[str
 
 
 def _modules(documents: Iterable[Document]) -> dict[str, str]:
-    """Return the module of each use, by instance, and of each file, by path.
+    """Return the names of the generated modules: of each use by its name, and of each file by its path.
 
-    They are identifiers, unique without regard to case. A use has its own name; a file has that of its stem, or of
-    its path if the stem is taken.
+    They are identifiers, unique without regard to case. The module of a use has the name of the use. The module of a
+    file is named after the file's stem; if that name is taken, after its path; if that is taken as well, after its stem
+    with a number.
     """
     modules: dict[str, str] = {}
     taken: set[str] = set()
@@ -153,6 +154,6 @@ def _modules(documents: Iterable[Document]) -> dict[str, str]:
 
 
 def _identifier(text: str) -> str:
-    """Return a file's name as an identifier; standard input is named `standard input`."""
+    """Return a file's name as an identifier; without a letter or digit, as for `-`, it is `spec`."""
     name = re.sub(r"[^A-Za-z0-9]+", "_", text).strip("_")[:MAX_NAME] or "spec"
     return name if is_identifier(name) else f"spec_{name}"[:MAX_NAME]

@@ -51,7 +51,7 @@ SHAPES = {
     for shape in Shape
     if shape is not Shape.Linear
 }
-"""The shapes of terms by their names in specs; coefficients of inputs exist only in FLL."""
+"""The shapes of terms by their names in specs; `Linear`, the coefficients of inputs, is allowed only in FLL."""
 
 
 def read_rate(reader: Reader) -> Rate | None:

@@ -148,7 +148,7 @@ def _is_version(value: YamlNode) -> bool:
 
 
 def _rename_to_codra(root: MappingNode, strange: str, source: Source, findings: Findings) -> bool:
-    """Report a misspelt `codra` key, and rename it."""
+    """Report a key in place of `codra`, and rename it."""
     key = root.entries[strange][0]
     message, place = f"unknown key {shown(strange)} in this file", source.place(key.start, key.end)
     findings.add(

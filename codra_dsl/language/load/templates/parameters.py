@@ -132,7 +132,7 @@ class ParameterResolver:
             declared: the parameters, with the places of those that may be misspelt.
             given: the names of all arguments in all uses.
             findings: the list to which findings are added.
-            is_open: whether some parameter has an unreadable name, which unknown ones may mean.
+            is_open: whether there may be parameters with unknown names, which unknown mentions may mean.
         """
         unknown = {name: mentions for name, mentions in self._mentions.items() if name not in declared}
         if not unknown:

@@ -41,7 +41,7 @@ def bind(parameter: Parameter, node: ScalarNode) -> Bound:
 
 
 def example(parameter: Parameter) -> Bound:
-    """Return an example value of a parameter: its default, or any literal of its type."""
+    """Return an example value of a parameter: its default, or some literal of its type."""
     if parameter.default is not None and not parameter.default.reported:
         return bind(parameter, parameter.default)
     if parameter.kind is ParameterKind.IDENTIFIER:

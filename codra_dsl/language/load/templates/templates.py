@@ -423,7 +423,7 @@ class _Survey:
         return True
 
     def _may_slip(self, text: str, position: Position) -> bool:
-        """Return whether a text surely has a damaged parameter: parentheses are common in conditions and prose."""
+        """Return whether what looks like a damaged parameter is surely one: conditions and prose may begin with `(`."""
         return not text.startswith("(") or position not in (Position.CONDITION, Position.TEXT)
 
     def _is_right(self, node: ScalarNode, pattern: Pattern, index: int) -> bool:

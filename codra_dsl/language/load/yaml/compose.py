@@ -206,7 +206,7 @@ class _Composer:
             node.reported = True
 
     def _suspect_key(self, node: ScalarNode, mapping: MappingNode) -> None:
-        """Handle a key that may be several words, or missing."""
+        """Handle a key that may contain more than the key, or be missing."""
         self._key = node
         if node.reported and node.text == NO_KEY:
             self._key = _NOWHERE

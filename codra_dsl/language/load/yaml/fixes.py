@@ -1,4 +1,4 @@
-"""Fixes: words in place of misspelt ones, and edits that remove or move text."""
+"""Fixes that follow from the text: the intended word or condition, and text to insert, remove or move."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ class RepairedText:
 
     Attributes:
         text: the repaired text that the parser reads. Its offsets equal the file's if nothing was inserted.
-        placeholders: the offsets in `text` of placeholders for text that findings have been reported about.
+        placeholders: the offsets in `text` of masked ranges and inserted placeholders, which have been reported.
     """
 
     def __init__(self, source: Source) -> None:

@@ -46,7 +46,7 @@ class Source:
         return Span(self.file, line, start - starts[line - 1] + 1, last, end - starts[last - 1] + 1)
 
     def place(self, start: int, end: int) -> Place:
-        """Return the place of a range of the text, outside every template."""
+        """Return the place of a range of text that no use of a template has made."""
         return Place(self.span(start, end))
 
     def line_end(self, offset: int) -> int:
@@ -64,7 +64,7 @@ def file_place(file: str) -> Place:
 
 
 AS_ON_DISK: Mapping[str, bytes] = MappingProxyType({})
-"""No files with content that differs from the disk."""
+"""An empty mapping, the default of `texts`: every file is read from disk."""
 
 
 def read(path: Path, file: str, findings: Findings, texts: Mapping[str, bytes] = AS_ON_DISK) -> Source | None:
@@ -78,7 +78,7 @@ def read(path: Path, file: str, findings: Findings, texts: Mapping[str, bytes] =
         with path.open("rb") as stream:
             data = stream.read(MAX_BYTES + 1)
     except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or "no such path is possible"
+        reason = getattr(error, "strerror", None) or "the path is not valid"
         findings.add(
             "cannot-read",
             f"cannot read '{file}': {reason}",
