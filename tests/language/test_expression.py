@@ -188,7 +188,12 @@ def test_names_are_listed_in_the_order_of_the_text() -> None:
             "'in' cannot be part of a chain of comparisons",
             "put one of the comparisons in parentheses or join them with 'and'",
         ),
-        ("a, b", ",", "unexpected ','", "join the conditions with 'and' or 'or'; or write each condition as an item of its own"),
+        (
+            "a, b",
+            ",",
+            "unexpected ','",
+            "join the conditions with 'and' or 'or'; or write each condition as an item of its own",
+        ),
         ("(a, b)", "(a,", "a list is allowed only after 'in'", "write x in (1, 2)"),
         ("'open' if a", "if", "'if' without 'else'", "write A if CONDITION else B"),
         ("if a then b", "if", "unexpected 'if'", "write A if CONDITION else B"),

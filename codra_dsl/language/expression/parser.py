@@ -141,12 +141,12 @@ class _Parser:
 
     def disjunction(self, first: Node) -> Node:
         """Read `or b or c` after `a`."""
-        operands = self._series(first, "or", Power.AND)
+        operands = self._operands(first, "or", Power.AND)
         return Or(start=first.start, end=operands[-1].end, operands=operands)
 
     def conjunction(self, first: Node) -> Node:
         """Read `and b and c` after `a`."""
-        operands = self._series(first, "and", Power.NOT)
+        operands = self._operands(first, "and", Power.NOT)
         return And(start=first.start, end=operands[-1].end, operands=operands)
 
     def comparison(self, first: Node) -> Node:
@@ -170,7 +170,7 @@ class _Parser:
         if self._next.text != "(":
             at = self._next
             raise SlipError("a list is missing after 'in'", at.start, at.end, "write x in (1, 2) or x == 1")
-        options, end = self._listed()
+        options, end = self._expressions()
         if not options:
             raise SlipError("the list after 'in' is empty", item.start, end, "list the allowed values: x in (1, 2)")
         if self._next.text in _COMPARISONS:
@@ -201,7 +201,7 @@ class _Parser:
             return None
         return _INFIX.get(token.text)
 
-    def _series(self, first: Node, word: str, power: Power) -> tuple[Node, ...]:
+    def _operands(self, first: Node, word: str, power: Power) -> tuple[Node, ...]:
         operands = [first]
         while self._next.text == word:
             self._take()
@@ -258,7 +258,7 @@ class _Parser:
             raise self._unexpected()
         return self._take().end
 
-    def _listed(self) -> tuple[tuple[Node, ...], int]:
+    def _expressions(self) -> tuple[tuple[Node, ...], int]:
         """Return the expressions between parentheses and the end offset; a trailing comma is allowed."""
         opening = self._take()
         expressions: list[Node] = []
@@ -282,7 +282,7 @@ class _Parser:
             return Name(start=token.start, end=token.end, name=token.text)
         if token.text not in FUNCTIONS:
             raise _unknown_function(token)
-        arguments, end = self._listed()
+        arguments, end = self._expressions()
         return _checked_call(Call(start=token.start, end=end, function=token.text, arguments=arguments))
 
     def _missing_operand(self) -> SlipError:
@@ -357,8 +357,8 @@ _INFIX: Mapping[str, _Infix] = {
 
 def _unknown_function(token: Token) -> SlipError:
     near = suggest(token.text, FUNCTIONS)
-    listed = f"did you mean '{near}'?" if near else f"functions are {', '.join(sorted(FUNCTIONS))}"
-    help_text = _OTHER_FUNCTIONS.get(token.text, listed)
+    usual_help = f"did you mean '{near}'?" if near else f"functions are {', '.join(sorted(FUNCTIONS))}"
+    help_text = _OTHER_FUNCTIONS.get(token.text, usual_help)
     return SlipError(f"unknown function {shown(token.text)}", token.start, token.end, help_text)
 
 
@@ -366,9 +366,9 @@ def _checked_call(call: Call) -> Call:
     least, most = FUNCTIONS[call.function]
     count = len(call.arguments)
     if count < least or (most is not None and count > most):
-        takes = f"one value, not {count}" if most == 1 else f"at least {least} values, not {count}"
+        count_text = f"one value, not {count}" if most == 1 else f"at least {least} values, not {count}"
         help_text = f"write {call.function}(x)" if most == 1 else f"write {call.function}(a, b)"
-        raise SlipError(f"{call.function}() takes {takes}", call.start, call.end, help_text)
+        raise SlipError(f"{call.function}() takes {count_text}", call.start, call.end, help_text)
     argument = call.arguments[0]
     if call.function in ("known", "age") and not isinstance(argument, Name):
         help_text = f"write {call.function}(NAME), without quotes or operators"

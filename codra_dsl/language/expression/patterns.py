@@ -222,11 +222,11 @@ class _PathParser:
         end = self._take().end
         return EdgeTerm(start=opening.start, end=end, edge=edge, is_backward=is_backward)
 
-    def _name(self, what: str, where: str, help_text: str) -> str:
+    def _name(self, noun: str, where: str, help_text: str) -> str:
         token = self._next
         if not token.is_name or token.text in _WORDS:
             at = self._before
-            raise SlipError(f"{what} is missing {where}", at.start, at.end, help_text)
+            raise SlipError(f"{noun} is missing {where}", at.start, at.end, help_text)
         return self._take().text
 
     def _missing_node(self) -> SlipError:

@@ -85,7 +85,7 @@ def build_algorithm(reader: Reader) -> Algorithm:
         identifies=tuple(_read_identifies(reader)),
         rank=reader.number("rank", 1),
         places=reader.places(_places_of_parameters(reader)),
-        **{setting.field: _read_setting(reader, setting) for setting in ALGORITHM_SETTINGS},
+        **{setting.field_name: _read_setting(reader, setting) for setting in ALGORITHM_SETTINGS},
     )
 
 

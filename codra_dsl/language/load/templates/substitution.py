@@ -131,12 +131,12 @@ class Filler:
         bound = self._bindings[piece.parameter]
         if position is not Position.CONDITION:
             return bound.text
-        quote = piece.between
+        quote = piece.quote
         if quote:
-            return _escaped(bound.text, quote)
-        return f'"{_escaped(bound.text, chr(34))}"' if bound.kind is ParameterKind.STR else bound.text
+            return _escape(bound.text, quote)
+        return f'"{_escape(bound.text, chr(34))}"' if bound.kind is ParameterKind.STR else bound.text
 
 
-def _escaped(text: str, quote: str) -> str:
+def _escape(text: str, quote: str) -> str:
     """Return a text escaped for a place between quotes in a condition."""
     return text.replace("\\", "\\\\").replace(quote, f"\\{quote}").replace("\n", "\\n").replace("\t", "\\t")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from codra_dsl.language.diagnostics import Place, Span, late_place
+from codra_dsl.language.diagnostics import Place, Span, lazy_place
 from codra_dsl.language.expression.tokens import shown
 from codra_dsl.language.load.yaml.nodes import ScalarNode, YamlNode, visible_range
 from codra_dsl.language.load.yaml.source import Source
@@ -63,11 +63,11 @@ class Origin:
 
     def place(self, start: int, end: int) -> Place:
         """Return the place of a range of the file's text."""
-        return late_place(self.source, start, end, self.use)
+        return lazy_place(self.source, start, end, self.use)
 
     def of(self, node: YamlNode) -> Place:
         """Return the place of a node."""
-        return late_place(self.source, node.start, node.end, self.use)
+        return lazy_place(self.source, node.start, node.end, self.use)
 
     def of_value(self, key: ScalarNode, value: YamlNode) -> Place:
         """Return the place of a value, or of its key if the value is long."""
