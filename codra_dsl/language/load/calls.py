@@ -15,7 +15,7 @@ from pathlib import Path
 from codra_dsl.language.diagnostics import Place, Related, replacing
 from codra_dsl.language.expression.tokens import shown
 from codra_dsl.language.load.modules import Missing, Module, Modules, Signature
-from codra_dsl.language.load.yaml.findings import Findings, listed
+from codra_dsl.language.load.yaml.findings import Findings, list_names
 from codra_dsl.language.model import Access, Algorithm
 
 JOB = "job"
@@ -108,7 +108,7 @@ class _Checker:
     def _report_function(self, call: str, callers: list[Algorithm], module: Module) -> None:
         name, _, function = call.partition(":")
         near = self._findings.nearest(function, module.names)
-        has = f"it has {listed(module.functions)}" if module.functions else "it has none"
+        has = f"it has {list_names(module.functions)}" if module.functions else "it has none"
         help_text = f"did you mean '{near}'?" if near else has
         first, *others = callers
         message = f"module {shown(name)} has no function {shown(function)}, but algorithm '{first.name}' calls it"
@@ -171,7 +171,9 @@ class _Checker:
                 others.append(name)
         if others:
             taken = sorted(signature.accepted)
-            self._report_untaken_arguments(algorithm, others, f"it takes {listed(taken)}" if taken else "it takes none")
+            self._report_untaken_arguments(
+                algorithm, others, f"it takes {list_names(taken)}" if taken else "it takes none"
+            )
         for name in missing:
             self._report_missing(algorithm, name)
 
@@ -180,7 +182,7 @@ class _Checker:
     ) -> None:
         call, place = shown(algorithm.call), _place_of_argument(algorithm, names[0])
         noun, pronoun = ("argument", "it") if len(names) == 1 else ("arguments", "them")
-        not_taken = f"function {call} does not take the {noun} {listed(names)}"
+        not_taken = f"function {call} does not take the {noun} {list_names(names)}"
         message = f"{not_taken}, but algorithm '{algorithm.name}' gives {pronoun}"
         fix = replacing(place, names[0], near, safe=False) if near is not None else None
         path = f"perception.{algorithm.name}.call"

@@ -14,7 +14,7 @@ from codra_dsl.language.load.schema.shape import explain
 from codra_dsl.language.load.templates.arguments import Arguments, read_arguments
 from codra_dsl.language.load.templates.substitution import Filler, example
 from codra_dsl.language.load.templates.templates import Template, declare, declared_template
-from codra_dsl.language.load.yaml.findings import Findings, listed
+from codra_dsl.language.load.yaml.findings import Findings, list_names
 from codra_dsl.language.load.yaml.names import check_name
 from codra_dsl.language.load.yaml.nodes import MappingNode, ScalarNode, YamlNode
 from codra_dsl.language.load.yaml.origin import Origin, Subject
@@ -145,7 +145,7 @@ class Uses:
         template = self._templates.get(self._corrections.get(name.text, name.text))
         if template is None and not self._blind:
             near = self._findings.nearest(name.text, self._templates)
-            known = f"templates are {listed(self._templates)}" if self._templates else "no templates are declared"
+            known = f"templates are {list_names(self._templates)}" if self._templates else "no templates are declared"
             help_text = f"did you mean '{near}'?" if near else known
             message = f"unknown template {shown(name.text)} in {subject}"
             path = subject.part("template")

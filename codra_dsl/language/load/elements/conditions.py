@@ -70,7 +70,7 @@ def condition_text(reader: Reader, node: YamlNode) -> tuple[str, Letters]:
         return "", ()
     letters = letters_of(node, reader.origin.source.text)
     text = node.text
-    if node.style is Style.PLAIN and node.filled is None:
+    if node.style is Style.PLAIN and node.filled_text is None:
         return text, letters
     stripped = text.strip()
     before = len(text) - len(text.lstrip())

@@ -108,7 +108,7 @@ class _Explanation:
         self._root = root
         self._findings = findings
         self._done: set[tuple[str | int, ...]] = set()
-        self._unknown_keys: dict[tuple[str | int, ...], list[tuple[ScalarNode, str]]] = {}
+        self._unmatched_keys: dict[tuple[str | int, ...], list[tuple[ScalarNode, str]]] = {}
         self.damaged: set[str] = set()
 
     def unknown_keys(self, errors: Iterable[Error]) -> list[tuple[MappingNode, dict[str, str | None]]]:
@@ -125,7 +125,7 @@ class _Explanation:
         for error in errors:
             if error.keyword == "required":
                 self._report_missing_keys(error)
-        for path, keys in self._unknown_keys.items():
+        for path, keys in self._unmatched_keys.items():
             for key, allowed in keys:
                 self._report_key(path, key, allowed)
         for error in errors:
@@ -210,7 +210,7 @@ class _Explanation:
             if near:
                 self._report_key(error.path, key_node, f"did you mean '{near}'?", fix)
             else:
-                self._unknown_keys.setdefault(error.path, []).append((key_node, allowed))
+                self._unmatched_keys.setdefault(error.path, []).append((key_node, allowed))
         if torn or None in corrections.values():
             self.damaged.update([damaged_key(error.path)] if error.path else free)
         return corrections
@@ -245,7 +245,7 @@ class _Explanation:
         if not isinstance(mapping, MappingNode) or mapping.reported:
             return
         missing_keys = [key for key in error.limit if key not in mapping.entries]
-        strange = self._unknown_keys.get(error.path, [])
+        strange = self._unmatched_keys.get(error.path, [])
         for key in missing_keys:
             path = (*error.path, key)
             self.damaged.add(damaged_key(path))

@@ -10,7 +10,7 @@ from codra_dsl.language.expression.tokens import shown
 from codra_dsl.language.load.schema.schema import has_shape
 from codra_dsl.language.load.templates.substitution import Bound, bind, example
 from codra_dsl.language.load.templates.templates import EXAMPLES, INSTANCE, Parameter, ParameterKind, Template, fits
-from codra_dsl.language.load.yaml.findings import Findings, listed
+from codra_dsl.language.load.yaml.findings import Findings, list_names
 from codra_dsl.language.load.yaml.nodes import ScalarNode, YamlNode
 from codra_dsl.language.load.yaml.origin import Subject
 from codra_dsl.language.load.yaml.reader import entries, is_unread
@@ -101,7 +101,7 @@ def _report_unknown(
     elif missing is not None:
         help_text = f"did you mean '{missing}', which is missing?"
     else:
-        help_text = f"its parameters are {listed(known)}" if known else "it has none"
+        help_text = f"its parameters are {list_names(known)}" if known else "it has none"
     message = f"template {shown(template.name)} has no parameter {shown(key.text)}"
     place, path = subject.origin.of(key), subject.part(key.text)
     safe = near is not None and near in template.used and surely_means(key.text, near, known)

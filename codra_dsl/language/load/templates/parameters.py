@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from codra_dsl.language.diagnostics import Fix, Place, Related, replacing, surely_means
 from codra_dsl.language.expression.tokens import shown
 from codra_dsl.language.load.schema.misspelt import NO_WORDS, misspelt_declarations
-from codra_dsl.language.load.yaml.findings import Findings, listed
+from codra_dsl.language.load.yaml.findings import Findings, list_names
 from codra_dsl.language.load.yaml.nodes import MappingNode, ScalarNode, scalars
 from codra_dsl.language.load.yaml.origin import Origin, Subject
 from codra_dsl.language.load.yaml.reader import entries
@@ -173,7 +173,9 @@ class ParameterResolver:
         if near is None:
             (self.undeclared if name in self._given else self.unresolved_names).add(name)
         first, *others = mentions
-        known = f"declare '{name}' under 'parameters'" if name in self._given else f"parameters are {listed(declared)}"
+        known = (
+            f"declare '{name}' under 'parameters'" if name in self._given else f"parameters are {list_names(declared)}"
+        )
         help_text = f"did you mean '{near}'?" if near else known
         message = f"unknown parameter {shown(name)} in {self._subject}"
         related = [Related("also here", mention.place) for mention in others]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from codra_dsl.language.expression.tokens import shown
 from codra_dsl.language.load.templates.templates import EXAMPLES, Parameter, ParameterKind, Piece, Position, Template
 from codra_dsl.language.load.yaml.findings import Findings
-from codra_dsl.language.load.yaml.nodes import Filled, MappingNode, ScalarNode, SequenceNode, Style, YamlNode
+from codra_dsl.language.load.yaml.nodes import FilledText, MappingNode, ScalarNode, SequenceNode, Style, YamlNode
 from codra_dsl.language.load.yaml.origin import Origin
 from codra_dsl.language.model import Literal
 
@@ -112,7 +112,7 @@ class Filler:
             return node
         filled = ScalarNode(text, text, node.start, node.end, node.style)
         filled.reported = node.reported
-        filled.filled = Filled(node.text, pieces)
+        filled.filled_text = FilledText(node.text, pieces)
         return filled
 
     def _literal(self, node: ScalarNode, piece: Piece) -> ScalarNode:
@@ -122,7 +122,7 @@ class Filler:
             bound.text, bound.data, node.start, node.end, Style.DOUBLE_QUOTED if quoted else Style.PLAIN
         )
         filled.reported = node.reported or (not bound.known and bound.kind is not ParameterKind.IDENTIFIER)
-        filled.filled = Filled(node.text, ((bound.text, ((0, node.start, node.end - node.start),)),))
+        filled.filled_text = FilledText(node.text, ((bound.text, ((0, node.start, node.end - node.start),)),))
         return filled
 
     def _text(self, piece: Piece, position: Position) -> str:

@@ -33,14 +33,14 @@ def check_name(node: ScalarNode, bearer: Subject | str, subject: Subject, findin
     name = node.text
     if node.reported or is_identifier(name):
         return not node.reported
-    full_name = f"{bearer} of {subject}" if isinstance(bearer, str) else str(bearer)
+    bearer_text = f"{bearer} of {subject}" if isinstance(bearer, str) else str(bearer)
     place, path = subject.origin.of(node), subject.part(*steps)
     if _is_reserved(name):
-        message = f"{full_name} has a reserved name"
-        findings.add("reserved-name", message, place, help=f"{_reserved_for(name)}; choose another", path=path)
+        message = f"{bearer_text} has a reserved name"
+        findings.add("reserved-name", message, place, help=f"{_reservation(name)}; choose another", path=path)
         return False
-    message = f"{full_name} has an invalid name" if name else "a name is empty"
-    help_text = _help(node.written)
+    message = f"{bearer_text} has an invalid name" if name else "a name is empty"
+    help_text = _name_help(node.written)
     if help_text.startswith("write") and node is subject.key and subject.section == "context":
         help_text += "; write the name for people under 'label'"
     findings.add("ill-formed-name", message, place, help=help_text, path=path)
@@ -51,13 +51,13 @@ def _is_reserved(name: str) -> bool:
     return name in _RESERVED
 
 
-def _reserved_for(name: str) -> str:
+def _reservation(name: str) -> str:
     if name in FUNCTIONS:
         return f"{shown(name)} is a function of the condition language"
     return f"{shown(name)} is a literal" if name in _LITERALS else f"{shown(name)} is a Python keyword"
 
 
-def _help(name: str) -> str:
+def _name_help(name: str) -> str:
     if len(name) > MAX_NAME and "$(" not in name:
         return f"a name has at most {MAX_NAME} letters"
     other = _OTHER_PARAMETER.search(name)
