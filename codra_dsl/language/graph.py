@@ -68,7 +68,8 @@ def shortest_cycle(needs: Needs) -> tuple[str, ...]:
         budget -= visits + part.number_of_edges()
         part.remove_node(start)  # no cycle through it is shorter than the best
         waiting.extend(_cyclic_parts(part))
-    return _rotate_to_least(best)
+    least = best.index(min(best)) if best else 0
+    return best[least:] + best[:least]
 
 
 def cycle_through(needs: Needs, name: str) -> tuple[str, ...]:
@@ -120,11 +121,3 @@ def _path_back(name: str, start: str, came_from: Mapping[str, str]) -> Iterator[
         yield name
         name = came_from[name]
     yield start
-
-
-def _rotate_to_least(path: tuple[str, ...]) -> tuple[str, ...]:
-    """Return a cyclic path, rotated so that it begins with its least name."""
-    if not path:
-        return ()
-    least = path.index(min(path))
-    return path[least:] + path[:least]

@@ -162,8 +162,8 @@ def test_the_reference_has_the_keys_and_defaults_of_the_schema(name: str) -> Non
     assert rows.keys() == properties.keys()
     for key, (default, *_) in rows.items():
         literal = re.fullmatch(r"`(.+)`", default)
-        stated = None if literal is None or key == "source" else literal[1]
-        assert stated == (str(properties[key]["default"]) if "default" in properties[key] else None), key
+        stated_default = None if literal is None or key == "source" else literal[1]
+        assert stated_default == (str(properties[key]["default"]) if "default" in properties[key] else None), key
         assert (default == "needed") == (key in DEFINITIONS[name]["required"]), key
 
 

@@ -80,7 +80,8 @@ def _parse_masked(text: str, read: re.Pattern[str]) -> Node | SyntaxProblem:
     if isinstance(tree, SyntaxProblem):
         message, help_text = tree.message, tree.help
         for start, name in names.items():
-            mask = masked[start : start + len(_matched_text(text, read, start))]
+            match = read.match(text, start)
+            mask = masked[start : start if match is None else match.end()]
             message, help_text = message.replace(mask, name), help_text.replace(mask, name)
         return SyntaxProblem(message, tree.start, tree.end, help_text)
     return _restore_names(tree, names) if names else tree
@@ -107,11 +108,6 @@ def _mask(text: str, read: re.Pattern[str]) -> tuple[str, dict[int, str]]:
             continue
         masked = masked[:start] + re.sub(r"\W", "_", match[0], flags=re.ASCII) + masked[end:]
     return masked, names
-
-
-def _matched_text(text: str, read: re.Pattern[str], start: int) -> str:
-    match = read.match(text, start)
-    return "" if match is None else match[0]
 
 
 def _restore_names(value: Node, names: Mapping[int, str]) -> Node:

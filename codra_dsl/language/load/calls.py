@@ -170,9 +170,9 @@ class _Checker:
             else:
                 others.append(name)
         if others:
-            taken = sorted(signature.accepted)
+            accepted_names = sorted(signature.accepted)
             self._report_untaken_arguments(
-                algorithm, others, f"it takes {list_names(taken)}" if taken else "it takes none"
+                algorithm, others, f"it takes {list_names(accepted_names)}" if accepted_names else "it takes none"
             )
         for name in missing:
             self._report_missing(algorithm, name)

@@ -169,7 +169,9 @@ class Uses:
                 if key.text not in node.entries:
                     node.put(key, value)
         template_keys = [
-            key for key, (_, value) in node.entries.items() if _is_text(value) and value.data in self._templates
+            key
+            for key, (_, value) in node.entries.items()
+            if isinstance(value, ScalarNode) and value.data in self._templates
         ]
         if "template" not in node.entries and len(template_keys) == 1:
             key_node, value = node.entries[template_keys[0]]
@@ -210,10 +212,6 @@ class _UsedNames:
     def argument_names(self, template: str) -> list[str]:
         """Return the names of all arguments in all uses of a template."""
         return self._given.get(template, [])
-
-
-def _is_text(value: YamlNode) -> bool:
-    return isinstance(value, ScalarNode) and isinstance(value.data, str)
 
 
 def _record_lost_names(template: Template, arguments: Arguments, elements: Elements) -> None:

@@ -114,7 +114,9 @@ class Elements:
             self.damaged[section].add(name)
             self.damaged_keys[section, name] = frozenset(reader.damaged)
         if reader.suspects:
-            self._suspect(reader, element)
+            returned = element.returns if isinstance(element, Algorithm) else ()
+            names = frozenset(value.name for value in returned)
+            self._suspects.extend((suspect, names) for suspect in reader.suspects)
 
     def report_comments(self) -> None:
         """Report comments after conditions whose names could be part of the condition."""
@@ -139,11 +141,6 @@ class Elements:
         """Report mistakes in the shape of an element; return the keys that are damaged by them."""
         definition = DEFINITIONS[subject.section]
         return frozenset() if has_shape(definition, node.data) else explain(definition, node, subject, self._findings)
-
-    def _suspect(self, reader: Reader, element: object) -> None:
-        returned = element.returns if isinstance(element, Algorithm) else ()
-        names = frozenset(value.name for value in returned)
-        self._suspects.extend((suspect, names) for suspect in reader.suspects)
 
 
 def report_taken(subject: Subject, first: Subject, findings: Findings) -> None:

@@ -410,8 +410,8 @@ class _Survey:
         letters = letters_of(node, self._origin.source.text)
         for _ in range(MAX_PARAMETER_REPAIRS):
             repair = repair_parameter(text, self._parameters)
-            if repair is None or not self._is_surely_damaged(text, position):
-                break
+            if repair is None or (text.startswith("(") and position in (Position.CONDITION, Position.TEXT)):
+                break  # conditions and prose may begin with a parenthesis
             place = PlacedLetters(self._origin.place, letters).place(repair.start, repair.end) or self._origin.of(node)
             self._report("ill-formed-parameter", repair.message, place, f"write {repair.parameter}")
             text, letters = repair.text, ()
@@ -424,10 +424,6 @@ class _Survey:
             self.touched.add(id(node))
         self._is_broken |= node.reported
         return True
-
-    def _is_surely_damaged(self, text: str, position: Position) -> bool:
-        """Return whether what looks like a damaged parameter is surely one: conditions and prose may begin with `(`."""
-        return not text.startswith("(") or position not in (Position.CONDITION, Position.TEXT)
 
     def _is_valid(self, node: ScalarNode, pattern: Pattern, index: int) -> bool:
         """Report mistakes in one piece of a scalar; return whether it is valid."""

@@ -22,7 +22,7 @@ _OTHER_PARAMETER = re.compile(r"\$\{(\w+)\}|\$(\w+)|\{\{\s*(\w+)\s*\}\}")
 
 def is_identifier(name: str) -> bool:
     """Return whether a spec may declare a name."""
-    return _IDENTIFIER.fullmatch(name) is not None and len(name) <= MAX_NAME and not _is_reserved(name)
+    return _IDENTIFIER.fullmatch(name) is not None and len(name) <= MAX_NAME and name not in _RESERVED
 
 
 def check_name(node: ScalarNode, bearer: Subject | str, subject: Subject, findings: Findings, *steps: str) -> bool:
@@ -35,7 +35,7 @@ def check_name(node: ScalarNode, bearer: Subject | str, subject: Subject, findin
         return not node.reported
     bearer_text = f"{bearer} of {subject}" if isinstance(bearer, str) else str(bearer)
     place, path = subject.origin.of(node), subject.part(*steps)
-    if _is_reserved(name):
+    if name in _RESERVED:
         message = f"{bearer_text} has a reserved name"
         findings.add("reserved-name", message, place, help=f"{_reservation(name)}; choose another", path=path)
         return False
@@ -45,10 +45,6 @@ def check_name(node: ScalarNode, bearer: Subject | str, subject: Subject, findin
         help_text += "; write the name for people under 'label'"
     findings.add("ill-formed-name", message, place, help=help_text, path=path)
     return False
-
-
-def _is_reserved(name: str) -> bool:
-    return name in _RESERVED
 
 
 def _reservation(name: str) -> str:
