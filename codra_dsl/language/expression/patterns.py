@@ -38,7 +38,7 @@ _SLIPS: Mapping[str, str] = {
     ",": "write each pattern as an item of its own",
     "=": "write '->'",
     ">": "write '->'",
-    ".": "a path names nodes and edges; ask for an attribute in a condition of its own",
+    ".": "a path has only nodes and edges; write an attribute in a condition of its own",
     "$": "parameters are written $(name), and only inside a template",
 }
 

@@ -32,7 +32,7 @@ _SHARE = ValueType(kind=Kind.FLOAT, range=(0.0, 1.0))
 def with_derived_variables(spec: Spec, findings: Findings) -> Spec:
     """Return a spec with the context-variables and agents that its loops imply.
 
-    If another context-variable, declared or implied earlier, has such a name, that is reported and this one left out.
+    An implied context-variable with the name of a declared one, or of one implied before, is reported and left out.
     """
     if not spec.adapts:
         return spec

@@ -88,7 +88,7 @@ def take_section(root: MappingNode, section: str) -> MappingNode | None:
 
 
 def read_document(source: Source, findings: Findings) -> Document | None:
-    """Return a file as a document, or None if the rest cannot be read sensibly."""
+    """Return a file as a document, or None if it cannot be read as a spec or a part."""
     before = len(findings)
     root = compose(source, findings)
     if root is None and len(findings) > before:
