@@ -283,7 +283,7 @@ def existing(paths: Iterable[Path]) -> list[Path]:
             alone = ": standard input is read alone" if path == Path(STANDARD_INPUT) else ""
             raise typer.BadParameter(f"'{path}' does not exist{alone}", param_hint="PATH") from error
         except (OSError, ValueError) as error:
-            reason = getattr(error, "strerror", None) or "no such path is possible"
+            reason = getattr(error, "strerror", None) or "the path is not valid"
             raise typer.BadParameter(f"'{path}' cannot be reached: {reason}", param_hint="PATH") from error
     return checked
 

@@ -62,34 +62,34 @@ class HasSpans(Protocol):
         ...
 
 
-class _Late:
+class _LazyPlace:
     """Computes the span of a place on first access: the spans of most places are never used."""
 
-    __slots__ = ("_late",)
-    _late: tuple[HasSpans, int, int]
+    __slots__ = ("_range",)
+    _range: tuple[HasSpans, int, int]
 
     def __getattr__(self, name: str) -> object:
         """Fill the slot `span`. Python calls this method only while the slot is empty."""
         if name != "span":
             raise AttributeError(name)
-        text, start, end = self._late
+        text, start, end = self._range
         span = text.span(start, end)
         object.__setattr__(self, "span", span)
         return span
 
 
 @dataclass(frozen=True, slots=True, order=True)
-class Place(_Late):
+class Place(_LazyPlace):
     """Where an element is: its span and, if a template made it, the span of the `use` that made it."""
 
     span: Span
     use: Span | None = None
 
 
-def late_place(text: HasSpans, start: int, end: int, use: Span | None) -> Place:
+def lazy_place(text: HasSpans, start: int, end: int, use: Span | None) -> Place:
     """Return the place of a range of a text; its span is computed on first access."""
     place = object.__new__(Place)
-    object.__setattr__(place, "_late", (text, start, end))
+    object.__setattr__(place, "_range", (text, start, end))
     object.__setattr__(place, "use", use)
     return place
 
@@ -165,7 +165,7 @@ class Diagnostic:
         help: how to fix it, in one sentence; empty only if the message already contains it.
         fix: how to fix it, as edits, if a tool can apply them.
         level: the severity that the project's settings give it instead of the rule's.
-        per_use: if the text of a template gives the same finding in several uses, the finding of each use.
+        use_findings: if the text of a template gives the same finding in several uses, the finding of each use.
     """
 
     rule: Rule
@@ -176,7 +176,7 @@ class Diagnostic:
     related: tuple[Related, ...] = ()
     fix: Fix | None = None
     level: Severity | None = None
-    per_use: tuple[Diagnostic, ...] = ()
+    use_findings: tuple[Diagnostic, ...] = ()
 
     @property
     def code(self) -> str:
@@ -225,21 +225,23 @@ MAX_LISTED_USES = 5
 def once_per_template(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
     """Return findings, with those of one template text merged into one that lists the other uses."""
     same: dict[object, list[Diagnostic]] = {}
-    in_one_use: Counter[object] = Counter()
+    counts_in_use: Counter[object] = Counter()
     for diagnostic in diagnostics:
         key: object = diagnostic
         if diagnostic.place.use is not None:  # several findings of one use at one place stay separate
-            in_one_use[diagnostic.code, diagnostic.place] += 1
-            key = diagnostic.code, diagnostic.place.span, in_one_use[diagnostic.code, diagnostic.place]
+            counts_in_use[diagnostic.code, diagnostic.place] += 1
+            key = diagnostic.code, diagnostic.place.span, counts_in_use[diagnostic.code, diagnostic.place]
         same.setdefault(key, []).append(diagnostic)
     return tuple(_with_uses(*sorted(group, key=lambda diagnostic: diagnostic.place)) for group in same.values())
 
 
 def _with_uses(first: Diagnostic, *others: Diagnostic) -> Diagnostic:
-    uses = {diagnostic.place.use: diagnostic for diagnostic in others if diagnostic.place.use != first.place.use}
-    listed = list(uses.values())[:MAX_LISTED_USES]
-    also = tuple(Related(f"in another use: {diagnostic.message}", diagnostic.place) for diagnostic in listed)
-    return replace(first, related=first.related + also, per_use=(first, *others)) if also else first
+    finding_of_use = {
+        diagnostic.place.use: diagnostic for diagnostic in others if diagnostic.place.use != first.place.use
+    }
+    listed_findings = list(finding_of_use.values())[:MAX_LISTED_USES]
+    related = tuple(Related(f"in another use: {finding.message}", finding.place) for finding in listed_findings)
+    return replace(first, related=first.related + related, use_findings=(first, *others)) if related else first
 
 
 MAX_CANDIDATES = 2000
@@ -306,9 +308,9 @@ def _distance(left: str, right: str, limit: int) -> int:
     """Return the optimal string alignment distance, or any number above `limit` if it is larger."""
     if abs(len(left) - len(right)) > limit:
         return limit + 1
-    start = _shared(left, right)
+    start = _common_prefix_length(left, right)
     left, right = left[start:], right[start:]
-    end = _shared(left[::-1], right[::-1])
+    end = _common_prefix_length(left[::-1], right[::-1])
     left, right = left[: len(left) - end], right[: len(right) - end]
     before: list[int] = []
     previous = list(range(len(right) + 1))
@@ -325,7 +327,7 @@ def _distance(left: str, right: str, limit: int) -> int:
     return previous[-1]
 
 
-def _shared(left: str, right: str) -> int:
+def _common_prefix_length(left: str, right: str) -> int:
     """Return how many letters two texts share at their beginning."""
     pairs = enumerate(zip(left, right, strict=False))
     return next((index for index, (one, other) in pairs if one != other), min(len(left), len(right)))

@@ -66,9 +66,10 @@ def shortest_cycle(needs: Needs) -> tuple[str, ...]:
         path, visits = _cycle_through(start, part, shorter_than=len(best))
         best = path or best
         budget -= visits + part.number_of_edges()
-        part.remove_node(start)  # the shortest cycle through it is known
+        part.remove_node(start)  # no cycle through it is shorter than the best
         waiting.extend(_cyclic_parts(part))
-    return _from_least(best)
+    least = best.index(min(best)) if best else 0
+    return best[least:] + best[:least]
 
 
 def cycle_through(needs: Needs, name: str) -> tuple[str, ...]:
@@ -97,7 +98,7 @@ def _cyclic_parts(graph: nx.DiGraph[str]) -> list[nx.DiGraph[str]]:
 
 
 def _cycle_through(start: str, graph: nx.DiGraph[str], *, shorter_than: int) -> tuple[tuple[str, ...], int]:
-    """Return a shortest cycle through `start` (below the length `shorter_than`, 0 = any) and the edges visited."""
+    """Return a shortest cycle through `start` (below the length `shorter_than`, 0 = any) and the number of visits."""
     came_from: dict[str, str] = {}
     layer, length, visits = [start], 1, 0
     while layer and (shorter_than == 0 or length < shorter_than):
@@ -120,11 +121,3 @@ def _path_back(name: str, start: str, came_from: Mapping[str, str]) -> Iterator[
         yield name
         name = came_from[name]
     yield start
-
-
-def _from_least(path: tuple[str, ...]) -> tuple[str, ...]:
-    """Return a cyclic path, rotated so that it begins with its least name."""
-    if not path:
-        return ()
-    least = path.index(min(path))
-    return path[least:] + path[:least]

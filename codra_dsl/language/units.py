@@ -82,11 +82,15 @@ class Unit:
 
     def __mul__(self, other: Unit) -> Unit:
         """Return the unit of a product."""
-        return _named(self.dimension * other.dimension, self.factor * other.factor, self.degrees + other.degrees)
+        return _unit_with_name(
+            self.dimension * other.dimension, self.factor * other.factor, self.degrees + other.degrees
+        )
 
     def __truediv__(self, other: Unit) -> Unit:
         """Return the unit of a quotient."""
-        return _named(self.dimension / other.dimension, self.factor / other.factor, self.degrees - other.degrees)
+        return _unit_with_name(
+            self.dimension / other.dimension, self.factor / other.factor, self.degrees - other.degrees
+        )
 
     def __str__(self) -> str:
         """Return the unit as people write it."""
@@ -256,7 +260,7 @@ def duration_help(text: str, most: str = "finite") -> str:
     """Return the help for a text that is not a duration; `most` is "forever" if that is allowed, else "finite"."""
     text = re.sub(r"(?<=[0-9]),(?=[0-9])", ".", text)
     if parse_quantity(text) is not None:
-        return f"did you mean '{text}'?" if parse_duration(text) is not None else _durations(most)
+        return f"did you mean '{text}'?" if parse_duration(text) is not None else _durations_help(most)
     number = re.match(rf"\s*({NUMBER_TEXT})\s*(.*)", text, re.DOTALL)
     near = suggest_unit(number[2].rstrip()) if number else None
     unit = parse_unit(near) if near else None
@@ -268,10 +272,10 @@ def duration_help(text: str, most: str = "finite") -> str:
         return f"a duration has a unit: '{number[1]} s', '{number[1]} ms', '{number[1]} min' or '{number[1]} h'"
     if most == "forever" and text.strip().casefold() in _FOREVER:
         return "did you mean 'forever'?"
-    return _durations(most)
+    return _durations_help(most)
 
 
-def _durations(most: str) -> str:
+def _durations_help(most: str) -> str:
     known = "a duration is a number with ms, s, min or h, such as '500 ms'"
     return f"{known}, or 'forever'" if most == "forever" else known
 
@@ -311,7 +315,7 @@ def _nearest(piece: str) -> str | None:
     return same[0] if len(same) == 1 else suggest(piece, (symbol for symbol in UNITS if len(symbol) > 1))
 
 
-def _named(dimension: Dimension, factor: Fraction, degrees: int) -> Unit:
+def _unit_with_name(dimension: Dimension, factor: Fraction, degrees: int) -> Unit:
     """Return a unit, with the name of the equal unit in `UNITS` if there is one."""
     plain = Unit(dimension, factor, degrees, str(dimension) if factor == 1 and degrees == 0 else "")
     return next((unit for unit in UNITS.values() if unit == plain), plain)

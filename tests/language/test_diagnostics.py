@@ -36,25 +36,32 @@ def test_a_name_that_differs_only_in_case_is_suggested() -> None:
     assert suggest("Door_open", ["Door_opem", "door_open"]) == "door_open"
 
 
-def diagnostic(message: str, use: int | None, path: str = "a") -> Diagnostic:
+def make_diagnostic(message: str, use: int | None, path: str = "a") -> Diagnostic:
     span = Span("spec.yaml", 3, 1, 3, 9)
     place = Place(span, None if use is None else Span("spec.yaml", use, 1, use, 5))
     return Diagnostic(rule=RULE, message=message, place=place, path=path)
 
 
 def test_one_template_text_gives_one_finding_at_its_first_use() -> None:
-    (one,) = once_per_template([diagnostic("in sugar", 9, "context.sugar"), diagnostic("in salt", 8, "context.salt")])
+    (one,) = once_per_template(
+        [make_diagnostic("in sugar", 9, "context.sugar"), make_diagnostic("in salt", 8, "context.salt")]
+    )
 
     assert (one.message, [other.message for other in one.related]) == ("in salt", ["in another use: in sugar"])
 
 
 def test_several_findings_of_one_use_at_one_place_stay_separate() -> None:
-    several = [diagnostic("first", 8), diagnostic("second", 8), diagnostic("first", 9), diagnostic("second", 9)]
+    several = [
+        make_diagnostic("first", 8),
+        make_diagnostic("second", 8),
+        make_diagnostic("first", 9),
+        make_diagnostic("second", 9),
+    ]
 
-    assert [merged.message for merged in once_per_template(several)] == ["first", "second"]
+    assert [finding.message for finding in once_per_template(several)] == ["first", "second"]
 
 
 def test_findings_outside_templates_stay_as_they_are() -> None:
-    several = (diagnostic("first", None), diagnostic("second", None))
+    several = (make_diagnostic("first", None), make_diagnostic("second", None))
 
     assert once_per_template(several) == several

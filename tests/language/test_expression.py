@@ -180,7 +180,7 @@ def test_names_are_listed_in_the_order_of_the_text() -> None:
         (")", ")", "')' closes nothing", "remove it"),
         ("a and", "and", "a value is missing after 'and'", "complete the condition"),
         ("a > < b", ">", "a value is missing after '>'", "add a value before '<'"),
-        ("> 3", ">", "a value is missing before '>'", "write what is compared first"),
+        ("> 3", ">", "a value is missing before '>'", "begin the condition with a value"),
         ("a == not b", "not", "'not' needs parentheses here", "write (not x)"),
         (
             "a < b in (1, 2)",
@@ -188,7 +188,12 @@ def test_names_are_listed_in_the_order_of_the_text() -> None:
             "'in' cannot be part of a chain of comparisons",
             "put one of the comparisons in parentheses or join them with 'and'",
         ),
-        ("a, b", ",", "unexpected ','", "join conditions with 'and' or 'or', or write each as an item of its own"),
+        (
+            "a, b",
+            ",",
+            "unexpected ','",
+            "join the conditions with 'and' or 'or'; or write each condition as an item of its own",
+        ),
         ("(a, b)", "(a,", "a list is allowed only after 'in'", "write x in (1, 2)"),
         ("'open' if a", "if", "'if' without 'else'", "write A if CONDITION else B"),
         ("if a then b", "if", "unexpected 'if'", "write A if CONDITION else B"),

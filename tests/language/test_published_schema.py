@@ -12,7 +12,7 @@ import jsonschema_rs
 import pytest
 
 from codra_dsl.language.expression import SyntaxProblem, parse
-from codra_dsl.language.load.schema.schema import sound
+from codra_dsl.language.load.schema.schema import has_shape
 from codra_dsl.language.load.schema_file import schema
 from codra_dsl.language.units import UNITS, parse_duration, parse_unit
 
@@ -31,13 +31,13 @@ TABLES = {
 }
 
 
-def resolved(part: dict[str, Any]) -> dict[str, Any]:
+def resolve(part: dict[str, Any]) -> dict[str, Any]:
     """Return a part as an editor sees it, with its reference resolved."""
     return DEFINITIONS.get(part.get("$ref", "").rpartition("/")[2], {}) | part
 
 
 def annotated(part: object) -> Iterator[dict[str, Any]]:
-    """Yield all schemas within a part."""
+    """Yield all schemas within a part; names of keys are not schemas."""
     if not isinstance(part, dict):
         return
     yield part
@@ -70,7 +70,7 @@ def table(heading: str) -> dict[str, list[str]]:
 
 @pytest.mark.parametrize("key", KEYS)
 def test_every_key_has_a_title_and_a_text_that_is_more_than_the_key(key: str) -> None:
-    seen = resolved(KEYS[key])
+    seen = resolve(KEYS[key])
 
     assert seen["title"]
     assert len(seen["description"].split()) >= 3
@@ -146,7 +146,7 @@ def test_the_compiler_accepts_the_same_data_as_the_published_schema(name: str) -
     anything: list[object] = [None, 1, "", "a", [], [1], {}, {"type": "bool"}, {"type": "bool", "description": 3}]
     anything += [{"type": "int", "default": []}, *DEFINITIONS[name]["examples"]]
 
-    assert [sound(name, data) for data in anything] == [
+    assert [has_shape(name, data) for data in anything] == [
         validator(DEFINITIONS[name]).is_valid(data) for data in anything
     ]
 
@@ -162,8 +162,8 @@ def test_the_reference_has_the_keys_and_defaults_of_the_schema(name: str) -> Non
     assert rows.keys() == properties.keys()
     for key, (default, *_) in rows.items():
         literal = re.fullmatch(r"`(.+)`", default)
-        stated = None if literal is None or key == "source" else literal[1]
-        assert stated == (str(properties[key]["default"]) if "default" in properties[key] else None), key
+        stated_default = None if literal is None or key == "source" else literal[1]
+        assert stated_default == (str(properties[key]["default"]) if "default" in properties[key] else None), key
         assert (default == "needed") == (key in DEFINITIONS[name]["required"]), key
 
 
@@ -175,5 +175,5 @@ def test_the_reference_has_the_keys_of_skills_and_files() -> None:
 @pytest.mark.parametrize("name", ["context_variable", "perception_algorithm", "returned_value", "parameter_object"])
 def test_the_reference_names_every_word_of_a_choice(name: str) -> None:
     for key, part in DEFINITIONS[name]["properties"].items():
-        for form in (resolved(part), *resolved(part).get("anyOf", ())):
+        for form in (resolve(part), *resolve(part).get("anyOf", ())):
             assert [word for word in form.get("enum", ()) if f"`{word}`" not in REFERENCE] == [], key

@@ -42,9 +42,9 @@ def test_the_specs_without_mistakes_give_no_finding(name: str) -> None:
 
 @pytest.mark.parametrize("mistake", MISTAKES, ids=lambda mistake: f"{mistake['spec']}: {mistake['instead']!r}")
 def test_one_mistake_gives_one_finding_at_its_place_with_its_help(mistake: dict[str, str]) -> None:
-    correct = SPECS[mistake["spec"]]
-    assert mistake["written"] in correct
-    text = correct.replace(mistake["written"], mistake["instead"], 1)
+    correct_text = SPECS[mistake["spec"]]
+    assert mistake["written"] in correct_text
+    text = correct_text.replace(mistake["written"], mistake["instead"], 1)
 
     (finding,) = findings(text)
 

@@ -27,9 +27,9 @@ SYMBOLS = sorted(UNITS)
 
 
 def unit(text: str) -> Unit:
-    parsed = parse_unit(text)
-    assert parsed is not None, text
-    return parsed
+    parsed_unit = parse_unit(text)
+    assert parsed_unit is not None, text
+    return parsed_unit
 
 
 def compound_units() -> st.SearchStrategy[str]:

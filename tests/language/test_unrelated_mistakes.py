@@ -28,6 +28,6 @@ def test_twelve_unrelated_mistakes_give_twelve_findings_in_file_order_with_their
     planned = plan_paths([WORKSHOP], WORKSHOP.parent)
 
     assert [finding.place.span.line for finding in planned.diagnostics] == [line for line, _, _ in EXPECTED]
-    for finding, (_, offender, help) in zip(planned.diagnostics, EXPECTED, strict=True):
+    for finding, (_, offender, help_part) in zip(planned.diagnostics, EXPECTED, strict=True):
         assert offender in finding.message
-        assert help in finding.help
+        assert help_part in finding.help

@@ -20,7 +20,7 @@ DEFAULTS: Mapping[str, Mapping[str, Expression]] = {
         "slots": "()",
         "given": "()",
         "returns": "{}",
-        **{setting.field: literal(setting.default) for setting in ALGORITHM_SETTINGS},
+        **{setting.field_name: literal(setting.default) for setting in ALGORITHM_SETTINGS},
     },
     "ObserverModel": {"period_s": "1.0", "priority": "0"},
     "ResourceModel": {"slots": "None"},
@@ -62,7 +62,7 @@ def algorithm(branch: Branch, imports: Imports) -> Expression:
         returns=dictionary(
             {text_literal(returned.name): _returned(returned, imports) for returned in declared.returns}
         ),
-        **{setting.field: literal(getattr(declared, setting.field)) for setting in ALGORITHM_SETTINGS},
+        **{setting.field_name: literal(getattr(declared, setting.field_name)) for setting in ALGORITHM_SETTINGS},
     )
     return spread_call("Algorithm", **fields)
 

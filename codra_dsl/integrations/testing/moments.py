@@ -24,7 +24,7 @@ from codra_dsl.integrations.testing.timeline import (
 )
 from codra_dsl.integrations.testing.values import read_anything, read_difference, read_value
 from codra_dsl.language.expression.tokens import shown
-from codra_dsl.language.load.yaml.findings import Findings, listed
+from codra_dsl.language.load.yaml.findings import Findings, list_names
 from codra_dsl.language.load.yaml.nodes import MappingNode, ScalarNode, SequenceNode, YamlNode
 from codra_dsl.language.load.yaml.origin import Subject
 from codra_dsl.language.load.yaml.reader import Reader, entries
@@ -151,7 +151,7 @@ class MomentReader:
         garbage = node.value("garbage")
         kinds = [key for key in ("raises", "hangs", "garbage") if key in node.entries]
         if len(kinds) > 1:
-            message = f"{listed(kinds)}: only one of them is possible"
+            message = f"{list_names(kinds)}: only one of them is possible"
             reader.fail("misplaced-key", message, reader.origin.of(node.entries[kinds[1]][0]), "remove the others")
         if not kinds and "late" not in node.entries:
             if "jobs" in node.entries:
@@ -299,7 +299,7 @@ class MomentReader:
     ) -> None:
         allowed = list(names)
         near = self._findings.nearest(node.text, allowed)
-        allowed_text = f"there is {listed(allowed)}" if allowed else "there is none"
+        allowed_text = f"there is {list_names(allowed)}" if allowed else "there is none"
         message = f"{problem} {shown(node.text)}"
         help_text = f"did you mean '{near}'?" if near else allowed_text
         path = self._subject.part(*steps, node.text)

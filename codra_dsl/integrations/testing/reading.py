@@ -15,10 +15,10 @@ from codra_dsl.integrations.testing.timeline import Behaviour, Maker, Moment, St
 from codra_dsl.language.diagnostics import Diagnostic, has_errors, in_file_order
 from codra_dsl.language.expression.tokens import shown
 from codra_dsl.language.load.elements.values import read_literal
-from codra_dsl.language.load.schema.schema import sound
+from codra_dsl.language.load.schema.schema import has_shape
 from codra_dsl.language.load.schema.shape import explain
 from codra_dsl.language.load.yaml.compose import compose
-from codra_dsl.language.load.yaml.findings import Findings, listed
+from codra_dsl.language.load.yaml.findings import Findings, list_names
 from codra_dsl.language.load.yaml.nodes import MappingNode, ScalarNode, YamlNode
 from codra_dsl.language.load.yaml.origin import Origin, Subject
 from codra_dsl.language.load.yaml.reader import Reader, entries
@@ -59,7 +59,7 @@ def _read(source: Source, node: MappingNode, root: Path, findings: Findings) -> 
     name = node.value("timeline")
     key = name if isinstance(name, ScalarNode) else next(iter(node.entries.values()))[0]
     subject = Subject(_DEFINITION, key, Origin(source))
-    if not sound(_DEFINITION, node.data):
+    if not has_shape(_DEFINITION, node.data):
         explain(_DEFINITION, node, subject, findings)
     name = node.value("timeline")
     if not isinstance(name, ScalarNode) or name.reported:
@@ -125,7 +125,7 @@ class _Reading:
         for key, value in entries(self._node.value(section)):
             if key.text not in names:
                 near = self._findings.nearest(key.text, names)
-                help_text = f"did you mean '{near}'?" if near else f"there is {listed(names) or 'none'}"
+                help_text = f"did you mean '{near}'?" if near else f"there is {list_names(names) or 'none'}"
                 message = f"spec '{self._package.model.name}' has no {noun} {shown(key.text)}"
                 self._findings.add("unknown-key", message, self._subject.origin.of(key), help=help_text, path=section)
             elif isinstance(value, MappingNode):
@@ -193,7 +193,7 @@ class _Reading:
                     if not type_.optional and name not in names_of_algorithm
                 ]
                 if missing_names:
-                    message = f"{behaviour.algorithm!r} also returns {listed(missing_names)}"
+                    message = f"{behaviour.algorithm!r} also returns {list_names(missing_names)}"
                     self._findings.add("missing-key", message, behaviour.place, help="add it under 'returns'")
             elif behaviour.algorithm not in returned_names and (
                 behaviour.takes_s is not None or behaviour.evidence_s is not None

@@ -67,7 +67,11 @@ _OTHER_FUNCTIONS = {
     "unknown": "write not known(x)",
     "is_known": "did you mean 'known'?",
     "defined": "did you mean 'known'?",
-    **dict.fromkeys(("distance", "in_view"), "use poses in 'observable_when', or in patterns of agents"),
+    **{
+        name: f"{name}() is allowed only in 'observable_when', in patterns of agents, and in 'always' and 'value'"
+        " of adaptations"
+        for name in ("distance", "in_view")
+    },
 }
 
 
@@ -95,7 +99,7 @@ def parse(text: str) -> Node | SyntaxProblem:
 class _Parser:
     """Reads one condition.
 
-    Tokens are distinguished by their text alone: no name, number or quoted text is spelled like a word or a symbol.
+    The text of a token is enough to recognise a word or a symbol: no name, number or quoted text is spelled like one.
     """
 
     def __init__(self, all_tokens: tuple[Token, ...]) -> None:
@@ -115,7 +119,7 @@ class _Parser:
         return node
 
     def expression(self, power: Power) -> Node:
-        """Return the longest expression from here on whose operators bind at least as tightly as `power`."""
+        """Return the longest expression that starts at the next token and whose operators bind at least as `power`."""
         self._depth += 1
         if self._depth > MAX_DEPTH:
             raise _too_deep(self._next.start, self._next.end)
@@ -137,12 +141,12 @@ class _Parser:
 
     def disjunction(self, first: Node) -> Node:
         """Read `or b or c` after `a`."""
-        operands = self._series(first, "or", Power.AND)
+        operands = self._operands(first, "or", Power.AND)
         return Or(start=first.start, end=operands[-1].end, operands=operands)
 
     def conjunction(self, first: Node) -> Node:
         """Read `and b and c` after `a`."""
-        operands = self._series(first, "and", Power.NOT)
+        operands = self._operands(first, "and", Power.NOT)
         return And(start=first.start, end=operands[-1].end, operands=operands)
 
     def comparison(self, first: Node) -> Node:
@@ -151,7 +155,7 @@ class _Parser:
         while self._next.text in _COMPARISONS:
             operator = Comparison(self._take().text)
             rest.append((operator, self.expression(Power.SUM)))
-            if len(rest) > MAX_DEPTH:  # Python nests the links of a chain
+            if len(rest) > MAX_DEPTH:  # generated code joins the links by `&`, which nests
                 raise _too_deep(first.start, rest[-1][1].end)
         if self._next.text in ("in", "not"):
             raise self._mixed_chain()
@@ -166,7 +170,7 @@ class _Parser:
         if self._next.text != "(":
             at = self._next
             raise SlipError("a list is missing after 'in'", at.start, at.end, "write x in (1, 2) or x == 1")
-        options, end = self._listed()
+        options, end = self._expressions()
         if not options:
             raise SlipError("the list after 'in' is empty", item.start, end, "list the allowed values: x in (1, 2)")
         if self._next.text in _COMPARISONS:
@@ -197,7 +201,7 @@ class _Parser:
             return None
         return _INFIX.get(token.text)
 
-    def _series(self, first: Node, word: str, power: Power) -> tuple[Node, ...]:
+    def _operands(self, first: Node, word: str, power: Power) -> tuple[Node, ...]:
         operands = [first]
         while self._next.text == word:
             self._take()
@@ -254,7 +258,7 @@ class _Parser:
             raise self._unexpected()
         return self._take().end
 
-    def _listed(self) -> tuple[tuple[Node, ...], int]:
+    def _expressions(self) -> tuple[tuple[Node, ...], int]:
         """Return the expressions between parentheses and the end offset; a trailing comma is allowed."""
         opening = self._take()
         expressions: list[Node] = []
@@ -278,7 +282,7 @@ class _Parser:
             return Name(start=token.start, end=token.end, name=token.text)
         if token.text not in FUNCTIONS:
             raise _unknown_function(token)
-        arguments, end = self._listed()
+        arguments, end = self._expressions()
         return _checked_call(Call(start=token.start, end=end, function=token.text, arguments=arguments))
 
     def _missing_operand(self) -> SlipError:
@@ -287,7 +291,7 @@ class _Parser:
             return SlipError(f"unexpected '{token.text}'", token.start, token.end, "write A if CONDITION else B")
         if self._position == 0 and token.text != ")":
             return SlipError(
-                f"a value is missing before '{token.text}'", token.start, token.end, "write what is compared first"
+                f"a value is missing before '{token.text}'", token.start, token.end, "begin the condition with a value"
             )
         if self._position == 0:
             return SlipError("')' closes nothing", token.start, token.end, "remove it")
@@ -309,12 +313,12 @@ class _Parser:
         if token.text == "," and numbers and (before.end, after.start) == (token.start, token.end):
             return SlipError("',' is not a decimal point", before.start, after.end, f"write {before.text}.{after.text}")
         if token.text == ",":
-            help_text = "join conditions with 'and' or 'or', or write each as an item of its own"
+            help_text = "join the conditions with 'and' or 'or'; or write each condition as an item of its own"
             return SlipError("unexpected ','", token.start, token.end, help_text)
         replacement = _OTHER_OPERATORS.get(small) or _OTHER_OPERATORS.get(before.text.lower())
         help_text = replacement or "join conditions with 'and' or 'or', compare values with '==' or '<'"
         if parse_unit(token.text) is not None and before.kind is TokenKind.NAME:
-            help_text = f"remove it: {before.text} has the unit that it is declared with"
+            help_text = f"remove '{token.text}': {before.text} already has the unit of its declaration"
         return SlipError(f"an operator is missing before {shown(token.text)}", token.start, token.end, help_text)
 
     def _missing_comma(self) -> SlipError:
@@ -353,8 +357,8 @@ _INFIX: Mapping[str, _Infix] = {
 
 def _unknown_function(token: Token) -> SlipError:
     near = suggest(token.text, FUNCTIONS)
-    listed = f"did you mean '{near}'?" if near else f"functions are {', '.join(sorted(FUNCTIONS))}"
-    help_text = _OTHER_FUNCTIONS.get(token.text, listed)
+    usual_help = f"did you mean '{near}'?" if near else f"functions are {', '.join(sorted(FUNCTIONS))}"
+    help_text = _OTHER_FUNCTIONS.get(token.text, usual_help)
     return SlipError(f"unknown function {shown(token.text)}", token.start, token.end, help_text)
 
 
@@ -362,9 +366,9 @@ def _checked_call(call: Call) -> Call:
     least, most = FUNCTIONS[call.function]
     count = len(call.arguments)
     if count < least or (most is not None and count > most):
-        takes = f"one value, not {count}" if most == 1 else f"at least {least} values, not {count}"
+        count_text = f"one value, not {count}" if most == 1 else f"at least {least} values, not {count}"
         help_text = f"write {call.function}(x)" if most == 1 else f"write {call.function}(a, b)"
-        raise SlipError(f"{call.function}() takes {takes}", call.start, call.end, help_text)
+        raise SlipError(f"{call.function}() takes {count_text}", call.start, call.end, help_text)
     argument = call.arguments[0]
     if call.function in ("known", "age") and not isinstance(argument, Name):
         help_text = f"write {call.function}(NAME), without quotes or operators"

@@ -38,7 +38,7 @@ _SLIPS: Mapping[str, str] = {
     ",": "write each pattern as an item of its own",
     "=": "write '->'",
     ">": "write '->'",
-    ".": "a path names nodes and edges; ask for an attribute in a condition of its own",
+    ".": "a path has only nodes and edges; write an attribute in a condition of its own",
     "$": "parameters are written $(name), and only inside a template",
 }
 
@@ -77,7 +77,7 @@ class EdgeTerm(Node):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Path(Node):
-    """A sequence of nodes, each connected to the next by an edge; or, negated, that no such sequence exists.
+    """A sequence of nodes, each connected to the next by an edge; or, if negated, the statement that none exists.
 
     Attributes:
         terms: one more than links.
@@ -222,11 +222,11 @@ class _PathParser:
         end = self._take().end
         return EdgeTerm(start=opening.start, end=end, edge=edge, is_backward=is_backward)
 
-    def _name(self, what: str, where: str, help_text: str) -> str:
+    def _name(self, noun: str, where: str, help_text: str) -> str:
         token = self._next
         if not token.is_name or token.text in _WORDS:
             at = self._before
-            raise SlipError(f"{what} is missing {where}", at.start, at.end, help_text)
+            raise SlipError(f"{noun} is missing {where}", at.start, at.end, help_text)
         return self._take().text
 
     def _missing_node(self) -> SlipError:

@@ -38,7 +38,7 @@ def parse_named(text: str) -> Node | SyntaxProblem:
     Raises:
         SlipError: if such a name is invalid.
     """
-    return _parsed(text, _READ)
+    return _parse_masked(text, _READ)
 
 
 def parse_over_context(text: str) -> Node | SyntaxProblem:
@@ -46,8 +46,8 @@ def parse_over_context(text: str) -> Node | SyntaxProblem:
     if _MAY_ASK.search(text) is None:
         return parse(text)
     try:
-        tree = _parsed(text, _ASKED)
-        return tree if isinstance(tree, SyntaxProblem) else _posed(tree)
+        tree = _parse_masked(text, _ASKED)
+        return tree if isinstance(tree, SyntaxProblem) else _name_comparisons(tree)
     except SlipError as slip:
         return slip.problem
 
@@ -74,19 +74,20 @@ def reads_of(name: str) -> tuple[str, str, str]:
     return ("", node, attribute) if dot else ("", "", name)
 
 
-def _parsed(text: str, read: re.Pattern[str]) -> Node | SyntaxProblem:
-    masked, names = _masked(text, read)
+def _parse_masked(text: str, read: re.Pattern[str]) -> Node | SyntaxProblem:
+    masked, names = _mask(text, read)
     tree = parse(masked)
     if isinstance(tree, SyntaxProblem):
         message, help_text = tree.message, tree.help
         for start, name in names.items():
-            mask = masked[start : start + len(_written(text, read, start))]
+            match = read.match(text, start)
+            mask = masked[start : start if match is None else match.end()]
             message, help_text = message.replace(mask, name), help_text.replace(mask, name)
         return SyntaxProblem(message, tree.start, tree.end, help_text)
-    return _named(tree, names) if names else tree
+    return _restore_names(tree, names) if names else tree
 
 
-def _masked(text: str, read: re.Pattern[str]) -> tuple[str, dict[int, str]]:
+def _mask(text: str, read: re.Pattern[str]) -> tuple[str, dict[int, str]]:
     """Return the text with each name with parts replaced by a plain one of the same length, and the names by offset."""
     names: dict[int, str] = {}
     masked = text
@@ -109,38 +110,33 @@ def _masked(text: str, read: re.Pattern[str]) -> tuple[str, dict[int, str]]:
     return masked, names
 
 
-def _written(text: str, read: re.Pattern[str], start: int) -> str:
-    match = read.match(text, start)
-    return "" if match is None else match[0]
-
-
-def _named(value: Node, names: Mapping[int, str]) -> Node:
+def _restore_names(value: Node, names: Mapping[int, str]) -> Node:
     """Return a part of a tree with masked names restored."""
     if isinstance(value, Name):
         return replace(value, name=names.get(value.start, value.name))
-    return _map_parts(value, lambda part: _named(part, names))
+    return _map_parts(value, lambda part: _restore_names(part, names))
 
 
-def _posed(value: Node) -> Node:
+def _name_comparisons(value: Node) -> Node:
     """Return a part of a tree in which each comparison with poses is one name.
 
     Raises:
         SlipError: if the result cannot be kept as true, false or unknown.
     """
     if isinstance(value, Compare | In | Call | Name):
-        asked = [name for name in names_in(value) if reads_of(name.name)[0]]
-        if asked:
-            return _one_name(value, asked)
-    return _map_parts(value, _posed)
+        pose_names = [name for name in names_in(value) if reads_of(name.name)[0]]
+        if pose_names:
+            return _comparison_name(value, pose_names)
+    return _map_parts(value, _name_comparisons)
 
 
-def _one_name(part: Compare | In | Call | Name, asked: list[Name]) -> Name:
-    first, text = asked[0], asked[0].name
+def _comparison_name(part: Compare | In | Call | Name, pose_names: list[Name]) -> Name:
+    first, text = pose_names[0], pose_names[0].name
     function = reads_of(text)[0]
-    aged = next((inner for inner in walk(part) if isinstance(inner, Call) and inner.function == "age"), None)
-    if aged is not None:
+    age_call = next((inner for inner in walk(part) if isinstance(inner, Call) and inner.function == "age"), None)
+    if age_call is not None:
         help_text = "poses that are older than the 'valid_for' of their edge are unknown"
-        raise SlipError(f"age() and {text} cannot be in one comparison", aged.start, aged.end, help_text)
+        raise SlipError(f"age() and {text} cannot be in one comparison", age_call.start, age_call.end, help_text)
     is_truth = isinstance(part, Compare | In) or (isinstance(part, Call) and part.function == "known")
     if not is_truth and (isinstance(part, Call) or function == "distance"):
         help_text = f"compare it, e.g. {text} < 0.9 m" if function == "distance" else "remove the function"
@@ -162,5 +158,5 @@ def _map_parts(node: NodeT, function: Callable[[Node], Node]) -> NodeT:
             return tuple(map(apply, value))
         return function(value) if isinstance(value, Node) else value
 
-    own = (part for part in fields(node) if part.name not in ("start", "end"))
-    return replace(node, **{part.name: apply(getattr(node, part.name)) for part in own})
+    names = (field.name for field in fields(node) if field.name not in ("start", "end"))
+    return replace(node, **{name: apply(getattr(node, name)) for name in names})

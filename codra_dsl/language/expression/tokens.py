@@ -154,9 +154,9 @@ def tokens(text: str) -> tuple[Token, ...]:
     while position < len(text):
         match = _TOKEN.match(text, position)
         if match is None:
-            raise _stray(text, position)
+            raise _stray_error(text, position)
         if match.lastgroup != "blank":
-            result.append(_token(match))
+            result.append(_read_token(match))
         position = match.end()
     result.append(Token(TokenKind.END, "", len(text), len(text)))
     return tuple(result)
@@ -173,22 +173,22 @@ def shown(text: str) -> str:
     return f"'{plain[:40]}...'" if len(plain) > 40 else f"'{plain}'"
 
 
-def _token(match: re.Match[str]) -> Token:
+def _read_token(match: re.Match[str]) -> Token:
     kind, text, start, end = match.lastgroup, match[0], match.start(), match.end()
     if kind == "word":
-        return _word(text, start, end)
+        return _read_word(text, start, end)
     if kind == "symbol":
         return Token(TokenKind.SYMBOL, text, start, end)
     if kind in ("number", "unit"):
-        return _number(match)
+        return _read_number(match)
     if kind == "text":
-        return Token(TokenKind.TEXT, text, start, end, value=_unescaped(text, start))
+        return Token(TokenKind.TEXT, text, start, end, value=_unescape(text, start))
     if kind == "badnumber":
         raise SlipError(f"{shown(text)} is not a number", start, end, _number_help(text))
-    raise _slip(match.string, text, start, end)
+    raise _slip_error(match.string, text, start, end)
 
 
-def _word(text: str, start: int, end: int) -> Token:
+def _read_word(text: str, start: int, end: int) -> Token:
     if text in WORDS:
         return Token(TokenKind.WORD, text, start, end)
     if not _IDENTIFIER.fullmatch(text):
@@ -209,7 +209,7 @@ def _reserved_help(text: str) -> str:
     return "it is a reserved word and cannot be a name"
 
 
-def _number(match: re.Match[str]) -> Token:
+def _read_number(match: re.Match[str]) -> Token:
     unit = match["unit"]
     if unit is not None and parse_unit(unit) is None:
         raise SlipError(f"unknown unit '{unit}'", match.start("unit"), match.end("unit"), _unit_help(unit))
@@ -244,7 +244,7 @@ def _is_number(text: str) -> bool:
     return re.fullmatch(NUMBER_TEXT, text) is not None
 
 
-def _unescaped(text: str, start: int) -> str:
+def _unescape(text: str, start: int) -> str:
     for escape in re.finditer(r"\\(.)", text, re.DOTALL):
         if escape[1] not in _ESCAPES:
             first = start + escape.start()
@@ -253,14 +253,14 @@ def _unescaped(text: str, start: int) -> str:
     return re.sub(r"\\(.)", lambda escape: _ESCAPES[escape[1]], text[1:-1])
 
 
-def _slip(condition: str, text: str, start: int, end: int) -> SlipError:
-    if text == "." and condition[:start][-1:].isidentifier():
+def _slip_error(condition_text: str, text: str, start: int, end: int) -> SlipError:
+    if text == "." and condition_text[:start][-1:].isidentifier():
         return SlipError("'.' is not an operator", start, end, "names have no parts; name the value itself")
     noun = "a unit" if text in "%°" else "an operator" if text in _SLIPS else "part of a condition"
     return SlipError(f"{shown(text)} is not {noun}", start, end, _SLIPS.get(text, "remove it"))
 
 
-def _stray(text: str, position: int) -> SlipError:
+def _stray_error(text: str, position: int) -> SlipError:
     letter = text[position]
     if letter in "\"'":
         return SlipError(f"the quote {letter} is never closed", position, len(text), f"add {letter} after the text")

@@ -1,4 +1,6 @@
-"""Check that the function in `call` exists and takes its arguments. Modules of the project are read, never imported.
+"""Check that the function in `call` exists and takes the arguments that it gets.
+
+Modules of the project are read, never imported.
 
 The runtime calls a perception function with keyword arguments only: the arguments under `with`, the handle of each
 resource that it reads, the values of `given` variables, and `job`.
@@ -13,7 +15,7 @@ from pathlib import Path
 from codra_dsl.language.diagnostics import Place, Related, replacing
 from codra_dsl.language.expression.tokens import shown
 from codra_dsl.language.load.modules import Missing, Module, Modules, Signature
-from codra_dsl.language.load.yaml.findings import Findings, listed
+from codra_dsl.language.load.yaml.findings import Findings, list_names
 from codra_dsl.language.model import Access, Algorithm
 
 JOB = "job"
@@ -21,38 +23,40 @@ JOB = "job"
 
 
 @dataclass(frozen=True, slots=True)
-class Declared:
+class DeclaredNames:
     """The names that algorithms may use, and their keys that could not be read."""
 
     resources: frozenset[str]
     context: frozenset[str]
     damaged_keys: Mapping[tuple[str, str], frozenset[str]]
 
-    def gives_all(self, algorithm: Algorithm) -> bool:
+    def has_all_arguments(self, algorithm: Algorithm) -> bool:
         """Return whether all arguments of an algorithm's function are known."""
         damaged = self.damaged_keys.get(("perception", algorithm.name), frozenset())
         if not damaged.isdisjoint({"with", "uses", "given"}):
             return False
-        used = {usage.resource.name for usage in algorithm.uses}
-        return used <= self.resources and {reference.name for reference in algorithm.given} <= self.context
+        used_names = {usage.resource.name for usage in algorithm.uses}
+        return used_names <= self.resources and {reference.name for reference in algorithm.given} <= self.context
 
 
-def check_calls(algorithms: Iterable[Algorithm], declared: Declared, root: Path, findings: Findings) -> tuple[str, ...]:
+def check_calls(
+    algorithms: Iterable[Algorithm], declared: DeclaredNames, root: Path, findings: Findings
+) -> tuple[str, ...]:
     """Report calls of missing functions, and arguments that a function does not take or lacks.
 
     Returns:
         The files, relative to `root`, on which the result depends.
     """
     checker = _Checker(root, findings)
-    by_call: dict[str, list[Algorithm]] = {}
+    algorithms_of_calls: dict[str, list[Algorithm]] = {}
     for algorithm in algorithms:
         if "call" not in declared.damaged_keys.get(("perception", algorithm.name), ()):
-            by_call.setdefault(algorithm.call, []).append(algorithm)
-    for call, callers in by_call.items():
+            algorithms_of_calls.setdefault(algorithm.call, []).append(algorithm)
+    for call, callers in algorithms_of_calls.items():
         signature = checker.signature(call, callers)
         for caller in callers if signature is not None else ():
-            if signature is not None and declared.gives_all(caller):
-                checker.arguments(caller, signature)
+            if signature is not None and declared.has_all_arguments(caller):
+                checker.check_arguments(caller, signature)
     checker.report_modules()
     return tuple(checker.modules.consulted)
 
@@ -63,7 +67,7 @@ class _Checker:
     def __init__(self, root: Path, findings: Findings) -> None:
         self.modules = Modules(root)
         self._findings = findings
-        self._without_module: dict[str, tuple[str, list[Algorithm]]] = {}
+        self._missing_modules: dict[str, tuple[str, list[Algorithm]]] = {}
 
     def signature(self, call: str, callers: list[Algorithm]) -> Signature | None:
         """Return the signature of the function of a call, or None if it is unknown or the function is missing."""
@@ -72,7 +76,7 @@ class _Checker:
         if isinstance(module, Missing):
             suggestion = self._suggestion(name, function, module)
             if suggestion is not None or module.at > 0:
-                known = self._without_module.setdefault(name, (suggestion or "", []))
+                known = self._missing_modules.setdefault(name, (suggestion or "", []))
                 known[1].extend(callers)
             return None
         if module is None:
@@ -89,7 +93,7 @@ class _Checker:
 
     def report_modules(self) -> None:
         """Report each missing module once."""
-        for name, (suggestion, callers) in self._without_module.items():
+        for name, (suggestion, callers) in self._missing_modules.items():
             first, *others = callers
             message = f"module {shown(name)}, which algorithm '{first.name}' calls, is not in this project"
             help_text = (
@@ -104,7 +108,7 @@ class _Checker:
     def _report_function(self, call: str, callers: list[Algorithm], module: Module) -> None:
         name, _, function = call.partition(":")
         near = self._findings.nearest(function, module.names)
-        has = f"it has {listed(module.functions)}" if module.functions else "it has none"
+        has = f"it has {list_names(module.functions)}" if module.functions else "it has none"
         help_text = f"did you mean '{near}'?" if near else has
         first, *others = callers
         message = f"module {shown(name)} has no function {shown(function)}, but algorithm '{first.name}' calls it"
@@ -130,48 +134,56 @@ class _Checker:
     def _suggestion(self, name: str, function: str, missing: Missing) -> str | None:
         """Return the module that is probably meant by an unknown name: preferably one that has the function."""
         steps = name.split(".")
-        wrong, before, after = steps[missing.at], steps[: missing.at], steps[missing.at + 1 :]
-        there = self.modules.near(missing.folder)
-        nearest_name = self._findings.nearest(wrong, there)
-        split = [[start, wrong[len(start) :]] for start in there if wrong.startswith(start) and len(start) < len(wrong)]
-        for middle in (*([[nearest_name]] if nearest_name else []), *split):
-            dotted = ".".join((*before, *middle, *after))
-            module = self.modules.find(dotted)
+        unknown_step, before, after = steps[missing.at], steps[: missing.at], steps[missing.at + 1 :]
+        near_modules = self.modules.near(missing.folder)
+        nearest_name = self._findings.nearest(unknown_step, near_modules)
+        split_steps = [
+            [prefix, unknown_step[len(prefix) :]]
+            for prefix in near_modules
+            if unknown_step.startswith(prefix) and len(prefix) < len(unknown_step)
+        ]
+        for steps_instead in (*([[nearest_name]] if nearest_name else []), *split_steps):
+            dotted_name = ".".join((*before, *steps_instead, *after))
+            module = self.modules.find(dotted_name)
             if isinstance(module, Module) and (function in module.names or module.is_open):
-                return dotted
+                return dotted_name
         return ".".join((*before, nearest_name, *after)) if nearest_name and missing.at > 0 else None
 
-    def arguments(self, algorithm: Algorithm, signature: Signature) -> None:
+    def check_arguments(self, algorithm: Algorithm, signature: Signature) -> None:
         """Report the passed arguments that a function does not take, and the required ones that are not passed."""
-        given = _given(algorithm)
+        given = _argument_names(algorithm)
         missing = [name for name in signature.needed if name not in given or name not in signature.accepted]
-        untaken = [name for name in given if name not in signature.accepted and not signature.takes_any]
-        untaken = [name for name in untaken if name not in missing]  # positional-only arguments are reported as missing
-        only = missing[0] if len(untaken) == len(missing) == 1 and untaken != [JOB] else None
+        untaken_names = [name for name in given if name not in signature.accepted and not signature.takes_any]
+        # positional-only arguments are reported as missing
+        untaken_names = [name for name in untaken_names if name not in missing]
+        only_missing = missing[0] if len(untaken_names) == len(missing) == 1 and untaken_names != [JOB] else None
         others: list[str] = []
-        for name in untaken:
+        for name in untaken_names:
             near = None if name == JOB else self._findings.nearest(name, missing)
-            missing = [argument for argument in missing if argument not in (near, only)]
+            missing = [argument for argument in missing if argument not in (near, only_missing)]
             if near is not None:
-                self._report_untaken(algorithm, [name], f"did you mean '{near}'?", near)
-            elif only is not None:
-                self._report_untaken(algorithm, [name], f"did you mean '{only}', which is missing?")
+                self._report_untaken_arguments(algorithm, [name], f"did you mean '{near}'?", near)
+            elif only_missing is not None:
+                self._report_untaken_arguments(algorithm, [name], f"did you mean '{only_missing}', which is missing?")
             elif name == JOB:
-                self._report_untaken(algorithm, [name], "add it: every perception function gets 'job'")
+                self._report_untaken_arguments(algorithm, [name], "add it: every perception function gets 'job'")
             else:
                 others.append(name)
         if others:
-            taken = sorted(signature.accepted)
-            self._report_untaken(algorithm, others, f"it takes {listed(taken)}" if taken else "it takes none")
+            accepted_names = sorted(signature.accepted)
+            self._report_untaken_arguments(
+                algorithm, others, f"it takes {list_names(accepted_names)}" if accepted_names else "it takes none"
+            )
         for name in missing:
             self._report_missing(algorithm, name)
 
-    def _report_untaken(self, algorithm: Algorithm, names: list[str], help_text: str, near: str | None = None) -> None:
-        call, place = shown(algorithm.call), _place_of(algorithm, names[0])
-        noun, them = ("argument", "it") if len(names) == 1 else ("arguments", "them")
-        message = (
-            f"function {call} does not take the {noun} {listed(names)}, but algorithm '{algorithm.name}' gives {them}"
-        )
+    def _report_untaken_arguments(
+        self, algorithm: Algorithm, names: list[str], help_text: str, near: str | None = None
+    ) -> None:
+        call, place = shown(algorithm.call), _place_of_argument(algorithm, names[0])
+        noun, pronoun = ("argument", "it") if len(names) == 1 else ("arguments", "them")
+        not_taken = f"function {call} does not take the {noun} {list_names(names)}"
+        message = f"{not_taken}, but algorithm '{algorithm.name}' gives {pronoun}"
         fix = replacing(place, names[0], near, safe=False) if near is not None else None
         path = f"perception.{algorithm.name}.call"
         self._findings.add("call-arguments", message, place, help=help_text, path=path, fix=fix)
@@ -180,7 +192,7 @@ class _Checker:
         call = shown(algorithm.call)
         message = f"function {call} needs an argument {shown(name)}, but algorithm '{algorithm.name}' does not give it"
         help_text = "give it under 'with', 'uses' or 'given', or give it a default value"
-        if name in _given(algorithm):
+        if name in _argument_names(algorithm):
             help_text = "make it a keyword argument: arguments are passed by name only"
         path = f"perception.{algorithm.name}.call"
         self._findings.add("call-arguments", message, _place(algorithm, "call"), help=help_text, path=path)
@@ -190,7 +202,7 @@ def _place(algorithm: Algorithm, key: str) -> Place:
     return algorithm.places.get(key) or algorithm.places.get("call", algorithm.place)
 
 
-def _given(algorithm: Algorithm) -> list[str]:
+def _argument_names(algorithm: Algorithm) -> list[str]:
     """Return the names of the arguments that a function gets."""
     names = [name for name, _ in algorithm.parameters]
     names += [usage.resource.name for usage in algorithm.uses if usage.access is Access.READ]
@@ -198,7 +210,7 @@ def _given(algorithm: Algorithm) -> list[str]:
     return [*names, JOB]
 
 
-def _place_of(algorithm: Algorithm, argument: str) -> Place:
+def _place_of_argument(algorithm: Algorithm, argument: str) -> Place:
     """Return the place at which an algorithm gives an argument."""
     references = [usage.resource for usage in algorithm.uses] + list(algorithm.given)
     places = [reference.place for reference in references if reference.name == argument]

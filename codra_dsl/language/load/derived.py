@@ -29,30 +29,32 @@ from codra_dsl.language.model import (
 _SHARE = ValueType(kind=Kind.FLOAT, range=(0.0, 1.0))
 
 
-def with_derived(spec: Spec, findings: Findings) -> Spec:
+def with_derived_variables(spec: Spec, findings: Findings) -> Spec:
     """Return a spec with the context-variables and agents that its loops imply.
 
-    A declared context-variable with such a name is reported and kept; the implied one is left out.
+    An implied context-variable with the name of a declared one, or of one implied before, is reported and left out.
     """
     if not spec.adapts:
         return spec
-    stated = tuple(_with_source(variable) for variable in spec.context)
-    taken = {variable.name.casefold(): variable for variable in stated}
+    declared = tuple(_with_source(variable) for variable in spec.context)
+    variables_by_name = {variable.name.casefold(): variable for variable in declared}
     origins = dict(spec.origins)
     derived: list[Variable] = []
-    for section, variable in _derived(spec):
-        other = taken.setdefault(variable.name.casefold(), variable)
+    for section, variable in _derived_variables(spec):
+        other = variables_by_name.setdefault(variable.name.casefold(), variable)
         if other is variable:
             derived.append(variable)
-            origins["context", variable.name] = spec.origins[section, _element(section, variable.name)]
+            origins["context", variable.name] = spec.origins[section, _element_name(section, variable.name)]
         else:
             _report(section, variable, other, findings)
-    context = (*stated, *derived)
-    named = {source.name for variable in context if variable.is_derived or variable.rate for source in variable.sources}
+    context = (*declared, *derived)
+    needed_agents = {
+        source.name for variable in context if variable.is_derived or variable.rate for source in variable.sources
+    }
     sources = {source.name for variable in context for source in variable.sources}
-    named |= {ADAPTER} & sources if spec.adaptation or spec.damaged.get("adaptation") else set()
+    needed_agents |= {ADAPTER} & sources if spec.adaptation or spec.damaged.get("adaptation") else set()
     agents = {agent.name for agent in spec.agents} | spec.damaged.get("agents", frozenset())
-    writers = [Agent(name=name, place=spec.place) for name in (ANALYST, ADAPTER) if name in named - agents]
+    writers = [Agent(name=name, place=spec.place) for name in (ANALYST, ADAPTER) if name in needed_agents - agents]
     origins |= {("agents", writer.name): next(iter(spec.origins.values())) for writer in writers}
     return replace(spec, context=context, agents=(*spec.agents, *writers), origins=origins)
 
@@ -64,7 +66,7 @@ def _with_source(variable: Variable) -> Variable:
     return replace(variable, sources=(Reference(name=ANALYST, place=variable.rate.of.place),))
 
 
-def _derived(spec: Spec) -> Iterator[tuple[str, Variable]]:
+def _derived_variables(spec: Spec) -> Iterator[tuple[str, Variable]]:
     yield from (("metrics", _output_variable(metric, metric.name)) for metric in spec.metrics)
     yield from (("actions", _output_variable(action, weight_name(action.name))) for action in spec.actions)
     yield from (
@@ -101,14 +103,14 @@ def _course_variable(adaptation: Adaptation, course: Course) -> Variable:
     )
 
 
-def _element(section: str, variable: str) -> str:
+def _element_name(section: str, variable: str) -> str:
     return variable.removeprefix(weight_name("")) if section == "actions" else variable
 
 
 def _report(section: str, variable: Variable, other: Variable, findings: Findings) -> None:
-    name = _element(section, variable.name)
+    name = _element_name(section, variable.name)
     noun = {"metrics": "metric", "actions": "action", "adaptation": "adaptation"}[section]
-    message = f"{noun} {shown(name)} implies a context-variable {shown(variable.name)}, which is already declared"
+    message = f"{noun} {shown(name)} implies a context-variable {shown(variable.name)}, which already exists"
     related = [Related("declared here", other.place)]
     findings.add(
         "duplicate-name", message, variable.place, help="rename one of them", path=f"{section}.{name}", related=related

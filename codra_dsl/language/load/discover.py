@@ -21,8 +21,8 @@ from codra_dsl.language.load.yaml.source import MAX_BYTES, file_place
 from codra_dsl.language.project import yaml_files
 
 _MAY_HAVE_NAME = re.compile(rb"\bname[\"']?[ \t]*:")
-_VERSION = re.compile(rb"^codra[ \t]*:", re.MULTILINE)
-_OURS = frozenset({"codra", "templates", "use", *KEYS})
+_VERSION_KEY = re.compile(rb"^codra[ \t]*:", re.MULTILINE)
+_OUR_KEYS = frozenset({"codra", "templates", "use", *KEYS})
 _WIDE_MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
 
@@ -63,35 +63,35 @@ def find_files(paths: Sequence[Path], root: Path) -> Files:
     specs: dict[Path, Path] = {}
     parts: dict[Path, Place] = {}
     for path in paths:
-        below = list(_below(path, root, parts, findings)) if path.is_dir() else [path]
-        for file in below:
+        spec_files = list(_specs_below(path, root, parts, findings)) if path.is_dir() else [path]
+        for file in spec_files:
             specs.setdefault(file.resolve(), file)
     for file in specs.keys() & parts.keys():
         del parts[file]
     return Files(tuple(sorted(specs.values(), key=lambda file: file.as_posix())), parts, findings.all())
 
 
-def _below(folder: Path, root: Path, parts: dict[Path, Place], findings: Findings) -> Iterator[Path]:
+def _specs_below(folder: Path, root: Path, parts: dict[Path, Place], findings: Findings) -> Iterator[Path]:
     """Yield the specs below a folder, and add its parts to `parts`."""
-    name, has_results = _shown(folder, root), False
+    name, has_results = _relative_name(folder, root), False
     for file in yaml_files(folder):
         if file.is_dir():
-            place = file_place(_shown(file, root))
+            place = file_place(_relative_name(file, root))
             message = f"cannot read the folder {shown(place.span.file)}"
             findings.add("cannot-read", message, place, help="check its permissions")
             has_results = True
-        elif _is_spec(data := _beginning(file)):
+        elif _is_spec(data := _read_beginning(file)):
             has_results = True
             yield file
-        elif data and (version := _VERSION.search(data)):
-            line = data.count(b"\n", 0, version.start()) + 1
-            parts[file.resolve()] = Place(Span(_shown(file, root), line, 1, line, len("codra") + 1))
+        elif data and (version_key := _VERSION_KEY.search(data)):
+            line = data.count(b"\n", 0, version_key.start()) + 1
+            parts[file.resolve()] = Place(Span(_relative_name(file, root), line, 1, line, len("codra") + 1))
     if not has_results:
         help_text = "a spec is a YAML file with 'codra: 1' and 'name: ...'"
         findings.add("no-spec", f"there is no spec in {shown(name)} or below", file_place(name), help=help_text)
 
 
-def _shown(path: Path, root: Path) -> str:
+def _relative_name(path: Path, root: Path) -> str:
     """Return a path relative to the project's folder, if it is inside."""
     try:
         return path.absolute().relative_to(root.absolute()).as_posix()
@@ -99,7 +99,7 @@ def _shown(path: Path, root: Path) -> str:
         return path.as_posix()
 
 
-def _beginning(file: Path) -> bytes | None:
+def _read_beginning(file: Path) -> bytes | None:
     """Return a file's content in UTF-8; empty for a pipe or device, and None if it cannot be read."""
     try:
         if not stat.S_ISREG(file.stat().st_mode):
@@ -121,10 +121,10 @@ def _is_spec(data: bytes | None) -> bool:
     try:
         for key in _top_keys(data.decode("utf-8", "replace")):
             keys.add(key)
-            if "name" in keys and keys & _OURS:
+            if "name" in keys and keys & _OUR_KEYS:
                 return True
     except yaml.YAMLError:
-        return bool(keys & _OURS) or not keys
+        return bool(keys & _OUR_KEYS) or not keys
     return False
 
 

@@ -9,12 +9,12 @@ from codra_dsl.language.expression.tokens import shown
 from codra_dsl.language.load.elements.elements import Elements, report_taken
 from codra_dsl.language.load.schema.document import Document
 from codra_dsl.language.load.schema.misspelt import NO_WORDS, misspelt_declarations
-from codra_dsl.language.load.schema.schema import sound
+from codra_dsl.language.load.schema.schema import has_shape
 from codra_dsl.language.load.schema.shape import explain
 from codra_dsl.language.load.templates.arguments import Arguments, read_arguments
 from codra_dsl.language.load.templates.substitution import Filler, example
-from codra_dsl.language.load.templates.templates import Template, declare, declared
-from codra_dsl.language.load.yaml.findings import Findings, listed
+from codra_dsl.language.load.templates.templates import Template, declare, declared_template
+from codra_dsl.language.load.yaml.findings import Findings, list_names
 from codra_dsl.language.load.yaml.names import check_name
 from codra_dsl.language.load.yaml.nodes import MappingNode, ScalarNode, YamlNode
 from codra_dsl.language.load.yaml.origin import Origin, Subject
@@ -22,7 +22,7 @@ from codra_dsl.language.load.yaml.reader import entries
 from codra_dsl.language.model import DeclaredTemplate, Use
 
 _AROUND_ARGUMENTS = ("parameters", "arguments", "with")
-MAX_FILLED = 1_500_000
+MAX_CREATED_VALUES = 1_500_000
 """The maximum number of values that all uses of a spec may create."""
 
 
@@ -49,21 +49,21 @@ class Uses:
     def declare(self, documents: Iterable[Document]) -> None:
         """Add the templates of some documents."""
         known = [entry for document in documents for entry in _entries(document, "templates")]
-        uses = _Named(use for document in documents for use in _entries(document, "use"))
-        self._corrections = self._misspelt(known, uses)
+        uses = _UsedNames(use for document in documents for use in _entries(document, "use"))
+        self._corrections = self._report_misspelt(known, uses)
         names = {declared: used for used, declared in self._corrections.items()}
         for subject, node in known:
             if not isinstance(node, MappingNode):
                 explain("template", node, subject, self._findings)
                 self.complete, self._blind = False, True
             elif self._is_new(subject):
-                given = uses.given(names.get(subject.name, subject.name))
-                template = declare(subject, node, given, self._findings)
+                argument_names = uses.argument_names(names.get(subject.name, subject.name))
+                template = declare(subject, node, argument_names, self._findings)
                 self._templates[subject.name] = template
                 self.complete &= not template.is_lost
 
-    def _misspelt(self, known: Iterable[tuple[Subject, YamlNode]], uses: _Named) -> dict[str, str]:
-        """Report templates with a misspelt declaration; return the declared name for each name in uses."""
+    def _report_misspelt(self, known: Iterable[tuple[Subject, YamlNode]], uses: _UsedNames) -> dict[str, str]:
+        """Report templates with a misspelt declaration; return their declared names by the names in uses."""
         declared = {subject.name: subject for subject, _ in known}
         unknown = {name: len(places) for name, places in uses.places.items() if name not in declared}
         if not unknown or self._blind:
@@ -94,9 +94,9 @@ class Uses:
             self._named.add(template.name)
             known.append((subject, node, template))
             size += template.size
-            if size > MAX_FILLED:
+            if size > MAX_CREATED_VALUES:
                 self.complete = False
-                message = f"all uses together create more than {MAX_FILLED} values"
+                message = f"all uses together create more than {MAX_CREATED_VALUES} values"
                 place, path = subject.origin.of(subject.key), subject.path
                 self._findings.add("too-many-values", message, place, help="use smaller templates", path=path)
                 return
@@ -106,20 +106,20 @@ class Uses:
     def _use(self, subject: Subject, node: YamlNode, template: Template, module: str, elements: Elements) -> None:
         arguments = read_arguments(subject, node, template, self._findings)
         if not self._is_new(subject) or not arguments.right:
-            _damage(template, arguments, elements)
+            _record_lost_names(template, arguments, elements)
             return
         self._used.add(template.name)
         self.made.append(Use(instance=subject.name, template=template.name, place=subject.origin.of(subject.key)))
         key = subject.origin.source.span(subject.key.start, subject.key.end)
         self._fill(template, arguments, Origin(template.origin.source, key, template.name, module), elements)
 
-    def declared(self) -> Iterator[DeclaredTemplate]:
+    def declared_templates(self) -> Iterator[DeclaredTemplate]:
         """Yield the templates as they are declared, in file order."""
         for name, template in self._templates.items():
-            yield declared(template, is_used=name in self._named or not self.complete)
+            yield declared_template(template, is_used=name in self._named or not self.complete)
 
     def try_unused(self) -> None:
-        """Instantiate each unused template with examples, so that its mistakes are found as well."""
+        """Instantiate each template without a valid use with examples, so that its mistakes are found as well."""
         for name, template in self._templates.items():
             if name not in self._used:
                 bound = {key: example(parameter) for key, parameter in template.parameters.items()}
@@ -127,25 +127,25 @@ class Uses:
 
     def _is_new(self, subject: Subject) -> bool:
         """Report an invalid or duplicate name; return whether it can be used."""
-        proper = check_name(subject.key, subject, subject, self._findings)
+        is_valid = check_name(subject.key, subject, subject, self._findings)
         first = self._taken.setdefault((subject.section, subject.name.casefold()), subject)
         if first is not subject:
             report_taken(subject, first, self._findings)
-        return first is subject and (proper or subject.section == "templates")
+        return first is subject and (is_valid or subject.section == "templates")
 
     def _template(self, subject: Subject, node: YamlNode) -> Template | None:
         """Return the template that a use names."""
         if isinstance(node, MappingNode):
-            self._correct(subject, node)
+            self._correct_keys(subject, node)
         name = node.value("template") if isinstance(node, MappingNode) else None
-        if not sound("template_use", node.data):
+        if not has_shape("template_use", node.data):
             explain("template_use", node, subject, self._findings)
         if not isinstance(name, ScalarNode) or name.reported or not isinstance(name.data, str):
             return None
         template = self._templates.get(self._corrections.get(name.text, name.text))
         if template is None and not self._blind:
             near = self._findings.nearest(name.text, self._templates)
-            known = f"templates are {listed(self._templates)}" if self._templates else "no templates are declared"
+            known = f"templates are {list_names(self._templates)}" if self._templates else "no templates are declared"
             help_text = f"did you mean '{near}'?" if near else known
             message = f"unknown template {shown(name.text)} in {subject}"
             path = subject.part("template")
@@ -155,24 +155,31 @@ class Uses:
             self._findings.add("unknown-template", message, place, help=help_text, path=path, fix=fix)
         return template
 
-    def _correct(self, subject: Subject, node: MappingNode) -> None:
-        """Report arguments in a mapping of their own and a misspelt `template` key, and correct the node."""
-        around = next((key for key in _AROUND_ARGUMENTS if isinstance(node.value(key), MappingNode)), None)
-        if around is not None:
-            place, path = subject.origin.of(node.entries[around][0]), subject.part(around)
-            message, help_text = f"the arguments are under {shown(around)} in {subject}", "write them beside 'template'"
+    def _correct_keys(self, subject: Subject, node: MappingNode) -> None:
+        """Report arguments in a mapping of their own, and another key in place of `template`; correct the node."""
+        arguments_key = next((key for key in _AROUND_ARGUMENTS if isinstance(node.value(key), MappingNode)), None)
+        if arguments_key is not None:
+            place, path = subject.origin.of(node.entries[arguments_key][0]), subject.part(arguments_key)
+            message, help_text = (
+                f"the arguments are under {shown(arguments_key)} in {subject}",
+                "write them beside 'template'",
+            )
             self._findings.add("unknown-argument", message, place, help=help_text, path=path)
-            for key, value in entries(node.take(around)):
+            for key, value in entries(node.take(arguments_key)):
                 if key.text not in node.entries:
                     node.put(key, value)
-        named = [key for key, (_, value) in node.entries.items() if _is_text(value) and value.data in self._templates]
-        if "template" not in node.entries and len(named) == 1:
-            key_node, value = node.entries[named[0]]
-            place, path = subject.origin.of(key_node), subject.part(named[0])
-            message, help_text = f"unknown key {shown(named[0])} in {subject}", "did you mean 'template'?"
-            fix = replacing(place, named[0], "template", safe=False)
+        template_keys = [
+            key
+            for key, (_, value) in node.entries.items()
+            if isinstance(value, ScalarNode) and value.data in self._templates
+        ]
+        if "template" not in node.entries and len(template_keys) == 1:
+            key_node, value = node.entries[template_keys[0]]
+            place, path = subject.origin.of(key_node), subject.part(template_keys[0])
+            message, help_text = f"unknown key {shown(template_keys[0])} in {subject}", "did you mean 'template'?"
+            fix = replacing(place, template_keys[0], "template", safe=False)
             self._findings.add("unknown-key", message, place, help=help_text, path=path, fix=fix)
-            node.take(named[0])
+            node.take(template_keys[0])
             node.put(ScalarNode("template", "template", key_node.start, key_node.end, key_node.style), value)
 
     def _fill(self, template: Template, arguments: Arguments, origin: Origin, elements: Elements) -> None:
@@ -185,7 +192,7 @@ class Uses:
             elements.add(section, mapping, origin, wrong)
 
 
-class _Named:
+class _UsedNames:
     """The templates and arguments that uses name, collected before templates are read.
 
     Attributes:
@@ -199,20 +206,16 @@ class _Named:
             name = node.value("template") if isinstance(node, MappingNode) else None
             if isinstance(name, ScalarNode) and isinstance(name.data, str) and not name.reported:
                 self.places.setdefault(name.text, []).append(subject.origin.of(name))
-                given = self._given.setdefault(name.text, [])
-                given.extend(key.text for key, value in entries(node) if value is not name)
+                argument_names = self._given.setdefault(name.text, [])
+                argument_names.extend(key.text for key, value in entries(node) if value is not name)
 
-    def given(self, template: str) -> list[str]:
+    def argument_names(self, template: str) -> list[str]:
         """Return the names of all arguments in all uses of a template."""
         return self._given.get(template, [])
 
 
-def _is_text(value: YamlNode) -> bool:
-    return isinstance(value, ScalarNode) and isinstance(value.data, str)
-
-
-def _damage(template: Template, arguments: Arguments, elements: Elements) -> None:
-    """Record the names that a use would have created if it were valid."""
+def _record_lost_names(template: Template, arguments: Arguments, elements: Elements) -> None:
+    """Record the names that an invalid use would have created."""
     for section, mapping in Filler(template, arguments.bound).sections().items():
         for name in mapping.entries:
             elements.lose(section, name)

@@ -23,7 +23,7 @@ _MAX_FUNCTIONS = 100
 _MAX_BELOW = 50
 _FOLDERS = ("", "src")
 _OPAQUE = (".so", ".pyd", ".pyc", ".pyx", ".zip")
-_OPENING = frozenset({"globals", "locals", "vars", "exec", "eval", "setattr"})
+_BINDING_FUNCTIONS = frozenset({"globals", "locals", "vars", "exec", "eval", "setattr"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,10 +87,10 @@ class Modules:
         self._root = root.resolve()
         self._modules: dict[str, Module | Missing | None] = {}
         self._listed: dict[Path, frozenset[str] | None] = {}
-        self._left = MAX_ALL_BYTES
+        self._bytes_left = MAX_ALL_BYTES
 
     def find(self, name: str) -> Module | Missing | None:
-        """Return a module by its dotted name, or where the search fails; None if it may be outside the project."""
+        """Return a module by its dotted name, or where the search fails; None if that is uncertain."""
         if name not in self._modules:
             if len(self._modules) >= MAX_MODULES:
                 return None
@@ -139,10 +139,10 @@ class Modules:
     def _list(self, folder: Path) -> frozenset[str] | None:
         """Return the names in a folder of the project; None if the folder is missing or has too many entries."""
         if folder not in self._listed:
-            self._listed[folder] = self._listed_names(folder)
+            self._listed[folder] = self._scan(folder)
         return self._listed[folder]
 
-    def _listed_names(self, folder: Path) -> frozenset[str] | None:
+    def _scan(self, folder: Path) -> frozenset[str] | None:
         try:
             if not folder.resolve().is_relative_to(self._root):
                 return None
@@ -153,31 +153,31 @@ class Modules:
         return names if len(names) <= _MAX_LISTED else None
 
     def _extends_path(self, folder: Path, depth: int) -> bool:
-        """Return whether a package changes its `__path__`."""
+        """Return whether a package may change its `__path__`."""
         path = folder / "__init__.py"
-        data = self._bytes(path) if depth and "__init__.py" in (self._list(folder) or ()) else b""
+        data = self._read_bytes(path) if depth and "__init__.py" in (self._list(folder) or ()) else b""
         if depth:
             self.consulted[path.relative_to(self._root).as_posix()] = None
         return data is None or b"__path__" in data
 
     def _read(self, path: Path) -> Module:
-        data = self._bytes(path)
+        data = self._read_bytes(path)
         return OPEN if data is None else _module(data)
 
-    def _bytes(self, path: Path) -> bytes | None:
-        """Return the content of a regular file in the project; None for any other or too large file."""
+    def _read_bytes(self, path: Path) -> bytes | None:
+        """Return the content of a regular file in the project; None for any other, unreadable or too large file."""
         try:
-            about = path.stat()
+            status = path.stat()
             inside = path.resolve().is_relative_to(self._root)
-            most = min(self._left, MAX_MODULE_BYTES)
-            if not inside or not stat.S_ISREG(about.st_mode) or about.st_size > most:
+            max_bytes = min(self._bytes_left, MAX_MODULE_BYTES)
+            if not inside or not stat.S_ISREG(status.st_mode) or status.st_size > max_bytes:
                 return None
             with path.open("rb") as stream:
-                data = stream.read(most + 1)
+                data = stream.read(max_bytes + 1)
         except (OSError, RuntimeError, ValueError):
             return None
-        self._left -= len(data)
-        return data if len(data) <= most else None
+        self._bytes_left -= len(data)
+        return data if len(data) <= max_bytes else None
 
 
 def _has_python(names: Iterable[str]) -> bool:
@@ -194,30 +194,30 @@ def _module(data: bytes) -> Module:
     except (SyntaxError, ValueError, RecursionError, MemoryError):
         return OPEN
     names: dict[str, Signature | None] = {}
-    for name, signature in _defined(tree.body, at_top=True):
+    for name, signature in _definitions(tree.body, at_top=True):
         names[name] = None if name in names else signature
-    is_open = "__getattr__" in names or "*" in names or any(map(_is_opening, ast.walk(tree)))
+    is_open = "__getattr__" in names or "*" in names or any(map(_may_bind_names, ast.walk(tree)))
     functions = [name for name, signature in names.items() if signature is not None]
     return Module(names, tuple(functions[:_MAX_FUNCTIONS]), is_open=is_open)
 
 
-def _defined(body: Sequence[ast.stmt], *, at_top: bool) -> Iterator[tuple[str, Signature | None]]:
+def _definitions(body: Sequence[ast.stmt], *, at_top: bool) -> Iterator[tuple[str, Signature | None]]:
     """Yield every name that statements bind, `*` for a star import, with its signature if that is certain."""
     for statement in body:
         if isinstance(statement, (ast.FunctionDef, ast.AsyncFunctionDef)):
             yield statement.name, _signature(statement.args, 0) if at_top and not statement.decorator_list else None
         elif isinstance(statement, ast.ClassDef):
-            yield statement.name, _of_class(statement) if at_top else None
+            yield statement.name, _signature_of_class(statement) if at_top else None
         elif isinstance(statement, (ast.Import, ast.ImportFrom)):
             for alias in statement.names:
                 yield alias.asname or alias.name.partition(".")[0], None
         else:
-            yield from _defined(list(_inner(statement)), at_top=False)
-            stored = (node for node in ast.walk(statement) if isinstance(node, ast.Name))
-            yield from ((node.id, None) for node in stored if isinstance(node.ctx, ast.Store))
+            yield from _definitions(list(_inner_statements(statement)), at_top=False)
+            name_nodes = (node for node in ast.walk(statement) if isinstance(node, ast.Name))
+            yield from ((node.id, None) for node in name_nodes if isinstance(node.ctx, ast.Store))
 
 
-def _inner(statement: ast.stmt) -> Iterator[ast.stmt]:
+def _inner_statements(statement: ast.stmt) -> Iterator[ast.stmt]:
     """Yield the statements inside a statement, including those of its branches."""
     for part in ast.iter_child_nodes(statement):
         if isinstance(part, ast.stmt):
@@ -226,21 +226,21 @@ def _inner(statement: ast.stmt) -> Iterator[ast.stmt]:
             yield from part.body
 
 
-def _is_opening(node: ast.AST) -> bool:
+def _may_bind_names(node: ast.AST) -> bool:
     """Return whether a node may bind names that are not in the source."""
-    return isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in _OPENING
+    return isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in _BINDING_FUNCTIONS
 
 
-def _of_class(statement: ast.ClassDef) -> Signature | None:
+def _signature_of_class(statement: ast.ClassDef) -> Signature | None:
     """Return the signature of the `perceive` of a class, which is instantiated without arguments."""
     if statement.bases or statement.keywords or statement.decorator_list:
         return None
-    bound = list(_defined(statement.body, at_top=False))
-    perceiving = [name for name, _ in bound if name == "perceive"]
-    if not perceiving:
+    bound = list(_definitions(statement.body, at_top=False))
+    perceive_names = [name for name, _ in bound if name == "perceive"]
+    if not perceive_names:
         return Signature(frozenset(), (), takes_any=False, is_unfit=True)
     methods = [method for method in statement.body if isinstance(method, ast.FunctionDef) and method.name == "perceive"]
-    if len(perceiving) > 1 or len(methods) != 1 or methods[0].decorator_list:
+    if len(perceive_names) > 1 or len(methods) != 1 or methods[0].decorator_list:
         return None
     return _signature(methods[0].args, 1)
 
@@ -251,10 +251,10 @@ def _signature(arguments: ast.arguments, own: int) -> Signature:
     optional = {argument.arg for argument in leading[len(leading) - len(arguments.defaults) :]}
     pairs = zip(arguments.kwonlyargs, arguments.kw_defaults, strict=True)
     optional.update(argument.arg for argument, default in pairs if default is not None)
-    taken = [*leading[own:], *arguments.kwonlyargs]
-    only_by_place = {argument.arg for argument in arguments.posonlyargs}
+    parameters = [*leading[own:], *arguments.kwonlyargs]
+    positional_only = {argument.arg for argument in arguments.posonlyargs}
     return Signature(
-        accepted=frozenset(argument.arg for argument in taken if argument.arg not in only_by_place),
-        needed=tuple(argument.arg for argument in taken if argument.arg not in optional),
+        accepted=frozenset(argument.arg for argument in parameters if argument.arg not in positional_only),
+        needed=tuple(argument.arg for argument in parameters if argument.arg not in optional),
         takes_any=arguments.kwarg is not None,
     )

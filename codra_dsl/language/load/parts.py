@@ -20,11 +20,11 @@ _MAX_LISTED = 2000
 
 
 @dataclass(frozen=True, slots=True)
-class _Open:
+class _OpenFile:
     """A file whose parts are being read: the files that lead to it, and itself."""
 
     path: Path
-    around: tuple[Path, ...]
+    open_paths: tuple[Path, ...]
 
 
 class Parts:
@@ -42,32 +42,32 @@ class Parts:
         self._root = root.resolve()
         self._findings = findings
         self._texts = texts
-        self._first: dict[Path, Place] = {}
+        self._first_places: dict[Path, Place] = {}
         self._letters = 0
 
     def read_all(self, document: Document, path: Path) -> None:
         """Read a document's parts, recursively."""
-        self._first[path] = document.origin.of(document.subject.key)
-        self._add(document, _Open(path, (path,)))
+        self._first_places[path] = document.origin.of(document.subject.key)
+        self._add(document, _OpenFile(path, (path,)))
 
-    def _add(self, document: Document, opened: _Open) -> None:
+    def _add(self, document: Document, opened: _OpenFile) -> None:
         self.documents.append(document)
         self._letters += len(document.origin.source.text)
         for node in document.includes:
             if node.reported or not self._include(document, node, opened):
                 self.complete = False
 
-    def _include(self, document: Document, node: ScalarNode, opened: _Open) -> bool:
+    def _include(self, document: Document, node: ScalarNode, opened: _OpenFile) -> bool:
         """Read one part; return whether its elements are known."""
         place = document.origin.of(node)
         path = self._locate(node, opened, place)
         if path is None or not self._is_first(path, node, opened, place):
-            return path is not None and path in self._first and path not in opened.around
-        if len(self.documents) > MAX_PARTS or len(opened.around) > MAX_INCLUDE_DEPTH or self._letters > MAX_BYTES:
+            return path is not None and path in self._first_places and path not in opened.open_paths
+        if len(self.documents) > MAX_PARTS or len(opened.open_paths) > MAX_INCLUDE_DEPTH or self._letters > MAX_BYTES:
             help_text = f"at most {MAX_PARTS} parts, {MAX_INCLUDE_DEPTH} deep and {MAX_BYTES >> 20} MiB are read"
             self._findings.add("too-many-parts", "the spec has too many parts", place, help=help_text, path="include")
             return False
-        self._first[path] = place
+        self._first_places[path] = place
         file = path.relative_to(self._root).as_posix()
         source = read(path, file, self._findings, self._texts)
         part = None if source is None else read_document(source, self._findings)
@@ -77,11 +77,11 @@ class Parts:
             related = Related("its name", part.origin.of(part.name))
             self._refuse("part-is-spec", f"{shown(node.text)} is a spec", place, "include parts only", related)
             return False
-        self._add(part, _Open(path, (*opened.around, path)))
+        self._add(part, _OpenFile(path, (*opened.open_paths, path)))
         return True
 
-    def _locate(self, node: ScalarNode, opened: _Open, place: Place) -> Path | None:
-        """Return the file of an include, with symbolic links followed; report a forbidden one and return None."""
+    def _locate(self, node: ScalarNode, opened: _OpenFile, place: Place) -> Path | None:
+        """Return the file of an include, with links followed; report a missing or forbidden one and return None."""
         text = node.text
         if text.startswith(("/", "~")) or "\\" in text or Path(text).is_absolute():
             help_text = "write a relative path with '/'"
@@ -89,23 +89,25 @@ class Parts:
             return None
         try:
             path = (opened.path.parent / text).resolve()
-            inside, there = path.is_relative_to(self._root), path.is_file()
+            is_inside, is_file = path.is_relative_to(self._root), path.is_file()
         except (OSError, RuntimeError, ValueError):
-            inside, there, path = True, False, opened.path
-        if not inside:
+            is_inside, is_file, path = True, False, opened.path
+        if not is_inside:
             inside_of = "the nearest folder upwards whose pyproject.toml has [tool.codra], else the spec's own folder"
             help_text = f"parts must be in the project's folder {shown(self._root.name)} or below; that is {inside_of}"
             self._refuse("part-outside-project", f"{shown(text)} is outside of the project", place, help_text)
-        elif not there:
-            self._refuse("part-not-found", f"there is no file {shown(text)}", place, self._near(opened.path, text))
-        return path if inside and there else None
+        elif not is_file:
+            self._refuse("part-not-found", f"there is no file {shown(text)}", place, self._near_help(opened.path, text))
+        return path if is_inside and is_file else None
 
-    def _is_first(self, path: Path, node: ScalarNode, opened: _Open, place: Place) -> bool:
-        first = self._first.get(path)
+    def _is_first(self, path: Path, node: ScalarNode, opened: _OpenFile, place: Place) -> bool:
+        first = self._first_places.get(path)
         if first is None:
             return True
-        if path in opened.around:
-            chain = " -> ".join([*(step.name for step in opened.around[opened.around.index(path) :]), path.name])
+        if path in opened.open_paths:
+            chain = " -> ".join(
+                [*(step.name for step in opened.open_paths[opened.open_paths.index(path) :]), path.name]
+            )
             help_text = "remove one of these includes"
             self._refuse("part-includes-itself", f"{shown(node.text)} includes itself: {chain}", place, help_text)
         else:
@@ -114,7 +116,7 @@ class Parts:
             self._refuse("part-included-twice", message, place, "remove one of them", related)
         return False
 
-    def _near(self, including: Path, text: str) -> str:
+    def _near_help(self, including: Path, text: str) -> str:
         folder = (including.parent / text).parent
         try:
             with os.scandir(folder) as listed:

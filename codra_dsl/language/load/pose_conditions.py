@@ -17,19 +17,19 @@ _TRUTH = ValueType(kind=Kind.BOOL)
 
 def with_pose_conditions(spec: Spec) -> Spec:
     """Return a spec with the context-variables that its comparisons with poses imply."""
-    derived: dict[str, Variable] = {}
+    variables: dict[str, Variable] = {}
     origins = dict(spec.origins)
-    for owner, condition in _over_context(spec):
+    for owner, condition in _conditions_over_context(spec):
         for name in () if condition.tree is None else names_in(condition.tree):
-            if name.asks is not None and name.name not in derived:
-                derived[name.name] = _variable(
+            if name.asks is not None and name.name not in variables:
+                variables[name.name] = _variable(
                     name.name, PoseCondition(tree=name.asks, condition=condition, owner=owner)
                 )
                 origins["context", name.name] = spec.origins[owner[0], owner[1]]
-    return replace(spec, context=(*spec.context, *derived.values()), origins=origins) if derived else spec
+    return replace(spec, context=(*spec.context, *variables.values()), origins=origins) if variables else spec
 
 
-def _over_context(spec: Spec) -> Iterator[tuple[tuple[str, str, str], Condition]]:
+def _conditions_over_context(spec: Spec) -> Iterator[tuple[tuple[str, str, str], Condition]]:
     """Yield each condition that may contain poses, with the section, name and key of its element."""
     for algorithm in spec.perception:
         owner = ("perception", algorithm.name, "observable_when")

@@ -12,5 +12,5 @@ from codra_dsl.language.project import SCHEMA_FILE
 @cache
 def schema() -> dict[str, Any]:
     """Return the published schema."""
-    loaded: dict[str, Any] = json.loads(SCHEMA_FILE.read_text(encoding="utf-8"))
-    return loaded
+    content: dict[str, Any] = json.loads(SCHEMA_FILE.read_text(encoding="utf-8"))
+    return content

@@ -10,8 +10,8 @@ from pathlib import Path
 from codra_dsl.collector import paused_collector
 from codra_dsl.language.diagnostics import Diagnostic, has_errors, in_file_order, once_per_template
 from codra_dsl.language.expression.tokens import shown
-from codra_dsl.language.load.calls import Declared, check_calls
-from codra_dsl.language.load.derived import with_derived
+from codra_dsl.language.load.calls import DeclaredNames, check_calls
+from codra_dsl.language.load.derived import with_derived_variables
 from codra_dsl.language.load.elements.elements import Elements
 from codra_dsl.language.load.instantiation import Uses
 from codra_dsl.language.load.parts import Parts
@@ -28,7 +28,7 @@ from codra_dsl.language.model import AnyName, Spec
 STANDARD_INPUT = "-"
 
 Loaded = tuple[Spec | None, tuple[Diagnostic, ...]]
-"""A spec and its findings, in file order; the spec is None if it could not be read sensibly."""
+"""A spec and its findings, in file order. The spec is None if its file cannot be read as one, or has no name."""
 
 
 @paused_collector()
@@ -36,39 +36,39 @@ def load_spec(path: Path, root: Path, texts: Mapping[str, bytes] = AS_ON_DISK) -
     """Return the spec in a file, with its parts.
 
     `root` is the project's folder: findings name files relative to it, and parts must be inside it. `texts` has the
-    content of files, by such names, that are not read from disk.
+    content of files that are not read from disk, by their names relative to `root`.
 
     Raises:
         ValueError: if the file is not in the project.
     """
     findings = Findings()
-    return _loaded(read(path, _relative(path, root), findings, texts), path, root, findings, texts)
+    return _load(read(path, _relative_path(path, root), findings, texts), path, root, findings, texts)
 
 
 @paused_collector()
 def load_text(text: str | bytes, file: str, root: Path) -> Loaded:
-    """Return the spec in a text, with its parts; findings name the text `file`, `-` for standard input.
+    """Return the spec in a text, with its parts. In findings, the text has the name `file`: `-` for standard input.
 
-    `root` is the project's folder, to which the parts of `-` are relative.
+    `root` is the project's folder. The parts that a spec from standard input includes are relative to it.
     """
     findings = Findings()
     source = decode(text, file, findings) if isinstance(text, bytes) else accept(text, file, findings)
-    return _loaded(source, root / (file if file != STANDARD_INPUT else "standard input"), root, findings)
+    return _load(source, root / (file if file != STANDARD_INPUT else "standard input"), root, findings)
 
 
-def _relative(path: Path, root: Path) -> str:
+def _relative_path(path: Path, root: Path) -> str:
     try:
         return Path(os.path.normpath(path.absolute())).relative_to(os.path.normpath(root.absolute())).as_posix()
     except ValueError:
         return path.resolve().relative_to(root.resolve()).as_posix()
 
 
-def _loaded(
+def _load(
     source: Source | None, path: Path, root: Path, findings: Findings, texts: Mapping[str, bytes] = AS_ON_DISK
 ) -> Loaded:
     document = None if source is None else read_document(source, findings)
     if document is None:
-        return None, _in_order(findings)
+        return None, _sorted_diagnostics(findings)
     name = document.name
     if name is None and not document.may_be_named:
         help_text = "give the path of the spec that includes it, or add a 'name'"
@@ -76,31 +76,33 @@ def _loaded(
         findings.add("part-without-spec", message, document.origin.of(document.subject.key), help=help_text)
     parts = Parts(root, findings, texts)
     parts.read_all(document, path.resolve())
-    spec = _spec(document, name, parts, root, findings)
-    return spec, _in_order(findings)
+    spec = _read_spec(document, name, parts, root, findings)
+    return spec, _sorted_diagnostics(findings)
 
 
-def _in_order(findings: Findings) -> tuple[Diagnostic, ...]:
+def _sorted_diagnostics(findings: Findings) -> tuple[Diagnostic, ...]:
     return in_file_order(once_per_template(findings.all()))
 
 
-def _spec(document: Document, name: ScalarNode | None, parts: Parts, root: Path, findings: Findings) -> Spec | None:
+def _read_spec(
+    document: Document, name: ScalarNode | None, parts: Parts, root: Path, findings: Findings
+) -> Spec | None:
     lost = frozenset[str]().union(*(part.lost for part in parts.documents))
     elements = Elements(findings)
     uses = Uses(findings, blind=bool(lost) or not parts.complete)
-    modules = _modules(parts.documents)
+    modules = _module_names(parts.documents)
     uses.declare(parts.documents)
     for part in parts.documents:
         origin = Origin(part.origin.source, module=modules[part.origin.source.file])
         for section in SECTIONS:
-            elements.add(section, take_section(part.root, section), origin)  # so that its nodes are freed
+            elements.add(section, take_section(part.root, section), origin)  # removed, so that its nodes can be freed
     uses.make(parts.documents, modules, elements)
     uses.try_unused()
     elements.report_comments()
     if name is None:
         return None
-    modules_read = check_calls(elements.built["perception"].values(), _declared(elements), root, findings)
-    damaged = _damaged(elements, lost if uses.complete and parts.complete else frozenset(SECTIONS))
+    modules_read = check_calls(elements.built["perception"].values(), _declared_names(elements), root, findings)
+    damaged = _damaged_names(elements, lost if uses.complete and parts.complete else frozenset(SECTIONS))
     if has_errors(findings.all()):
         damaged["spec"] = frozenset({name.text})
     built = {section: tuple(elements_by_name.values()) for section, elements_by_name in elements.built.items()}
@@ -112,47 +114,51 @@ def _spec(document: Document, name: ScalarNode | None, parts: Parts, root: Path,
         modules=modules_read,
         **built,
         uses=tuple(uses.made),
-        templates=tuple(uses.declared()),
+        templates=tuple(uses.declared_templates()),
         origins=elements.origins,
         damaged=damaged,
         damaged_keys=elements.damaged_keys,
     )
-    return with_pose_conditions(with_derived(spec, findings))
+    return with_pose_conditions(with_derived_variables(spec, findings))
 
 
-def _declared(elements: Elements) -> Declared:
+def _declared_names(elements: Elements) -> DeclaredNames:
     resources, context = (frozenset(elements.built[section]) for section in ("resources", "context"))
-    return Declared(resources, context, elements.damaged_keys)
+    return DeclaredNames(resources, context, elements.damaged_keys)
 
 
-def _damaged(elements: Elements, lost: Iterable[str]) -> dict[str, frozenset[str]]:
-    lost_all = frozenset(lost)
-    return {kind: AnyName(names) if kind in lost_all else frozenset(names) for kind, names in elements.damaged.items()}
+def _damaged_names(elements: Elements, lost: Iterable[str]) -> dict[str, frozenset[str]]:
+    lost_sections = frozenset(lost)
+    return {
+        section: AnyName(names) if section in lost_sections else frozenset(names)
+        for section, names in elements.damaged.items()
+    }
 
 
-def _modules(documents: Iterable[Document]) -> dict[str, str]:
-    """Return the module of each use, by instance, and of each file, by path.
+def _module_names(documents: Iterable[Document]) -> dict[str, str]:
+    """Return the names of the generated modules: of each use by its name, and of each file by its path.
 
-    They are identifiers, unique without regard to case. A use has its own name; a file has that of its stem, or of
-    its path if the stem is taken.
+    They are identifiers, unique without regard to case. The module of a use has the name of the use. The module of a
+    file is named after the file's stem; if that name is taken, after its path; if that is taken as well, after its stem
+    with a number.
     """
     modules: dict[str, str] = {}
-    taken: set[str] = set()
+    taken_names: set[str] = set()
     for document in documents:
         for key, _ in entries(document.section("use")):
             modules.setdefault(key.text, key.text)
-            taken.add(key.text.casefold())
+            taken_names.add(key.text.casefold())
     for document in documents:
         path = Path(document.origin.source.file).with_suffix("")
-        wanted = [_identifier(path.name), _identifier("_".join(path.parts))]
-        numbered = (f"{wanted[0]}_{number}" for number in range(2, len(taken) + 3))
-        free = next(module for module in (*wanted, *numbered) if module.casefold() not in taken)
-        modules[document.origin.source.file] = free
-        taken.add(free.casefold())
+        wanted_names = [_identifier(path.name), _identifier("_".join(path.parts))]
+        numbered_names = (f"{wanted_names[0]}_{number}" for number in range(2, len(taken_names) + 3))
+        free_name = next(module for module in (*wanted_names, *numbered_names) if module.casefold() not in taken_names)
+        modules[document.origin.source.file] = free_name
+        taken_names.add(free_name.casefold())
     return modules
 
 
 def _identifier(text: str) -> str:
-    """Return a file's name as an identifier; standard input is named `standard input`."""
+    """Return a file's name as an identifier; without a letter or digit, as for `-`, it is `spec`."""
     name = re.sub(r"[^A-Za-z0-9]+", "_", text).strip("_")[:MAX_NAME] or "spec"
     return name if is_identifier(name) else f"spec_{name}"[:MAX_NAME]

@@ -1,7 +1,7 @@
 """The content of a spec as frozen values: templates expanded, parts merged, conditions parsed, nothing checked yet.
 
 Every name, key and value keeps its place. Names of elements that `load` could not read completely are listed, so that
-later stages report no consequential errors about them.
+later stages do not report errors that follow from them.
 """
 
 from codra_dsl.language.model.elements import (

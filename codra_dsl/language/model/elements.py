@@ -326,23 +326,23 @@ class Setting:
     seconds, an int is a whole number, and a `StrEnum` is a choice of words.
 
     Attributes:
-        field: the name of the field, here and in `codra_dsl.runtime.values.model`.
+        field_name: the name of the field, here and in `codra_dsl.runtime.values.model`.
         key: the key in a spec.
         may_be_zero: whether a duration of 0 s is allowed.
     """
 
-    field: str
+    field_name: str
     key: str
     default: Any
     may_be_zero: bool
 
 
-def _settings_of(element: type[Any]) -> tuple[Setting, ...]:
-    """Return the fields of an element whose metadata name a key."""
+def _settings_of(element_type: type[Any]) -> tuple[Setting, ...]:
+    """Return the settings of a type of elements: those of its fields whose metadata has a key."""
     return tuple(
-        Setting(one.name, one.metadata["key"], one.default, one.metadata.get("may_be_zero", False))
-        for one in fields(element)
-        if "key" in one.metadata
+        Setting(entry.name, entry.metadata["key"], entry.default, entry.metadata.get("may_be_zero", False))
+        for entry in fields(element_type)
+        if "key" in entry.metadata
     )
 
 
@@ -353,7 +353,7 @@ class Algorithm:
     Attributes:
         call: `package.module:function`.
         parameters: literals in file order, with quantities as SI floats; `places` has a key `with.NAME` for each.
-        given: variables whose values it gets as arguments; all of them must be known.
+        given: variables whose values it gets as arguments; it needs all of them to be known.
         places: by key; also `name`.
     """
 

@@ -239,7 +239,7 @@ class Conduct:
     Attributes:
         wakes: each of these patterns alone wakes it; without any it is always active.
         owns: further elements that it may write, besides those that name it as `source`.
-        reads: further elements that it reads, besides the names in its rules and `wakes`.
+        reads: further elements that it reads, besides those that its rules and `wakes` name.
         places: by key; also `name`.
     """
 
@@ -253,7 +253,7 @@ class Conduct:
 
     @property
     def is_bare(self) -> bool:
-        """Whether the spec declares none of these: then it is only an outside writer."""
+        """Whether nothing is declared here: then the agent is only an outside writer."""
         return not (self.label or self.phase or self.wakes or self.owns or self.reads or self.rules)
 
 

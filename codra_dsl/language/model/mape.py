@@ -155,7 +155,7 @@ class TreeElement:
     """A behaviour tree in a file.
 
     Attributes:
-        file: relative to the spec file that names it.
+        file: relative to the folder of the file, a spec or a part, that names it.
         agent: the agent that executes it; None if the spec names none.
         course: for each action, the tree in the file that is its branch.
         places: by key; also `name`.

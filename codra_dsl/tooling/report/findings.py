@@ -92,7 +92,7 @@ def as_json(value: object, indent: int | None = None) -> str:
 def help(diagnostic: Diagnostic) -> str:
     """Return in one line how to fix a finding and, for a finding in a template, the use that causes it."""
     uses = list(
-        dict.fromkeys(case.place.use for case in (diagnostic, *diagnostic.per_use) if case.place.use is not None)
+        dict.fromkeys(case.place.use for case in (diagnostic, *diagnostic.use_findings) if case.place.use is not None)
     )
     used = [f"used at {shown_place(uses[0])}{f' and {len(uses) - 1} more' if uses[1:] else ''}"] if uses else []
     return "; ".join([*([diagnostic.help] if diagnostic.help else []), *used])

@@ -18,7 +18,7 @@ def record_of(diagnostic: Diagnostic) -> dict[str, object]:
         "related": [[related.message, _of_place(related.place)] for related in diagnostic.related],
         "fix": None if diagnostic.fix is None else _of_fix(diagnostic.fix),
         "level": diagnostic.level,
-        "each_use": [record_of(use) for use in diagnostic.per_use],
+        "each_use": [record_of(use) for use in diagnostic.use_findings],
     }
 
 
@@ -39,7 +39,7 @@ def finding_from(record: Any) -> Diagnostic:
         related=tuple(Related(text_from(message), _place(place)) for message, place in record["related"]),
         fix=None if record["fix"] is None else _fix(record["fix"]),
         level=None if level is None else Severity(text_from(level)),
-        per_use=tuple(map(finding_from, record["each_use"])),
+        use_findings=tuple(map(finding_from, record["each_use"])),
     )
 
 

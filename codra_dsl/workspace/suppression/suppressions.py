@@ -137,7 +137,7 @@ class _Suppressions:
             return (diagnostic,)
         if self._silenced(diagnostic.code, diagnostic.place.span):
             return ()
-        uses = diagnostic.per_use or (diagnostic,)
+        uses = diagnostic.use_findings or (diagnostic,)
         left = tuple(use for use in uses if use.place.use is None or not self._silenced(use.code, use.place.use))
         for span in (span for use in left for span in (use.place.span, use.place.use) if span is not None):
             self._loud.setdefault((span.file, diagnostic.code), span.line)

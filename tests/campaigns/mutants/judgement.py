@@ -72,7 +72,7 @@ def original(files: Mapping[str, str]) -> Original:
     """Return a project before any change, with the perception functions that it calls."""
     modules = perception_of(files)
     meaning, findings = compiled({**files, **modules})
-    known = frozenset((finding.code, finding.message) for one in findings for finding in (one, *one.per_use))
+    known = frozenset((finding.code, finding.message) for one in findings for finding in (one, *one.use_findings))
     return Original(modules, meaning, known, is_valid=not has_errors(findings))
 
 

@@ -184,9 +184,9 @@ def test_a_package_may_do_without_init(tmp_path: Path) -> None:
 def test_a_function_must_take_all_passed_arguments_and_get_all_required_ones(
     project: Path, signature: str, help_text: str | None
 ) -> None:
-    reports = with_module(project, f"def look({signature}):\n    return {{}}\n")
+    findings = with_module(project, f"def look({signature}):\n    return {{}}\n")
 
-    assert reports == [] if help_text is None else ("call-arguments", help_text) in reports
+    assert findings == [] if help_text is None else ("call-arguments", help_text) in findings
 
 
 @pytest.mark.parametrize(
@@ -202,9 +202,9 @@ def test_a_function_must_take_all_passed_arguments_and_get_all_required_ones(
     ],
 )
 def test_a_class_takes_the_arguments_of_its_perceive(project: Path, body: str, help_text: str | None) -> None:
-    reports = with_module(project, f"class look:\n    {body}\n")
+    findings = with_module(project, f"class look:\n    {body}\n")
 
-    assert reports == [] if help_text is None else ("call-arguments", help_text) in reports
+    assert findings == [] if help_text is None else ("call-arguments", help_text) in findings
 
 
 def test_a_class_without_perceive_is_reported(project: Path) -> None:

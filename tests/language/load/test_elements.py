@@ -165,10 +165,10 @@ def test_an_expectation_of_a_skill_becomes_a_condition_over_the_variable() -> No
         "      - 'door stays \"within reach\"'\n"
     )
     skill = spec_of(text).skills[0]
-    named, becomes, compared, stays = skill.monitor
+    watched, becomes, compared, stays = skill.monitor
 
     assert ([name.name for name in skill.preview], [name.name for name in skill.changes]) == (["pot"], ["pot"])
-    assert (named.expected, named.condition, named.within_s) == (Expected.WATCHED, None, None)
+    assert (watched.expected, watched.condition, watched.within_s) == (Expected.WATCHED, None, None)
     assert becomes.condition is not None
     assert (becomes.expected, becomes.condition.text, becomes.within_s) == (Expected.BECOMES, "pot == true", 0.5)
     assert compared.condition is not None

@@ -18,7 +18,7 @@ from .texts import loaded, rules_of
 ROOT = Path(__file__).parents[3]
 LAB = (ROOT / "specs" / "lab.yaml").read_text("utf-8")
 MACHINE = (ROOT / "specs" / "parts" / "machine.yaml").read_text("utf-8")
-ONE_FILE = LAB.replace("include: [parts/machine.yaml]\n", "") + MACHINE.replace("codra: 1\n", "")
+LAB_IN_ONE_FILE = LAB.replace("include: [parts/machine.yaml]\n", "") + MACHINE.replace("codra: 1\n", "")
 SNIPPETS = [
     *(
         "!",
@@ -107,9 +107,9 @@ def test_any_text_in_place_of_conditions_can_be_loaded(text: str) -> None:
 
 
 @settings(max_examples=300)
-@given(st.integers(0, len(ONE_FILE)), st.integers(0, 12), st.lists(st.sampled_from(SNIPPETS), max_size=3))
+@given(st.integers(0, len(LAB_IN_ONE_FILE)), st.integers(0, 12), st.lists(st.sampled_from(SNIPPETS), max_size=3))
 def test_a_spec_with_any_change_can_be_loaded(at: int, length: int, inserted: list[str]) -> None:
-    text = ONE_FILE[:at] + "".join(inserted) + ONE_FILE[at + length :]
+    text = LAB_IN_ONE_FILE[:at] + "".join(inserted) + LAB_IN_ONE_FILE[at + length :]
     spec, findings = load_text(text, "lab.yaml", ROOT)
 
     assert_in_text(findings, text)
@@ -118,7 +118,7 @@ def test_a_spec_with_any_change_can_be_loaded(at: int, length: int, inserted: li
 
 @pytest.mark.parametrize("removed", ["type", "call", "returns", "identifies", "template", "title", "codra", "name"])
 def test_a_removed_key_is_reported(removed: str) -> None:
-    lines = ONE_FILE.split("\n")
+    lines = LAB_IN_ONE_FILE.split("\n")
     first = next(index for index, line in enumerate(lines) if f"{removed}: " in line or f"{removed}:" in line)
     changed = "\n".join([*lines[:first], lines[first].replace(f"{removed}:", f"{removed}x:", 1), *lines[first + 1 :]])
 

@@ -31,17 +31,17 @@ use:
 """
 
 
-def filled(parameters: str, arguments: str, *keys: str) -> str:
+def template_text(parameters: str, arguments: str, *keys: str) -> str:
     text = TEMPLATE.replace("PARAMETERS", parameters).replace(", ARGUMENTS", f", {arguments}" if arguments else "")
     return text.replace("KEYS", "\n".join(f"        {key}" for key in keys))
 
 
 def look(parameters: str, arguments: str, *keys: str) -> Algorithm:
-    return spec_of(filled(parameters, arguments, *keys)).perception[0]
+    return spec_of(template_text(parameters, arguments, *keys)).perception[0]
 
 
 def test_the_name_of_the_use_may_be_part_of_any_name() -> None:
-    text = filled("", "", "observable_when: [known($(instance)_full)]", "uses: {camera_of_$(instance): read}")
+    text = template_text("", "", "observable_when: [known($(instance)_full)]", "uses: {camera_of_$(instance): read}")
     spec = spec_of(text)
     (condition,) = spec.perception[0].observable_when
     assert condition.tree is not None
@@ -60,7 +60,7 @@ def test_the_name_of_the_use_may_be_part_of_any_name() -> None:
 
 
 def test_elements_of_a_template_have_two_places() -> None:
-    text = filled("", "")
+    text = template_text("", "")
     variable = spec_of(text).context[0]
 
     assert marked(text, variable.place) == "$(instance)_full"
@@ -122,7 +122,7 @@ def test_texts_of_a_use_cannot_break_out_of_a_condition(value: str) -> None:
     import yaml
 
     argument = yaml.safe_dump(value, default_style='"', width=10_000, allow_unicode=True).strip()
-    text = filled("name: str", f"name: {argument}", "accept_when: ['state == \"$(name)\"', state == $(name)]")
+    text = template_text("name: str", f"name: {argument}", "accept_when: ['state == \"$(name)\"', state == $(name)]")
     spec, findings = loaded(text)
     if any(finding.rule.name == "control-character" for finding in findings):
         return
@@ -148,7 +148,7 @@ def test_texts_of_a_use_cannot_break_out_of_a_condition(value: str) -> None:
     ],
 )
 def test_only_an_identifier_may_be_part_of_a_name(key: str) -> None:
-    text = filled("n: int", "n: 3", key)
+    text = template_text("n: int", "n: 3", key)
     text = text.replace("        call: kitchen.perception:look\n", "") if key.startswith("call") else text
 
     assert set(rules_of(text)) == {"parameter-in-name"}
@@ -156,12 +156,12 @@ def test_only_an_identifier_may_be_part_of_a_name(key: str) -> None:
 
 @pytest.mark.parametrize("text", ["$( n )", "$()", "$(n", "$(1)", "$(a-b)", "$(n.m)"])
 def test_a_malformed_parameter_is_reported(text: str) -> None:
-    assert rules_of(filled("", "", f"accept_when: ['level > {text}']")) == ["ill-formed-parameter"]
+    assert rules_of(template_text("", "", f"accept_when: ['level > {text}']")) == ["ill-formed-parameter"]
 
 
 @pytest.mark.parametrize("argument", ["'true'", "3.5", "'3'", "three", "[3]", "~"])
 def test_an_argument_must_have_its_parameters_type(argument: str) -> None:
-    findings = findings_of(filled("rank: int", f"rank: {argument}", "rank: $(rank)"))
+    findings = findings_of(template_text("rank: int", f"rank: {argument}", "rank: $(rank)"))
 
     assert [finding.rule.name for finding in findings] == [
         "wrong-type" if argument in ("[3]", "~") else "ill-typed-argument"
@@ -170,26 +170,26 @@ def test_an_argument_must_have_its_parameters_type(argument: str) -> None:
 
 @pytest.mark.parametrize("argument", ["class", "a b", "min", "3", "ä"])
 def test_an_identifier_must_be_a_name(argument: str) -> None:
-    rules = rules_of(filled("other: identifier", f"other: {argument}", "given: [$(other)_full]"))
+    rules = rules_of(template_text("other: identifier", f"other: {argument}", "given: [$(other)_full]"))
 
     assert rules == ["ill-typed-argument"]
 
 
 def test_a_mistake_in_a_template_is_reported_once_with_all_its_uses() -> None:
-    text = filled("", "", "timeout: 5", "min_interval: 5 seconds", "accept_when: [level >> 3]") + (
+    text = template_text("", "", "timeout: 5", "min_interval: 5 seconds", "accept_when: [level >> 3]") + (
         "  salt: {template: jar}\n  tea: {template: jar}\n"
     )
-    by_rule = {finding.rule.name: finding for finding in findings_of(text)}
+    findings_by_rule = {finding.rule.name: finding for finding in findings_of(text)}
 
-    assert list(by_rule) == ["wrong-type", "duration", "condition-syntax"]
-    assert by_rule["wrong-type"].place.use is None
-    assert marked(text, by_rule["duration"].place) == "5 seconds"
-    uses = [by_rule["duration"].place, *(related.place for related in by_rule["duration"].related)]
+    assert list(findings_by_rule) == ["wrong-type", "duration", "condition-syntax"]
+    assert findings_by_rule["wrong-type"].place.use is None
+    assert marked(text, findings_by_rule["duration"].place) == "5 seconds"
+    uses = [findings_by_rule["duration"].place, *(related.place for related in findings_by_rule["duration"].related)]
     assert [use.use and marked(text, use.use) for use in uses] == ["sugar", "salt", "tea"]
 
 
 def test_the_mistakes_of_a_template_without_uses_are_reported() -> None:
-    used = filled(
+    used = template_text(
         "n: int", "n: 3", "timeout: 5", "min_interval: 5 seconds", "accept_when: [level >> $(n)]", "rank: $(n)"
     )
 
@@ -197,13 +197,13 @@ def test_the_mistakes_of_a_template_without_uses_are_reported() -> None:
 
 
 def test_mistakes_that_depend_on_a_use_are_not_reported_for_a_template_without_uses() -> None:
-    text = filled("s: str, q: quantity, n: int", "n: 3", "timeout: $(s)", "min_interval: $(q)", "rank: $(n)")
+    text = template_text("s: str, q: quantity, n: int", "n: 3", "timeout: $(s)", "min_interval: $(q)", "rank: $(n)")
 
     assert rules_of(text.split("use:")[0]) == []
 
 
 def test_a_wrong_use_creates_no_elements_but_its_names_are_known() -> None:
-    spec, findings = loaded(filled("n: int", "", "rank: $(n)"))
+    spec, findings = loaded(template_text("n: int", "", "rank: $(n)"))
 
     assert [finding.rule.name for finding in findings] == ["missing-argument"]
     assert spec is not None
@@ -213,7 +213,7 @@ def test_a_wrong_use_creates_no_elements_but_its_names_are_known() -> None:
 
 
 def test_a_misspelt_argument_is_not_missing_as_well() -> None:
-    assert rules_of(filled("minimum: int", "minimun: 3", "rank: $(minimum)")) == ["unknown-argument"]
+    assert rules_of(template_text("minimum: int", "minimun: 3", "rank: $(minimum)")) == ["unknown-argument"]
 
 
 def test_files_and_uses_go_to_modules_of_different_names(tmp_path: Path) -> None:

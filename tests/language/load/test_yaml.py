@@ -200,8 +200,8 @@ assert not yaml.__with_libyaml__
 from codra_dsl.language.load import load_spec
 for name in sys.argv[1:]:
     spec, findings = load_spec(Path(name), Path(name).parent)
-    for found in findings:
-        print(name, found.place.span, found.code)
+    for finding in findings:
+        print(name, finding.place.span, finding.code)
 """
 
 

@@ -196,9 +196,9 @@ def test_every_finding_is_one_line_of_json_that_every_parser_accepts(findings: l
 
 def test_a_line_names_the_use_that_gives_a_finding_in_a_templates_text() -> None:
     uses = [Place(MONITER.place.span, span(line, 3, 6, file="specs/a.yaml")) for line in (8, 9, 10)]
-    per_use = tuple(replace(MONITER, place=place) for place in uses)
+    use_findings = tuple(replace(MONITER, place=place) for place in uses)
 
-    one, several = render_concise([per_use[1], replace(per_use[0], per_use=per_use)]).splitlines()
+    one, several = render_concise([use_findings[1], replace(use_findings[0], use_findings=use_findings)]).splitlines()
 
     assert one.endswith(" (did you mean 'monitor'?; used at specs/a.yaml:9:3)")
     assert several.endswith(" (did you mean 'monitor'?; used at specs/a.yaml:8:3 and 2 more)")

@@ -84,8 +84,10 @@ def build_algorithm(reader: Reader) -> Algorithm:
         accept_when=read_conditions(reader, "accept_when"),
         identifies=tuple(_read_identifies(reader)),
         rank=reader.number("rank", 1),
-        places=reader.places(_places_of_parameters(reader)),
-        **{setting.field: _read_setting(reader, setting) for setting in ALGORITHM_SETTINGS},
+        places=reader.places(
+            (f"with.{key.text}", (key.start, key.end)) for key, _ in entries(reader.node.value("with"))
+        ),
+        **{setting.field_name: _read_setting(reader, setting) for setting in ALGORITHM_SETTINGS},
     )
 
 
@@ -155,11 +157,6 @@ def _read_parameters(reader: Reader) -> Iterable[tuple[str, Literal]]:
             yield key.text, read_literal(reader, value, "with", key.text)
         else:
             reader.damage("with")
-
-
-def _places_of_parameters(reader: Reader) -> Iterable[tuple[str, tuple[int, int]]]:
-    for key, _ in entries(reader.node.value("with")):
-        yield f"with.{key.text}", (key.start, key.end)
 
 
 def _read_uses(reader: Reader) -> Iterable[Usage]:

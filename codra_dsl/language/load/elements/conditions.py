@@ -18,7 +18,7 @@ from codra_dsl.language.model import Letters as PlacedLetters
 MAX_PIECES = 50
 """The maximum number of pieces that are joined to a condition again."""
 
-MAX_REMEMBERED = 200
+MAX_CACHED_LENGTH = 200
 """The maximum length of a condition, in code points, whose tree is cached."""
 
 _MAY_OPEN = re.compile(r"[(\"']")
@@ -56,9 +56,9 @@ def untorn_items(reader: Reader, key: str) -> Iterator[tuple[int, YamlNode]]:
 
 def read_condition(reader: Reader, node: YamlNode, *steps: str, grammar: Grammar = parse) -> Condition:
     """Return one condition; on a syntax error, report it and set the tree to None."""
-    condition = parsed(reader, node, *condition_text(reader, node), steps, grammar=_REMEMBERING[grammar])
+    condition = build_condition(reader, node, *condition_text(reader, node), steps, grammar=_CACHED_GRAMMARS[grammar])
     if condition.tree is not None:
-        _note_comment(reader, node, condition, steps)
+        _record_suspect(reader, node, condition, steps)
     elif not node.reported:
         report_syntax(reader, node, condition, steps, grammar=grammar)
     return condition
@@ -70,14 +70,14 @@ def condition_text(reader: Reader, node: YamlNode) -> tuple[str, Letters]:
         return "", ()
     letters = letters_of(node, reader.origin.source.text)
     text = node.text
-    if node.style is Style.PLAIN and node.filled is None:
+    if node.style is Style.PLAIN and node.filled_text is None:
         return text, letters
     stripped = text.strip()
     before = len(text) - len(text.lstrip())
     return stripped.replace("\n", " "), cut(letters, before, before + len(stripped), 0) if before else letters
 
 
-def parsed(
+def build_condition(
     reader: Reader,
     node: YamlNode,
     text: str,
@@ -100,18 +100,18 @@ def parsed(
 
 def _tree(text: str) -> Node | SyntaxProblem:
     """Return the tree of a condition; those of short conditions are cached because many are equal."""
-    return _remembered(text) if len(text) <= MAX_REMEMBERED else parse(text)
+    return _parse_cached(text) if len(text) <= MAX_CACHED_LENGTH else parse(text)
 
 
-_remembered = lru_cache(maxsize=4096)(parse)
-_remembered_over_context = lru_cache(maxsize=4096)(parse_over_context)
+_parse_cached = lru_cache(maxsize=4096)(parse)
+_parse_over_context_cached = lru_cache(maxsize=4096)(parse_over_context)
 
 
 def _tree_over_context(text: str) -> Node | SyntaxProblem:
-    return _remembered_over_context(text) if len(text) <= MAX_REMEMBERED else parse_over_context(text)
+    return _parse_over_context_cached(text) if len(text) <= MAX_CACHED_LENGTH else parse_over_context(text)
 
 
-_REMEMBERING: Mapping[Grammar, Grammar] = {parse: _tree, parse_over_context: _tree_over_context}
+_CACHED_GRAMMARS: Mapping[Grammar, Grammar] = {parse: _tree, parse_over_context: _tree_over_context}
 
 
 def _torn_until(sequence: SequenceNode, index: int) -> int | None:
@@ -141,15 +141,15 @@ def report_syntax(
     comment = _comment_after(reader, node)
     if comment is not None:
         trap = cut_off_by_comment(f"{condition.text} #{comment.rstrip()}")
-        line = reader.origin.place(node.start, reader.origin.source.line_end(node.end))
-        fix = trap_fix(trap, line)
+        place_with_comment = reader.origin.place(node.start, reader.origin.source.line_end(node.end))
+        fix = trap_fix(trap, place_with_comment)
         reader.findings.add(trap.rule, trap.message, condition.place, help=trap.help, path=path, fix=fix)
     elif isinstance(problem, SyntaxProblem):
         place = condition.place_between(problem.start, problem.end)
         reader.findings.add("condition-syntax", problem.message, place, help=problem.help, path=path)
 
 
-def _note_comment(reader: Reader, node: YamlNode, condition: Condition, steps: tuple[str, ...]) -> None:
+def _record_suspect(reader: Reader, node: YamlNode, condition: Condition, steps: tuple[str, ...]) -> None:
     comment = _comment_after(reader, node)
     tree = parse(_JOINING.sub("", comment.strip())) if comment is not None else None
     names = frozenset(name.name for name in names_in(tree)) if isinstance(tree, Node) else frozenset()

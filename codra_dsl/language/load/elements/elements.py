@@ -24,7 +24,7 @@ from codra_dsl.language.load.elements.knowledge import (
 )
 from codra_dsl.language.load.elements.loops import build_action, build_adaptation, build_loop, build_metric, build_tree
 from codra_dsl.language.load.schema.document import SECTIONS
-from codra_dsl.language.load.schema.schema import keys_of, sound
+from codra_dsl.language.load.schema.schema import has_shape, keys_of
 from codra_dsl.language.load.schema.shape import explain
 from codra_dsl.language.load.templates.templates import DEFINITIONS
 from codra_dsl.language.load.yaml.findings import Findings
@@ -80,13 +80,13 @@ class Elements:
         """Add the elements of a section; `wrong` has names, as written, of reported elements and their wrong keys."""
         if not isinstance(elements, MappingNode):
             return
-        all_sound = not wrong and sound(section, elements.data)
+        all_have_shape = not wrong and has_shape(section, elements.data)
         for key, node in elements.entries.values():
             subject = Subject(section, key, origin)
             is_new = self._is_new(subject)
             damaged = wrong.get(key.written, frozenset())
-            if not all_sound and key.written not in wrong:
-                damaged = self._explained(subject, node)
+            if not all_have_shape and key.written not in wrong:
+                damaged = self._explain(subject, node)
             if isinstance(node, MappingNode) and node.unread:
                 damaged |= keys_of(DEFINITIONS[section]) - node.entries.keys()
             element = None
@@ -114,7 +114,9 @@ class Elements:
             self.damaged[section].add(name)
             self.damaged_keys[section, name] = frozenset(reader.damaged)
         if reader.suspects:
-            self._suspect(reader, element)
+            returned = element.returns if isinstance(element, Algorithm) else ()
+            names = frozenset(value.name for value in returned)
+            self._suspects.extend((suspect, names) for suspect in reader.suspects)
 
     def report_comments(self) -> None:
         """Report comments after conditions whose names could be part of the condition."""
@@ -135,15 +137,10 @@ class Elements:
         report_taken(subject, first, self._findings)
         return False
 
-    def _explained(self, subject: Subject, node: YamlNode) -> frozenset[str]:
+    def _explain(self, subject: Subject, node: YamlNode) -> frozenset[str]:
         """Report mistakes in the shape of an element; return the keys that are damaged by them."""
         definition = DEFINITIONS[subject.section]
-        return frozenset() if sound(definition, node.data) else explain(definition, node, subject, self._findings)
-
-    def _suspect(self, reader: Reader, element: object) -> None:
-        returned = element.returns if isinstance(element, Algorithm) else ()
-        names = frozenset(value.name for value in returned)
-        self._suspects.extend((suspect, names) for suspect in reader.suspects)
+        return frozenset() if has_shape(definition, node.data) else explain(definition, node, subject, self._findings)
 
 
 def report_taken(subject: Subject, first: Subject, findings: Findings) -> None:

@@ -185,12 +185,12 @@ def _read_values(reader: Reader) -> Iterator[StartingValue]:
 
 
 def _read_motion(reader: Reader) -> Motion:
-    stated = reader.node.entries
+    declared_keys = reader.node.entries
     static = reader.scalar("static")
     return Motion(
-        history_s=reader.duration_s("history", 0.0) if "history" in stated else None,
-        extrapolate_s=reader.duration_s("extrapolate", 0.0, least="zero") if "extrapolate" in stated else None,
-        valid_for_s=reader.duration_s("valid_for", 0.0, most="forever") if "valid_for" in stated else None,
+        history_s=reader.duration_s("history", 0.0) if "history" in declared_keys else None,
+        extrapolate_s=reader.duration_s("extrapolate", 0.0, least="zero") if "extrapolate" in declared_keys else None,
+        valid_for_s=reader.duration_s("valid_for", 0.0, most="forever") if "valid_for" in declared_keys else None,
         is_static=static is not None and static.data is True,
     )
 
@@ -250,8 +250,10 @@ def _read_rules(reader: Reader) -> Iterator[AgentRule]:
             reader.fail("duplicate-name", message, key, "rename one of them", "rules", key.text)
         inner = reader.inner(node, "rules", key.text)
         before, during, after = (read_patterns(inner, moment) for moment in ("before", "during", "after"))
-        lists = [node.value(moment) for moment in ("before", "during", "after")]
-        is_readable = not node.unread and not any(isinstance(one, SequenceNode) and one.reported for one in lists)
+        nodes = [node.value(moment) for moment in ("before", "during", "after")]
+        is_readable = not node.unread and not any(
+            isinstance(patterns_node, SequenceNode) and patterns_node.reported for patterns_node in nodes
+        )
         is_readable = is_readable and all(pattern.tree is not None for pattern in (*before, *during, *after))
         place = reader.origin.of(key)
         yield AgentRule(name=key.text, place=place, before=before, during=during, after=after, is_whole=is_readable)

@@ -51,7 +51,7 @@ SHAPES = {
     for shape in Shape
     if shape is not Shape.Linear
 }
-"""The shapes of terms by their names in specs; coefficients of inputs exist only in FLL."""
+"""The shapes of terms by their names in specs; `Linear`, the coefficients of inputs, is allowed only in FLL."""
 
 
 def read_rate(reader: Reader) -> Rate | None:
@@ -167,9 +167,9 @@ def _read_term(reader: Reader, name: str, node: ScalarNode) -> Term | None:
         help_text = f"did you mean '{near}'?" if near else f"shapes are {', '.join(SHAPES)}"
         _report(reader, name, node, f"{shown(word)} is not a shape of a term", help_text)
         return None
-    numbers = [_number(text) for text in texts]
+    numbers = [_parse_number(text) for text in texts]
     if None in numbers:
-        _report(reader, name, node, f"{shown(node.text)} is not a shape with its numbers", _form_of(word, shape))
+        _report(reader, name, node, f"{shown(node.text)} is not a shape with its numbers", _form_help(word, shape))
         return None
     values = tuple(number for number in numbers if number is not None)
     wanted = len(shape.value.names)
@@ -181,11 +181,13 @@ def _read_term(reader: Reader, name: str, node: ScalarNode) -> Term | None:
         is_valid, height = len(values) == wanted or has_height, values[-1] if has_height else 1.0
         values = values[:wanted]
     if not is_valid or not all(map(math.isfinite, (*values, height))):
-        _report(reader, name, node, f"{shown(node.text)} does not have the numbers of its shape", _form_of(word, shape))
+        _report(
+            reader, name, node, f"{shown(node.text)} does not have the numbers of its shape", _form_help(word, shape)
+        )
         return None
     fault, hint = _fault(shape, values)
     if fault:
-        _report(reader, name, node, f"{shown(node.text)} {fault}", f"{_form_of(word, shape)}{hint}")
+        _report(reader, name, node, f"{shown(node.text)} {fault}", f"{_form_help(word, shape)}{hint}")
         return None
     return Term(name=name, shape=shape, parameters=values, height=height)
 
@@ -211,12 +213,12 @@ def _report(reader: Reader, name: str, node: ScalarNode, message: str, help_text
     reader.fail("fuzzy-term", message, node, help_text, "terms", name)
 
 
-def _form_of(word: str, shape: Shape) -> str:
+def _form_help(word: str, shape: Shape) -> str:
     names = " ".join(name.upper() for name in shape.value.names) or "X1 Y1 X2 Y2 ..."
     return f"write '{word} {names}' with numbers"
 
 
-def _number(text: str) -> float | None:
+def _parse_number(text: str) -> float | None:
     try:
         return float(text) if re.fullmatch(r"[+-]?[0-9.]+(?:[eE][+-]?[0-9]+)?", text) else None
     except ValueError:
@@ -268,18 +270,18 @@ def _read_hard_rules(reader: Reader) -> Iterator[HardRule]:
             reader.damage("always")
             continue
         inner = reader.inner(item, "always", str(index))
-        condition = item.value("if")
-        if condition is None or inner.scalar("then") is None:
+        condition_node = item.value("if")
+        if condition_node is None or inner.scalar("then") is None:
             reader.damage("always")
             continue
-        parsed = read_condition(inner, condition, "if", grammar=parse_over_context)
-        yield HardRule(condition=parsed, action=_read_reference(inner, "then"))
+        condition = read_condition(inner, condition_node, "if", grammar=parse_over_context)
+        yield HardRule(condition=condition, action=_read_reference(inner, "then"))
 
 
 def _read_parameter(reader: Reader) -> Parameter:
     node = reader.node.value("value")
-    empty = Condition(text="", tree=None, place=reader.place)
-    value = empty if node is None else read_condition(reader, node, "value", grammar=parse_over_context)
+    empty_condition = Condition(text="", tree=None, place=reader.place)
+    value = empty_condition if node is None else read_condition(reader, node, "value", grammar=parse_over_context)
     return Parameter(variable=_read_reference(reader, "set"), value=value)
 
 

@@ -8,7 +8,7 @@ import re
 from codra_dsl.language.diagnostics import Place
 from codra_dsl.language.expression import Compare, Name
 from codra_dsl.language.expression.tokens import shown
-from codra_dsl.language.load.elements.conditions import condition_text, parsed, report_syntax
+from codra_dsl.language.load.elements.conditions import build_condition, condition_text, report_syntax
 from codra_dsl.language.load.yaml.nodes import ScalarNode
 from codra_dsl.language.load.yaml.reader import Reader
 from codra_dsl.language.load.yaml.source_offsets import cut
@@ -48,7 +48,7 @@ class _Entry:
         if words["verb"] is None:
             return Expectation(variable=variable, expected=Expected.WATCHED, place=place)
         if words["verb"] not in ("becomes", "stays"):
-            self._no_verb(words)
+            self._report_unknown_verb(words)
             return None
         expected = Expected(words["verb"])
         start, end = words.span("rest") if words["rest"] else (len(self._text), len(self._text))
@@ -69,7 +69,7 @@ class _Entry:
     def _fail(self, message: str, help_text: str, start: int, end: int, rule: str = "monitor") -> None:
         self._reader.fail(rule, message, self._place(start, end), help_text, *self._steps)
 
-    def _no_verb(self, words: re.Match[str]) -> None:
+    def _report_unknown_verb(self, words: re.Match[str]) -> None:
         verb = words["verb"]
         near = _OTHER_VERBS.get(verb.casefold()) or self._reader.findings.nearest(verb, ("becomes", "stays"))
         if _COMPARED.match(verb):
@@ -83,28 +83,30 @@ class _Entry:
         """Return the time limit for a variable to become a value; report a missing or misplaced limit."""
         if expected is Expected.STAYS:
             if within is not None:
-                self._no_time(within)
+                self._report_limit(within)
             return None
         if within is None:
-            self._no_within()
+            self._report_missing_limit()
             return None
         text = within["duration"] or ""
         duration = parse_duration(text)
         if duration is None or not 0 < duration < math.inf:
             help_text = duration_help(text) if duration is None else "give a time above 0 s"
             message = f"'within' takes a duration, not {shown(text)}" if text else "'within' takes a duration"
-            self._fail(message, help_text, *_trimmed(within), rule="duration")
+            self._fail(message, help_text, *_trimmed_span(within), rule="duration")
             return None
         return duration
 
-    def _no_time(self, within: re.Match[str]) -> None:
+    def _report_limit(self, within: re.Match[str]) -> None:
         """Report a time limit after `stays`."""
         word = shown(within["word"] if within.re is _OTHER_TIME else "within")
         self._fail(
-            f"'stays' does not take {word}", "remove it: 'stays' applies as long as the skill acts", *_trimmed(within)
+            f"'stays' does not take {word}",
+            "remove it: 'stays' applies as long as the skill acts",
+            *_trimmed_span(within),
         )
 
-    def _no_within(self) -> None:
+    def _report_missing_limit(self) -> None:
         """Report a missing time limit after `becomes`."""
         other = _OTHER_TIME.search(self._text)
         if other is not None:
@@ -125,7 +127,7 @@ class _Entry:
             return None
         head = f"{variable.name} " if _COMPARED.match(value) else f"{variable.name} == "
         runs = (*cut(self._runs, 0, len(variable.name), 0), *cut(self._runs, start, end, len(head)))
-        condition = parsed(self._reader, self._node, head + value, runs, self._steps)
+        condition = build_condition(self._reader, self._node, head + value, runs, self._steps)
         tree = condition.tree
         if tree is None:
             report_syntax(self._reader, self._node, condition, self._steps)
@@ -136,6 +138,6 @@ class _Entry:
         return condition
 
 
-def _trimmed(match: re.Match[str]) -> tuple[int, int]:
+def _trimmed_span(match: re.Match[str]) -> tuple[int, int]:
     text = match[0]
     return match.start() + len(text) - len(text.lstrip()), match.end()

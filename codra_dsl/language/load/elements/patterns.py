@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import lru_cache
 
 from codra_dsl.language.expression import SyntaxProblem, parse_pattern
-from codra_dsl.language.load.elements.conditions import condition_text, parsed, untorn_items
+from codra_dsl.language.load.elements.conditions import build_condition, condition_text, untorn_items
 from codra_dsl.language.load.yaml.nodes import ScalarNode, SequenceNode, YamlNode
 from codra_dsl.language.load.yaml.reader import Reader
 from codra_dsl.language.model import Condition
@@ -24,7 +24,7 @@ def read_patterns(reader: Reader, key: str) -> tuple[Condition, ...]:
 def _pattern(reader: Reader, node: YamlNode, *steps: str) -> Condition:
     """Return one pattern; on a syntax error, report it and set the tree to None."""
     text, letters = condition_text(reader, node)
-    pattern = parsed(reader, node, text, letters, steps, grammar=_parse)
+    pattern = build_condition(reader, node, text, letters, steps, grammar=_parse)
     problem = _parse(pattern.text) if pattern.tree is None and not node.reported else None
     if isinstance(problem, SyntaxProblem):
         place = pattern.place_between(problem.start, problem.end)

@@ -19,26 +19,26 @@ _LIKE_QUANTITY = re.compile(r"-?[0-9][0-9.eE+-]*[ \t]+([A-Za-z%°][A-Za-z0-9*/^%
 
 def read_type(reader: Reader, node: MappingNode, *steps: str) -> ValueType:
     """Return the type of a mapping with `type`, `unit`, `range` and `values`, as far as it can be read."""
-    present = {key: entry for key, entry in node.entries.items() if key in _TYPE_KEYS}
+    type_entries = {key: entry for key, entry in node.entries.items() if key in _TYPE_KEYS}
     written = node.value("type")
     kind = _KINDS.get(written.text) if isinstance(written, ScalarNode) else None
-    unit = _read_unit(reader, present["unit"], *steps) if "unit" in present else None
-    range_read = _read_range(reader, present["range"], unit, *steps) if "range" in present else None
+    unit = _read_unit(reader, type_entries["unit"], *steps) if "unit" in type_entries else None
+    value_range = _read_range(reader, type_entries["range"], unit, *steps) if "range" in type_entries else None
     if kind is None:
         reader.damage(*steps, "type")
     if node.unread:
         reader.damage(*steps)
-    for key, (_, value) in present.items():
+    for key, (_, value) in type_entries.items():
         if value.reported or (isinstance(value, SequenceNode) and any(item.reported for item in value.items)):
             reader.damage(*steps, key)
-    ranges = {key: visible_range(*entry) for key, entry in present.items()}
-    if "values" in present:
-        ranges.update((f"values.{item.text}", (item.start, item.end)) for item in _members(present["values"]))
+    ranges = {key: visible_range(*entry) for key, entry in type_entries.items()}
+    if "values" in type_entries:
+        ranges.update((f"values.{item.text}", (item.start, item.end)) for item in _members(type_entries["values"]))
     return ValueType(
         kind=Kind.BOOL if kind is None else kind,
         unit=None if unit is None else unit[0],
-        range=range_read,
-        values=tuple(item.text for item in _members(present["values"])) if "values" in present else (),
+        range=value_range,
+        values=tuple(item.text for item in _members(type_entries["values"])) if "values" in type_entries else (),
         places=Places(reader.place_of, ranges),
     )
 
@@ -57,11 +57,11 @@ def _read_quantity(reader: Reader, node: ScalarNode, *steps: str) -> Literal:
     quantity = parse_quantity(node.text)
     if quantity is not None:
         return quantity.si
-    like = _LIKE_QUANTITY.fullmatch(node.text)
-    if like is not None and parse_unit(like[1]) is None:
-        near = units_help(like[1])
+    like_quantity = _LIKE_QUANTITY.fullmatch(node.text)
+    if like_quantity is not None and parse_unit(like_quantity[1]) is None:
+        near = units_help(like_quantity[1])
         help_text = f"{near}{' ' if near.endswith('?') else '. '}Quote it if it is text"
-        reader.fail("unit", f"unknown unit {shown(like[1])} in {shown(node.text)}", node, help_text, *steps)
+        reader.fail("unit", f"unknown unit {shown(like_quantity[1])} in {shown(node.text)}", node, help_text, *steps)
     return node.text
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from codra_dsl.language.diagnostics import replacing
 from codra_dsl.language.expression.tokens import shown
-from codra_dsl.language.load.schema.schema import FILE
+from codra_dsl.language.load.schema.schema import FILE_DEFINITION
 from codra_dsl.language.load.schema.shape import explain_outline
 from codra_dsl.language.load.schema_file import schema
 from codra_dsl.language.load.yaml.compose import compose
@@ -88,7 +88,7 @@ def take_section(root: MappingNode, section: str) -> MappingNode | None:
 
 
 def read_document(source: Source, findings: Findings) -> Document | None:
-    """Return a file as a document, or None if the rest cannot be read sensibly."""
+    """Return a file as a document, or None if it cannot be read as a spec or a part."""
     before = len(findings)
     root = compose(source, findings)
     if root is None and len(findings) > before:
@@ -104,8 +104,8 @@ def read_document(source: Source, findings: Findings) -> Document | None:
     is_spec = isinstance(name, ScalarNode)
     subject = Subject("spec" if is_spec else "part", name if isinstance(name, ScalarNode) else first, Origin(source))
     _refuse_parameters(root, source, findings)
-    explain_outline(FILE, root, subject, findings)
-    document = Document(subject.origin, root, subject, _lost(root))
+    explain_outline(FILE_DEFINITION, root, subject, findings)
+    document = Document(subject.origin, root, subject, _lost_sections(root))
     if document.name is not None and isinstance(document.name.data, str):
         check_name(document.name, subject, subject, findings, "name")
     return document
@@ -118,9 +118,9 @@ def _check_version(root: MappingNode, source: Source, findings: Findings) -> boo
         known = schema()["properties"]
         strange = [key for key in root.entries if key not in known]
         near = findings.nearest("codra", strange)
-        misspelt = near or next((key for key in strange if _is_version(root.entries[key][1])), None)
-        if misspelt is not None:
-            return near is not None or _rename_to_codra(root, misspelt, source, findings)
+        misspelt_key = near or next((key for key in strange if _is_version(root.entries[key][1])), None)
+        if misspelt_key is not None:
+            return near is not None or _rename_to_codra(root, misspelt_key, source, findings)
         if not root.unread:
             message = "the file does not begin with 'codra: 1'"
             help_text = "write 'codra: 1' in its first line"
@@ -148,7 +148,7 @@ def _is_version(value: YamlNode) -> bool:
 
 
 def _rename_to_codra(root: MappingNode, strange: str, source: Source, findings: Findings) -> bool:
-    """Report a misspelt `codra` key, and rename it."""
+    """Report a key in place of `codra`, and rename it."""
     key = root.entries[strange][0]
     message, place = f"unknown key {shown(strange)} in this file", source.place(key.start, key.end)
     findings.add(
@@ -162,7 +162,7 @@ def _rename_to_codra(root: MappingNode, strange: str, source: Source, findings: 
     return True
 
 
-def _lost(root: MappingNode) -> frozenset[str]:
+def _lost_sections(root: MappingNode) -> frozenset[str]:
     """Return the sections whose elements are unknown because keys or values are wrong."""
     known = schema()["properties"]
     lost: set[str] = set(SECTIONS) if root.unread else set()
@@ -172,13 +172,13 @@ def _lost(root: MappingNode) -> frozenset[str]:
         if strange or (key in ("templates", "use", "include") and (not readable or is_unread(value))):
             lost.update(SECTIONS)
         elif key == "knowledge":
-            lost.update(_lost_of_knowledge(value))
+            lost.update(_lost_sections_of_knowledge(value))
         elif key in SECTIONS and (not readable or is_unread(value)):
             lost.add(key)
     return frozenset(lost)
 
 
-def _lost_of_knowledge(knowledge: YamlNode) -> Iterator[str]:
+def _lost_sections_of_knowledge(knowledge: YamlNode) -> Iterator[str]:
     """Yield the sections under `knowledge` that could not be read."""
     known = isinstance(knowledge, MappingNode) and not knowledge.unread and knowledge.entries.keys() <= {*KNOWLEDGE}
     if knowledge.data is not None and not known:

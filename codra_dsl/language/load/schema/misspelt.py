@@ -49,29 +49,29 @@ def misspelt_declarations(
         vocabulary: decides if a name has only one use.
         nearest: returns the candidate that a name most likely means.
     """
-    misspelt: dict[str, str] = {}
+    misspelt_names: dict[str, str] = {}
     left = set(unused)
     known = set(declared)
     for name, count in uses.items():
-        near = (nearest(name, left) or _shortened(name, left)) if left else None
+        near = (nearest(name, left) or _find_shortened(name, left)) if left else None
         if near is None or nearest(name, known) not in (near, None):
             continue
         if count > 1 or vocabulary.knows_better(name, near):
-            misspelt[name] = near
+            misspelt_names[name] = near
             left.discard(near)
-    return misspelt
+    return misspelt_names
 
 
-def _shortened(name: str, candidates: Iterable[str]) -> str | None:
+def _find_shortened(name: str, candidates: Iterable[str]) -> str | None:
     """Return the only candidate that equals the name without its first or last words, or vice versa."""
-    alike = [
+    matches = [
         other
         for other in candidates
         if any(
             long.startswith(f"{short}_") or long.endswith(f"_{short}") for long, short in ((name, other), (other, name))
         )
     ]
-    return alike[0] if len(alike) == 1 else None
+    return matches[0] if len(matches) == 1 else None
 
 
 def _words(text: str) -> set[str]:

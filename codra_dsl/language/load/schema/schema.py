@@ -17,7 +17,7 @@ from codra_dsl.language.load.schema_file import schema
 if TYPE_CHECKING:
     from jsonschema.exceptions import ValidationError
 
-FILE = ""
+FILE_DEFINITION = ""
 """The definition of a complete file."""
 
 
@@ -35,7 +35,7 @@ _FORMS = {
 _ANNOTATIONS = {"title", "description", "markdownDescription", "markdownEnumDescriptions", "default", "examples"}
 
 
-def sound(definition: str, data: object) -> bool:
+def has_shape(definition: str, data: object) -> bool:
     """Return whether data have the shape of a definition of the schema."""
     return _acceptor(definition).is_valid(data)
 
@@ -59,7 +59,7 @@ def _explainer(definition: str) -> Any:
 
 
 def _definition(name: str, full_schema: dict[str, Any]) -> dict[str, Any]:
-    if name == FILE:
+    if name == FILE_DEFINITION:
         return full_schema
     return {"$ref": f"#/$defs/{name}", "$defs": full_schema["$defs"]}
 
@@ -124,7 +124,7 @@ def allowed_words(schema_here: dict[str, Any]) -> list[str]:
     return []
 
 
-def resolved(part: dict[str, Any]) -> dict[str, Any]:
+def resolve(part: dict[str, Any]) -> dict[str, Any]:
     """Return a part of the schema with its reference resolved."""
     reference = part.get("$ref", "")
     referred: dict[str, Any] = schema()["$defs"].get(reference.rpartition("/")[2], {})

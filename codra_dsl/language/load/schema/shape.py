@@ -8,7 +8,7 @@ from typing import Any
 
 from codra_dsl.language.diagnostics import Fix, Place, is_slip, replacing, surely_means
 from codra_dsl.language.expression.tokens import shown
-from codra_dsl.language.load.schema.schema import Error, allowed_words, errors_of, resolved, sound
+from codra_dsl.language.load.schema.schema import Error, allowed_words, errors_of, has_shape, resolve
 from codra_dsl.language.load.schema_file import schema
 from codra_dsl.language.load.yaml.findings import Findings
 from codra_dsl.language.load.yaml.fixes import suggest_word, trap_fix, truth_value_of, without_item
@@ -66,7 +66,7 @@ def explain_outline(definition: str, root: MappingNode, subject: Subject, findin
 
     Misspelt keys are corrected in the nodes; unknown keys stay.
     """
-    if sound(definition, _outline(root)):
+    if has_shape(definition, _outline(root)):
         return
     explanation = _Explanation(subject, root, findings)
     for mapping, corrections in explanation.unknown_keys(errors_of(definition, _outline(root), ())):
@@ -108,7 +108,7 @@ class _Explanation:
         self._root = root
         self._findings = findings
         self._done: set[tuple[str | int, ...]] = set()
-        self._strange: dict[tuple[str | int, ...], list[tuple[ScalarNode, str]]] = {}
+        self._unmatched_keys: dict[tuple[str | int, ...], list[tuple[ScalarNode, str]]] = {}
         self.damaged: set[str] = set()
 
     def unknown_keys(self, errors: Iterable[Error]) -> list[tuple[MappingNode, dict[str, str | None]]]:
@@ -117,15 +117,15 @@ class _Explanation:
         for error in errors:
             mapping = self._node(error.path)
             if error.keyword == "additionalProperties" and isinstance(mapping, MappingNode):
-                corrections.append((mapping, self._unknown(error, mapping)))
+                corrections.append((mapping, self._report_unknown_keys(error, mapping)))
         return corrections
 
     def report(self, errors: Sequence[Error]) -> None:
         """Report the other errors, and the unknown keys that may be missing ones."""
         for error in errors:
             if error.keyword == "required":
-                self._missing(error)
-        for path, keys in self._strange.items():
+                self._report_missing_keys(error)
+        for path, keys in self._unmatched_keys.items():
             for key, allowed in keys:
                 self._report_key(path, key, allowed)
         for error in errors:
@@ -136,7 +136,7 @@ class _Explanation:
             node = self._node(error.path)
             is_emptied = isinstance(node, MappingNode) and node.unread
             if self._is_new(error.path) and not is_emptied:
-                self._value(error)
+                self._report_value(error)
             node.reported = True
 
     def _is_new(self, path: tuple[str | int, ...]) -> bool:
@@ -177,7 +177,7 @@ class _Explanation:
                 return origin.place(node.start - 1, node.start)  # the dash
         return origin.of_value(self._subject.key, self._root)
 
-    def _holder(self, path: tuple[str | int, ...]) -> str:
+    def _holder_name(self, path: tuple[str | int, ...]) -> str:
         """Return the name of a mapping for messages: the element itself, or a named part of it."""
         if not path:
             return str(self._subject)
@@ -185,17 +185,17 @@ class _Explanation:
             return f"{_PARTS[path[0]]} {shown(str(path[1]))} of {self._subject}"
         return f"{shown(str(path[-1]))} of {self._subject}"
 
-    def _named(self, path: tuple[str | int, ...]) -> str:
+    def _value_name(self, path: tuple[str | int, ...]) -> str:
         """Return the name of a value for messages."""
         if not path or (len(path) == 2 and path[0] in _PARTS):
-            return self._holder(path)
+            return self._holder_name(path)
         if isinstance(path[-1], int):
-            return f"item {path[-1] + 1} of {self._named(path[:-1])}"
-        return f"{shown(path[-1])} in {self._holder(path[:-1])}"
+            return f"item {path[-1] + 1} of {self._value_name(path[:-1])}"
+        return f"{shown(path[-1])} in {self._holder_name(path[:-1])}"
 
-    def _unknown(self, error: Error, mapping: MappingNode) -> dict[str, str | None]:
+    def _report_unknown_keys(self, error: Error, mapping: MappingNode) -> dict[str, str | None]:
         known = error.schema["properties"]
-        torn = self._torn(mapping)
+        torn = self._report_torn_keys(mapping)
         torn |= self._report_lists(error.path, mapping, known.keys() | torn, known)
         free = {other: None for other in known if other not in mapping.entries}
         corrections: dict[str, str | None] = {}
@@ -204,23 +204,23 @@ class _Explanation:
                 continue
             near = corrections[key] = self._findings.nearest(key, free) or _long_form(key, free)
             allowed = f"allowed: {', '.join(known)}" if known else "it has no keys: write {}"
-            fix = self._renaming(key_node, near, mapping.entries.keys() - known, free) if near else None
+            fix = self._rename_fix(key_node, near, mapping.entries.keys() - known, free) if near else None
             free.pop(near or "", None)
             self._done.add((*error.path, near or key))
             if near:
                 self._report_key(error.path, key_node, f"did you mean '{near}'?", fix)
             else:
-                self._strange.setdefault(error.path, []).append((key_node, allowed))
+                self._unmatched_keys.setdefault(error.path, []).append((key_node, allowed))
         if torn or None in corrections.values():
             self.damaged.update([damaged_key(error.path)] if error.path else free)
         return corrections
 
     def _report_lists(
-        self, path: tuple[str | int, ...], mapping: MappingNode, explained: Set[str], known: Mapping[str, Any]
+        self, path: tuple[str | int, ...], mapping: MappingNode, explained_keys: Set[str], known: Mapping[str, Any]
     ) -> set[str]:
         """Report lists without brackets in a mapping in braces; return the keys that are items of them."""
         items: set[str] = set()
-        for owner, more in _lists_without_brackets(mapping, explained, known):
+        for owner, more in _lists_without_brackets(mapping, explained_keys, known):
             value = mapping.entries[owner][1]
             first = value.text if isinstance(value, ScalarNode) else ""
             self._report_key(path, mapping.entries[more[0]][0], f"write '{owner}: [{', '.join((first, *more))}]'")
@@ -230,36 +230,36 @@ class _Explanation:
         return items
 
     def _report_key(self, path: tuple[str | int, ...], key: ScalarNode, help_text: str, fix: Fix | None = None) -> None:
-        message = f"unknown key {shown(key.written)} in {self._holder(path)}"
-        place, way = self._subject.origin.of(key), self._subject.part(*path, key.text)
-        self._findings.add("unknown-key", message, place, help=help_text, path=way, fix=fix)
+        message = f"unknown key {shown(key.written)} in {self._holder_name(path)}"
+        place, key_path = self._subject.origin.of(key), self._subject.part(*path, key.text)
+        self._findings.add("unknown-key", message, place, help=help_text, path=key_path, fix=fix)
 
-    def _renaming(self, key: ScalarNode, near: str, strange: Iterable[str], free: Iterable[str]) -> Fix | None:
+    def _rename_fix(self, key: ScalarNode, near: str, strange: Iterable[str], free: Iterable[str]) -> Fix | None:
         """Return the fix of a misspelt key: safe if its meaning is unique and no other key means the same."""
-        alone = not any(is_slip(other, near) for other in strange if other != key.text)
-        safe = alone and surely_means(key.text, near, free)
+        is_only_one = not any(is_slip(other, near) for other in strange if other != key.text)
+        safe = is_only_one and surely_means(key.text, near, free)
         return replacing(self._subject.origin.of(key), key.written, near, safe=safe)
 
-    def _missing(self, error: Error) -> None:
+    def _report_missing_keys(self, error: Error) -> None:
         mapping = self._node(error.path)
         if not isinstance(mapping, MappingNode) or mapping.reported:
             return
-        absent = [key for key in error.limit if key not in mapping.entries]
-        strange = self._strange.get(error.path, [])
-        for key in absent:
+        missing_keys = [key for key in error.limit if key not in mapping.entries]
+        strange = self._unmatched_keys.get(error.path, [])
+        for key in missing_keys:
             path = (*error.path, key)
             self.damaged.add(damaged_key(path))
             if path in self._done or mapping.unread:
                 continue
             self._done.add(path)
-            if len(strange) == len(absent) == 1:
+            if len(strange) == len(missing_keys) == 1:
                 self._report_key(error.path, strange.pop()[0], f"did you mean '{key}', which is missing?")
                 continue
             self._findings.add(
                 "missing-key",
-                f"{shown(key)} is missing in {self._holder(error.path)}",
+                f"{shown(key)} is missing in {self._holder_name(error.path)}",
                 self._place_of_name(error.path),
-                help=f"add it, for example {_example(key, self._subschema(error, key))}",
+                help=f"add it, for example {_example_text(key, self._subschema(error, key))}",
                 path=self._subject.part(*path),
             )
 
@@ -268,7 +268,7 @@ class _Explanation:
         here = error.schema.get("properties", {}).get(key)
         if key == "type" and isinstance(error.data, dict) and "values" in error.data:
             return {"examples": ["enum"]}
-        return resolved(here or schema()["$defs"]["context_variable"]["properties"].get(key, {}))
+        return resolve(here or schema()["$defs"]["context_variable"]["properties"].get(key, {}))
 
     def _place_of_name(self, path: tuple[str | int, ...]) -> Place:
         if not path:
@@ -278,13 +278,13 @@ class _Explanation:
             return self._subject.origin.of(holder.entries[str(path[-1])][0])
         return self._place(path)
 
-    def _value(self, error: Error) -> None:
-        if error.schema.get("$anchor") in _CONDITIONS and self._trapped(error):
+    def _report_value(self, error: Error) -> None:
+        if error.schema.get("$anchor") in _CONDITIONS and self._report_trap(error):
             return
         path = error.path
         if error.keyword == "uniqueItems":
-            path = (*path, _second(error.data))
-        rule, message, help_text = self._judged(error, self._node(path))
+            path = (*path, _repeated_index(error.data))
+        rule, message, help_text = self._describe_error(error, self._node(path))
         place = self._place_of_name(path) if rule == "misplaced-key" else self._place(path)
         fix = self._fix(rule, error, path)
         self._findings.add(rule, message, place, help=help_text, path=self._subject.part(*error.path), fix=fix)
@@ -297,11 +297,13 @@ class _Explanation:
         if not isinstance(node, ScalarNode) or node.style is not Style.PLAIN:
             return None
         if rule == "unknown-value":
-            better, safe = self._intended_word(path, node.text, allowed_words(error.schema))
+            replacement, safe = self._intended_word(path, node.text, allowed_words(error.schema))
         else:
             is_truth = rule == "wrong-type" and error.schema.get("title") == "true or false"
-            better, safe = (truth_value_of(node.text) if is_truth else None), True
-        return None if better is None else replacing(self._subject.origin.of(node), node.text, better, safe=safe)
+            replacement, safe = (truth_value_of(node.text) if is_truth else None), True
+        return (
+            None if replacement is None else replacing(self._subject.origin.of(node), node.text, replacement, safe=safe)
+        )
 
     def _intended_word(self, path: tuple[str | int, ...], word: str, allowed: Sequence[str]) -> tuple[str | None, bool]:
         """Return the allowed word that is meant, and whether that is certain. A type with `values` is an enum."""
@@ -310,20 +312,22 @@ class _Explanation:
             return "enum", surely_means(word, "enum", ())
         return suggest_word(word, allowed, self._findings)
 
-    def _judged(self, error: Error, node: YamlNode) -> tuple[str, str, str]:
+    def _describe_error(self, error: Error, node: YamlNode) -> tuple[str, str, str]:
         """Return rule, message and help for a wrong value."""
-        named = self._named(error.path)
+        named = self._value_name(error.path)
         title = error.schema.get("title", "something else") if error.path else "a mapping"
-        example = f"for example {_example(error.path[-1] if error.path else self._subject.key.written, error.schema)}"
+        example = (
+            f"for example {_example_text(error.path[-1] if error.path else self._subject.key.written, error.schema)}"
+        )
         if str(error.path[-1] if error.path else self._subject.key.written) in error.schema.get("properties", ()):
             example = "indent it further, as a key of the element above"
         if error.keyword == "not":
             reason = error.schema["description"]
             return "misplaced-key", f"{named} does not fit its type: {reason}", "remove it, or change the type"
         if error.keyword == "uniqueItems":
-            return "repeated-value", f"{_description(node)} occurs twice in {named}", "remove one of them"
+            return "repeated-value", f"{_describe(node)} occurs twice in {named}", "remove one of them"
         if error.keyword in ("minItems", "maxItems", "minLength", "minProperties"):
-            message = f"{named} must be {title}, not {_description(node)}" if error.data else f"{named} is empty"
+            message = f"{named} must be {title}, not {_describe(node)}" if error.data else f"{named} is empty"
             return "wrong-length", message, example
         allowed = allowed_words(error.schema)
         if allowed and isinstance(error.data, str):
@@ -335,15 +339,15 @@ class _Explanation:
             return "wrong-type", f"{named} has no value; it must be {title}", example
         return (
             "wrong-type",
-            f"{named} must be {title}, not {_description(node)}",
+            f"{named} must be {title}, not {_describe(node)}",
             _other_form(error, node, title) or example,
         )
 
-    def _trapped(self, error: Error) -> bool:
+    def _report_trap(self, error: Error) -> bool:
         """Report the trap for conditions that an error stems from; return whether there is one."""
         node = self._node(error.path)
         holder = self._node(error.path[:-1])
-        if isinstance(holder, MappingNode) and error.path[-1] in self._torn(holder):
+        if isinstance(holder, MappingNode) and error.path[-1] in self._report_torn_keys(holder):
             return True
         trap = self._trap_of(error.path, node, _CONDITIONS[error.schema["$anchor"]])
         if trap is None:
@@ -371,23 +375,23 @@ class _Explanation:
             return read_as_list(written)
         return torn_condition(written) if wanted == "condition" else torn_expectation(written)
 
-    def _torn(self, mapping: MappingNode) -> set[str]:
+    def _report_torn_keys(self, mapping: MappingNode) -> set[str]:
         """Return the keys of a mapping in braces that a comma split off a condition; report each split once."""
         torn: dict[str, ScalarNode] = {}
-        begun: ScalarNode | None = None
-        opened = Openings("")
+        first_piece: ScalarNode | None = None
+        openings = Openings("")
         for key, (key_node, value) in mapping.entries.items() if mapping.flow else ():
             text = value.text if isinstance(value, ScalarNode) else ""
-            if begun is None:
-                opened = Openings(text)
-                begun = value if opened.are_left and isinstance(value, ScalarNode) else None
+            if first_piece is None:
+                openings = Openings(text)
+                first_piece = value if openings.are_left and isinstance(value, ScalarNode) else None
                 continue
             torn[key] = key_node
-            opened.read(f", {key_node.text}")
-            if not opened.are_left:
-                self._report_tear(begun, max(key_node.end, value.end))
-                begun = None
-        if begun is not None:
+            openings.read(f", {key_node.text}")
+            if not openings.are_left:
+                self._report_tear(first_piece, max(key_node.end, value.end))
+                first_piece = None
+        if first_piece is not None:
             return set()
         for key_node in torn.values():
             key_node.reported = True
@@ -409,15 +413,15 @@ def _long_form(key: str, candidates: Iterable[str]) -> str | None:
 
 
 def _lists_without_brackets(
-    mapping: MappingNode, explained: Set[str], known: Mapping[str, Any]
+    mapping: MappingNode, explained_keys: Set[str], known: Mapping[str, Any]
 ) -> Iterator[tuple[str, list[str]]]:
     """Yield keys whose values continue as keys without values, with these keys: `source: a, b` in braces."""
     owner, more = "", list[str]()
     for key, (_, value) in (*mapping.entries.items(), ("", (None, None))) if mapping.flow else ():
-        if key and key not in explained and isinstance(value, ScalarNode) and value.data is None:
+        if key and key not in explained_keys and isinstance(value, ScalarNode) and value.data is None:
             more.append(key)
             continue
-        if more and "a list of" in resolved(known.get(owner, {})).get("title", ""):
+        if more and "a list of" in resolve(known.get(owner, {})).get("title", ""):
             yield owner, more
         owner, more = key, []
 
@@ -425,8 +429,8 @@ def _lists_without_brackets(
 def _other_form(error: Error, node: YamlNode, title: str) -> str | None:
     """Return the help for a value of the wrong form, if its meaning is clear."""
     if title == "a condition" and isinstance(node, SequenceNode):
-        alone = isinstance(error.path[-1], str)
-        return f"{'write one' if alone else 'write each as an item of its own'}, or join them with 'and' or 'or'"
+        is_only_one = isinstance(error.path[-1], str)
+        return f"{'write one' if is_only_one else 'write each as an item of its own'}, or join them with 'and' or 'or'"
     if title == "a type" and isinstance(node, SequenceNode):
         return f"write 'type: enum' and 'values: {_literal(error.data)}'"
     if not isinstance(node, ScalarNode) or not isinstance(node.data, (str, int, float)):
@@ -444,7 +448,7 @@ def _other_form(error: Error, node: YamlNode, title: str) -> str | None:
     )
 
 
-def _second(items: Sequence[object]) -> int:
+def _repeated_index(items: Sequence[object]) -> int:
     """Return the index of the first item that repeats an earlier one."""
     seen: set[str] = set()
     for index, item in enumerate(items):
@@ -455,7 +459,7 @@ def _second(items: Sequence[object]) -> int:
     return 0
 
 
-def _example(key: str | int, schema_here: dict[str, Any]) -> str:
+def _example_text(key: str | int, schema_here: dict[str, Any]) -> str:
     example = _literal(schema_here["examples"][0]) if "examples" in schema_here else "..."
     return f"'{example}'" if isinstance(key, int) else f"'{key}: {example}'"
 
@@ -469,7 +473,7 @@ def _literal(value: object) -> str:
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
-def _description(node: YamlNode) -> str:
+def _describe(node: YamlNode) -> str:
     """Return a description of a node for messages."""
     if isinstance(node, MappingNode):
         return "a mapping" if node.entries else "an empty mapping"

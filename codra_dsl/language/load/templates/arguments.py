@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 
 from codra_dsl.language.diagnostics import Related, replacing, surely_means
 from codra_dsl.language.expression.tokens import shown
-from codra_dsl.language.load.schema.schema import sound
+from codra_dsl.language.load.schema.schema import has_shape
 from codra_dsl.language.load.templates.substitution import Bound, bind, example
 from codra_dsl.language.load.templates.templates import EXAMPLES, INSTANCE, Parameter, ParameterKind, Template, fits
-from codra_dsl.language.load.yaml.findings import Findings, listed
+from codra_dsl.language.load.yaml.findings import Findings, list_names
 from codra_dsl.language.load.yaml.nodes import ScalarNode, YamlNode
 from codra_dsl.language.load.yaml.origin import Subject
 from codra_dsl.language.load.yaml.reader import entries, is_unread
@@ -27,10 +27,10 @@ class Arguments:
 def read_arguments(subject: Subject, node: YamlNode, template: Template, findings: Findings) -> Arguments:
     """Return the arguments of a use; report those that are missing, unknown or of the wrong type."""
     given = {key.text: (key, value) for key, value in entries(node) if key.text != "template"}
-    right = sound("template_use", node.data)
-    corrected: set[str] = set()
+    right = has_shape("template_use", node.data)
+    corrected_names: set[str] = set()
     needed = [
-        name for name, declared in template.parameters.items() if name not in template.unused and _is_needed(declared)
+        name for name, parameter in template.parameters.items() if name not in template.unused and _is_needed(parameter)
     ]
     missing = [name for name in needed if name not in given]
     unknown = [name for name in given if name not in template.parameters or name == INSTANCE]
@@ -40,17 +40,17 @@ def read_arguments(subject: Subject, node: YamlNode, template: Template, finding
             continue
         if not template.is_open or name == INSTANCE:
             only = missing[0] if len(missing) == len(unknown) == 1 else None
-            corrected.add(_report_unknown(subject, given[name][0], template, given, findings, missing=only))
+            corrected_names.add(_report_unknown(subject, given[name][0], template, given, findings, missing=only))
     bound = {INSTANCE: Bound(ParameterKind.IDENTIFIER, subject.name, subject.name)}
     for name, parameter in template.parameters.items():
         if name == INSTANCE:
             continue
         if name in given:
             key, value = given[name]
-            if isinstance(value, ScalarNode) and _is_right(subject, key, value, parameter, findings):
+            if isinstance(value, ScalarNode) and _is_valid(subject, key, value, parameter, findings):
                 bound[name] = bind(parameter, value)
                 continue
-        elif name in missing and name not in corrected and not is_unread(node):
+        elif name in missing and name not in corrected_names and not is_unread(node):
             _report_missing(subject, name, parameter, template, findings)
         bound[name] = replace(example(parameter), known=True) if name in template.unused else example(parameter)
     return Arguments(bound, right and all(argument.known for argument in bound.values()))
@@ -61,8 +61,8 @@ def _is_needed(parameter: Parameter) -> bool:
     return parameter.default is None and not parameter.key.reported and parameter.key.text != INSTANCE
 
 
-def _is_right(subject: Subject, key: ScalarNode, value: ScalarNode, parameter: Parameter, findings: Findings) -> bool:
-    """Report an argument that does not have its parameter's type."""
+def _is_valid(subject: Subject, key: ScalarNode, value: ScalarNode, parameter: Parameter, findings: Findings) -> bool:
+    """Report an argument that does not have its parameter's type; return whether it is valid."""
     if value.reported or parameter.key.reported or value.data is None:
         return False
     if fits(parameter.kind, value):
@@ -101,7 +101,7 @@ def _report_unknown(
     elif missing is not None:
         help_text = f"did you mean '{missing}', which is missing?"
     else:
-        help_text = f"its parameters are {listed(known)}" if known else "it has none"
+        help_text = f"its parameters are {list_names(known)}" if known else "it has none"
     message = f"template {shown(template.name)} has no parameter {shown(key.text)}"
     place, path = subject.origin.of(key), subject.part(key.text)
     safe = near is not None and near in template.used and surely_means(key.text, near, known)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from codra_dsl.language.diagnostics import Fix, Place, Related, replacing, surely_means
 from codra_dsl.language.expression.tokens import shown
 from codra_dsl.language.load.schema.misspelt import NO_WORDS, misspelt_declarations
-from codra_dsl.language.load.yaml.findings import Findings, listed
+from codra_dsl.language.load.yaml.findings import Findings, list_names
 from codra_dsl.language.load.yaml.nodes import MappingNode, ScalarNode, scalars
 from codra_dsl.language.load.yaml.origin import Origin, Subject
 from codra_dsl.language.load.yaml.reader import entries
@@ -51,39 +51,41 @@ def repair_parameter(text: str, names: Collection[str]) -> RepairedParameter | N
     `$door`, `${door}` and `{{ door }}`.
     """
     other = _OTHER_SIGN.search(text)
-    begun = _begun(next(filter(None, other.groups())), names) if other is not None else ""
-    if other is not None and (begun in other.groups() or (begun and other["bare"])):
-        end = other.start("bare") + len(begun) if other["bare"] else other.end()
-        return _repaired(text, other.start(), end, begun, f"{shown(text[other.start() : end])} is not a parameter")
+    name_in_other = _leading_name(next(filter(None, other.groups())), names) if other is not None else ""
+    if other is not None and (name_in_other in other.groups() or (name_in_other and other["bare"])):
+        end = other.start("bare") + len(name_in_other) if other["bare"] else other.end()
+        return _repaired_parameter(
+            text, other.start(), end, name_in_other, f"{shown(text[other.start() : end])} is not a parameter"
+        )
     spaced = _SPACED.search(text)
     if spaced is not None:
-        return _repaired(
+        return _repaired_parameter(
             text, *spaced.span(), spaced["name"] or spaced["other"], f"blanks are not allowed in {shown(spaced[0])}"
         )
     unclosed = _UNCLOSED.search(text)
     if unclosed is not None:
-        name = _begun(unclosed["name"], names)
+        name = _leading_name(unclosed["name"], names)
         if not name:
             return None
         end = unclosed.start("name") + len(name)
-        return _repaired(text, unclosed.start(), end, name, f"')' is missing after '$({name}'")
+        return _repaired_parameter(text, unclosed.start(), end, name, f"')' is missing after '$({name}'")
     unopened = _UNOPENED.search(text)
     if unopened is not None and unopened["name"] in names and text.count("(") < text.count(")"):
         message = f"'$(' is missing before {shown(unopened['name'] + ')')}"
-        return _repaired(text, *unopened.span(), unopened["name"], message)
+        return _repaired_parameter(text, *unopened.span(), unopened["name"], message)
     bare = _WITHOUT_SIGN.match(text)
     if bare is not None and bare["name"] in names:
-        return _repaired(text, *bare.span(), bare["name"], f"'$' is missing before {shown(bare[0])}")
+        return _repaired_parameter(text, *bare.span(), bare["name"], f"'$' is missing before {shown(bare[0])}")
     return None
 
 
-def _begun(word: str, names: Iterable[str]) -> str:
+def _leading_name(word: str, names: Iterable[str]) -> str:
     """Return the longest of some names that a word equals or begins with; an empty text if no name matches."""
     beginnings = (name for name in names if word.startswith(name) and word[len(name) : len(name) + 1] in ("", "_"))
     return max(beginnings, key=len, default="")
 
 
-def _repaired(text: str, start: int, end: int, name: str, message: str) -> RepairedParameter:
+def _repaired_parameter(text: str, start: int, end: int, name: str, message: str) -> RepairedParameter:
     parameter = f"$({name})"
     return RepairedParameter(text[:start] + parameter + text[end:], start, end, parameter, message)
 
@@ -102,16 +104,16 @@ class ParameterResolver:
 
     Attributes:
         corrections: for an unknown parameter the one that is meant.
-        renamed: for a parameter with a misspelt declaration the correct name.
-        strange: names that cannot be resolved.
+        corrected_declarations: for a parameter with a misspelt declaration the correct name.
+        unresolved_names: names that cannot be resolved.
         undeclared: names that uses give and the template mentions, but does not declare.
     """
 
     def __init__(self, subject: Subject, origin: Origin, sections: Mapping[str, MappingNode]) -> None:
         self.corrections: dict[str, str] = {}
-        self.renamed: dict[str, str] = {}
+        self.corrected_declarations: dict[str, str] = {}
         self.undeclared: set[str] = set()
-        self.strange: set[str] = set()
+        self.unresolved_names: set[str] = set()
         self._given: frozenset[str] = frozenset()
         self._subject = subject
         self._mentions: dict[str, list[_Mention]] = {}
@@ -119,7 +121,7 @@ class ParameterResolver:
             self._mentions.setdefault(name, []).append(mention)
 
     @property
-    def named(self) -> frozenset[str]:
+    def mentioned_names(self) -> frozenset[str]:
         """Return the names of all parameters that the template mentions, corrected."""
         return frozenset(self.corrections.get(name, name) for name in self._mentions)
 
@@ -132,7 +134,7 @@ class ParameterResolver:
             declared: the parameters, with the places of those that may be misspelt.
             given: the names of all arguments in all uses.
             findings: the list to which findings are added.
-            is_open: whether some parameter has an unreadable name, which unknown ones may mean.
+            is_open: whether there may be parameters with unknown names, which unknown mentions may mean.
         """
         unknown = {name: mentions for name, mentions in self._mentions.items() if name not in declared}
         if not unknown:
@@ -141,11 +143,11 @@ class ParameterResolver:
         unused = [name for name in declared if name not in self._mentions and name not in arguments]
         self._given = frozenset(arguments)
         uses = {name: len(mentions) + arguments.count(name) for name, mentions in unknown.items()}
-        blamed = misspelt_declarations(uses, unused, declared, NO_WORDS, findings.nearest)
+        declarations = misspelt_declarations(uses, unused, declared, NO_WORDS, findings.nearest)
         for name, mentions in unknown.items():
-            if name in blamed:
-                self.renamed[blamed[name]] = name
-                self._report_declaration(blamed[name], declared[blamed[name]], name, mentions, findings)
+            if name in declarations:
+                self.corrected_declarations[declarations[name]] = name
+                self._report_declaration(declarations[name], declared[declarations[name]], name, mentions, findings)
             else:
                 self._report_uses(name, mentions, declared, findings, is_open=is_open)
 
@@ -169,18 +171,20 @@ class ParameterResolver:
         elif is_open:
             return
         if near is None:
-            (self.undeclared if name in self._given else self.strange).add(name)
+            (self.undeclared if name in self._given else self.unresolved_names).add(name)
         first, *others = mentions
-        known = f"declare '{name}' under 'parameters'" if name in self._given else f"parameters are {listed(declared)}"
+        known = (
+            f"declare '{name}' under 'parameters'" if name in self._given else f"parameters are {list_names(declared)}"
+        )
         help_text = f"did you mean '{near}'?" if near else known
         message = f"unknown parameter {shown(name)} in {self._subject}"
         related = [Related("also here", mention.place) for mention in others]
-        fix = None if near is None or others else self._renaming(first, name, near, declared)
+        fix = None if near is None or others else self._rename_fix(first, name, near, declared)
         findings.add(
             "unknown-parameter", message, first.place, help=help_text, path=first.path, related=related, fix=fix
         )
 
-    def _renaming(self, mention: _Mention, name: str, near: str, declared: Iterable[str]) -> Fix | None:
+    def _rename_fix(self, mention: _Mention, name: str, near: str, declared: Iterable[str]) -> Fix | None:
         """Return the fix of a misspelt parameter, if it is in the file letter by letter."""
         span = mention.place.span
         if span.line != span.end_line or span.end_column - span.column != len(mention.written):
@@ -193,17 +197,17 @@ def _mentions(origin: Origin, sections: Mapping[str, MappingNode]) -> Iterator[t
     for section, elements in sections.items():
         for key, node in entries(elements):
             path = Subject(section, key, origin).path
-            for scalar in (scalar for part in (key, node) for scalar in scalars(part, _holds_parameter)):
-                place = _placing(origin, scalar)
+            for scalar in (scalar for part in (key, node) for scalar in scalars(part, _has_parameter)):
+                place = _place_finder(origin, scalar)
                 for match in PARAMETER.finditer(scalar.text):
                     yield match["name"], _Mention(place(*match.span()), match[0], path)
 
 
-def _holds_parameter(scalar: ScalarNode) -> bool:
+def _has_parameter(scalar: ScalarNode) -> bool:
     return "$(" in scalar.text and not scalar.reported
 
 
-def _placing(origin: Origin, scalar: ScalarNode) -> Callable[[int, int], Place]:
+def _place_finder(origin: Origin, scalar: ScalarNode) -> Callable[[int, int], Place]:
     """Return a function from ranges of a scalar's text to their places."""
     letters = Letters(origin.place, letters_of(scalar, origin.source.text))
     return lambda start, end: letters.place(start, end) or origin.of(scalar)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from codra_dsl.language.expression.tokens import shown
 from codra_dsl.language.load.templates.templates import EXAMPLES, Parameter, ParameterKind, Piece, Position, Template
 from codra_dsl.language.load.yaml.findings import Findings
-from codra_dsl.language.load.yaml.nodes import Filled, MappingNode, ScalarNode, SequenceNode, Style, YamlNode
+from codra_dsl.language.load.yaml.nodes import FilledText, MappingNode, ScalarNode, SequenceNode, Style, YamlNode
 from codra_dsl.language.load.yaml.origin import Origin
 from codra_dsl.language.model import Literal
 
@@ -41,7 +41,7 @@ def bind(parameter: Parameter, node: ScalarNode) -> Bound:
 
 
 def example(parameter: Parameter) -> Bound:
-    """Return an example value of a parameter: its default, or any literal of its type."""
+    """Return an example value of a parameter: its default, or some literal of its type."""
     if parameter.default is not None and not parameter.default.reported:
         return bind(parameter, parameter.default)
     if parameter.kind is ParameterKind.IDENTIFIER:
@@ -112,7 +112,7 @@ class Filler:
             return node
         filled = ScalarNode(text, text, node.start, node.end, node.style)
         filled.reported = node.reported
-        filled.filled = Filled(node.text, pieces)
+        filled.filled_text = FilledText(node.text, pieces)
         return filled
 
     def _literal(self, node: ScalarNode, piece: Piece) -> ScalarNode:
@@ -122,7 +122,7 @@ class Filler:
             bound.text, bound.data, node.start, node.end, Style.DOUBLE_QUOTED if quoted else Style.PLAIN
         )
         filled.reported = node.reported or (not bound.known and bound.kind is not ParameterKind.IDENTIFIER)
-        filled.filled = Filled(node.text, ((bound.text, ((0, node.start, node.end - node.start),)),))
+        filled.filled_text = FilledText(node.text, ((bound.text, ((0, node.start, node.end - node.start),)),))
         return filled
 
     def _text(self, piece: Piece, position: Position) -> str:
@@ -131,12 +131,12 @@ class Filler:
         bound = self._bindings[piece.parameter]
         if position is not Position.CONDITION:
             return bound.text
-        quote = piece.between
+        quote = piece.quote
         if quote:
-            return _escaped(bound.text, quote)
-        return f'"{_escaped(bound.text, chr(34))}"' if bound.kind is ParameterKind.STR else bound.text
+            return _escape(bound.text, quote)
+        return f'"{_escape(bound.text, chr(34))}"' if bound.kind is ParameterKind.STR else bound.text
 
 
-def _escaped(text: str, quote: str) -> str:
+def _escape(text: str, quote: str) -> str:
     """Return a text escaped for a place between quotes in a condition."""
     return text.replace("\\", "\\\\").replace(quote, f"\\{quote}").replace("\n", "\\n").replace("\t", "\\t")

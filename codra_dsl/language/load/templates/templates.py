@@ -18,7 +18,7 @@ from enum import Enum
 from codra_dsl.language.diagnostics import Place
 from codra_dsl.language.expression.tokens import shown
 from codra_dsl.language.load.schema.document import KEYS, SECTIONS, section_of
-from codra_dsl.language.load.schema.schema import sound
+from codra_dsl.language.load.schema.schema import has_shape
 from codra_dsl.language.load.schema.shape import explain, explain_outline
 from codra_dsl.language.load.templates.parameters import (
     MAX_PARAMETER_REPAIRS,
@@ -61,7 +61,7 @@ INSTANCE = "instance"
 
 _KNOWN = frozenset({"parameters", *KEYS})
 _BARE_WORD = re.compile(r"(?<![$\w(])[A-Za-z]\w*(?![\w)])")
-_MAY_SLIP = re.compile(r"[$){]")
+_MAY_BE_DAMAGED = re.compile(r"[$){]")
 _SOLID = re.compile(r"[\w$).]")
 _TEXT_KEYS = frozenset({"label", "description"})
 _CONDITION_KEYS = frozenset(
@@ -124,13 +124,13 @@ class Piece:
         parameter: its name; empty for literal text.
         text: as written.
         letters: the positions of its letters, counted from its beginning.
-        between: the quote around it in a condition; empty outside quotes.
+        quote: the quote around it in a condition; empty outside quotes.
     """
 
     parameter: str
     text: str
     letters: Letters
-    between: str = ""
+    quote: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,13 +198,13 @@ def declare(subject: Subject, node: MappingNode, given: Iterable[str], findings:
     resolver = ParameterResolver(subject, origin, sections)
     places = {name: parameter.place for name, parameter in parameters.items()}
     resolver.resolve(places, given, findings, is_open=is_open)
-    parameters = {resolver.renamed.get(name, name): parameter for name, parameter in parameters.items()}
+    parameters = {resolver.corrected_declarations.get(name, name): parameter for name, parameter in parameters.items()}
     survey = _Survey(origin, parameters, resolver.corrections, findings)
     for section, elements in sections.items():
         survey.add(section, elements)
     lost = strange or node.unread or any(elements.unread for elements in sections.values())
-    unused = frozenset(parameters) - survey.used - survey.bare_words - resolver.named - {INSTANCE}
-    if lost or survey.is_vague or resolver.strange:
+    unused = frozenset(parameters) - survey.used - survey.bare_words - resolver.mentioned_names - {INSTANCE}
+    if lost or survey.is_vague or resolver.unresolved_names:
         unused = frozenset()
     _report_unused(subject, [parameters[name] for name in parameters if name in unused], findings)
     return Template(
@@ -233,7 +233,7 @@ def _report_unused(subject: Subject, parameters: Iterable[Parameter], findings: 
             findings.add("unused-parameter", message, parameter.place, help=f"remove it, or write $({name})", path=path)
 
 
-def declared(template: Template, *, is_used: bool) -> DeclaredTemplate:
+def declared_template(template: Template, *, is_used: bool) -> DeclaredTemplate:
     """Return the part of a template that a spec keeps: its declaration and the names that it uses from outside."""
     return DeclaredTemplate(
         name=template.name,
@@ -244,7 +244,7 @@ def declared(template: Template, *, is_used: bool) -> DeclaredTemplate:
             for name, parameter in template.parameters.items()
             if name != INSTANCE
         ),
-        resources=tuple(_named(template.sections.get("perception"), "uses")),
+        resources=tuple(_names_under(template.sections.get("perception"), "uses")),
         sources=tuple(_writers(template.sections)),
     )
 
@@ -252,15 +252,15 @@ def declared(template: Template, *, is_used: bool) -> DeclaredTemplate:
 def _writers(sections: Mapping[str, MappingNode]) -> Iterator[str]:
     """Yield the names of the writers of a template's elements, and of the participants in its tasks."""
     for section in ("context", "types", "edges"):
-        yield from _named(sections.get(section), "source")
+        yield from _names_under(sections.get(section), "source")
     for section in ("types", "edges"):
         for _, element in entries(sections.get(section)):
-            yield from _named(element.value("attributes") if isinstance(element, MappingNode) else None, "source")
+            yield from _names_under(element.value("attributes") if isinstance(element, MappingNode) else None, "source")
     for key in ("by", "requesters"):
-        yield from _named(sections.get("tasks"), key)
+        yield from _names_under(sections.get("tasks"), key)
 
 
-def _named(elements: YamlNode | None, key: str) -> Iterator[str]:
+def _names_under(elements: YamlNode | None, key: str) -> Iterator[str]:
     """Yield the names under a key of a section's elements: one name, a list, or the keys of a mapping."""
     for _, element in entries(elements):
         stated = element.value(key) if isinstance(element, MappingNode) else None
@@ -326,7 +326,7 @@ def _parameter(subject: Subject, key: ScalarNode, value: YamlNode, findings: Fin
     default = declaration.value("default") if declaration else None
     default = default if isinstance(default, ScalarNode) and default.data is not None else None
     place = subject.origin.of(key)
-    if not sound("parameter_declaration", value.data) or not isinstance(kind, ScalarNode) or kind.reported:
+    if not has_shape("parameter_declaration", value.data) or not isinstance(kind, ScalarNode) or kind.reported:
         key.reported = True
         return Parameter(kind=ParameterKind.STR, key=key, place=place, default=default)
     parameter = Parameter(kind=ParameterKind(kind.text), key=key, place=place, default=default)
@@ -373,7 +373,7 @@ class _Survey:
         for key, node in elements.entries.values():
             subject = Subject(section, key, self._origin)
             before, self._is_broken = len(self._findings), False
-            if not sound(DEFINITIONS[section], node.data):
+            if not has_shape(DEFINITIONS[section], node.data):
                 self.damaged[section, key.text] = explain(DEFINITIONS[section], node, subject, self._findings)
             self._path = subject.path
             if self._scalar(key, Position.NAME) | self._node(node, Position.VALUE, section):
@@ -389,7 +389,8 @@ class _Survey:
             holds = [self._node(item, position, section) for item in node.items]
         else:
             holds = [
-                self._scalar(key, Position.NAME) | self._node(value, _position(position, section, key.text), section)
+                self._scalar(key, Position.NAME)
+                | self._node(value, _position_of_value(position, section, key.text), section)
                 for key, value in node.entries.values()
             ]
         if any(holds):
@@ -402,19 +403,21 @@ class _Survey:
             self._keys.add(text)
         elif position is Position.CONDITION:
             self._words.update(_BARE_WORD.findall(text))
-        if node.reported or not ("$(" in text or (_MAY_SLIP.search(text) and repair_parameter(text, self._parameters))):
+        if node.reported or not (
+            "$(" in text or (_MAY_BE_DAMAGED.search(text) and repair_parameter(text, self._parameters))
+        ):
             return False
         letters = letters_of(node, self._origin.source.text)
         for _ in range(MAX_PARAMETER_REPAIRS):
-            slip = repair_parameter(text, self._parameters)
-            if slip is None or not self._may_slip(text, position):
-                break
-            place = PlacedLetters(self._origin.place, letters).place(slip.start, slip.end) or self._origin.of(node)
-            self._report("ill-formed-parameter", slip.message, place, f"write {slip.parameter}")
-            text, letters = slip.text, ()
-        pattern = Pattern(_pieces(text, letters, position, self._corrections), position)
+            repair = repair_parameter(text, self._parameters)
+            if repair is None or (text.startswith("(") and position in (Position.CONDITION, Position.TEXT)):
+                break  # conditions and prose may begin with a parenthesis
+            place = PlacedLetters(self._origin.place, letters).place(repair.start, repair.end) or self._origin.of(node)
+            self._report("ill-formed-parameter", repair.message, place, f"write {repair.parameter}")
+            text, letters = repair.text, ()
+        pattern = Pattern(_split(text, letters, position, self._corrections), position)
         node.reported = True
-        right = [self._is_right(node, pattern, index) for index in range(len(pattern.pieces))]
+        right = [self._is_valid(node, pattern, index) for index in range(len(pattern.pieces))]
         if all(right):
             node.reported = False
             self.patterns[id(node)] = pattern
@@ -422,11 +425,7 @@ class _Survey:
         self._is_broken |= node.reported
         return True
 
-    def _may_slip(self, text: str, position: Position) -> bool:
-        """Return whether a text surely has a damaged parameter: parentheses are common in conditions and prose."""
-        return not text.startswith("(") or position not in (Position.CONDITION, Position.TEXT)
-
-    def _is_right(self, node: ScalarNode, pattern: Pattern, index: int) -> bool:
+    def _is_valid(self, node: ScalarNode, pattern: Pattern, index: int) -> bool:
         """Report mistakes in one piece of a scalar; return whether it is valid."""
         piece = pattern.pieces[index]
         if not piece.parameter:
@@ -457,7 +456,7 @@ class _Survey:
         self._findings.add(rule, message, place, help=help_text, path=self._path)
 
 
-def _position(position: Position, section: str, key: str) -> Position:
+def _position_of_value(position: Position, section: str, key: str) -> Position:
     """Return the position of the value of a key, given the position of the mapping around it."""
     if position in (Position.CONDITION, Position.ARGUMENT):
         return position
@@ -468,7 +467,7 @@ def _position(position: Position, section: str, key: str) -> Position:
     return Position.TEXT if key in _TEXT_KEYS else Position.VALUE
 
 
-def _pieces(text: str, letters: Letters, position: Position, corrections: Mapping[str, str]) -> tuple[Piece, ...]:
+def _split(text: str, letters: Letters, position: Position, corrections: Mapping[str, str]) -> tuple[Piece, ...]:
     """Return the pieces of a text, with the names of parameters corrected."""
     pieces: list[Piece] = []
     at = 0
@@ -476,10 +475,10 @@ def _pieces(text: str, letters: Letters, position: Position, corrections: Mappin
         start, end = match.span()
         if start > at:
             pieces.append(Piece("", text[at:start], cut(letters, at, start, 0)))
-        between = Openings(text[:start]).quote if position is Position.CONDITION else ""
+        quote = Openings(text[:start]).quote if position is Position.CONDITION else ""
         first = cut(letters, start, start + 1, 0)
         place = ((0, first[0][1], end - start),) if first and first[0][2] == 1 else ()
-        pieces.append(Piece(corrections.get(match["name"], match["name"]), match[0], place, between))
+        pieces.append(Piece(corrections.get(match["name"], match["name"]), match[0], place, quote))
         at = end
     if at < len(text):
         pieces.append(Piece("", text[at:], cut(letters, at, len(text), 0)))
@@ -492,7 +491,7 @@ def _is_allowed_at(pattern: Pattern, index: int) -> bool:
         return True
     if pattern.position is not Position.CONDITION:
         return pattern.position is Position.VALUE and pattern.is_single
-    if pattern.pieces[index].between:
+    if pattern.pieces[index].quote:
         return True
     before = pattern.pieces[index - 1].text[-1] if index else " "
     after = pattern.pieces[index + 1].text[0] if index + 1 < len(pattern.pieces) else " "

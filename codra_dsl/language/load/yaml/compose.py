@@ -81,30 +81,30 @@ def compose(source: Source, findings: Findings) -> YamlNode | None:
     If a trap for conditions makes the file unreadable, the affected text is masked and the rest is read. If a letter
     is missing, the rest is read as if it were there.
     """
-    draft = RepairedText(source)
+    repaired_text = RepairedText(source)
     for _ in range(max(1, min(MAX_REPAIRS, _MAX_REPARSED // max(1, len(source.text))))):
         findings_of_round = Findings()
         try:
-            root = _Composer(draft, findings_of_round).document()
+            root = _Composer(repaired_text, findings_of_round).document()
         except _StopError:
             findings.extend(findings_of_round)
             return None
         except (yaml.YAMLError, _SlipError) as error:
-            problem = error.problem if isinstance(error, _SlipError) else explain(draft.text, error)
-            if draft.is_caused_by_repair(problem):
+            problem = error.problem if isinstance(error, _SlipError) else explain(repaired_text.text, error)
+            if repaired_text.has_caused(problem):
                 return None
             findings.add(
                 problem.rule,
                 problem.message,
-                draft.place(problem.start, problem.end),
+                repaired_text.place(problem.start, problem.end),
                 help=problem.help,
-                fix=draft.fix(problem),
+                fix=repaired_text.fix(problem),
             )
-            if not draft.repair(problem):
+            if not repaired_text.repair(problem):
                 return None
         else:
             findings.extend(findings_of_round)
-            draft.restore_offsets(root)
+            repaired_text.restore_offsets(root)
             return root
     return None
 
@@ -117,22 +117,22 @@ class _Composer:
     Attributes:
         _current: the collection that is being read; `_key` is its key that waits for a value.
         _parents: the enclosing collections, each with the key that waits when the inner one is closed.
-        _again: the section that a duplicate key continues.
-        _twice: the duplicate keys of the open mappings: (second key, first key).
+        _continued_section: the section that a duplicate key continues.
+        _duplicate_keys: the duplicate keys of the open mappings: (second key, first key).
     """
 
-    def __init__(self, draft: RepairedText, findings: Findings) -> None:
-        self._source = draft
-        self._text = draft.text
+    def __init__(self, repaired_text: RepairedText, findings: Findings) -> None:
+        self._source = repaired_text
+        self._text = repaired_text.text
         self._findings = findings
-        self._placeholders = draft.placeholders
+        self._placeholders = repaired_text.placeholders
         self._root: YamlNode | None = None
         self._parents: list[tuple[MappingNode | SequenceNode | None, ScalarNode | None]] = []
         self._current: MappingNode | SequenceNode | None = None
         self._key: ScalarNode | None = None
-        self._again: MappingNode | None = None
-        self._twice: dict[int, list[tuple[ScalarNode, ScalarNode]]] = {}
-        self._left = MAX_NODES
+        self._continued_section: MappingNode | None = None
+        self._duplicate_keys: dict[int, list[tuple[ScalarNode, ScalarNode]]] = {}
+        self._values_left = MAX_NODES
         self._last_end = 0
         self._documents = 0
         self._anchors: set[str] = set()
@@ -146,7 +146,7 @@ class _Composer:
             yaml.MappingEndEvent: self._close,
             yaml.SequenceEndEvent: self._close,
             yaml.AliasEvent: self._alias,
-            yaml.DocumentStartEvent: self._begin,
+            yaml.DocumentStartEvent: self._begin_document,
         }
         parser = Parser(self._text)
         try:
@@ -160,7 +160,7 @@ class _Composer:
             parser.dispose()
         return self._root
 
-    def _begin(self, event: Any) -> None:
+    def _begin_document(self, event: Any) -> None:
         self._documents += 1
         start, end = event.start_mark.index, event.end_mark.index
         if self._documents == 2:
@@ -177,7 +177,7 @@ class _Composer:
         if text[:1] in SPECIAL_FIRST or node.style is not Style.PLAIN or len(text) > MAX_TEXT or self._placeholders:
             self._look_closely(event, node)
         elif event.tag is not None or event.anchor is not None:
-            self._properties(event, node)
+            self._refuse_properties(event, node)
         self._last_end = node.end
         mapping = self._current
         if self._key is not None or type(mapping) is not MappingNode:
@@ -192,7 +192,7 @@ class _Composer:
     def _look_closely(self, event: Any, node: ScalarNode) -> None:
         """Check a scalar that is not just a plain text."""
         if event.tag is not None or event.anchor is not None:
-            self._properties(event, node)
+            self._refuse_properties(event, node)
         if node.style is Style.PLAIN:
             if not node.text:
                 self._suspect_value(node)
@@ -201,12 +201,12 @@ class _Composer:
         elif node.style is not Style.SINGLE_QUOTED:
             self._examine(node)
         if len(node.text) > MAX_TEXT:
-            self._too_long(node)
+            self._report_too_long(node)
         if node.start in self._placeholders:
             node.reported = True
 
     def _suspect_key(self, node: ScalarNode, mapping: MappingNode) -> None:
-        """Handle a key that may be several words, or missing."""
+        """Handle a key that may contain more than the key, or be missing."""
         self._key = node
         if node.reported and node.text == NO_KEY:
             self._key = _NOWHERE
@@ -232,7 +232,7 @@ class _Composer:
         if not any(type(value) is ScalarNode and Openings(value.text).are_left for _, value in around):
             raise _SlipError(missing_colon(self._text, key.start, key.start + at))
 
-    def _too_long(self, node: ScalarNode) -> None:
+    def _report_too_long(self, node: ScalarNode) -> None:
         node.reported = True
         message = f"a text of {len(node.text)} characters is too long"
         self._report("text-too-long", message, node.start, node.start + 1, f"at most {MAX_TEXT} are allowed")
@@ -243,20 +243,20 @@ class _Composer:
         if node.text in mapping.entries:
             self._key = _NOWHERE
             first, value = mapping.entries[node.text]
-            self._again = value if len(self._parents) == 1 and type(value) is MappingNode else None
-            self._twice.setdefault(id(mapping), []).append((node, first))
-            for lost in (mapping, value) if len(self._parents) > 1 else ():
-                if type(lost) is MappingNode:
-                    lost.unread = True
+            self._continued_section = value if len(self._parents) == 1 and type(value) is MappingNode else None
+            self._duplicate_keys.setdefault(id(mapping), []).append((node, first))
+            for container in (mapping, value) if len(self._parents) > 1 else ():
+                if type(container) is MappingNode:
+                    container.unread = True
         elif node.text == "<<" and node.style is Style.PLAIN:
             self._key = _NOWHERE
             mapping.reported = True
             help_text = "write the keys out, or use a template"
             self._report("merge-key", "the merge key '<<' is not part of this language", *_range(node), help_text)
 
-    def _report_twice(self, twice: list[tuple[ScalarNode, ScalarNode]]) -> None:
+    def _report_duplicate_keys(self, duplicates: list[tuple[ScalarNode, ScalarNode]]) -> None:
         """Report the duplicate keys of one mapping: most often a line is missing between the two."""
-        (key, first), *others = twice
+        (key, first), *others = duplicates
         related = [Related("first one here", self._source.place(*_range(first)))]
         related += [
             Related(f"{shown(other.text)} is repeated as well", self._source.place(*_range(other)))
@@ -282,14 +282,14 @@ class _Composer:
                 self._report("yaml-syntax", message, *folded.span("item"), help_text)
 
     def _attach(self, node: YamlNode) -> None:
-        self._left -= 1
-        if self._left < 0:
+        self._values_left -= 1
+        if self._values_left < 0:
             help_text = "split the file into parts, or use templates"
             message = f"the file holds more than {MAX_NODES} values"
             self._report("too-many-values", message, node.start, node.start + 1, help_text)
             raise _StopError
         container, key = self._current, self._key
-        self._again = None
+        self._continued_section = None
         if type(container) is MappingNode:
             self._key = None
             if key is not _NOWHERE and key is not None:
@@ -309,7 +309,7 @@ class _Composer:
 
     def _open(self, event: Any, node: MappingNode | SequenceNode) -> None:
         if event.tag is not None or event.anchor is not None:
-            self._properties(event, node)
+            self._refuse_properties(event, node)
         if len(self._parents) == MAX_DEPTH:
             message = f"values are nested more than {MAX_DEPTH} deep"
             self._report("nested-too-deeply", message, node.start, node.start + 1, "no part of a spec needs that")
@@ -321,22 +321,22 @@ class _Composer:
                 self._report("key-not-text", "a key must be a text", node.start, node.start + 1, help_text)
                 self._current.unread = True
             waiting = _NOWHERE
-        again = self._again if type(node) is MappingNode else None
+        continued = self._continued_section if type(node) is MappingNode else None
         if waiting is None:
             self._attach(node)
         self._parents.append((self._current, waiting))
-        self._current, self._key = again or node, None
+        self._current, self._key = continued or node, None
 
     def _close(self, event: Any) -> None:
-        closed = self._current
-        assert closed is not None
-        bracketed = closed.flow and self._text.startswith(("[", "{"), closed.start)
-        closed.end = event.end_mark.index if bracketed else max(closed.start, self._last_end)
-        self._last_end = closed.end
-        if type(closed) is SequenceNode and not closed.flow:
-            self._report_folded(closed.items)
-        if self._twice and id(closed) in self._twice:
-            self._report_twice(self._twice.pop(id(closed)))
+        collection = self._current
+        assert collection is not None
+        bracketed = collection.flow and self._text.startswith(("[", "{"), collection.start)
+        collection.end = event.end_mark.index if bracketed else max(collection.start, self._last_end)
+        self._last_end = collection.end
+        if type(collection) is SequenceNode and not collection.flow:
+            self._report_folded(collection.items)
+        if self._duplicate_keys and id(collection) in self._duplicate_keys:
+            self._report_duplicate_keys(self._duplicate_keys.pop(id(collection)))
         self._current, self._key = self._parents.pop()
 
     def _alias(self, event: Any) -> None:
@@ -350,7 +350,7 @@ class _Composer:
         else:
             self._attach(node)
 
-    def _properties(self, event: Any, node: YamlNode) -> None:
+    def _refuse_properties(self, event: Any, node: YamlNode) -> None:
         """Refuse a node's tag and anchor, and move its beginning after them."""
         start = node.start
         written = _PROPERTIES.match(self._text, start)
@@ -363,10 +363,10 @@ class _Composer:
                 node.reported = True
                 self._refuse_tag(word[0], first, last, node)
 
-    def _refuse_anchor(self, subject: str, name: str, start: int, end: int) -> None:
+    def _refuse_anchor(self, description: str, name: str, start: int, end: int) -> None:
         self._anchors.add(name)
         help_text = "to repeat something, write a template and use it twice"
-        self._report("anchor", f"{subject} is not part of this language", start, end, help_text)
+        self._report("anchor", f"{description} is not part of this language", start, end, help_text)
 
     def _refuse_tag(self, tag: str, start: int, end: int, node: YamlNode) -> None:
         if not tag.startswith("!!") and self._in_condition():

@@ -19,12 +19,12 @@ class Findings:
     """An append-only list of findings, with a limit on the number of suggestions."""
 
     def __init__(self) -> None:
-        self._findings: list[Diagnostic] = []
+        self._diagnostics: list[Diagnostic] = []
         self._suggestions_left = MAX_SUGGESTIONS
 
     def __len__(self) -> int:
         """Return how many findings there are."""
-        return len(self._findings)
+        return len(self._diagnostics)
 
     def add(
         self,
@@ -38,7 +38,7 @@ class Findings:
         fix: Fix | None = None,
     ) -> None:
         """Report one finding of a rule of `RULES`."""
-        self._findings.append(
+        self._diagnostics.append(
             Diagnostic(
                 rule=RULES[rule], message=message, place=place, path=path, help=help, related=tuple(related), fix=fix
             )
@@ -46,11 +46,11 @@ class Findings:
 
     def extend(self, other: Findings) -> None:
         """Append the findings of another list."""
-        self._findings.extend(other.all())
+        self._diagnostics.extend(other.all())
 
     def all(self) -> tuple[Diagnostic, ...]:
         """Return the findings in the order in which they were added."""
-        return tuple(self._findings)
+        return tuple(self._diagnostics)
 
     def nearest(self, name: str, candidates: Iterable[str]) -> str | None:
         """Return the candidate that a name most likely means; None once all suggestions are used up."""
@@ -60,8 +60,8 @@ class Findings:
         return suggest(name, candidates)
 
 
-def listed(names: Iterable[str]) -> str:
+def list_names(names: Iterable[str]) -> str:
     """Return names for a message, the first MAX_LISTED of them."""
-    several = list(names)
-    more = f", and {len(several) - MAX_LISTED} more" if len(several) > MAX_LISTED else ""
-    return ", ".join(map(shown, several[:MAX_LISTED])) + more
+    all_names = list(names)
+    more = f", and {len(all_names) - MAX_LISTED} more" if len(all_names) > MAX_LISTED else ""
+    return ", ".join(map(shown, all_names[:MAX_LISTED])) + more

@@ -1,4 +1,4 @@
-"""Fixes: words in place of misspelt ones, and edits that remove or move text."""
+"""Fixes that follow from the text: the intended word or condition, and text to insert, remove or move."""
 
 from __future__ import annotations
 
@@ -45,24 +45,24 @@ def suggest_word(word: str, allowed: Sequence[str], findings: Findings) -> tuple
     return near, near is not None and surely_means(word, near, allowed)
 
 
-def without_item(several: SequenceNode, index: int, origin: Origin) -> Fix | None:
+def without_item(sequence: SequenceNode, index: int, origin: Origin) -> Fix | None:
     """Return the fix that removes an item, not the first, from a list; None if that would remove a comment.
 
     Also None for a use of a template: in another use, the item may be a different one.
     """
     if origin.use is not None:
         return None
-    source, item, before = origin.source, several.items[index], several.items[index - 1]
-    if several.flow:
+    source, item, before = origin.source, sequence.items[index], sequence.items[index - 1]
+    if sequence.flow:
         start, end = before.end, item.end
-        alone = _ONLY_SEPARATORS.fullmatch(source.text, start, item.start)
+        separator = _ONLY_SEPARATORS.fullmatch(source.text, start, item.start)
     else:
         first, last = source.span(item.start, item.end).line, source.span(item.start, item.end).end_line
         start = source.line_starts[first - 1]
         end = source.line_starts[last] if last < len(source.line_starts) else len(source.text)
-        is_only_item = not source.text[item.end : end].strip()
-        alone = _BULLET.fullmatch(source.text, start, item.start) if is_only_item else None
-    if alone is None:
+        is_rest_blank = not source.text[item.end : end].strip()
+        separator = _BULLET.fullmatch(source.text, start, item.start) if is_rest_blank else None
+    if separator is None:
         return None
     edit = Edit(source.span(start, end), "")
     return Fix(message="Remove the duplicate", edits=(edit,), applicability=Applicability.SAFE)

@@ -22,7 +22,7 @@ _OTHER_PARAMETER = re.compile(r"\$\{(\w+)\}|\$(\w+)|\{\{\s*(\w+)\s*\}\}")
 
 def is_identifier(name: str) -> bool:
     """Return whether a spec may declare a name."""
-    return _IDENTIFIER.fullmatch(name) is not None and len(name) <= MAX_NAME and not _is_reserved(name)
+    return _IDENTIFIER.fullmatch(name) is not None and len(name) <= MAX_NAME and name not in _RESERVED
 
 
 def check_name(node: ScalarNode, bearer: Subject | str, subject: Subject, findings: Findings, *steps: str) -> bool:
@@ -33,31 +33,27 @@ def check_name(node: ScalarNode, bearer: Subject | str, subject: Subject, findin
     name = node.text
     if node.reported or is_identifier(name):
         return not node.reported
-    full_name = f"{bearer} of {subject}" if isinstance(bearer, str) else str(bearer)
+    bearer_text = f"{bearer} of {subject}" if isinstance(bearer, str) else str(bearer)
     place, path = subject.origin.of(node), subject.part(*steps)
-    if _is_reserved(name):
-        message = f"{full_name} has a reserved name"
-        findings.add("reserved-name", message, place, help=f"{_reserved_for(name)}; choose another", path=path)
+    if name in _RESERVED:
+        message = f"{bearer_text} has a reserved name"
+        findings.add("reserved-name", message, place, help=f"{_reservation(name)}; choose another", path=path)
         return False
-    message = f"{full_name} has an invalid name" if name else "a name is empty"
-    help_text = _help(node.written)
+    message = f"{bearer_text} has an invalid name" if name else "a name is empty"
+    help_text = _name_help(node.written)
     if help_text.startswith("write") and node is subject.key and subject.section == "context":
         help_text += "; write the name for people under 'label'"
     findings.add("ill-formed-name", message, place, help=help_text, path=path)
     return False
 
 
-def _is_reserved(name: str) -> bool:
-    return name in _RESERVED
-
-
-def _reserved_for(name: str) -> str:
+def _reservation(name: str) -> str:
     if name in FUNCTIONS:
         return f"{shown(name)} is a function of the condition language"
     return f"{shown(name)} is a literal" if name in _LITERALS else f"{shown(name)} is a Python keyword"
 
 
-def _help(name: str) -> str:
+def _name_help(name: str) -> str:
     if len(name) > MAX_NAME and "$(" not in name:
         return f"a name has at most {MAX_NAME} letters"
     other = _OTHER_PARAMETER.search(name)

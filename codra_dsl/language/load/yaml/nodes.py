@@ -26,7 +26,7 @@ class Style(Enum):
     FOLDED = ">"
 
 
-class Filled(NamedTuple):
+class FilledText(NamedTuple):
     """The origin of a scalar with substituted parameters.
 
     Attributes:
@@ -55,10 +55,10 @@ class ScalarNode:
         text: as written, without quotes, with parameters substituted.
         data: its value in YAML 1.2's core schema.
         reported: whether there is a finding about it already, so that no other must follow.
-        filled: its origin if parameters were substituted; None if it is in the file as it is.
+        filled_text: its origin if parameters were substituted; None if it is in the file as it is.
     """
 
-    __slots__ = ("data", "end", "filled", "reported", "start", "style", "text")
+    __slots__ = ("data", "end", "filled_text", "reported", "start", "style", "text")
 
     def __init__(self, text: str, data: Data, start: int, end: int, style: Style) -> None:
         self.text = text
@@ -67,12 +67,12 @@ class ScalarNode:
         self.end = end
         self.style = style
         self.reported = False
-        self.filled: Filled | None = None
+        self.filled_text: FilledText | None = None
 
     @property
     def written(self) -> str:
         """Return the text as written in the file, before the substitution of parameters."""
-        return self.text if self.filled is None else self.filled.written
+        return self.text if self.filled_text is None else self.filled_text.written
 
 
 class SequenceNode:

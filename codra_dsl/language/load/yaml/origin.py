@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from codra_dsl.language.diagnostics import Place, Span, late_place
+from codra_dsl.language.diagnostics import Place, Span, lazy_place
 from codra_dsl.language.expression.tokens import shown
 from codra_dsl.language.load.yaml.nodes import ScalarNode, YamlNode, visible_range
 from codra_dsl.language.load.yaml.source import Source
@@ -33,7 +33,7 @@ NOUNS = {
 
 
 _UNDER_KNOWLEDGE = frozenset({"types", "nodes", "edges", "tasks"})
-_LISTED_SEPARATELY = frozenset({"returns", "identifies", "attributes", "rules"})
+_SEPARATE_KEYS = frozenset({"returns", "identifies", "attributes", "rules"})
 
 
 def damaged_key(steps: Sequence[str | int]) -> str:
@@ -42,7 +42,7 @@ def damaged_key(steps: Sequence[str | int]) -> str:
     Entries of `returns`, `identifies`, `attributes` and `rules` are listed one by one: a damaged entry does not affect
     the others.
     """
-    is_separate = len(steps) > 1 and steps[0] in _LISTED_SEPARATELY and isinstance(steps[1], str)
+    is_separate = len(steps) > 1 and steps[0] in _SEPARATE_KEYS and isinstance(steps[1], str)
     return ".".join(map(str, steps[:2] if is_separate else steps[:1]))
 
 
@@ -63,11 +63,11 @@ class Origin:
 
     def place(self, start: int, end: int) -> Place:
         """Return the place of a range of the file's text."""
-        return late_place(self.source, start, end, self.use)
+        return lazy_place(self.source, start, end, self.use)
 
     def of(self, node: YamlNode) -> Place:
         """Return the place of a node."""
-        return late_place(self.source, node.start, node.end, self.use)
+        return lazy_place(self.source, node.start, node.end, self.use)
 
     def of_value(self, key: ScalarNode, value: YamlNode) -> Place:
         """Return the place of a value, or of its key if the value is long."""
@@ -102,9 +102,9 @@ class Subject:
         """Return its path in the spec: sections and names joined by dots."""
         if self.section in ("spec", "part"):
             return ""
-        around = f"templates.{self.origin.template}." if self.origin.template else ""
+        prefix = f"templates.{self.origin.template}." if self.origin.template else ""
         group = "knowledge." if self.section in _UNDER_KNOWLEDGE else ""
-        return f"{around}{group}{self.section}.{self.key.written}"
+        return f"{prefix}{group}{self.section}.{self.key.written}"
 
     def part(self, *steps: str | int) -> str:
         """Return the path of a part of it."""

@@ -21,7 +21,7 @@ class Problem:
         start: with `end` the range to underline.
         mask: the range to mask so that the rest can be read; None if that does not help.
         trap: the trap for conditions, if it is one.
-        repair: the offset and the missing text whose insertion makes the file read as intended; None if unknown.
+        insertion: the offset and the missing text with which the file is read as intended; None if unknown.
     """
 
     rule: str
@@ -31,18 +31,18 @@ class Problem:
     end: int
     mask: tuple[int, int] | None = None
     trap: Trap | None = None
-    repair: tuple[int, str] | None = None
+    insertion: tuple[int, str] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ParserError:
-    """A parser's error: `at` is where the parser stopped, `begun` where the construct that it was reading begins."""
+    """A parser's error: `at` is where the parser stopped, `context_start` where the text that it was reading begins."""
 
     text: str
     problem: str
     context: str
     at: int
-    begun: int
+    context_start: int
 
     @property
     def letter(self) -> str:

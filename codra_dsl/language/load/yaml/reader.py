@@ -16,7 +16,7 @@ from codra_dsl.language.load.yaml.origin import Subject, damaged_key
 from codra_dsl.language.model import Places, Reference
 from codra_dsl.language.units import duration_help, parse_duration
 
-_duration = lru_cache(maxsize=1024)(parse_duration)
+_parse_duration = lru_cache(maxsize=1024)(parse_duration)
 
 _MAPPINGS = ("with", "uses", "returns", "identifies", "attributes", "rules", "terms", "course", "leaves")
 """The keys of elements whose values are mappings."""
@@ -126,7 +126,7 @@ class Reader:
         node = self.scalar(key)
         if node is None:
             return default
-        duration = _duration(node.text)
+        duration = _parse_duration(node.text)
         if duration is None or (duration == math.inf and most == "finite"):
             message = f"{shown(key)} in {self.subject} must be a duration, not {shown(node.text)}"
             help_text = duration_help(node.text, most) if duration is None else "give a number with ms, s, min or h"

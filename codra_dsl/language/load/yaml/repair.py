@@ -32,7 +32,7 @@ _BLOCK_BEGINS = re.compile(rf"[ \t]*(?:-[ \t]+\S|(?:-[ \t]+)?(?:{_NAME}|\"[^\"]*
 _VALUE_OF_ONE_WORD = re.compile(r"[\w$().%°/*^+-]+|-?[0-9.]+[ \t]+[\w/*^%°]+")
 _FREE_TEXTS = re.compile(r"(?:label|description|title)[ \t]*:[^,:]*$")
 _NOT_A_VALUE = frozenset({"not", "and", "or", "in", "if", "else"})
-_LONGEST_ENTRY = 300
+_MAX_ENTRIES_LENGTH = 300
 """The maximum length of two entries without a ',' between them."""
 
 _CLOSERS = {"{": "}", "[": "]"}
@@ -57,39 +57,39 @@ def missing_colon(text: str, start: int, at: int) -> Problem:
     key = text[start:at]
     more = bool(text[at : end_of_line(text, at)].strip())
     help_text = f"write '{key}: ...'" if more else f"write '{key}:'"
-    return _missing(":", f"a ':' is missing after {shown(key)}", help_text, start=start, end=at, at=at)
+    return _insertion_problem(":", f"a ':' is missing after {shown(key)}", help_text, start=start, end=at, at=at)
 
 
-def _missing(letter: str, message: str, help_text: str, *, start: int, end: int, at: int) -> Problem:
-    return Problem("yaml-syntax", message, help_text, start, end, repair=(at, letter))
+def _insertion_problem(letter: str, message: str, help_text: str, *, start: int, end: int, at: int) -> Problem:
+    return Problem("yaml-syntax", message, help_text, start, end, insertion=(at, letter))
 
 
-def _colon_before_bracket(complaint: ParserError) -> Problem | None:
+def _colon_before_bracket(error: ParserError) -> Problem | None:
     """Recognise `door {type: bool, valid_for: 5 s}`, in a block and within braces."""
-    text = complaint.text
-    if not complaint.in_brackets and "mapping values" in complaint.problem:
-        start = line_start(text, complaint.at)
+    text = error.text
+    if not error.in_brackets and "mapping values" in error.problem:
+        start = line_start(text, error.at)
         match = _KEY_AND_BRACKET.match(text, start, end_of_line(text, start))
         return None if match is None else missing_colon(text, match.start("key"), match.end("key"))
-    if complaint.letter in ("{", "[") and complaint.in_brackets:
-        before = complaint.before()
+    if error.letter in ("{", "[") and error.in_brackets:
+        before = error.before()
         key = _NAME_BEFORE.search(before)
         if key is not None and before[: key.start()].rstrip()[-1:] in ("{", ","):
-            first = complaint.at - len(before)
+            first = error.at - len(before)
             return missing_colon(text, first + key.start("key"), first + key.end("key"))
     return None
 
 
-def _colon_after_key(complaint: ParserError) -> Problem | None:
+def _colon_after_key(error: ParserError) -> Problem | None:
     """Recognise a line in a block with a key and no ':'; the parser stops only at a later line."""
-    text, at = complaint.text, complaint.at
-    if complaint.in_brackets:
+    text, at = error.text, error.at
+    if error.in_brackets:
         return None
-    if "simple key" in complaint.context:
-        start = line_start(text, complaint.begun)
-    elif "mapping values" in complaint.problem and not re.search(r":[ \t]", complaint.before()):
+    if "simple key" in error.context:
+        start = line_start(text, error.context_start)
+    elif "mapping values" in error.problem and not re.search(r":[ \t]", error.before()):
         start = _first_of_lines_without_colon(text, at)
-    elif "document start" in complaint.problem:
+    elif "document start" in error.problem:
         first = re.search(r"^[^\s#]", text, re.MULTILINE)
         start = at if first is None else first.start()
     else:
@@ -97,9 +97,9 @@ def _colon_after_key(complaint: ParserError) -> Problem | None:
     if start >= line_start(text, at):
         return None
     end = end_of_line(text, start)
-    glued = _KEY_AND_VALUE.match(text, start, end)
-    if glued is not None:
-        return missing_blank(text, *glued.span("key"), end)
+    key_and_value = _KEY_AND_VALUE.match(text, start, end)
+    if key_and_value is not None:
+        return missing_blank(text, *key_and_value.span("key"), end)
     match = _KEY_AND_MORE.match(text, start, end)
     if match is not None and match["key"] in _NOT_A_VALUE:
         message, help_text = (
@@ -112,15 +112,15 @@ def _colon_after_key(complaint: ParserError) -> Problem | None:
 
 def colon_without_blank(key: str) -> int | None:
     """Return the offset of the ':' without a blank in a key without a value."""
-    glued = _KEY_AND_VALUE.fullmatch(key)
-    return None if glued is None or not is_known_key(glued["key"]) else glued.end("key")
+    key_and_value = _KEY_AND_VALUE.fullmatch(key)
+    return None if key_and_value is None or not is_known_key(key_and_value["key"]) else key_and_value.end("key")
 
 
 def missing_blank(text: str, start: int, at: int, end: int) -> Problem:
     """Return the problem of a missing blank between the ':' of a key and its value."""
     key = text[start : at + 1]
     message, help_text = f"a blank is missing after {shown(key)}", f"write {shown(f'{key} {text[at + 1 : end]}')}"
-    return _missing(" ", message, help_text, start=start, end=at + 1, at=at + 1)
+    return _insertion_problem(" ", message, help_text, start=start, end=at + 1, at=at + 1)
 
 
 def _first_of_lines_without_colon(text: str, at: int) -> int:
@@ -135,24 +135,26 @@ def _first_of_lines_without_colon(text: str, at: int) -> int:
     return start
 
 
-def _comma_between_entries(complaint: ParserError) -> Problem | None:
+def _comma_between_entries(error: ParserError) -> Problem | None:
     """Recognise `{type: bool source: arm}`, and `{label: "Door" type: bool}`."""
-    if not complaint.in_brackets or "expected ','" not in complaint.problem:
+    if not error.in_brackets or "expected ','" not in error.problem:
         return None
-    before = complaint.before()[-_LONGEST_ENTRY:]
-    first = complaint.at - len(before)
-    if complaint.letter == ":":
-        two = _TWO_ENTRIES.search(before)
-        if two is None or not _are_entries(before[: two.start("key")], two["value"], two["key"]):
+    before = error.before()[-_MAX_ENTRIES_LENGTH:]
+    first = error.at - len(before)
+    if error.letter == ":":
+        entries_match = _TWO_ENTRIES.search(before)
+        if entries_match is None or not _are_entries(
+            before[: entries_match.start("key")], entries_match["value"], entries_match["key"]
+        ):
             return None
-        return _missing_comma(complaint, first + two.end("value"), two["key"])
-    ends = before.rstrip()
-    if ends[-1:] in ("'", '"', "}", "]") and complaint.letter not in ("", "}", "]"):
-        key = _NEXT_ENTRY.match(complaint.text, complaint.at)
-        again = complaint.letter in ("{", "[", ends[-1]) and ends[-1] not in "}]"
-        if key is not None or again or (complaint.letter in "{[" and ends[-1] in "}]"):
-            word = key[0].rstrip(": \t") if key is not None else complaint.letter
-            return _missing_comma(complaint, first + len(ends), word)
+        return _missing_comma(error, first + entries_match.end("value"), entries_match["key"])
+    stripped = before.rstrip()
+    if stripped[-1:] in ("'", '"', "}", "]") and error.letter not in ("", "}", "]"):
+        key = _NEXT_ENTRY.match(error.text, error.at)
+        is_value_next = error.letter in ("{", "[", stripped[-1]) and stripped[-1] not in "}]"
+        if key is not None or is_value_next or (error.letter in "{[" and stripped[-1] in "}]"):
+            word = key[0].rstrip(": \t") if key is not None else error.letter
+            return _missing_comma(error, first + len(stripped), word)
     return None
 
 
@@ -176,51 +178,53 @@ def _known_keys() -> frozenset[str]:
     return frozenset(key for part in parts for key in part.get("properties", ()))
 
 
-def _missing_comma(complaint: ParserError, at: int, key: str) -> Problem:
-    start = complaint.text.index(key, at)
+def _missing_comma(error: ParserError, at: int, key: str) -> Problem:
+    start = error.text.index(key, at)
     message = f"a ',' is missing before {shown(key)}"
-    return _missing(",", message, "put ',' between entries", start=start, end=start + len(key), at=at)
+    return _insertion_problem(",", message, "put ',' between entries", start=start, end=start + len(key), at=at)
 
 
-def _opening_brace(complaint: ParserError) -> Problem | None:
+def _opening_brace(error: ParserError) -> Problem | None:
     """Recognise `door: type: bool, valid_for: 5 s}`, in a block and within braces."""
-    text, before = complaint.text, complaint.before()
-    if complaint.letter != ":" or not (complaint.in_brackets or "mapping values" in complaint.problem):
+    text, before = error.text, error.before()
+    if error.letter != ":" or not (error.in_brackets or "mapping values" in error.problem):
         return None
     key = next(reversed(list(re.finditer(r":[ \t]+(?=\S)", before))), None)
-    start = line_start(text, complaint.at)
-    if key is None or _unclosed(text[start : end_of_line(text, start)]) != "!}":
+    start = line_start(text, error.at)
+    if key is None or _missing_closers(text[start : end_of_line(text, start)]) != "!}":
         return None
-    at = complaint.at - len(before) + key.end()
+    at = error.at - len(before) + key.end()
     message = f"a '{{' is missing before {shown(before[key.end() :].strip())}"
-    return _missing("{", message, "put it where the mapping begins", start=at, end=complaint.at, at=at)
+    return _insertion_problem("{", message, "put it where the mapping begins", start=at, end=error.at, at=at)
 
 
-def _closing_bracket(complaint: ParserError) -> Problem | None:
+def _closing_bracket(error: ParserError) -> Problem | None:
     """Recognise a line that opens more brackets than it closes, while the next ones are keys of a block."""
-    text, begun = complaint.text, complaint.begun
-    if not complaint.in_brackets or complaint.letter in ("{", "["):
+    text, begin = error.text, error.context_start
+    if not error.in_brackets or error.letter in ("{", "["):
         return None
-    start = line_start(text, begun)
-    end = end_of_line(text, begun)
-    closers = _unclosed(text[start:end])
+    start = line_start(text, begin)
+    end = end_of_line(text, begin)
+    closers = _missing_closers(text[start:end])
     lines = text[end : end + LOOK_AROUND].splitlines()[1:]
     following = next((line for line in lines if line.strip() and line.strip()[0] != "#"), None)
-    is_finished = following is None or (_BLOCK_BEGINS.match(following) is not None and "!" not in _unclosed(following))
-    if not is_finished or not closers or "!" in closers or complaint.at <= end:
+    is_block_next = following is None or (
+        _BLOCK_BEGINS.match(following) is not None and "!" not in _missing_closers(following)
+    )
+    if not is_block_next or not closers or "!" in closers or error.at <= end:
         return None
-    bracket = text[begun]
+    bracket = text[begin]
     message, help_text = f"the {shown(bracket)} here is never closed", f"add {shown(_CLOSERS[bracket])} where it ends"
-    if "{" in text[begun + 1 : end]:  # then it may end before the last entry
-        return Problem("yaml-syntax", message, help_text, begun, begun + 1)
-    return _missing(closers, message, help_text, start=begun, end=begun + 1, at=end)
+    if "{" in text[begin + 1 : end]:  # then it may end before the last entry
+        return Problem("yaml-syntax", message, help_text, begin, begin + 1)
+    return _insertion_problem(closers, message, help_text, start=begin, end=begin + 1, at=end)
 
 
-def _unclosed(line: str) -> str:
+def _missing_closers(line: str) -> str:
     """Return the closing brackets that a line lacks; '!' with a closing bracket that it does not open."""
     if len(line) > LOOK_AROUND:
         return "!"
-    opened: list[str] = []
+    closers: list[str] = []
     quote = ""
     for before, letter in zip(" " + line, line, strict=False):
         if quote:
@@ -228,17 +232,17 @@ def _unclosed(line: str) -> str:
         elif letter in "\"'" and before in " \t[{,:":
             quote = letter
         elif letter in _CLOSERS:
-            opened.append(_CLOSERS[letter])
-        elif letter in "]}" and opened[-1:] != [letter]:
+            closers.append(_CLOSERS[letter])
+        elif letter in "]}" and closers[-1:] != [letter]:
             return f"!{letter}"
         elif letter in "]}":
-            opened.pop()
-    return "".join(reversed(opened)) if not quote else "!"
+            closers.pop()
+    return "".join(reversed(closers)) if not quote else "!"
 
 
-def _closing_quote(complaint: ParserError) -> Problem | None:
+def _closing_quote(error: ParserError) -> Problem | None:
     """Recognise a quote that is not closed on its line, so that the next quote far below closes it."""
-    text, at = complaint.text, complaint.at
+    text, at = error.text, error.at
     quote = text[at - 1 : at]
     if quote not in ("'", '"'):
         return None
@@ -248,22 +252,22 @@ def _closing_quote(complaint: ParserError) -> Problem | None:
     end = end_of_line(text, start)
     message, help_text = "the quote that is opened here is not closed on its line", "close it with the same quote"
     before = text[line_start(text, start) : start]
-    if not before.strip() or _unclosed(before) or quote in text[start + 1 : end]:
+    if not before.strip() or _missing_closers(before) or quote in text[start + 1 : end]:
         return Problem("yaml-syntax", message, help_text, start, start + 1)
-    return _missing(quote, message, help_text, start=start, end=start + 1, at=end)
+    return _insertion_problem(quote, message, help_text, start=start, end=start + 1, at=end)
 
 
-def _key_before_colon(complaint: ParserError) -> Problem | None:
+def _key_before_colon(error: ParserError) -> Problem | None:
     """Recognise `{: bool}`, and a line that begins with ':'."""
-    if complaint.letter != ":" or complaint.text[complaint.at + 1 : complaint.at + 2].strip():
+    if error.letter != ":" or error.text[error.at + 1 : error.at + 2].strip():
         return None
-    if complaint.before().rstrip()[-1:] not in ("", "{", ",", "-"):
+    if error.before().rstrip()[-1:] not in ("", "{", ",", "-"):
         return None
-    at = complaint.at
-    return _missing(NO_KEY, "a key is missing before ':'", "write 'key: value'", start=at, end=at + 1, at=at)
+    at = error.at
+    return _insertion_problem(NO_KEY, "a key is missing before ':'", "write 'key: value'", start=at, end=at + 1, at=at)
 
 
-PUNCTUATION_MISTAKES: tuple[Callable[[ParserError], Problem | None], ...] = (
+PUNCTUATION_RECOGNISERS: tuple[Callable[[ParserError], Problem | None], ...] = (
     _closing_quote,
     _key_before_colon,
     _colon_before_bracket,

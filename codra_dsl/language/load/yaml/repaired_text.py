@@ -20,7 +20,7 @@ class RepairedText:
 
     Attributes:
         text: the repaired text that the parser reads. Its offsets equal the file's if nothing was inserted.
-        placeholders: the offsets in `text` of placeholders for text that findings have been reported about.
+        placeholders: the offsets in `text` of masked ranges and inserted placeholders, which have been reported.
     """
 
     def __init__(self, source: Source) -> None:
@@ -33,11 +33,11 @@ class RepairedText:
 
     def place(self, start: int, end: int) -> Place:
         """Return the place in the file of a range of the repaired text."""
-        return self._source.place(self._of_file(start), self._of_file(end))
+        return self._source.place(self._offset_in_file(start), self._offset_in_file(end))
 
     def line_end(self, offset: int) -> int:
         """Return the offset of the line break after an offset, or of the text's end."""
-        at = self._of_file(offset)
+        at = self._offset_in_file(offset)
         return offset + self._source.line_end(at) - at
 
     def fix(self, problem: Problem) -> Fix | None:
@@ -45,25 +45,25 @@ class RepairedText:
         place = self.place(problem.start, problem.end)
         if problem.trap is not None:
             return trap_fix(problem.trap, place)
-        if problem.repair is None or problem.repair[1] == NO_KEY:
+        if problem.insertion is None or problem.insertion[1] == NO_KEY:
             return None
-        at = self._of_file(problem.repair[0])
-        edit = Edit(self._source.span(at, at), problem.repair[1])
+        at = self._offset_in_file(problem.insertion[0])
+        edit = Edit(self._source.span(at, at), problem.insertion[1])
         return Fix(message=f"Insert '{edit.text}'", edits=(edit,), applicability=Applicability.SUGGESTED)
 
-    def is_caused_by_repair(self, problem: Problem) -> bool:
+    def has_caused(self, problem: Problem) -> bool:
         """Return whether an insertion caused a problem: it cannot be repaired, and the insertion is nearby."""
-        helpless = problem.repair is None and problem.mask is None
+        helpless = problem.insertion is None and problem.mask is None
         return helpless and any(abs(self._line(problem.start) - line) <= _NEARBY for line in self._repaired_lines)
 
     def repair(self, problem: Problem) -> bool:
         """Mask an unreadable range, or insert missing text; return whether either is possible."""
-        if problem.repair is not None:
-            at, missing = problem.repair
-            insort(self._missing, (self._of_file(at), missing))
-            self._repaired_lines.append(self._line(problem.repair[0]))
+        if problem.insertion is not None:
+            at, missing = problem.insertion
+            insort(self._missing, (self._offset_in_file(at), missing))
+            self._repaired_lines.append(self._line(problem.insertion[0]))
         elif problem.mask is not None:
-            start, end = map(self._of_file, problem.mask)
+            start, end = map(self._offset_in_file, problem.mask)
             self._masked[start] = end
         else:
             return False
@@ -75,7 +75,7 @@ class RepairedText:
         waiting = [root] if root is not None and self._missing else []
         while waiting:
             node = waiting.pop()
-            node.start, node.end = self._of_file(node.start), self._of_file(node.end)
+            node.start, node.end = self._offset_in_file(node.start), self._offset_in_file(node.end)
             if isinstance(node, SequenceNode):
                 waiting.extend(node.items)
             elif isinstance(node, MappingNode):
@@ -94,10 +94,12 @@ class RepairedText:
             pieces += [text[at:offset], missing]
             at = offset
         self.text = "".join((*pieces, text[at:]))
-        self.placeholders = {self._of_draft(start) for start in self._masked}
-        self.placeholders |= {self._of_draft(at) - len(letter) for at, letter in self._missing if letter == NO_KEY}
+        self.placeholders = {self._offset_in_text(start) for start in self._masked}
+        self.placeholders |= {
+            self._offset_in_text(at) - len(letter) for at, letter in self._missing if letter == NO_KEY
+        }
 
-    def _of_file(self, offset: int) -> int:
+    def _offset_in_file(self, offset: int) -> int:
         """Return the offset in the file of an offset in the repaired text."""
         before = 0
         for at, missing in self._missing:
@@ -106,6 +108,6 @@ class RepairedText:
             before += min(len(missing), offset - at - before)
         return offset - before
 
-    def _of_draft(self, offset: int) -> int:
+    def _offset_in_text(self, offset: int) -> int:
         """Return the offset in the repaired text of an offset in the file, after any insertion there."""
         return offset + sum(len(missing) for at, missing in self._missing if at <= offset)

@@ -18,7 +18,7 @@ MAX_BYTES = 32 * 1024 * 1024
 """The maximum size of a file."""
 
 _BYTE_ORDER_MARK = "\N{ZERO WIDTH NO-BREAK SPACE}"
-_REFUSED = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u2028\u2029\ufeff\ufffe\uffff\ud800-\udfff]")
+_REFUSED_CHARACTER = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u2028\u2029\ufeff\ufffe\uffff\ud800-\udfff]")
 _WIDE_MARKS = (b"\xff\xfe", b"\xfe\xff", b"\x00\x00\xfe\xff")
 
 
@@ -46,7 +46,7 @@ class Source:
         return Span(self.file, line, start - starts[line - 1] + 1, last, end - starts[last - 1] + 1)
 
     def place(self, start: int, end: int) -> Place:
-        """Return the place of a range of the text, outside every template."""
+        """Return the place of a range of text that no use of a template has made."""
         return Place(self.span(start, end))
 
     def line_end(self, offset: int) -> int:
@@ -64,7 +64,7 @@ def file_place(file: str) -> Place:
 
 
 AS_ON_DISK: Mapping[str, bytes] = MappingProxyType({})
-"""No files with content that differs from the disk."""
+"""An empty mapping, the default of `texts`: every file is read from disk."""
 
 
 def read(path: Path, file: str, findings: Findings, texts: Mapping[str, bytes] = AS_ON_DISK) -> Source | None:
@@ -78,7 +78,7 @@ def read(path: Path, file: str, findings: Findings, texts: Mapping[str, bytes] =
         with path.open("rb") as stream:
             data = stream.read(MAX_BYTES + 1)
     except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or "no such path is possible"
+        reason = getattr(error, "strerror", None) or "the path is not valid"
         findings.add(
             "cannot-read",
             f"cannot read '{file}': {reason}",
@@ -110,13 +110,13 @@ def accept(text: str, file: str, findings: Findings) -> Source | None:
         findings.add("byte-order-mark", message, file_place(file), help="save it as UTF-8 without byte order mark")
         text = text[1:]
     source = Source(file, text, _line_starts(text))
-    refused = _REFUSED.search(text)
-    if refused is None:
+    refused_match = _REFUSED_CHARACTER.search(text)
+    if refused_match is None:
         return source
     findings.add(
         "control-character",
-        f"the character U+{ord(refused[0]):04X} is invisible and not allowed",
-        source.place(refused.start(), refused.end()),
+        f"the character U+{ord(refused_match[0]):04X} is invisible and not allowed",
+        source.place(refused_match.start(), refused_match.end()),
         help="remove it; in a text in double quotes, write an escape such as \\n",
     )
     return None

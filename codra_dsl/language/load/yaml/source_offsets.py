@@ -10,16 +10,16 @@ _ESCAPE_WIDTHS = {"x": 4, "u": 6, "U": 10}
 
 def letters_of(node: ScalarNode, text: str) -> Letters:
     """Return the positions of a scalar's letters in its file's text; empty if they cannot be matched."""
-    if node.filled is not None:
-        return node.filled.letters()
+    if node.filled_text is not None:
+        return node.filled_text.letters()
     if node.style is Style.PLAIN and node.end - node.start == len(node.text):
         return ((0, node.start, 1),)
     if node.style in (Style.SINGLE_QUOTED, Style.DOUBLE_QUOTED):
         if node.end - node.start - 2 == len(node.text):
             return ((0, node.start + 1, 1),)
-        return _aligned(node, text, node.start + 1, node.end - 1)
+        return _align(node, text, node.start + 1, node.end - 1)
     start = node.start if node.style is Style.PLAIN else text.find("\n", node.start, node.end) + 1
-    return _aligned(node, text, start, node.end)
+    return _align(node, text, start, node.end)
 
 
 def cut(letters: Letters, start: int, end: int, offset: int) -> Letters:
@@ -34,13 +34,13 @@ def cut(letters: Letters, start: int, end: int, offset: int) -> Letters:
     return tuple(runs)
 
 
-def _aligned(node: ScalarNode, text: str, start: int, end: int) -> Letters:
+def _align(node: ScalarNode, text: str, start: int, end: int) -> Letters:
     """Match a scalar with its written form letter by letter; only blanks may differ."""
     runs: list[tuple[int, int, int]] = []
     at = start
     for offset, letter in enumerate(node.text):
         if letter in _BLANKS:
-            at = _past_blank(node, text, at, end)
+            at = _skip_blank(node, text, at, end)
             continue
         while at < end and (text[at] in _BLANKS or _is_line_continued(node, text, at)):
             at += 1
@@ -53,7 +53,7 @@ def _aligned(node: ScalarNode, text: str, start: int, end: int) -> Letters:
     return tuple(runs)
 
 
-def _past_blank(node: ScalarNode, text: str, at: int, end: int) -> int:
+def _skip_blank(node: ScalarNode, text: str, at: int, end: int) -> int:
     if at < end and text[at] == "\\" and node.style is Style.DOUBLE_QUOTED and not _is_line_continued(node, text, at):
         return at + _width(node, text, at)
     return at + 1 if at < end and text[at] in " \t" else at

@@ -20,7 +20,7 @@ from codra_dsl.language.load.yaml.parser_error import (
     end_of_line,
     line_start,
 )
-from codra_dsl.language.load.yaml.repair import PUNCTUATION_MISTAKES, is_known_key
+from codra_dsl.language.load.yaml.repair import PUNCTUATION_RECOGNISERS, is_known_key
 from codra_dsl.language.load.yaml.traps import (
     Openings,
     Trap,
@@ -48,19 +48,19 @@ _PIECE_BEGINS = re.compile(r"(?:[\[{,]|:[ \t])[ \t]*")
 _WORD = re.compile(r"[^\s,\[\]{}:]+")
 
 
-def explain(text: str, error: YAMLError) -> Problem:
+def explain(text: str, yaml_error: YAMLError) -> Problem:
     """Return the problem behind a parser's error about a text."""
-    at, begun = _offset(error, "problem_mark", text), _offset(error, "context_mark", text)
+    at, begin = _offset(yaml_error, "problem_mark", text), _offset(yaml_error, "context_mark", text)
     at = len(text) if at is None else at
-    complaint = ParserError(
+    error = ParserError(
         text=text,
-        problem=str(getattr(error, "problem", None) or "it cannot be read"),
-        context=str(getattr(error, "context", None) or ""),
+        problem=str(getattr(yaml_error, "problem", None) or "it cannot be read"),
+        context=str(getattr(yaml_error, "context", None) or ""),
         at=at,
-        begun=at if begun is None else begun,
+        context_start=at if begin is None else begin,
     )
-    problems = (recognise(complaint) for recognise in _TRAPS)
-    return next((problem for problem in problems if problem is not None), None) or _plain(complaint)
+    problems = (recognise(error) for recognise in _TRAPS)
+    return next((problem for problem in problems if problem is not None), None) or _plain_problem(error)
 
 
 def _offset(error: YAMLError, name: str, text: str) -> int | None:
@@ -68,97 +68,97 @@ def _offset(error: YAMLError, name: str, text: str) -> int | None:
     return None if mark is None else min(int(mark.index), len(text))
 
 
-def _trapped(trap: Trap, start: int, end: int) -> Problem | None:
+def _trap_problem(trap: Trap, start: int, end: int) -> Problem | None:
     return Problem(trap.rule, trap.message, trap.help, start, end, (start, end), trap) if end > start else None
 
 
-def _block_head(complaint: ParserError) -> Problem | None:
+def _block_head(error: ParserError) -> Problem | None:
     """Recognise `x: > 3`."""
-    text, begun, at = complaint.text, complaint.begun, complaint.at
-    if "block scalar" in complaint.context and text[begun : begun + 1] in (">", "|"):
-        end = end_of_line(text, begun)
-        return _trapped(read_as_block(text[begun:end]), begun, end)
-    if "start any token" in complaint.problem and complaint.letter in (">", "|"):
+    text, begin, at = error.text, error.context_start, error.at
+    if "block scalar" in error.context and text[begin : begin + 1] in (">", "|"):
+        end = end_of_line(text, begin)
+        return _trap_problem(read_as_block(text[begin:end]), begin, end)
+    if "start any token" in error.problem and error.letter in (">", "|"):
         end = end_in_brackets(text, at)
-        return _trapped(read_as_block(text[at:end]), at, end)
+        return _trap_problem(read_as_block(text[at:end]), at, end)
     return None
 
 
-def _negation(complaint: ParserError) -> Problem | None:
+def _negation(error: ParserError) -> Problem | None:
     """Recognise `{x: !known(y)}`."""
-    text, start = complaint.text, complaint.begun
-    if text[start : start + 1] != "!" or "tag" not in complaint.context:
+    text, start = error.text, error.context_start
+    if text[start : start + 1] != "!" or "tag" not in error.context:
         return None
     end = end_in_brackets(text, start)
-    return _trapped(read_as_tag(text[start:end], ""), start, end)
+    return _trap_problem(read_as_tag(text[start:end], ""), start, end)
 
 
-def _hidden_bracket(complaint: ParserError) -> Problem | None:
+def _hidden_bracket(error: ParserError) -> Problem | None:
     """Recognise `[x # y]`: the bracket that closes the list is in a comment."""
-    if not complaint.in_brackets:
+    if not error.in_brackets:
         return None
-    hidden = _HIDDEN_BRACKET.search(complaint.text, complaint.begun, complaint.begun + LOOK_AROUND)
-    if hidden is None or hidden.start() > complaint.at:
+    hidden = _HIDDEN_BRACKET.search(error.text, error.context_start, error.context_start + LOOK_AROUND)
+    if hidden is None or hidden.start() > error.at:
         return None
     value = hidden["value"].rstrip()
-    return _trapped(cut_off_by_comment(value), hidden.start("value"), hidden.start("value") + len(value))
+    return _trap_problem(cut_off_by_comment(value), hidden.start("value"), hidden.start("value") + len(value))
 
 
-def _quoted_beginning(complaint: ParserError) -> Problem | None:
+def _quoted_beginning(error: ParserError) -> Problem | None:
     """Recognise `"open" if x else "closed"`."""
-    before = complaint.before()
+    before = error.before()
     first = _QUOTED_BEFORE.search(before)
-    if first is None or not complaint.letter.strip() or complaint.letter in ",:]}#":
+    if first is None or not error.letter.strip() or error.letter in ",:]}#":
         return None
-    start = complaint.at - len(before) + first.start("quoted")
-    torn = _torn_before(complaint, start) if complaint.in_brackets else None
+    start = error.at - len(before) + first.start("quoted")
+    torn = _torn_before(error, start) if error.in_brackets else None
     if torn is not None:
-        end = end_in_brackets(complaint.text, torn)
-        return _trapped(torn_at_comma(complaint.text[torn:end]), torn, end)
-    end = complaint.value_end(start)
-    trap = read_as_quoted(first["quoted"], complaint.text[complaint.at : end], complaint.text[start:end])
-    return _trapped(trap, start, end)
+        end = end_in_brackets(error.text, torn)
+        return _trap_problem(torn_at_comma(error.text[torn:end]), torn, end)
+    end = error.value_end(start)
+    trap = read_as_quoted(first["quoted"], error.text[error.at : end], error.text[start:end])
+    return _trap_problem(trap, start, end)
 
 
-def _torn_before(complaint: ParserError, start: int) -> int | None:
+def _torn_before(error: ParserError, start: int) -> int | None:
     """Return the beginning of the condition that a comma before `start` splits, or None."""
-    text = complaint.text
-    pieces = _PIECE_BEGINS.finditer(text, max(complaint.begun, start - LOOK_AROUND), start)
-    begins = [piece.end() for piece in pieces][-_MAX_PIECES:-1]
-    return next((begin for begin in reversed(begins) if Openings(text[begin:start]).are_left), None)
+    text = error.text
+    pieces = _PIECE_BEGINS.finditer(text, max(error.context_start, start - LOOK_AROUND), start)
+    beginnings = [piece.end() for piece in pieces][-_MAX_PIECES:-1]
+    return next((begin for begin in reversed(beginnings) if Openings(text[begin:start]).are_left), None)
 
 
-def _second_colon(complaint: ParserError) -> Problem | None:
+def _second_colon(error: ParserError) -> Problem | None:
     """Recognise `x: a: b`."""
-    before = complaint.before()
+    before = error.before()
     keys = list(_KEY_BEFORE.finditer(before))
-    refused = "mapping values are not allowed" in complaint.problem
-    if not keys or not (refused or (complaint.in_brackets and complaint.letter == ":")):
+    refused = "mapping values are not allowed" in error.problem
+    if not keys or not (refused or (error.in_brackets and error.letter == ":")):
         return None
-    start = complaint.at - len(before) + keys[-1].end()
-    end = complaint.value_end(start)
-    key, written = keys[-1][0].rstrip(": \t"), complaint.text[start:end]
+    start = error.at - len(before) + keys[-1].end()
+    end = error.value_end(start)
+    key, written = keys[-1][0].rstrip(": \t"), error.text[start:end]
     if key == "call":
         trap = torn_call
     elif key in _MAPPINGS or (is_known_key(before[keys[-1].end() :].strip()) and key not in _TEXTS):
         trap = torn_mapping
     else:
         trap = torn_at_colon if key in _TEXTS else torn_condition
-    return _trapped(trap(written), start, end)
+    return _trap_problem(trap(written), start, end)
 
 
 _TRAPS: tuple[Callable[[ParserError], Problem | None], ...] = (
     _block_head,
     _negation,
     _hidden_bracket,
-    *PUNCTUATION_MISTAKES,
+    *PUNCTUATION_RECOGNISERS,
     _quoted_beginning,
     _second_colon,
 )
 
 _DIRECTIVE = "directives are not part of this language"
 _ESCAPE = r"write \\ for a backslash, or use single quotes"
-_MEANINGS: tuple[tuple[str, str, str, str], ...] = (
+_EXPLANATIONS: tuple[tuple[str, str, str, str], ...] = (
     ("directive", "directive", _DIRECTIVE, "remove this line; quote a text that begins with '%'"),
     ("YAML document", "directive", _DIRECTIVE, "remove the line that begins with '%'"),
     ("tag", "tag", "tags are not part of this language", "quote a text that begins with '!'"),
@@ -225,53 +225,53 @@ _MEANINGS: tuple[tuple[str, str, str, str], ...] = (
 )
 
 
-def _is_misplaced_item(complaint: ParserError) -> bool:
+def _is_misplaced_item(error: ParserError) -> bool:
     """Return whether `- ` begins a line at a column where no list has its items."""
-    is_item = complaint.text.startswith(("- ", "-\t"), complaint.at) and not complaint.before().strip()
-    return is_item and not complaint.in_brackets and "expected key" in complaint.problem
+    is_item = error.text.startswith(("- ", "-\t"), error.at) and not error.before().strip()
+    return is_item and not error.in_brackets and "expected key" in error.problem
 
 
-def _is_indented_further(complaint: ParserError) -> bool:
+def _is_indented_further(error: ParserError) -> bool:
     """Return whether a key is indented deeper than the one on the line above, which has a value."""
-    if "mapping values" not in complaint.problem:
+    if "mapping values" not in error.problem:
         return False
-    start = line_start(complaint.text, complaint.at)
-    above = complaint.text[line_start(complaint.text, max(0, start - 1)) : max(0, start - 1)]
+    start = line_start(error.text, error.at)
+    above = error.text[line_start(error.text, max(0, start - 1)) : max(0, start - 1)]
     pattern = re.compile(r"(?P<indent>[ ]*)(?:- )?[\w$()]+:?")
-    here, there = pattern.fullmatch(complaint.before()), _KEY_AND_VALUE.match(above)
+    here, there = pattern.fullmatch(error.before()), _KEY_AND_VALUE.match(above)
     return here is not None and there is not None and len(here["indent"]) > len(there["indent"])
 
 
-def _plain(complaint: ParserError) -> Problem:
+def _plain_problem(error: ParserError) -> Problem:
     """Return the problem of a parser error that is not a trap."""
-    problem, at, begun = complaint.problem, complaint.at, complaint.begun
-    if "tab" in problem or (complaint.letter == "\t" and not complaint.before().strip()):
+    problem, at, begin = error.problem, error.at, error.context_start
+    if "tab" in problem or (error.letter == "\t" and not error.before().strip()):
         return Problem("yaml-syntax", "a tab indents this line", "indent with blanks", at, at + 1)
-    if "end of stream" in problem and "quoted" in complaint.context:
+    if "end of stream" in problem and "quoted" in error.context:
         message = "the quote that is opened here is never closed"
-        return Problem("yaml-syntax", message, "close it with the same quote", begun, begun + 1)
-    if complaint.in_brackets and not complaint.text[at:].strip():
-        bracket = complaint.text[begun : begun + 1]
+        return Problem("yaml-syntax", message, "close it with the same quote", begin, begin + 1)
+    if error.in_brackets and not error.text[at:].strip():
+        bracket = error.text[begin : begin + 1]
         help_text = f"add {shown('}' if bracket == '{' else ']')} where it ends"
-        return Problem("yaml-syntax", f"the {shown(bracket)} here is never closed", help_text, begun, begun + 1)
-    if _is_misplaced_item(complaint):
+        return Problem("yaml-syntax", f"the {shown(bracket)} here is never closed", help_text, begin, begin + 1)
+    if _is_misplaced_item(error):
         message = "this item does not belong to a list"
         help_text = "begin every '- ' of a list in the same column; keys of a mapping have no '- '"
         return Problem("yaml-syntax", message, help_text, at, at + 1)
-    if _is_indented_further(complaint):
-        start = at - len(complaint.before().lstrip())
-        message = f"{shown(complaint.text[start:at])} is indented deeper than the key above, and reads as its value"
+    if _is_indented_further(error):
+        start = at - len(error.before().lstrip())
+        message = f"{shown(error.text[start:at])} is indented deeper than the key above, and reads as its value"
         return Problem("yaml-syntax", message, "indent the keys of a mapping alike", start, at)
-    if complaint.letter in ("}", "]") and not complaint.in_brackets:
-        return Problem("yaml-syntax", f"{shown(complaint.letter)} closes nothing", "remove it", at, at + 1)
-    if complaint.letter == "," and "expected key" in problem:
+    if error.letter in ("}", "]") and not error.in_brackets:
+        return Problem("yaml-syntax", f"{shown(error.letter)} closes nothing", "remove it", at, at + 1)
+    if error.letter == "," and "expected key" in problem:
         return Problem("yaml-syntax", "unexpected ',' after the end of a value", "remove it", at, at + 1)
-    word = _WORD.match(complaint.text, at)
-    end = word.end() if word else min(at + 1, len(complaint.text))
-    letter = shown(complaint.letter) if complaint.letter.strip() else "the end of the line"
-    for words, rule, message, help_text in _MEANINGS:
-        if words in problem or words in complaint.context:
-            return Problem(rule, message.format(letter=letter, line=complaint.line(begun)), help_text, at, end)
+    word = _WORD.match(error.text, at)
+    end = word.end() if word else min(at + 1, len(error.text))
+    letter = shown(error.letter) if error.letter.strip() else "the end of the line"
+    for key_words, rule, message, help_text in _EXPLANATIONS:
+        if key_words in problem or key_words in error.context:
+            return Problem(rule, message.format(letter=letter, line=error.line(begin)), help_text, at, end)
     return Problem(
         "yaml-syntax", f"this is not valid YAML: {problem}", "check quotes, brackets and indentation", at, end
     )

@@ -30,7 +30,7 @@ class Trap:
     condition: str = ""
 
 
-def quoted(text: str) -> str:
+def quote_text(text: str) -> str:
     """Return a text as a YAML scalar in single quotes, or in double quotes if that is easier to read."""
     line = _on_one_line(text)
     if "'" in line and not {'"', "\\"} & set(line):
@@ -48,10 +48,10 @@ def _on_one_line(text: str) -> str:
     return " ".join(text.split())
 
 
-def _quoting(rule: str, message: str, written: str, range_name: str = "it") -> Trap:
+def _quoting_trap(rule: str, message: str, written: str, pronoun: str = "it") -> Trap:
     """Return a trap whose fix is to quote the complete text."""
-    help_text = f"put quotes around {range_name}: {quoted(written)}"
-    return Trap(rule, message, help_text, quoted(written), _on_one_line(written))
+    help_text = f"put quotes around {pronoun}: {quote_text(written)}"
+    return Trap(rule, message, help_text, quote_text(written), _on_one_line(written))
 
 
 def read_as_tag(tag: str, rest: str) -> Trap:
@@ -67,24 +67,32 @@ def read_as_block(text: str) -> Trap:
     """Return the trap of a condition that begins with `>` or `|`."""
     message = f"YAML reads the '{text[0]}' of {shown(text)} as the head of a text block, not as a comparison"
     help_text = (
-        f"name what is compared: x {_on_one_line(text)}" if text[0] == ">" else f"put quotes around it: {quoted(text)}"
+        f"name what is compared: x {_on_one_line(text)}"
+        if text[0] == ">"
+        else f"put quotes around it: {quote_text(text)}"
     )
     return Trap("read-as-block", message, help_text)
 
 
-def read_as_quoted(first: str, rest: str, complete: str) -> Trap:
+def read_as_quoted(first: str, rest: str, complete_text: str) -> Trap:
     """Return the trap of a condition that begins with a quoted text and continues after it."""
     message = f"YAML reads {shown(first)} as the complete value and cannot read {shown(rest)} after it"
-    inner = complete[1:-1]
-    if complete[:1] == complete[-1:] and not is_condition(complete):
-        requoted = quoted(inner)
-        return Trap("read-as-quoted", message, f"use other quotes around it: {requoted}", requoted, _on_one_line(inner))
-    return _quoting("read-as-quoted", message, complete, "all of it")
+    inner = complete_text[1:-1]
+    if complete_text[:1] == complete_text[-1:] and not is_condition(complete_text):
+        requoted_text = quote_text(inner)
+        return Trap(
+            "read-as-quoted",
+            message,
+            f"use other quotes around it: {requoted_text}",
+            requoted_text,
+            _on_one_line(inner),
+        )
+    return _quoting_trap("read-as-quoted", message, complete_text, "all of it")
 
 
-def read_as_literal(written: str, kind: str, key: str) -> Trap:
+def read_as_literal(written: str, noun: str, key: str) -> Trap:
     """Return the trap of a condition that is a YAML literal, under a key of an element."""
-    message = f"YAML reads {shown(written)} as {kind}, not as a condition"
+    message = f"YAML reads {shown(written)} as {noun}, not as a condition"
     if key == "value":
         return Trap("read-as-literal", message, f"quote it: '{written}'")
     is_listed = key not in ("identifies", "always")
@@ -97,7 +105,7 @@ def read_as_list(written: str) -> Trap:
     message = f"YAML reads {shown(written)} as a list, not as a condition"
     if isinstance(parse(_on_one_line(written)), Negative):  # a number, which is not a condition
         return Trap("read-as-list", message, "write '- ' once")
-    return Trap("read-as-list", message, f"put quotes around it: {quoted(written)}")
+    return Trap("read-as-list", message, f"put quotes around it: {quote_text(written)}")
 
 
 def torn_at_comma(written: str) -> Trap:
@@ -105,19 +113,19 @@ def torn_at_comma(written: str) -> Trap:
     message = f"YAML splits {shown(written)} at its comma"
     if written[:1] + written[-1:] == "()" and not is_condition(written):
         return Trap("torn-at-comma", message, f"write [{written[1:-1]}]")
-    return _quoting("torn-at-comma", message, written)
+    return _quoting_trap("torn-at-comma", message, written)
 
 
 def torn_number(written: str) -> Trap:
     """Return the trap of a number with a decimal comma inside brackets or braces."""
-    number = re.sub(r"(?<=[0-9]),(?=[0-9])", ".", written)
-    return Trap("torn-at-comma", f"YAML splits {shown(written)} at its comma", f"write {number}")
+    number_text = re.sub(r"(?<=[0-9]),(?=[0-9])", ".", written)
+    return Trap("torn-at-comma", f"YAML splits {shown(written)} at its comma", f"write {number_text}")
 
 
 def torn_at_colon(written: str) -> Trap:
     """Return the trap of a text with `: ` in it."""
     message = f"YAML reads {shown(written)} as a key and its value, not as one text"
-    return _quoting("torn-at-colon", message, written)
+    return _quoting_trap("torn-at-colon", message, written)
 
 
 def torn_call(written: str) -> Trap:
@@ -154,10 +162,12 @@ def cut_off_by_comment(written: str) -> Trap:
     """Return the trap of a condition with ` #` in it."""
     message = f"YAML reads everything after ' #' in {shown(written)} as a comment"
     if not is_condition(written):
-        is_complete = is_condition(written.partition(" #")[0])
-        help_text = "put the comment on a line of its own" if is_complete else "complete the condition before the '#'"
+        is_condition_before = is_condition(written.partition(" #")[0])
+        help_text = (
+            "put the comment on a line of its own" if is_condition_before else "complete the condition before the '#'"
+        )
         return Trap("cut-off-by-comment", message, f"{help_text}, or quote all of it")
-    return _quoting("cut-off-by-comment", message, written)
+    return _quoting_trap("cut-off-by-comment", message, written)
 
 
 class Openings:
