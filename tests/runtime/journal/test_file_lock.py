@@ -179,7 +179,7 @@ def test_a_program_that_ends_while_its_threads_write_leaves_a_complete_file(tmp_
         assert (done.returncode, done.stderr) == (0, "")
 
         with JournalReader(path) as reader:
-            numbers = [note.message.sequence for note in reader.notes()]
+            numbers = [raw_message.message.sequence for raw_message in reader.raw_messages()]
         assert not reader.damage.is_torn
         assert numbers == list(range(1, len(numbers) + 1))
         assert len(messages(path)) == len(numbers) > 300
@@ -222,7 +222,7 @@ def test_a_journal_that_is_read_while_it_is_written_has_no_gap(tmp_path: Path) -
                 before = count[0]
                 with JournalReader(path) as reader:
                     reader.header()
-                    numbers = [note.message.sequence for note in reader.notes()]
+                    numbers = [raw_message.message.sequence for raw_message in reader.raw_messages()]
                 assert reader.is_live
                 assert reader.damage.unread == []
                 assert numbers == list(range(1, len(numbers) + 1))

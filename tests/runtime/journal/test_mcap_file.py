@@ -162,7 +162,7 @@ def test_the_head_describes_the_run(tmp_path: Path) -> None:
     assert metadata.name == "codra-journal"
     assert {"spec": "door", "seed": "7", "start_s": "100.0"}.items() <= metadata.metadata.items()
     assert (header.spec, header.seed, header.start_s, header.model) == ("door", 7, 100.0, "")
-    assert messages(tmp_path / "run.mcap")[0][1] == header.plain()
+    assert messages(tmp_path / "run.mcap")[0][1] == header.to_data()
 
 
 def test_units_labels_and_members_are_metadata_of_the_topic(tmp_path: Path) -> None:
