@@ -82,7 +82,7 @@ class JournalReader:
         metadata: metadata that tools show about the file. The key is the name of the metadata.
         files: the attached files. The key is the name of the file.
         damage: missing and unreadable parts, complete once the journal has been read to its end.
-        place: the offset of the chunk of the last message. From this offset, the messages of the chunk can be read again.
+        place: the offset of the chunk of the last message. The messages can be read again from this offset on.
         is_live: whether the program that writes the journal was still running when this reader opened it.
     """
 

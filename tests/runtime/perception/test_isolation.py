@@ -333,7 +333,7 @@ REFUSED: dict[str, tuple[object, str]] = {
     "module": (np, "it is a module: give an object with methods, or let `call` name a class with `setup`"),
     "generator": ((number for number in ()), "it is a generator: give an object with methods, or"),
     "list": ([Camera()], "it is a list whose content cannot be copied: give an object with a method instead"),
-    "nothing": (object(), "it is a object without methods: give an object with one"),
+    "nothing": (object(), "it is a object without methods: give an object with a method"),
 }
 
 

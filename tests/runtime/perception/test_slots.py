@@ -28,9 +28,11 @@ class Desk:
         self.granted: list[str] = []
         self.tickets: dict[str, Ticket] = {}
 
-    def request(self, name: str, *slots: str, priority: float = 0.0, urgency: int = 0, lasts_s: float = 0.0) -> None:
+    def request(
+        self, name: str, *slots: str, priority: float = 0.0, urgency: int = 0, max_duration_s: float = 0.0
+    ) -> None:
         self.tickets[name] = self.slots.request(
-            slots, lambda: (priority, urgency), lambda: self.granted.append(name), lasts_s
+            slots, lambda: (priority, urgency), lambda: self.granted.append(name), max_duration_s
         )
 
     def release(self, *names: str) -> list[str]:
@@ -198,11 +200,11 @@ def test_priority_decides_until_the_oldest_request_could_wait_too_long() -> None
     desk = Desk({"eye": 1})
     desk.slots.expect(("eye",), 3.0)
     desk.slots.expect(("eye",), 2.0)
-    desk.request("low", "eye", priority=-1, lasts_s=2.0)
-    desk.request("high 0", "eye", priority=9, lasts_s=3.0)
+    desk.request("low", "eye", priority=-1, max_duration_s=2.0)
+    desk.request("high 0", "eye", priority=9, max_duration_s=3.0)
     for number in range(6):
         desk.clock.sleep(1.0)
-        desk.request(f"high {number + 1}", "eye", priority=9, lasts_s=3.0)
+        desk.request(f"high {number + 1}", "eye", priority=9, max_duration_s=3.0)
         desk.release(desk.granted[-1])
     assert desk.granted == ["high 0", "high 1", "high 2", "high 3", "low", "high 4", "high 5"]
 
@@ -213,9 +215,9 @@ def test_requests_do_not_age_while_the_main_execution_holds_the_slot() -> None:
         desk.slots.expect(("eye",), 3.0)
     desk.request("main", "eye", priority=MAIN_EXECUTION)
     desk.clock.sleep(0)
-    desk.request("low", "eye", priority=-1, lasts_s=3.0)
+    desk.request("low", "eye", priority=-1, max_duration_s=3.0)
     desk.clock.sleep(100.0)
-    desk.request("high", "eye", priority=9, lasts_s=3.0)
+    desk.request("high", "eye", priority=9, max_duration_s=3.0)
     assert desk.release("main")[-1] == "high"
 
 
@@ -312,9 +314,13 @@ def compete(
     with started(model, World(finds), clock) as manager:
         request = manager._parts.slots.request
 
-        def record_request(slots: Any, precedence: Any, grant: Callable[[], None], lasts_s: float = 0.0) -> Ticket:
+        def record_request(
+            slots: Any, precedence: Any, grant: Callable[[], None], max_duration_s: float = 0.0
+        ) -> Ticket:
             free_s = free.at(clock.now_s())
-            return request(slots, precedence, lambda: (asked_s.update({clock.now_s(): free_s}), grant())[1], lasts_s)
+            return request(
+                slots, precedence, lambda: (asked_s.update({clock.now_s(): free_s}), grant())[1], max_duration_s
+            )
 
         manager._parts.slots.request = record_request  # type: ignore[method-assign]
         for name in names:
