@@ -105,7 +105,7 @@ class McapFile:
         check_is_there(self._stream)
 
     def _keep_in_region(self, record: bytes) -> None:
-        """Put a record of the open chunk into the region; if it does not fit there, end the chunk as soon as possible."""
+        """Put a record of the open chunk into the region. If there is no room, end the chunk as soon as possible."""
         if self._has_room(record):
             frame = _FRAME.pack(len(record), _checksum(self._chunk_offset, record), self._chunk_offset) + record
             os.pwrite(self._stream.fileno(), frame, self._region_offset + self._used_bytes)

@@ -63,7 +63,7 @@ def test_instants_of_steps_never_decrease(wall: WallClock) -> None:
 def test_an_event_on_time_happens_at_its_time_and_a_late_one_when_it_happens(wall: WallClock) -> None:
     clock, events = LockedClock(wall, threading.RLock()), list[tuple[str, float]]()
     late: list[float] = []
-    clock.is_late = lambda: late.append(clock.now_s())
+    clock.on_late = lambda: late.append(clock.now_s())
 
     def note(name: str) -> None:
         events.append((name, clock.now_s()))
