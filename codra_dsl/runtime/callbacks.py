@@ -16,7 +16,7 @@ _LOGGER = logging.getLogger(__name__)
 MOST_WAITING = 1_000
 """The largest number of changes that wait for a slow callback. If there are more, the oldest one is dropped."""
 
-ChangeT = TypeVar("NewsT")
+ChangeT = TypeVar("ChangeT")
 
 
 def _no_op() -> None:
