@@ -66,8 +66,8 @@ def _observers(chance: random.Random) -> Iterator[ObserverModel]:
 
 def _look(algorithm_name: str, name: str, needed: list[str], chance: random.Random) -> Look:
     high, low = value("gap") > 0.6, value("gap") < 0.4
-    plain, band = value("gap") > 0.5, between(high, low)
-    term = chance.choice([plain, band, confirmed(plain, 2, 3), confirmed(band, 2, 3)])
+    simple, band = value("gap") > 0.5, between(high, low)
+    term = chance.choice([simple, band, confirmed(simple, 2, 3), confirmed(band, 2, 3)])
     when = [_condition(need, chance) for need in needed]
     slots = chance.choice([(), ("eye",)])
     return Look(
@@ -143,8 +143,8 @@ def test_known_values_are_valid_and_newer_than_the_last_change_and_the_run_repla
     path = tmp_path / "run.mcap"
     events = events_of_story(seed, Journal(path))
     assert events_of_story(seed) == events
-    head, kept = read(path)
-    assert replay(head, kept, situation(seed), ContextManager[str, str], None).difference is None
+    header, recorded_events = read(path)
+    assert replay(header, recorded_events, situation(seed), ContextManager[str, str], None).difference is None
 
 
 @pytest.mark.parametrize("seed", range(6))
