@@ -104,7 +104,7 @@ class CallbackQueue(Generic[ChangeT]):
 
     def _start(self) -> None:
         try:
-            self._clock.start(self._run, _do_nothing)
+            self._clock.start(self._run, lambda _: None)
         except RuntimeError:  # no thread could be started: the next change tries again
             _LOGGER.exception("a callback could not be called")
             with self._lock:
@@ -220,7 +220,3 @@ class Subscriptions:
         with self._lock:
             if number in self._skill_queues:
                 self._skill_queues[number] = [other for other in self._skill_queues[number] if other is not queue]
-
-
-def _do_nothing(_: object) -> None:
-    pass

@@ -32,8 +32,8 @@ JUDGEMENT_FIELDS: Mapping[str, Field] = {
 
 def object_list_schema(description: str, **properties: Field) -> Field:
     """Return the schema of a list of objects with some properties."""
-    item = {"type": "object", "properties": properties, "additionalProperties": False}
-    return {"type": "array", "items": item, "description": description}
+    item_schema = {"type": "object", "properties": properties, "additionalProperties": False}
+    return {"type": "array", "items": item_schema, "description": description}
 
 
 def event_schema(description: str, name_description: str, meanings: Mapping[str, str], **details: Field) -> Field:
@@ -56,14 +56,14 @@ def event_schema(description: str, name_description: str, meanings: Mapping[str,
     }
 
 
-def field_schema(kind: str, description: str) -> Field:
+def field_schema(json_type: str, description: str) -> Field:
     """Return the schema of a field of one JSON type."""
-    return {"type": kind, "description": description}
+    return {"type": json_type, "description": description}
 
 
-def list_schema(kind: str, description: str) -> Field:
+def list_schema(json_type: str, description: str) -> Field:
     """Return the schema of a list of values of one JSON type."""
-    return {"type": "array", "items": {"type": kind}, "description": description}
+    return {"type": "array", "items": {"type": json_type}, "description": description}
 
 
 def reason_schema(description: str) -> Field:

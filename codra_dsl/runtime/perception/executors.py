@@ -78,8 +78,4 @@ class Executors:
             run()
             close_event.set()
 
-        self._start(run_and_mark, _do_nothing)
-
-
-def _do_nothing(_: object) -> None:
-    pass
+        self._start(run_and_mark, lambda _: None)

@@ -54,7 +54,7 @@ class JobRun:
         self.work: Work | None = None
         self.job: RunningJob | None = None
         self.last_report: tuple[float, Interval] | None = None
-        self.on_evidence: Callable[[JobRun, float, Interval], None] = _do_nothing
+        self.on_evidence: Callable[[JobRun, float, Interval], None] = lambda *_: None
 
     def evidence(self, now_s: float) -> Interval | None:
         """Return when the job's evidence is taken, according to the reports of the job until now.
@@ -71,7 +71,3 @@ class JobRun:
             self.last_report = report
             self.on_evidence(self, *report)
         return report[1]
-
-
-def _do_nothing(*_: object) -> None:
-    pass

@@ -38,7 +38,7 @@ class Hysteresis(Term):
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Debounced(Term):
+class DebouncedCondition(Term):
     """A condition whose value counts once `needed` of the last `among` results agree on it."""
 
     term: Term
@@ -64,7 +64,7 @@ def between(enter: Operand, leave: Operand) -> Term:
 
 def confirmed(term: Operand, needed: int, among: int) -> Term:
     """Return a condition whose value counts once `needed` of the last `among` results agree on it."""
-    return Debounced(_to_term(term), needed, among)
+    return DebouncedCondition(_to_term(term), needed, among)
 
 
 def _to_term(operand: Operand) -> Term:

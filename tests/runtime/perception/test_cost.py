@@ -26,7 +26,7 @@ YES = {"seen": True}
 
 
 def chains(number: int) -> ContextModel:
-    """Return chains of ten observers: each needs the one before it; the first needs a variable of the main execution."""
+    """Return chains of ten observers: each needs the one before it, and the first a variable of the main execution."""
     names = [f"c{chain}_{link}" for chain in range(number) for link in range(LINKS)]
     roots = [f"c{chain}" for chain in range(number)]
     needs = [f"c{chain}" if not link else f"c{chain}_{link - 1}" for chain in range(number) for link in range(LINKS)]

@@ -196,7 +196,7 @@ def test_the_more_urgent_request_goes_first_among_equal_priorities() -> None:
 
 
 def test_priority_decides_until_the_oldest_request_could_wait_too_long() -> None:
-    """With two algorithms and a longest timeout of 3 s, no request waits for more than 6 s; others may pass it for 3 s."""
+    """With two algorithms and timeouts of at most 3 s, a request waits for at most 6 s; others may pass it for 3 s."""
     desk = Desk({"eye": 1})
     desk.slots.expect(("eye",), 3.0)
     desk.slots.expect(("eye",), 2.0)
