@@ -78,12 +78,12 @@ class Comparison(EventLog):
         """Return whether the comparison is complete: a difference was found, or all events were compared."""
         return self.difference is not None or self.position == len(self._expected)
 
-    def begin(self, make_header: Callable[[], RunHeader]) -> None:
+    def begin(self, header: Callable[[], RunHeader]) -> None:
         """Take the spec summary."""
-        header = make_header()
-        self.summary = header.summary
+        about = header()
+        self.summary = about.summary
         if self._copy is not None:
-            self._copy.begin(lambda: header)
+            self._copy.begin(lambda: about)
 
     def add(self, event: Event) -> None:
         """Compare an event with the next one of the journal."""
