@@ -308,10 +308,10 @@ def compete(
         ),
         slots={"one": 1},
     )
-    functions = {f"see_{name}": takes(load[2], {"seen": True}) for name, load in zip(names, loads, strict=True)}
+    finds = {f"see_{name}": takes(load[2], {"seen": True}) for name, load in zip(names, loads, strict=True)}
     clock, free_time, asked_s = SimClock(), FreeTime(), {}
     waits_s: dict[str, list[float]] = {name: [] for name in names}
-    with started(model, World(functions), clock) as manager:
+    with started(model, World(finds), clock) as manager:
         request = manager._parts.slots.request
 
         def record_request(
