@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 StoredReading = tuple[float, str, Value | None, Reason | None, str, float, str, bool]
 """A new reading of a variable, as a tuple of its instant and its fields. It becomes an event when events are read.
 
-Python's garbage collector stops tracking tuples of plain values. To traverse as many readings or events would take it
-long.
+Python's garbage collector stops tracking tuples of plain values. It would need long to traverse as many readings or
+events.
 """
 
 DEFAULT_LIMIT = 100_000

@@ -65,14 +65,14 @@ class McapFile:
         self._message_count = 0
 
     def open_channel(self, topic: str, schema: int, metadata: Mapping[str, str]) -> int:
-        """Open a channel of JSON messages; return its number."""
+        """Open a channel of JSON messages; return the number of the channel."""
         number: int = self._writer.register_channel(topic, "json", schema, dict(metadata))
         record = Channel(id=number, topic=topic, message_encoding="json", metadata=dict(metadata), schema_id=schema)
         self._keep_in_region(_record_bytes(record))
         return number
 
     def add_schema(self, name: str, text: bytes) -> int:
-        """Declare a JSON schema; return its number."""
+        """Declare a JSON schema; return the number of the schema."""
         number: int = self._writer.register_schema(name, "jsonschema", text)
         self._keep_in_region(_record_bytes(Schema(id=number, data=text, encoding="jsonschema", name=name)))
         return number

@@ -41,7 +41,10 @@ __all__ = [
 
 _READ_OPCODES = frozenset({Opcode.METADATA, Opcode.ATTACHMENT, Opcode.CHUNK, OPEN_CHUNK})
 _MAX_BYTES = 1 << 28
-"""The maximum size of one record, or of one decompressed chunk. Records and chunks of codra have a thousandth of it."""
+"""The maximum size of one record or decompressed chunk. The records and chunks that codra writes are far smaller.
+
+They have a thousandth of this size.
+"""
 _CHECKSUM_BYTES = 4
 
 
@@ -51,7 +54,7 @@ class JournalError(Exception):
 
 @dataclass(slots=True)
 class Damage:
-    """Missing and unreadable parts of a journal, complete once the journal has been read to its end.
+    """Missing and unreadable parts of a journal. The list is complete once the journal has been read to its end.
 
     Attributes:
         is_torn: whether the end of the file is missing.

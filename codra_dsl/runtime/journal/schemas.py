@@ -215,7 +215,7 @@ def _job_schema(name: str, summary: SpecSummary) -> tuple[str, Field]:
             "cancelled": "its result is no longer needed",
             "stuck": "it was cancelled and does not end",
         },
-        index=field_schema("integer", "The number of the job among those of its algorithm."),
+        index=field_schema("integer", "The number of the job among the jobs of its algorithm."),
         values={
             "type": "object",
             "description": "The result, without the quantities that were not measured.",

@@ -239,7 +239,7 @@ class Cell:
         return surplus > (MAX_PINNED_READINGS if is_pinned else 0)
 
     def expire(self, now_s: float) -> bool:
-        """Make the present reading unknown if its validity is over; return whether it became unknown."""
+        """Make the variable unknown if its present reading is no longer valid; return whether it became unknown."""
         reading = self.reading.at(now_s)
         if reading is self.reading:
             return False
@@ -253,7 +253,8 @@ class Cell:
     def at(self, instant_s: float) -> Reading[Value]:
         """Return the reading at an instant, as far as it is known today.
 
-        It is the reading with the newest evidence up to the instant; it is unknown if that was no longer valid then.
+        It is the reading with the newest evidence up to the instant. If this reading was no longer valid at the
+        instant, the variable is unknown.
         """
         position = bisect_right(self._readings, instant_s, key=_evidence_s)
         if position == 0:
