@@ -90,7 +90,9 @@ class EventLog:
             ValueError: if the events of that time have been dropped.
         """
         if self._dropped_events.until_s > until_s:
-            raise ValueError(f"events before {self._dropped.until_s} s have been dropped from memory: read the journal")
+            raise ValueError(
+                f"events before {self._dropped_events.until_s} s have been dropped from memory: read the journal"
+            )
         return LatestEvents.of(map(_event, self._events), until_s, self._dropped_events)
 
     def _drop(self) -> None:
