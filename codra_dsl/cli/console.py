@@ -328,10 +328,10 @@ def made_folder(folder: Path) -> Path:
 
 def writable_journal(journal: Path) -> Path:
     """Return the path of a journal; fail before the run if it cannot be written."""
-    from codra_dsl.runtime.journal.file_lock import opened
+    from codra_dsl.runtime.journal.file_lock import create_locked
 
     try:
-        opened(journal).close()
+        create_locked(journal).close()
     except OSError as error:
         raise typer.BadParameter(f"cannot write '{journal}': {error.strerror}", param_hint="--journal") from error
     return journal

@@ -1,4 +1,4 @@
-"""Callbacks about changes, which never delay the code that makes the changes."""
+"""Callbacks that report changes. They never delay the code that makes the changes."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from codra_dsl.runtime.values.cell import Reading
 _LOGGER = logging.getLogger(__name__)
 
 MOST_WAITING = 1_000
-"""The largest number of changes that wait for a slow callback; beyond that the oldest is dropped."""
+"""The largest number of changes that wait for a slow callback. If there are more, the oldest one is dropped."""
 
-NewsT = TypeVar("NewsT")
+ChangeT = TypeVar("ChangeT")
 
 
 def _no_op() -> None:
@@ -24,7 +24,7 @@ def _no_op() -> None:
 
 
 class Subscription:
-    """The handle of a subscription, which can also be used in a `with` statement.
+    """The handle by which a subscription is ended. In a `with` statement, the subscription ends with the statement.
 
     Attributes:
         dropped: how many changes were dropped because the callback was too slow.
@@ -38,14 +38,17 @@ class Subscription:
         self._lock = threading.Lock()
 
     def unsubscribe(self) -> None:
-        """End the subscription; a call that is under way is completed."""
+        """End the subscription. If the callback is running, it runs to its end."""
         self._end()
         with self._lock:
             then, self._then, self._is_over = self._then, _no_op, True
         then()
 
     def and_then(self, then: Callable[[], None]) -> None:
-        """Call `then` once when the subscription ends, instead of an earlier `then`; at once if it has ended."""
+        """Call `then` once when the subscription ends; if the subscription has ended, call it at once.
+
+        This replaces the `then` of an earlier call.
+        """
         with self._lock:
             if not self._is_over:
                 self._then = then
@@ -59,41 +62,41 @@ class Subscription:
         self.unsubscribe()
 
 
-class CallbackQueue(Generic[NewsT]):
+class CallbackQueue(Generic[ChangeT]):
     """The changes that wait for one callback, in order.
 
-    The callback runs on a clock that holds no lock: in simulated time as a separate event at the same instant, in real
-    time in a thread that lives while changes wait. So a callback that is slow or raises affects neither the writer nor
-    other subscriptions.
+    The callback runs on a clock that holds no lock. In simulated time, this is a separate event at the same instant; in
+    real time, a thread that lives while changes wait. So a callback that is slow or raises an error affects neither the
+    code that makes the changes nor other subscriptions.
     """
 
     def __init__(
-        self, clock: Clock, callback: Callable[[NewsT], object], end: Callable[[CallbackQueue[NewsT]], None]
+        self, clock: Clock, callback: Callable[[ChangeT], object], end: Callable[[CallbackQueue[ChangeT]], None]
     ) -> None:
         """Create an empty queue.
 
         Args:
-            clock: runs the callback; it must not hold a lock while events run.
+            clock: runs the callback; this clock must not hold a lock while events run.
             callback: called with each change.
-            end: called when the subscription ends.
+            end: called with this queue when the subscription ends.
         """
         self.subscription = Subscription(self._close)
         self._clock = clock
         self._callback = callback
         self._end = end
-        self._waiting: deque[NewsT] = deque()
+        self._waiting_changes: deque[ChangeT] = deque()
         self._lock = threading.Lock()
         self._is_running = False
         self._is_closed = False
 
-    def put(self, news: NewsT) -> None:
-        """Call the callback with a change as soon as it is free."""
+    def put(self, change: ChangeT) -> None:
+        """Call the callback with a change as soon as the callback has finished with earlier changes."""
         with self._lock:
             if self._is_closed:
                 return
-            self._waiting.append(news)
-            if len(self._waiting) > MOST_WAITING:
-                self._waiting.popleft()
+            self._waiting_changes.append(change)
+            if len(self._waiting_changes) > MOST_WAITING:
+                self._waiting_changes.popleft()
                 self.subscription.dropped += 1
             must_start, self._is_running = not self._is_running, True
         if must_start:
@@ -101,34 +104,34 @@ class CallbackQueue(Generic[NewsT]):
 
     def _start(self) -> None:
         try:
-            self._clock.start(self._run, _ignore)
+            self._clock.start(self._run, lambda _: None)
         except RuntimeError:  # no thread could be started: the next change tries again
             _LOGGER.exception("a callback could not be called")
             with self._lock:
                 self._is_running = False
 
     def _run(self, _: Work) -> None:
-        while (news := self._next()) is not None:
+        while (change := self._next()) is not None:
             try:
-                self._callback(news[0])
+                self._callback(change[0])
             except BaseException as error:
                 if isinstance(error, KeyboardInterrupt) and threading.current_thread() is threading.main_thread():
                     self._is_running = False
-                    raise  # in simulated time the user interrupts the program
+                    raise  # in simulated time, the user interrupts the program
                 _LOGGER.exception("a callback raised: %r", self._callback)
 
-    def _next(self) -> tuple[NewsT] | None:
-        """Return the next change; None if no change waits, and then the thread ends."""
+    def _next(self) -> tuple[ChangeT] | None:
+        """Return the next change; None if no change waits, and then nothing runs any more."""
         with self._lock:
-            if self._waiting:
-                return (self._waiting.popleft(),)
+            if self._waiting_changes:
+                return (self._waiting_changes.popleft(),)
             self._is_running = False
             return None
 
     def _close(self) -> None:
         with self._lock:
             self._is_closed = True
-            self._waiting.clear()
+            self._waiting_changes.clear()
         self._end(self)
 
 
@@ -145,21 +148,21 @@ class Subscriptions:
         self._clock = clock
         self._lock = lock
         self._queues: dict[str, list[CallbackQueue[Reading[Any]]]] = {}
-        self._last: dict[tuple[int, str], tuple[object, object]] = {}
+        self._last_states: dict[tuple[int, str], tuple[object, object]] = {}
         self._followers: dict[str, list[CallbackQueue[None]]] = {}
-        self._of_skill: dict[int, list[CallbackQueue[Any]]] = {}
+        self._skill_queues: dict[int, list[CallbackQueue[Any]]] = {}
 
     def subscribe(self, readings: Iterable[Reading[Any]], callback: Callable[[Reading[Any]], object]) -> Subscription:
-        """Call back with the present readings of some variables, then with each change."""
-        present = tuple(readings)
+        """Call `callback` with each of the present readings of some variables, then with each change of them."""
+        present_readings = tuple(readings)
         queue = CallbackQueue(self._clock, callback, self._forget)
-        for reading in present:
+        for reading in present_readings:
             self._queues[reading.name] = [*self._queues.get(reading.name, ()), queue]
             self._put_change(queue, reading)
         return queue.subscription
 
     def follow(self, name: str, callback: Callable[[], object]) -> Subscription:
-        """Call back for each other reading of a variable, including newer evidence for the same value."""
+        """Call `callback` for each new reading of a variable, even if only its evidence is newer."""
         queue: CallbackQueue[None] = CallbackQueue(
             self._clock, lambda _: callback(), lambda queue: self._forget_follower(name, queue)
         )
@@ -167,39 +170,39 @@ class Subscriptions:
         return queue.subscription
 
     def subscribe_to_skill(self, number: int, callback: Callable[[Any], object]) -> Subscription:
-        """Call back with the outcomes of the expectations of a skill."""
+        """Call `callback` with the outcome of each expectation of a skill."""
         queue: CallbackQueue[Any] = CallbackQueue(
-            self._clock, callback, lambda queue: self._forget_of_skill(number, queue)
+            self._clock, callback, lambda queue: self._forget_skill_queue(number, queue)
         )
-        self._of_skill[number] = [*self._of_skill.get(number, ()), queue]
+        self._skill_queues[number] = [*self._skill_queues.get(number, ()), queue]
         return queue.subscription
 
     def changed(self, name: str, read: Callable[[str], Reading[Any]]) -> None:
-        """Notify the subscribers of a variable that may have changed."""
+        """Notify the subscribers and followers of a variable that may have changed."""
         for queue in self._queues.get(name, ()):
             self._put_change(queue, read(name))
         for follower in self._followers.get(name, ()):
             follower.put(None)
 
     def wake(self) -> None:
-        """Call back all followers of variables, because the context manager has closed."""
+        """Call all followers of variables, because the context manager has closed and no reading will follow."""
         for followers in self._followers.values():
             for follower in followers:
                 follower.put(None)
 
     def judged(self, number: int, verdict: object) -> None:
-        """Notify the subscribers of a skill of an outcome."""
-        for queue in self._of_skill.get(number, ()):
+        """Report the outcome of an expectation to the subscribers of its skill."""
+        for queue in self._skill_queues.get(number, ()):
             queue.put(verdict)
 
     def finished(self, number: int) -> None:
-        """Remove a skill that has ended; waiting outcomes are still delivered."""
-        self._of_skill.pop(number, None)
+        """Remove the subscriptions to a skill that has ended; outcomes that still wait are delivered."""
+        self._skill_queues.pop(number, None)
 
     def _put_change(self, queue: CallbackQueue[Reading[Any]], reading: Reading[Any]) -> None:
         key, state = (id(queue), reading.name), (reading.content, reading.reason)
-        if self._last.get(key) != state:
-            self._last[key] = state
+        if self._last_states.get(key) != state:
+            self._last_states[key] = state
             queue.put(reading)
 
     def _forget(self, queue: CallbackQueue[Reading[Any]]) -> None:
@@ -207,17 +210,13 @@ class Subscriptions:
             for name, queues in list(self._queues.items()):
                 if queue in queues:
                     self._queues[name] = [other for other in queues if other is not queue]
-                    self._last.pop((id(queue), name), None)
+                    self._last_states.pop((id(queue), name), None)
 
     def _forget_follower(self, name: str, queue: CallbackQueue[None]) -> None:
         with self._lock:
             self._followers[name] = [other for other in self._followers[name] if other is not queue]
 
-    def _forget_of_skill(self, number: int, queue: CallbackQueue[Any]) -> None:
+    def _forget_skill_queue(self, number: int, queue: CallbackQueue[Any]) -> None:
         with self._lock:
-            if number in self._of_skill:
-                self._of_skill[number] = [other for other in self._of_skill[number] if other is not queue]
-
-
-def _ignore(_: object) -> None:
-    pass
+            if number in self._skill_queues:
+                self._skill_queues[number] = [other for other in self._skill_queues[number] if other is not queue]

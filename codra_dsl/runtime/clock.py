@@ -2,11 +2,12 @@
 
 Simulated time is one heap of events, which run while a program sleeps: the main execution's `sleep` and `wait_until`
 run every event up to their end, in the order of (instant, order of scheduling), all in one thread. A piece of work (a
-perception function) runs at once, with the values of its handles at its start. Its sleeps add to its duration, and its
-outcome is delivered at start plus duration, or at once if the work is cancelled, as in real time. So blocking code is
-written once and runs in both kinds of time, and the same program gives the same events.
+perception function) runs at once, with the values that its handles have at its start. Its sleeps add to its duration.
+Its outcome is delivered at its start plus its duration or, if the work is cancelled, at the time of the cancellation,
+as in real time. So blocking code is written once and runs in both kinds of time, and the same program gives the same
+events.
 
-In real time a dispatcher thread runs the events, and each piece of work has a separate daemon thread, so that one that
+In real time a dispatcher thread runs the events. Each piece of work has a separate daemon thread, so that work that
 hangs delays neither the dispatcher nor the end of the process.
 """
 
@@ -40,17 +41,17 @@ _LOGGER = logging.getLogger(__name__)
 _LONGEST_WAIT_S = 3600.0
 """The dispatcher checks its events at least this often."""
 
-_LAST = 2**62
-"""Larger than the number of any event, so that an event with it runs after all others of its instant."""
+_LAST_NUMBER = 2**62
+"""This number is larger than that of any other event. An event with it runs after all others of its instant."""
 
 PUNCTUAL_S = 0.01
-"""An event that begins no later than this after its time counts as happening at its time.
+"""An event that begins at most this long after its time counts as happening at its time.
 
-So a run in real time follows from its inputs like one in simulated time, and a replay is exact.
+So a run in real time follows from its inputs as a run in simulated time does, and a replay is exact.
 """
 
 
-class Cancelled(Exception):  # noqa: N818 - it is an outcome, not an error
+class Cancelled(Exception):  # noqa: N818 - being cancelled is an outcome, not an error
     """Raised inside a piece of work whose outcome is no longer needed."""
 
 
@@ -64,12 +65,12 @@ class Timer:
         self._callback: Callable[[], None] | None = callback
 
     def take(self) -> Callable[[], None]:
-        """Return the callback; the event itself no longer happens."""
+        """Return the callback, and cancel the event."""
         callback, self._callback = self._callback, None
         return callback or _no_op
 
     def cancel(self) -> None:
-        """Cancel the event; no effect if it has happened."""
+        """Cancel the event. If the event has already happened, this has no effect."""
         self._callback = None
 
     def fire(self) -> None:
@@ -78,7 +79,7 @@ class Timer:
 
 
 class Work(ABC):
-    """The time of one piece of work, as the work itself sees it."""
+    """A piece of work, with its own time."""
 
     def __init__(self) -> None:
         self._is_cancelled = False
@@ -89,7 +90,7 @@ class Work(ABC):
         return self._is_cancelled
 
     def cancel(self) -> None:
-        """Cancel the work, whose outcome is no longer needed; its next `sleep` raises `Cancelled`."""
+        """Cancel the work, because its outcome is no longer needed; the next `sleep` of the work raises `Cancelled`."""
         self._is_cancelled = True
 
     @abstractmethod
@@ -98,7 +99,7 @@ class Work(ABC):
 
     @abstractmethod
     def sleep(self, duration_s: float) -> None:
-        """Spend time.
+        """Let time pass for the work.
 
         Raises:
             Cancelled: if the outcome is no longer needed.
@@ -106,7 +107,7 @@ class Work(ABC):
 
 
 class Clock(ABC):
-    """A source of time that runs events and work. Instants are seconds as float."""
+    """A source of time, which also runs events and work. Instants are in seconds, as float."""
 
     @abstractmethod
     def now_s(self) -> float:
@@ -114,17 +115,20 @@ class Clock(ABC):
 
     @abstractmethod
     def sleep(self, duration_s: float) -> None:
-        """Let time pass; events in this time happen meanwhile."""
+        """Let time pass; the events of this time happen."""
 
     @abstractmethod
     def call_at(self, instant_s: float, callback: Callable[[], None]) -> Timer:
-        """Schedule an event: not before `instant_s`, never inside this call, and not at all if that is infinite."""
+        """Schedule an event, which happens not before `instant_s`, and never inside this call.
+
+        If `instant_s` is infinite, the event does not happen at all.
+        """
 
     @abstractmethod
-    def wait_until(self, ready: Callable[[], bool], timeout_s: float) -> bool:
-        """Let time pass until `ready()` holds or the timeout is over; return whether it holds.
+    def wait_until(self, is_ready: Callable[[], bool], timeout_s: float) -> bool:
+        """Let time pass until `is_ready()` is true or the timeout is over; return `is_ready()`.
 
-        `ready` is asked often, from any thread, and must take no lock.
+        `is_ready` is called often, from any thread, and must not acquire a lock.
         """
 
     @abstractmethod
@@ -133,17 +137,18 @@ class Clock(ABC):
 
     @abstractmethod
     def start(self, run: Callable[[Work], Outcome], deliver: Callable[[Outcome], None]) -> Work:
-        """Start a piece of work in parallel to the events; `deliver` is an event that receives the result of `run`.
+        """Start a piece of work in parallel to the events. In a later event, `deliver` is called with its outcome.
 
-        `run` must not raise. The outcome of cancelled work is delivered too, to report that the work has ended.
+        The outcome is what `run` returns; `run` must not raise. The outcome of cancelled work is delivered too, to
+        report that the work has ended.
 
         Raises:
-            RuntimeError: if the machine can start no more work.
+            RuntimeError: if the machine cannot start another piece of work.
         """
 
 
 class _SimulatedWork(Work):
-    """Work whose function has already run, while the time that it takes still passes."""
+    """A piece of work in simulated time. Its function has already run; the time that the work takes still passes."""
 
     def __init__(self, clock: Clock) -> None:
         super().__init__()
@@ -155,7 +160,7 @@ class _SimulatedWork(Work):
         return self._now_s
 
     def sleep(self, duration_s: float) -> None:
-        self._now_s += _checked(duration_s)
+        self._now_s += _checked_duration(duration_s)
 
     def cancel(self) -> None:
         super().cancel()
@@ -167,16 +172,16 @@ class _SimulatedWork(Work):
 
 
 class SimClock(Clock):
-    """Simulated time: it passes only inside `sleep` and `wait_until`, as fast as the events can be run.
+    """A clock of simulated time. Time passes only inside `sleep` and `wait_until`, as fast as the events can be run.
 
-    It belongs to the thread that created it.
+    The clock belongs to the thread that created it.
     """
 
     def __init__(self, start_s: float = 0.0) -> None:
         self._now_s = start_s
         self._events: list[tuple[float, int, Timer]] = []
-        self._scheduled = 0
-        self._inside_event = False
+        self._event_count = 0
+        self._is_inside_event = False
         self._thread = threading.get_ident()
 
     def now_s(self) -> float:
@@ -184,37 +189,37 @@ class SimClock(Clock):
         return self._now_s
 
     def call_at(self, instant_s: float, callback: Callable[[], None]) -> Timer:
-        """Schedule an event; one in the past happens now."""
+        """Schedule an event. If its instant is in the past, the event happens at the present instant."""
         self._check_thread()
         timer = Timer(max(instant_s, self._now_s), callback)
         if instant_s < math.inf:
-            heapq.heappush(self._events, (timer.instant_s, self._scheduled, timer))
-            self._scheduled += 1
+            heapq.heappush(self._events, (timer.instant_s, self._event_count, timer))
+            self._event_count += 1
         return timer
 
     def call_last_at(self, instant_s: float, callback: Callable[[], None]) -> None:
-        """Schedule an event after all others of its instant, including those that are scheduled later."""
+        """Schedule an event after all other events of its instant, including events that are scheduled later."""
         self._check_thread()
-        self._scheduled += 1
+        self._event_count += 1
         timer = Timer(max(instant_s, self._now_s), callback)
-        heapq.heappush(self._events, (timer.instant_s, _LAST + self._scheduled, timer))
+        heapq.heappush(self._events, (timer.instant_s, _LAST_NUMBER + self._event_count, timer))
 
     def sleep(self, duration_s: float) -> None:
-        """Run all events of the next `duration_s` seconds, both ends included; then it is the end of this time."""
-        self.wait_until(_never, _checked(duration_s))
+        """Let `duration_s` seconds pass, and run all events in this time, including those at its start and end."""
+        self.wait_until(lambda: False, _checked_duration(duration_s))
 
-    def wait_until(self, ready: Callable[[], bool], timeout_s: float) -> bool:
-        """Run events until `ready()` holds after one of them, or `timeout_s` is over."""
+    def wait_until(self, is_ready: Callable[[], bool], timeout_s: float) -> bool:
+        """Run events until `is_ready()` is true before or after an event, or `timeout_s` is over."""
         self._check_thread()
-        if self._inside_event:
+        if self._is_inside_event:
             raise RuntimeError("an event (a perception function, a callback) must not wait on the clock: use job.sleep")
-        end_s = self._now_s + _checked(timeout_s)
-        while not ready():
+        end_s = self._now_s + _checked_duration(timeout_s)
+        while not is_ready():
             if not self._events or self._events[0][0] > end_s:
                 if end_s == math.inf:
                     raise RuntimeError("this would wait forever: no event is left that could end it")
                 self._now_s = end_s
-                return ready()
+                return is_ready()
             self._run_next()
         return True
 
@@ -222,23 +227,23 @@ class SimClock(Clock):
         """Do nothing: `wait_until` checks its condition after every event."""
 
     def start(self, run: Callable[[Work], Outcome], deliver: Callable[[Outcome], None]) -> Work:
-        """Run the work at once, and deliver its outcome at its start plus the sum of its sleeps."""
+        """Run the work at once. Deliver its outcome later: at its start plus the sum of its sleeps."""
         work = _SimulatedWork(self)
-        was_inside, self._inside_event = self._inside_event, True
+        was_inside_event, self._is_inside_event = self._is_inside_event, True
         try:
             outcome = run(work)
         finally:
-            self._inside_event = was_inside
+            self._is_inside_event = was_inside_event
         work.deliver(lambda: deliver(outcome))
         return work
 
     def _run_next(self) -> None:
         self._now_s, _, timer = heapq.heappop(self._events)
-        self._inside_event = True
+        self._is_inside_event = True
         try:
             timer.fire()
         finally:
-            self._inside_event = False
+            self._is_inside_event = False
 
     def _check_thread(self) -> None:
         if threading.get_ident() != self._thread:
@@ -259,29 +264,29 @@ class _RealWork(Work):
         self._waking.set()
 
     def sleep(self, duration_s: float) -> None:
-        if self._waking.wait(min(_checked(duration_s), threading.TIMEOUT_MAX)):
+        if self._waking.wait(min(_checked_duration(duration_s), threading.TIMEOUT_MAX)):
             raise Cancelled
 
 
 class WallClock(Clock):
-    """Real time, from a monotonic source.
+    """A clock of real time, which it reads from a monotonic source.
 
-    Events run one after another in a dispatcher thread. Close the clock, or leave it to the end of the process: its
-    threads are daemons.
+    Events run one after another in a dispatcher thread. You may leave the clock open until the process ends, because
+    its threads are daemons.
     """
 
     def __init__(self, start_s: float | None = None) -> None:
         """Start the dispatcher.
 
         Args:
-            start_s: what the clock shows now; by default the seconds since 1970.
+            start_s: the time on the clock now; by default the seconds since 1970.
         """
         self._offset_s = (time.time() if start_s is None else start_s) - time.monotonic()
-        self._changed = threading.Condition()
+        self._change = threading.Condition()
         self._events: list[tuple[float, int, Timer]] = []
-        self._scheduled = 0
-        self._waiting = 0
-        self._closed = False
+        self._event_count = 0
+        self._waiter_count = 0
+        self._is_closed = False
         self._dispatcher = threading.Thread(target=self._dispatch, name="codra-clock", daemon=True)
         self._dispatcher.start()
 
@@ -293,9 +298,9 @@ class WallClock(Clock):
 
     def close(self) -> None:
         """Run no more events; waiting calls return."""
-        with self._changed:
-            self._closed = True
-            self._changed.notify_all()
+        with self._change:
+            self._is_closed = True
+            self._change.notify_all()
 
     def now_s(self) -> float:
         """Return the present instant."""
@@ -304,48 +309,52 @@ class WallClock(Clock):
     def sleep(self, duration_s: float) -> None:
         """Let real time pass."""
         self._check_thread()
-        time.sleep(min(_checked(duration_s), threading.TIMEOUT_MAX))
+        time.sleep(min(_checked_duration(duration_s), threading.TIMEOUT_MAX))
 
     def call_at(self, instant_s: float, callback: Callable[[], None]) -> Timer:
         """Schedule an event in the dispatcher thread."""
         timer = Timer(instant_s, callback)
         if instant_s < math.inf:
-            with self._changed:
-                heapq.heappush(self._events, (instant_s, self._scheduled, timer))
-                self._scheduled += 1
-                self._changed.notify_all()
+            with self._change:
+                heapq.heappush(self._events, (instant_s, self._event_count, timer))
+                self._event_count += 1
+                self._change.notify_all()
         return timer
 
-    def wait_until(self, ready: Callable[[], bool], timeout_s: float) -> bool:
-        """Wait until `ready()` holds after a `notify`, the timeout is over, or the clock is closed."""
+    def wait_until(self, is_ready: Callable[[], bool], timeout_s: float) -> bool:
+        """Wait until `is_ready()` is true, the timeout is over, or the clock is closed.
+
+        `is_ready` is called at the start, and again after each `notify`.
+        """
         self._check_thread()
-        with self._changed:
-            self._waiting += 1
+        with self._change:
+            self._waiter_count += 1
             try:
-                self._changed.wait_for(lambda: ready() or self._closed, min(_checked(timeout_s), threading.TIMEOUT_MAX))
-                return ready()
+                wait_s = min(_checked_duration(timeout_s), threading.TIMEOUT_MAX)
+                self._change.wait_for(lambda: is_ready() or self._is_closed, wait_s)
+                return is_ready()
             finally:
-                self._waiting -= 1
+                self._waiter_count -= 1
 
     def notify(self) -> None:
         """Wake all waiting threads.
 
-        A waiter counts itself before it checks its condition, and a notifier checks the count after its change: so no
-        change is missed.
+        A waiting thread increases the count before it checks its condition. A notifying thread reads the count after
+        its change. So no change is missed.
         """
-        if self._waiting:
-            with self._changed:
-                self._changed.notify_all()
+        if self._waiter_count:
+            with self._change:
+                self._change.notify_all()
 
     def start(self, run: Callable[[Work], Outcome], deliver: Callable[[Outcome], None]) -> Work:
         """Run the work in a separate daemon thread."""
         work = _RealWork(self)
 
-        def body() -> None:
+        def run_and_deliver() -> None:
             outcome = run(work)
             self.call_at(self.now_s(), lambda: deliver(outcome))
 
-        threading.Thread(target=body, name="codra-work", daemon=True).start()
+        threading.Thread(target=run_and_deliver, name="codra-work", daemon=True).start()
         return work
 
     def _dispatch(self) -> None:
@@ -360,41 +369,41 @@ class WallClock(Clock):
             raise RuntimeError("an event (a callback) must not wait on the clock")
 
     def _next(self) -> Timer | None:
-        with self._changed:
-            while not self._closed:
+        with self._change:
+            while not self._is_closed:
                 wait_s = self._events[0][0] - self.now_s() if self._events else None
                 if wait_s is not None and wait_s <= 0:
                     return heapq.heappop(self._events)[2]
-                self._changed.wait(None if wait_s is None else min(wait_s, _LONGEST_WAIT_S))
+                self._change.wait(None if wait_s is None else min(wait_s, _LONGEST_WAIT_S))
         return None
 
 
 class LockedClock(Clock):
-    """A clock whose events run while a lock is held; work itself runs without it.
+    """A clock whose events run while a lock is held; pieces of work run without this lock.
 
     Every change is made in a step: in a command, within `with clock:`, or in an event. Within a step the time does not
-    change, so its effect depends only on its instant and on the steps before it. That makes a run in real time as
-    repeatable, from its journal, as a run in simulated time.
+    change, so the effect of a step depends only on its instant and on the steps before it. Therefore a run in real time
+    can be repeated from its journal as exactly as a run in simulated time.
 
     Attributes:
         steps: how many events have happened.
         works: how many pieces of work have been started.
-        is_late: called when an event happens later than its time by more than `PUNCTUAL_S`.
+        on_late: called when an event happens later than its time by more than `PUNCTUAL_S`.
     """
 
     def __init__(self, clock: Clock, lock: threading.RLock) -> None:
         self.steps = 0
         self.works = 0
-        self.is_late: Callable[[], None] = _no_op
+        self.on_late: Callable[[], None] = _no_op
         self._clock = clock
         self._outer_now_s = clock.now_s
         self._lock = lock
         self._timers: list[tuple[float, int, Timer]] = []
-        self._scheduled = 0
+        self._event_count = 0
         self._depth = 0
-        self._stepping: int | None = None
+        self._stepping_thread: int | None = None
         self._instant_s = -math.inf
-        self._work: int | None = None
+        self._work_number: int | None = None
 
     def __enter__(self) -> None:
         self._lock.acquire()
@@ -402,18 +411,18 @@ class LockedClock(Clock):
             now_s = self._outer_now_s()
             if now_s > self._instant_s:  # noqa: PLR1730 - every step runs this, and `max` takes longer
                 self._instant_s = now_s
-            self._stepping = get_ident()
+            self._stepping_thread = get_ident()
         self._depth += 1
 
     def __exit__(self, *_: object) -> None:
         self._depth -= 1
         if not self._depth:
-            self._stepping = None
+            self._stepping_thread = None
         self._lock.release()
 
     def now_s(self) -> float:
-        """Return the present instant; within a step, the instant of its start."""
-        if self._stepping is not None and self._stepping == get_ident():
+        """Return the present instant; within a step, the instant at which the step began."""
+        if self._stepping_thread is not None and self._stepping_thread == get_ident():
             return self._instant_s
         return self._outer_now_s()
 
@@ -422,17 +431,17 @@ class LockedClock(Clock):
         self._clock.sleep(duration_s)
 
     def call_at(self, instant_s: float, callback: Callable[[], None]) -> Timer:
-        """Schedule an event that runs under the lock; the caller holds the lock."""
+        """Schedule an event that runs while the lock is held; the caller must hold the lock."""
         timer = Timer(max(instant_s, self.now_s()), callback)
         if instant_s < math.inf:
-            heapq.heappush(self._timers, (timer.instant_s, self._scheduled, timer))
-            self._scheduled += 1
+            heapq.heappush(self._timers, (timer.instant_s, self._event_count, timer))
+            self._event_count += 1
             self._clock.call_at(timer.instant_s, self._run_next)
         return timer
 
-    def wait_until(self, ready: Callable[[], bool], timeout_s: float) -> bool:
-        """Let time pass until `ready()` holds; `ready` must not take the lock."""
-        return self._clock.wait_until(ready, timeout_s)
+    def wait_until(self, is_ready: Callable[[], bool], timeout_s: float) -> bool:
+        """Let time pass until `is_ready()` is true; `is_ready` must not acquire the lock."""
+        return self._clock.wait_until(is_ready, timeout_s)
 
     def notify(self) -> None:
         """Wake every `wait_until`, because its condition may have changed."""
@@ -443,57 +452,53 @@ class LockedClock(Clock):
         self.works += 1
         number = self.works
 
-        def run_at_its_place(work: Work) -> Outcome:
-            if self._stepping != get_ident():
+        def run_as_numbered_work(work: Work) -> Outcome:
+            if self._stepping_thread != get_ident():
                 return run(work)  # in a separate thread
-            outer, self._work = self._work, number
+            outer_number, self._work_number = self._work_number, number
             try:
                 return run(work)
             finally:
-                self._work = outer
+                self._work_number = outer_number
 
         def deliver_in_step(outcome: Outcome) -> None:
             with self:
                 deliver(outcome)
 
-        return self._clock.start(run_at_its_place, deliver_in_step)
+        return self._clock.start(run_as_numbered_work, deliver_in_step)
 
     def place(self) -> Mapping[str, int]:
-        """Return the place of the present moment in the run, with which a replay repeats a command at the same place.
+        """Return the position of the present moment in the run. A replay repeats a command at the same position.
 
-        It consists of the number of events so far and, in simulated time, the number of the piece of work whose
-        function runs within the present step.
+        The position consists of the number of events so far and, in simulated time, the number of the piece of work
+        whose function runs within the present step.
         """
-        return {"step": self.steps} if self._work is None else {"step": self.steps, "work": self._work}
+        return {"step": self.steps} if self._work_number is None else {"step": self.steps, "work": self._work_number}
 
     def _run_next(self) -> None:
-        """Run the first due event; it counts as on time unless it is later than `PUNCTUAL_S`."""
+        """Run the first due event. It counts as happening at its time, unless it is late by more than `PUNCTUAL_S`."""
         with self._lock:
             instant_s, _, timer = heapq.heappop(self._timers)
             now_s = self._clock.now_s()
             is_late = now_s > instant_s + PUNCTUAL_S
             self._instant_s = max(self._instant_s, now_s if is_late else instant_s)
-            self._stepping = get_ident()
+            self._stepping_thread = get_ident()
             self._depth += 1
             try:
                 if is_late:
-                    self.is_late()
+                    self.on_late()
                 self.steps += 1
                 timer.fire()
             finally:
                 self._depth -= 1
-                self._stepping = None
-
-
-def _never() -> bool:
-    return False
+                self._stepping_thread = None
 
 
 def _no_op() -> None:
     pass
 
 
-def _checked(duration_s: float) -> float:
+def _checked_duration(duration_s: float) -> float:
     if not duration_s >= 0:
         raise ValueError(f"a duration is zero or more seconds, not {duration_s!r}")
     return duration_s

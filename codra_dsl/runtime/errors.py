@@ -1,4 +1,4 @@
-"""Errors that several parts of the runtime raise, with suggestions for names that the spec does not declare."""
+"""Errors that several parts of the runtime raise, and suggestions for names that the spec does not declare."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from collections.abc import Iterable
 
 
 class UnknownNameError(LookupError):
-    """The spec does not declare a name."""
+    """A name was used that the spec does not declare."""
 
 
 class NotASourceError(PermissionError):
-    """An agent wrote a variable that does not name it as `source`."""
+    """A variable or an element of the knowledge graph was written by an agent or program that may not write it."""
 
 
 class AgentTakenError(PermissionError):
-    """An agent with an open handle was requested."""
+    """The handle of an agent was requested, but another handle of this agent is open."""
 
 
 def unknown(kind: str, name: object, names: Iterable[str]) -> UnknownNameError:
@@ -24,6 +24,6 @@ def unknown(kind: str, name: object, names: Iterable[str]) -> UnknownNameError:
 
 
 def nearest(name: str, names: Iterable[str]) -> str:
-    """Return a suggestion of a similar name; empty if there is no similar name."""
+    """Return a question that suggests a similar name; empty if there is no similar name."""
     similar = difflib.get_close_matches(name, list(names), n=1)
     return f": did you mean {similar[0]!r}?" if similar else ""

@@ -1,7 +1,7 @@
-"""The only module of CoDRA DSL that generated code imports: exactly the names that the compiler writes.
+"""The only module of CoDRA DSL that generated code imports. It has exactly the names that the compiler can write.
 
 Programs written by hand import `codra_dsl.runtime` and its packages. Names of loops, fuzzy engines and behavior trees
-are imported when they are first used, so a package without loops loads neither these modules nor numpy.
+are imported when they are first used. So a package without loops loads neither these modules nor numpy.
 """
 
 from __future__ import annotations
@@ -300,15 +300,15 @@ __all__ = [
     "wait_value_update",
 ]
 
-_TREES = "codra_dsl.runtime.behavior_trees"
-_FUZZY = "codra_dsl.runtime.loops.fuzzy"
+_TREES_PACKAGE = "codra_dsl.runtime.behavior_trees"
+_FUZZY_PACKAGE = "codra_dsl.runtime.loops.fuzzy"
 _FUZZY_MODULES = frozenset(
     {
         *("activations", "bounded_activations", "bounded_formulas", "bounded_outputs", "bounds", "defuzzifiers"),
         *("formulas", "hedges", "norms", "outputs", "terms"),
     }
 )
-_LATER = {
+_LATE_IMPORTS = {
     "codra_dsl.runtime.loops.declarations": (
         *("CourseModel", "HardRuleModel", "InputModel", "LoopModel", "MapeModel", "OutputModel", "ParameterModel"),
         *("RateModel", "Repeat", "StageModel", "StageRuleModel", "TreeModel"),
@@ -318,24 +318,25 @@ _LATER = {
     "codra_dsl.runtime.loops.loop": ("Mape",),
     "codra_dsl.runtime.behavior_trees.node": ("Leaves",),
 }
-_HOMES = {name: home for home, names in _LATER.items() for name in names}
-"""The modules of the names that are imported later; those of `_FUZZY_MODULES` and `_TREES` are not listed."""
+_LATE_MODULES = {name: module for module, names in _LATE_IMPORTS.items() for name in names}
+"""The modules of names that are imported on first use, except the names of `_FUZZY_MODULES` and `_TREES_PACKAGE`."""
 
-_RENAMED = {"TreeNode": "Node", "TreePrecondition": "Precondition"}
-"""The names in `_TREES` of names that mean something else in this module."""
+_ORIGINAL_NAMES = {"TreeNode": "Node", "TreePrecondition": "Precondition"}
+"""The original names of classes in `_TREES_PACKAGE` that have another name here, because theirs is already used."""
 
 
-def _import_later(name: str) -> object:
-    """Import a name of loops, fuzzy engines or behavior trees, which is used for the first time."""
+def _import_on_first_use(name: str) -> object:
+    """Import an object of loops, fuzzy engines or behavior trees when its name is used for the first time."""
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     if name in _FUZZY_MODULES:
-        imported: object = import_module(f"{_FUZZY}.{name}")
+        imported_object: object = import_module(f"{_FUZZY_PACKAGE}.{name}")
     else:
-        imported = getattr(import_module(_HOMES.get(name, _TREES)), _RENAMED.get(name, name))
-    globals()[name] = imported
-    return imported
+        module = import_module(_LATE_MODULES.get(name, _TREES_PACKAGE))
+        imported_object = getattr(module, _ORIGINAL_NAMES.get(name, name))
+    globals()[name] = imported_object
+    return imported_object
 
 
-if not TYPE_CHECKING:  # type checkers read the imports above, so they report names that do not exist
-    __getattr__ = _import_later
+if not TYPE_CHECKING:  # type checkers see only the imports above, so they report names that do not exist
+    __getattr__ = _import_on_first_use

@@ -1,4 +1,4 @@
-"""A small forest written by hand in the form of generated code: is the door near, is it open? (P1, Figure 4)."""
+"""A small forest in the form of generated code, written by hand: is the door near, and is it open? (P1, Figure 4)."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ from codra_dsl.runtime.values.model import (
 
 @dataclass
 class Door:
-    """The handle `door`: the results of perception, its duration, and the instants of its calls.
+    """The handle `door`: the results of perception, the duration of a look, and the instants of the calls.
 
-    With `snapshot` the evidence of `look` is taken at its first instant, otherwise during the entire job.
+    With `snapshot`, the evidence of `look` is taken at the first instant of the job, otherwise during the entire job.
     """
 
     distance_m: float = 1.0

@@ -1,4 +1,4 @@
-"""Perception functions for tests of isolation, well and badly behaved, run in a separate process or in a thread."""
+"""Well and badly behaved perception functions for tests of isolation, in a separate process or in a thread."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def keeps_100_mb(*, job: Any) -> object:
 
 
 def deaf(*, pids: str, job: Any) -> object:
-    """Ignore all signals, also in the children, one of which is a daemon; all of them loop forever."""
+    """Ignore all signals, also in child processes. One child is a daemon; all processes loop forever."""
     for number in range(1, signal.NSIG):
         if number not in (signal.SIGKILL, signal.SIGSTOP):
             try:
@@ -149,34 +149,34 @@ def _sends(data: bytes) -> object:
 
 
 class Net:
-    """A class as the target of `call`, which logs the calls of its methods."""
+    """A perception class that logs the calls of its methods."""
 
     def __init__(self) -> None:
         self.jobs = 0
 
     def setup(self, *, log: str, camera: Any = None) -> None:
         self.log = Path(log)
-        self._note("setup" if camera is None else f"setup {camera.edges}")
+        self._log_call("setup" if camera is None else f"setup {camera.edges}")
 
     def perceive(self, *, log: str, job: Any, **_: Any) -> dict[str, object]:
         self.jobs += 1
-        self._note("perceive")
+        self._log_call("perceive")
         return {"seen": True, "number": self.jobs}
 
     def close(self) -> None:
-        self._note("close")
+        self._log_call("close")
 
-    def _note(self, what: str) -> None:
+    def _log_call(self, what: str) -> None:
         with self.log.open("a") as stream:
             stream.write(f"{what}\n")
 
 
 class NetThatDies(Net):
     def perceive(self, *, log: str, job: Any, **_: Any) -> dict[str, object]:
-        returned = super().perceive(log=log, job=job)
+        result = super().perceive(log=log, job=job)
         if job.index == 1:
             os._exit(0)
-        return returned
+        return result
 
 
 class NeverSetUp:

@@ -45,7 +45,7 @@ def look(*, algorithm: str, world: World, job: Any, **given: object) -> object:
 
 
 def takes(duration_s: float, returns: object, *, snapshot: bool = False) -> Find:
-    """Return a look that takes some time; with `snapshot` its evidence is taken at its first instant."""
+    """Return a look that takes some time; with `snapshot`, the evidence is taken at the first instant of the look."""
 
     def find(job: Any) -> object:
         if snapshot:
@@ -95,7 +95,7 @@ def seen(name: str, *variables: str, when: Sequence[Term] = (), accept: Sequence
 
 
 def tree(*looks: Look) -> Callable[[Observer], Behaviour]:
-    """Return a tree as in P1, Figure 4; several looks are alternatives, by rank."""
+    """Return a tree as in P1, Figure 4; several looks are alternatives, in the order of their rank."""
 
     def build(observer: Observer) -> Behaviour:
         children: list[Behaviour] = [ControlFlag(observer)]

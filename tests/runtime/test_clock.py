@@ -95,7 +95,7 @@ def test_simulated_work_runs_at_once_and_is_delivered_after_its_duration() -> No
 
 
 def test_cancelled_work_ends_at_once_in_both_kinds_of_time(wall: WallClock) -> None:
-    """In real time its next `sleep` raises."""
+    """In real time, the next `sleep` of the work raises an error."""
     for clock in (SimClock(), wall):
         delivered: list[str] = []
 
@@ -179,17 +179,17 @@ def test_an_event_that_fails_does_not_stop_the_others(wall: WallClock, caplog: p
 
 
 def test_an_event_must_not_wait_in_real_time_either(wall: WallClock) -> None:
-    records: list[str] = []
+    results: list[str] = []
 
     def waits() -> None:
         for call in (lambda: wall.sleep(1), lambda: wall.wait_until(lambda: False, 1)):
             with pytest.raises(RuntimeError, match="must not wait on the clock"):
                 call()
-        records.append("refused")
+        results.append("refused")
         wall.notify()
 
     wall.call_at(wall.now_s(), waits)
-    assert wall.wait_until(lambda: bool(records), 60)
+    assert wall.wait_until(lambda: bool(results), 60)
 
 
 def test_waiting_on_a_closed_clock_returns_false() -> None:
@@ -204,21 +204,21 @@ def test_waiting_on_a_closed_clock_returns_false() -> None:
 def test_a_wait_may_have_any_length(wall: WallClock) -> None:
     for timeout_s in (1e30, math.inf):
         assert wall.wait_until(lambda: True, timeout_s)
-    ended: list[str] = []
+    endings: list[str] = []
 
     def run(work: Work) -> None:
         with pytest.raises(Cancelled):
             work.sleep(math.inf)
-        ended.append("cancelled")
+        endings.append("cancelled")
 
     wall.start(run, lambda _: wall.notify()).cancel()
-    assert wall.wait_until(lambda: bool(ended), 60)
+    assert wall.wait_until(lambda: bool(endings), 60)
 
 
 def test_a_real_clock_shows_the_time_of_day_or_the_given_start() -> None:
-    with WallClock(5.0) as given, WallClock() as day:
-        assert 5.0 <= given.now_s() < 65.0
-        assert day.now_s() > 1.7e9
+    with WallClock(5.0) as given_clock, WallClock() as day_clock:
+        assert 5.0 <= given_clock.now_s() < 65.0
+        assert day_clock.now_s() > 1.7e9
 
 
 def test_events_of_a_locked_clock_hold_the_lock_and_work_does_not(wall: WallClock) -> None:

@@ -26,7 +26,7 @@ from codra_dsl.runtime.observers.store import Store
 from codra_dsl.runtime.observers.urgency import Urgencies, Urgency
 from codra_dsl.runtime.perception.slots import MAIN_EXECUTION, Slots, Ticket
 from codra_dsl.runtime.values.cell import Reading, Reason, known_reading
-from codra_dsl.runtime.values.declarations import MAIN, OBSERVER, Declarations, expected_by, under_way
+from codra_dsl.runtime.values.declarations import MAIN, OBSERVER, Declarations, expectation_holder, skill_holder
 from codra_dsl.runtime.values.model import SkillModel, VariableModel
 
 
@@ -122,7 +122,7 @@ class Commands:
             number, skill = self._skill_count, self._skills[name]
             self._skills_under_way[number] = (party, skill)
             self._event_triggers.begin(skill.monitor)
-            self.declarations.hold(under_way(skill.name, number), (*skill.preview, *skill.monitor))
+            self.declarations.hold(skill_holder(skill.name, number), (*skill.preview, *skill.monitor))
             self._hold_expected([other for other in self._expected_skills.get(party, ()) if other != name], party)
             self._forest.look_again()
             return number
@@ -304,13 +304,13 @@ class Commands:
         _party, skill = self._skills_under_way.pop(number)
         self._expectations.finish(number)
         self._event_triggers.finish(number, skill.monitor)
-        self.declarations.hold(under_way(skill.name, number), ())
+        self.declarations.hold(skill_holder(skill.name, number), ())
         self._forest.look_again()  # it may have acted until its end
 
     def _hold_expected(self, skills: list[str], party: str) -> None:
         self._expected_skills[party] = skills
         previews = (name for skill in skills for name in self._skills[skill].preview)
-        self.declarations.hold(expected_by(party), previews)
+        self.declarations.hold(expectation_holder(party), previews)
 
     def _enter(self, name: str, holder: str) -> None:
         self._event_writer.write(Kind.DECLARATION, name, "declared", holder=holder)

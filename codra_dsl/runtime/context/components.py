@@ -53,7 +53,7 @@ class Components:
         self.clock = LockedClock(clock, self.lock)
         self.skills = {skill.name: skill for skill in model.skills}
         self.event_writer = EventWriter(record, self.clock, self.clock.place)
-        self.clock.is_late = lambda: self.event_writer.write_input("clock", "late")
+        self.clock.on_late = lambda: self.event_writer.write_input("clock", "late")
         self.store = Store(model.variables, self.clock, self.event_writer, self.notify_readers)
         self.slots = Slots(self.clock, {resource.name: resource for resource in model.resources})
         self.perception = Perception(

@@ -1,4 +1,4 @@
-"""The journal of a run: an ordered log of changes of variables, starts and stops, jobs and decisions."""
+"""The journal of a run: its events in order, such as changes of variables, starts and stops, jobs and decisions."""
 
 from __future__ import annotations
 

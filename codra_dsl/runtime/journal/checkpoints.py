@@ -1,7 +1,7 @@
 """The latest events of a journal's file at any instant, without all events in memory.
 
-The file is read once, up to the latest instant of interest. The latest events are kept as checkpoints at some offsets;
-for an earlier instant, the file is read again from the last checkpoint before it.
+The file is read once, up to the latest instant of interest. At some offsets, the latest events are kept as a
+checkpoint. For an earlier instant, the file is read again from the last checkpoint before this instant.
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ from codra_dsl.runtime.journal.latest_events import LatestEvents
 from codra_dsl.runtime.journal.reader import JournalReader, RawMessage
 from codra_dsl.runtime.journal.schemas import kind_of
 
-_PLACES = 64
+_MAX_CHECKPOINTS = 64
 """The maximum number of checkpoints of a file."""
 
-_NEEDED = frozenset(Kind) - {Kind.INPUT, Kind.DECISION}
-_CLOSE = b'"what":"close"'
+_NEEDED_KINDS = frozenset(Kind) - {Kind.INPUT, Kind.DECISION}
+_CLOSE_FIELD = b'"what":"close"'
 
 
 class Checkpoints:
-    """A journal's file up to an instant or, by default, up to where the observers stopped because the run ended.
+    """A journal's file, up to an instant. By default, up to where the observers stopped because the run ended.
 
     Attributes:
         end_s: the instant of the last message that was read; None if the file has no event.
@@ -32,46 +32,44 @@ class Checkpoints:
         """Read a file.
 
         Args:
-            reader: a journal's reader before its first message; it must stay open while this object is used.
+            reader: a journal's reader that has not read a message yet; it must stay open while this object is used.
             until_s: the latest instant that will be passed to `latest_events`.
 
         Raises:
-            OSError: if it cannot be read.
+            OSError: if the file cannot be read.
         """
         self._reader = reader
-        self._last = LatestEvents()
-        self._places: list[tuple[int, LatestEvents]] = []
+        self._latest = LatestEvents()
+        self._checkpoints: list[tuple[int, LatestEvents]] = []
         self._until_s = until_s
         self.end_s: float | None = None
         self._read()
 
     def latest_events(self, until_s: float) -> LatestEvents:
         """Return the latest events up to an instant."""
-        if until_s >= self._last.until_s:
-            return self._last
-        place, latest_events = next(entry for entry in reversed(self._places) if entry[1].until_s <= until_s)
-        return LatestEvents.of(self._needed(self._reader.notes_from(place)), until_s, latest_events)
+        if until_s >= self._latest.until_s:
+            return self._latest
+        earlier = (checkpoint for checkpoint in reversed(self._checkpoints) if checkpoint[1].until_s <= until_s)
+        place, latest_events = next(earlier)
+        return LatestEvents.of(self._needed_events(self._reader.raw_messages_from(place)), until_s, latest_events)
 
     def _read(self) -> None:
-        far, last, has_closed = max(self._reader.size() // _PLACES, 1), None, False
-        for note in self._reader.notes():
+        min_distance_bytes, last_message, has_closed = max(self._reader.size() // _MAX_CHECKPOINTS, 1), None, False
+        for raw_message in self._reader.raw_messages():
             place = self._reader.place
-            if not self._places or place >= self._places[-1][0] + far:
-                self._places.append((place, self._last.copy()))
-            kind, last = kind_of(note.channel.topic), note
-            has_closed = has_closed or (self._until_s == math.inf and _is_close(kind, note))
-            event = self._reader.event(note) if kind in _NEEDED and not has_closed else None
+            if not self._checkpoints or place >= self._checkpoints[-1][0] + min_distance_bytes:
+                self._checkpoints.append((place, self._latest.copy()))
+            kind, last_message = kind_of(raw_message.channel.topic), raw_message
+            is_close = kind is Kind.INPUT and _CLOSE_FIELD in raw_message.message.data
+            has_closed = has_closed or (self._until_s == math.inf and is_close)
+            event = self._reader.event(raw_message) if kind in _NEEDED_KINDS and not has_closed else None
             if event is not None and event.instant_s > self._until_s:
                 break
             if event is not None:
-                self._last.take(event)
-        last_event = None if last is None else self._reader.event(last)
+                self._latest.take(event)
+        last_event = None if last_message is None else self._reader.event(last_message)
         self.end_s = None if last_event is None else last_event.instant_s
 
-    def _needed(self, notes: Iterator[RawMessage]) -> Iterator[Event]:
-        chosen = (note for note in notes if kind_of(note.channel.topic) in _NEEDED)
-        return (event for note in chosen if (event := self._reader.event(note)) is not None)
-
-
-def _is_close(kind: Kind | None, note: RawMessage) -> bool:
-    return kind is Kind.INPUT and _CLOSE in note.message.data
+    def _needed_events(self, raw_messages: Iterator[RawMessage]) -> Iterator[Event]:
+        needed = (raw_message for raw_message in raw_messages if kind_of(raw_message.channel.topic) in _NEEDED_KINDS)
+        return (event for raw_message in needed if (event := self._reader.event(raw_message)) is not None)

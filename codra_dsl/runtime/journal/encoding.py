@@ -1,6 +1,6 @@
 """Encode events as the JSON of a journal's messages, and decode them without loss.
 
-Details that are None are left out. An infinite number becomes `1e999`, which is valid JSON and is parsed as infinity.
+Details that are None are left out. Infinity becomes `1e999`, which is valid JSON and is parsed as infinity again.
 """
 
 from __future__ import annotations
@@ -15,33 +15,33 @@ from codra_dsl.runtime.journal.schemas import TOPICS, Kind
 
 _encoded = json.JSONEncoder(ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode
 
-_SHARED = frozenset(kind for kind, topic in TOPICS.items() if topic.is_shared)
+_KINDS_ON_SHARED_TOPICS = frozenset(kind for kind, topic in TOPICS.items() if topic.is_shared)
 """Kinds whose events share one topic."""
 
-_SCALARS = frozenset({bool, int, float, str})
+_SCALAR_TYPES = frozenset({bool, int, float, str})
 
 
 def message_of(event: Event) -> bytes:
-    """Return the JSON text of an event, without its kind, which the topic determines."""
-    plain: dict[str, Any] = {"instant_s": event.instant_s, "name": event.name, "what": event.what}
+    """Return the JSON text of an event. It does not contain the kind of the event, which follows from the topic."""
+    fields: dict[str, Any] = {"instant_s": event.instant_s, "name": event.name, "what": event.what}
     for key, detail in event.details.items():
-        if type(detail) in _SCALARS:
-            plain[key] = detail
+        if type(detail) in _SCALAR_TYPES:
+            fields[key] = detail
         elif isinstance(detail, Mapping):
-            plain[key] = {name: part for name, part in detail.items() if part is not None}
+            fields[key] = {name: part for name, part in detail.items() if part is not None}
         elif detail is not None:
-            plain[key] = detail
-    if event.kind in _SHARED:
-        _make_uniform(event.kind, plain)
-    return bytes_of(json_text(plain))
+            fields[key] = detail
+    if event.kind in _KINDS_ON_SHARED_TOPICS:
+        _make_uniform(event.kind, fields)
+    return bytes_of(json_text(fields))
 
 
-def _make_uniform(kind: Kind, plain: dict[str, Any]) -> None:
-    """Give each field that events on a shared topic have in common a single type."""
-    if "value" in plain:
-        plain["value"] = json_text(plain["value"])
-    if kind is Kind.INPUT and isinstance(plain.get("evidence_s"), float):
-        plain["evidence_s"] = [plain["evidence_s"]]
+def _make_uniform(kind: Kind, fields: dict[str, Any]) -> None:
+    """Give each field of the events on a shared topic one type, the same for all these events."""
+    if "value" in fields:
+        fields["value"] = json_text(fields["value"])
+    if kind is Kind.INPUT and isinstance(fields.get("evidence_s"), float):
+        fields["evidence_s"] = [fields["evidence_s"]]
 
 
 def event_of(kind: Kind, data: bytes) -> Event:
@@ -50,15 +50,15 @@ def event_of(kind: Kind, data: bytes) -> Event:
     Raises:
         ValueError, KeyError, TypeError: if the message does not encode an event.
     """
-    plain = json.loads(data)
-    instant_s, name, what = plain.pop("instant_s"), plain.pop("name"), plain.pop("what")
-    if kind in _SHARED and "value" in plain:
-        plain["value"] = json.loads(plain["value"])
-    return Event(float(instant_s), kind, str(name), str(what), plain)
+    fields = json.loads(data)
+    instant_s, name, what = fields.pop("instant_s"), fields.pop("name"), fields.pop("what")
+    if kind in _KINDS_ON_SHARED_TOPICS and "value" in fields:
+        fields["value"] = json.loads(fields["value"])
+    return Event(float(instant_s), kind, str(name), str(what), fields)
 
 
 def bytes_of(text: str) -> bytes:
-    """Return JSON text in UTF-8; lone surrogates, which UTF-8 cannot encode, are written as JSON escapes."""
+    """Return JSON text in UTF-8. Lone surrogates, which UTF-8 cannot encode, are written as JSON escapes."""
     return text.encode("utf-8", "backslashreplace")
 
 

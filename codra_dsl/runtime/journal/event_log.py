@@ -16,30 +16,34 @@ if TYPE_CHECKING:
     from codra_dsl.runtime.journal.run_header import RunHeader
 
 StoredReading = tuple[float, str, Value | None, Reason | None, str, float, str, bool]
-"""A new reading of a variable, stored as a tuple of its instant and its fields until its event is requested.
+"""A new reading of a variable, as a tuple of its instant and its fields. It becomes an event when events are read.
 
-Python's garbage collector stops tracking tuples of plain values; traversing as many readings or events takes it long.
+Python's garbage collector stops tracking tuples of plain values. It would need long to traverse as many readings or
+events.
 """
 
-KEPT = 100_000
-"""Events that an event log keeps by default: about twenty minutes of a busy robot, and at most about 100 MB."""
+DEFAULT_LIMIT = 100_000
+"""The number of events that an event log keeps by default: about twenty minutes of a busy robot.
+
+They need about 100 MB at most.
+"""
 
 
 class EventLog:
-    """The events of a run in memory; beyond a limit, old events are dropped.
+    """The events of a run in memory; if there are very many, old events are dropped.
 
     Attributes:
-        limit: the minimum number of events that are kept.
+        limit: at least this many of the newest events are kept.
         takes_inputs: whether the log takes events of `Kind.INPUT`.
     """
 
     takes_inputs = False
 
-    def __init__(self, limit: float = KEPT) -> None:
+    def __init__(self, limit: float = DEFAULT_LIMIT) -> None:
         self.limit = limit
-        self._most = 2 * limit
+        self._max_events = 2 * limit
         self._events: list[Event | StoredReading] = []
-        self._dropped = LatestEvents()
+        self._dropped_events = LatestEvents()
 
     def __iter__(self) -> Iterator[Event]:
         return map(_event, tuple(self._events))
@@ -47,37 +51,37 @@ class EventLog:
     def __len__(self) -> int:
         return len(self._events)
 
-    def begin(self, header: Callable[[], RunHeader]) -> None:
-        """Handle the begin of a run; `header` returns the run header."""
+    def begin(self, make_header: Callable[[], RunHeader]) -> None:
+        """Handle the beginning of a run; `make_header` returns the run header."""
 
     def add(self, event: Event) -> None:
         """Add an event."""
         self._events.append(event)
-        if len(self._events) >= self._most:
+        if len(self._events) >= self._max_events:
             self._drop()
 
-    def note(self, reading: StoredReading) -> None:
-        """Add a new reading of a variable; it becomes an event when the event is requested."""
+    def add_reading(self, reading: StoredReading) -> None:
+        """Add a new reading of a variable. It becomes an event when events are read."""
         self._events.append(reading)
-        if len(self._events) >= self._most:
+        if len(self._events) >= self._max_events:
             self._drop()
 
     def end(self) -> None:
         """Handle the end of the run."""
 
     def of(self, kind: Kind, name: str | None = None) -> tuple[Event, ...]:
-        """Return the events of one kind, in order; if a name is given, only those with that name."""
-        return tuple(map(_event, _of(tuple(self._events), kind, name)))
+        """Return the events of one kind in order; if a name is given, only the events with this name."""
+        return tuple(map(_event, _events_of(tuple(self._events), kind, name)))
 
     def text(self) -> str:
         """Return the event log as JSON lines."""
         return "".join(f"{event.as_json()}\n" for event in self)
 
     def copy(self) -> EventLog:
-        """Return the events in memory as a separate event log; the caller prevents additions meanwhile."""
-        copied = EventLog(math.inf)
-        copied._events, copied._dropped = self._events.copy(), self._dropped.copy()
-        return copied
+        """Return the events in memory as a separate event log. The caller must prevent additions meanwhile."""
+        copy = EventLog(math.inf)
+        copy._events, copy._dropped_events = self._events.copy(), self._dropped_events.copy()
+        return copy
 
     def latest_events(self, until_s: float) -> LatestEvents:
         """Return the latest events up to an instant.
@@ -85,14 +89,16 @@ class EventLog:
         Raises:
             ValueError: if the events of that time have been dropped.
         """
-        if self._dropped.until_s > until_s:
-            raise ValueError(f"events before {self._dropped.until_s} s have been dropped from memory: read the journal")
-        return LatestEvents.of(map(_event, self._events), until_s, self._dropped)
+        if self._dropped_events.until_s > until_s:
+            raise ValueError(
+                f"events before {self._dropped_events.until_s} s have been dropped from memory: read the journal"
+            )
+        return LatestEvents.of(map(_event, self._events), until_s, self._dropped_events)
 
     def _drop(self) -> None:
         surplus = len(self._events) - int(self.limit)
         for event in self._events[:surplus]:
-            self._dropped.take(_event(event))
+            self._dropped_events.take(_event(event))
         del self._events[:surplus]
 
 
@@ -104,20 +110,20 @@ class EventWriter:
     """
 
     def __init__(
-        self, record: EventLog, clock: Clock, place: Callable[[], Mapping[str, object]] = lambda: {"step": 0}
+        self, record: EventLog, clock: Clock, find_position: Callable[[], Mapping[str, object]] = lambda: {"step": 0}
     ) -> None:
         """Write to an event log.
 
         Args:
             record: the event log.
-            clock: returns the instants of the events.
-            place: returns the position of an input in the order of all events.
+            clock: gives the instants of the events.
+            find_position: returns the details that give an input's position in the order of all events.
         """
         self.takes_inputs = record.takes_inputs
-        self._note = record.note if type(record).add is EventLog.add else self._add_at_once
+        self._add_reading = record.add_reading if type(record).add is EventLog.add else self._add_at_once
         self._record = record
         self._clock = clock
-        self._place = place
+        self._find_position = find_position
 
     def write(self, kind: Kind, name: str, what: str, /, **details: object) -> None:
         """Add an event at the current instant."""
@@ -126,32 +132,41 @@ class EventWriter:
     def write_reading(self, instant_s: float, reading: Reading[Value], is_present: bool) -> None:
         """Add a new reading of a variable, either as its present reading or only in its history."""
         content, reason, detail = reading.content, reading.reason, reading.detail
-        self._note((instant_s, reading.name, content, reason, detail, reading.evidence_s, reading.source, is_present))
+        self._add_reading(
+            (instant_s, reading.name, content, reason, detail, reading.evidence_s, reading.source, is_present)
+        )
 
     def write_input(self, name: str, what: str, /, **details: object) -> None:
         """Add an event for something that reached the context manager from outside, if the event log takes inputs."""
         if self.takes_inputs:
-            self.write(Kind.INPUT, name, what, **self._place(), **details)
+            self.write(Kind.INPUT, name, what, **self._find_position(), **details)
 
     def _add_at_once(self, reading: StoredReading) -> None:
-        """Add a reading as an event, for an event log that does more than keep it."""
+        """Add a reading as an event, for an event log whose `add` does more than store events in memory."""
         self._record.add(_event(reading))
 
 
-def _of(events: Sequence[Event | StoredReading], kind: Kind, name: str | None) -> list[Event | StoredReading]:
-    """Return the events of one kind, and of one name if given; the comprehensions are fast for very many events."""
-    readings = kind is Kind.VARIABLE
+def _events_of(events: Sequence[Event | StoredReading], kind: Kind, name: str | None) -> list[Event | StoredReading]:
+    """Return the events of one kind and, if a name is given, with this name.
+
+    Comprehensions are fast enough for very many events.
+    """
+    includes_readings = kind is Kind.VARIABLE
     if name is None:
-        return [entry for entry in events if (readings if isinstance(entry, tuple) else entry.kind is kind)]
+        return [entry for entry in events if (includes_readings if isinstance(entry, tuple) else entry.kind is kind)]
     return [
         entry
         for entry in events
-        if (readings and entry[1] == name if isinstance(entry, tuple) else entry.kind is kind and entry.name == name)
+        if (
+            includes_readings and entry[1] == name
+            if isinstance(entry, tuple)
+            else entry.kind is kind and entry.name == name
+        )
     ]
 
 
 def _event(entry: Event | StoredReading) -> Event:
-    """Return an event, created here from a tuple if only a reading was stored."""
+    """Return an event; if only a reading was stored, create the event from it."""
     if isinstance(entry, Event):
         return entry
     instant_s, name, content, reason, detail, evidence_s, source, is_present = entry

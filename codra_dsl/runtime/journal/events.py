@@ -19,10 +19,11 @@ class Event:
 
     Attributes:
         instant_s: the instant at which it happened.
-        name: the variable, observer or algorithm; for knowledge, a node, `node.attribute`, an edge or a task; for
-            adaptation, a loop, course, parameter or tree; for an input, its sender.
+        name: the subject of the event: a variable, observer or algorithm. For an event of kind knowledge, it is a node,
+            `node.attribute`, an edge or a task; of kind adaptation, a loop, course, parameter or tree; of kind input,
+            the sender of the input.
         what: what happened, e.g. `started`, `identified`, `fell_back`.
-        details: plain values by name; a name differs from those of the other attributes.
+        details: plain values by name. No detail has the name of another attribute of this class.
     """
 
     instant_s: float

@@ -9,45 +9,46 @@ from codra_dsl.runtime.values.cell import Reason
 
 Field = dict[str, Any]
 
-BOUNDS: Mapping[str, Field] = {
+BOUND_FIELDS: Mapping[str, Field] = {
     "low": {"type": "number", "description": "The lowest possible value; left out when unknown."},
     "high": {"type": "number", "description": "The highest possible value."},
 }
 """The fields of a range of values."""
 
-JUDGED: Mapping[str, Field] = {
+JUDGEMENT_FIELDS: Mapping[str, Field] = {
     "name": {"type": "string", "description": "The metric or action."},
-    **BOUNDS,
+    **BOUND_FIELDS,
     "value": {"type": "number", "description": "The resulting value; left out when unknown."},
     "evidence_s": {"type": "number", "description": "When the evidence of the oldest input was taken."},
     "variable": {"type": "string", "description": "For an analysis, the variable that holds the value."},
     "reads": {
         "type": "array",
         "items": {"type": "string"},
-        "description": "For an analysis, its input variables.",
+        "description": "For an analysis, the variables from which the value was computed.",
     },
 }
 """The fields of a metric or of the weight of an action."""
 
 
-def parts_schema(description: str, **properties: Field) -> Field:
+def object_list_schema(description: str, **properties: Field) -> Field:
     """Return the schema of a list of objects with some properties."""
-    item = {"type": "object", "properties": properties, "additionalProperties": False}
-    return {"type": "array", "items": item, "description": description}
+    item_schema = {"type": "object", "properties": properties, "additionalProperties": False}
+    return {"type": "array", "items": item_schema, "description": description}
 
 
-def event_schema(description: str, name: str, whats: Mapping[str, str], **details: Field) -> Field:
-    """Return the schema of an event: its instant, its name, one of the listed changes (`what`), and details."""
-    meanings = ", ".join(f"{what}: {meaning}" for what, meaning in whats.items())
+def event_schema(description: str, name_description: str, meanings: Mapping[str, str], **details: Field) -> Field:
+    """Return the schema of an event: its instant, its name, what happened (one of the keys of `meanings`), details."""
+    meanings_text = ", ".join(f"{what}: {meaning}" for what, meaning in meanings.items())
     return {
         "type": "object",
         "description": description,
         "properties": {
             "instant_s": field_schema(
-                "number", "When, in seconds of the run's clock; log_time is the same in nanoseconds."
+                "number",
+                "The instant in seconds of the run's clock. The message's log_time is the same instant in nanoseconds.",
             ),
-            "name": field_schema("string", name),
-            "what": {"type": "string", "enum": list(whats), "description": f"What happened ({meanings})."},
+            "name": field_schema("string", name_description),
+            "what": {"type": "string", "enum": list(meanings), "description": f"What happened ({meanings_text})."},
             **details,
         },
         "required": ["instant_s", "name", "what"],
@@ -55,14 +56,14 @@ def event_schema(description: str, name: str, whats: Mapping[str, str], **detail
     }
 
 
-def field_schema(kind: str, description: str) -> Field:
+def field_schema(json_type: str, description: str) -> Field:
     """Return the schema of a field of one JSON type."""
-    return {"type": kind, "description": description}
+    return {"type": json_type, "description": description}
 
 
-def list_schema(kind: str, description: str) -> Field:
+def list_schema(json_type: str, description: str) -> Field:
     """Return the schema of a list of values of one JSON type."""
-    return {"type": "array", "items": {"type": kind}, "description": description}
+    return {"type": "array", "items": {"type": json_type}, "description": description}
 
 
 def reason_schema(description: str) -> Field:
@@ -72,4 +73,4 @@ def reason_schema(description: str) -> Field:
 
 def unit_text(unit: str | None) -> str:
     """Return the sentence about the unit of a number."""
-    return f"In {unit}." if unit else "As the spec's `returns` declares it."
+    return f"In {unit}." if unit else "Declared under `returns` in the spec."

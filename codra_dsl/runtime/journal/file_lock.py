@@ -1,4 +1,4 @@
-"""Create the file of a new journal, without losing an unfinished one or sharing a file with another program."""
+"""Create the file of a new journal: no unfinished journal is lost, and no two programs write to one file."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ _MARK = b"codra-journal"
 _MARK_WITHIN_BYTES = 4096
 
 
-def opened(path: Path) -> BinaryIO:
+def create_locked(path: Path) -> BinaryIO:
     """Return a new, empty file at a path, locked for this program.
 
-    A finished journal at the path is replaced. An unfinished one is renamed to `NAME.unfinished-1.mcap`; if its writer
-    is still running, it continues to write there.
+    A finished journal at the path is replaced. An unfinished one is renamed to `NAME.unfinished-1.mcap`; if the program
+    that writes it is still running, the program continues to write to the renamed file.
 
     Raises:
         OSError: if the file cannot be created, or the existing file is not a journal.
@@ -34,7 +34,7 @@ def opened(path: Path) -> BinaryIO:
             continue
         if _lock(stream) and _is_file_at(path, stream):
             return stream
-        stream.close()  # another program started at the same time and mistook it for an old journal
+        stream.close()  # another program started at the same time and took this new file for an old journal
 
 
 def unlock(stream: BinaryIO) -> None:
@@ -43,7 +43,7 @@ def unlock(stream: BinaryIO) -> None:
 
 
 def is_being_written(stream: BinaryIO) -> bool:
-    """Return whether a running program is still writing a file that is open here for reading."""
+    """Return whether a running program is still writing the file, which the caller has opened for reading."""
     try:
         fcntl.flock(stream, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except BlockingIOError:
@@ -61,49 +61,49 @@ def check_is_there(stream: BinaryIO) -> None:
 
 
 def _clear_path(path: Path) -> None:
-    """Remove a finished journal, move aside an unfinished one, and refuse anything else."""
+    """Remove a finished journal at a path, rename an unfinished one, and raise an error for any other file."""
     if not path.is_file():
         if path.exists():
             raise OSError(
                 errno.EINVAL,
-                "it is not a regular file: choose another path",
+                "the path is not a regular file: choose another path",
                 str(path),
             )
         return
     try:
-        old = path.open("rb")
-    except FileNotFoundError:  # another program has just moved it
+        old_file = path.open("rb")
+    except FileNotFoundError:  # another program has just removed or renamed the file
         return
-    with old:
-        is_free = _lock(old)
-        if not _is_file_at(path, old):
+    with old_file:
+        is_free = _lock(old_file)
+        if not _is_file_at(path, old_file):
             return
-        if is_free and _is_over(path, old):
+        if is_free and _is_replaceable(path, old_file):
             path.unlink()
         else:
             _move_aside(path)
 
 
-def _is_over(path: Path, old: BinaryIO) -> bool:
+def _is_replaceable(path: Path, old_file: BinaryIO) -> bool:
     """Return whether a file may be replaced, because it is empty or a finished journal."""
-    start = old.read(_MARK_WITHIN_BYTES)
+    start = old_file.read(_MARK_WITHIN_BYTES)
     if not start:
         return True
     if not start.startswith(MAGIC[: len(start)]) or (len(start) > len(MAGIC) and _MARK not in start):
         raise FileExistsError(errno.EEXIST, "the file exists and is not a journal: choose another path", str(path))
     if len(start) <= len(MAGIC):
         return False
-    old.seek(-len(MAGIC), os.SEEK_END)
-    return old.read() == MAGIC
+    old_file.seek(-len(MAGIC), os.SEEK_END)
+    return old_file.read() == MAGIC
 
 
 def _move_aside(path: Path) -> None:
-    """Rename an unfinished journal, so that a program that starts again with the same path does not overwrite it."""
+    """Rename an unfinished journal, so that it is not overwritten when a program starts again with the same path."""
     numbers = range(1, 1_000_000)
-    free = (path.with_name(f"{path.stem}.unfinished-{number}{path.suffix}") for number in numbers)
-    aside = next(other for other in free if not other.exists())
-    path.rename(aside)
-    _LOGGER.warning("the journal %s was not finished; it was renamed to %s", path, aside.name)
+    candidates = (path.with_name(f"{path.stem}.unfinished-{number}{path.suffix}") for number in numbers)
+    new_path = next(other for other in candidates if not other.exists())
+    path.rename(new_path)
+    _LOGGER.warning("the journal %s was not finished; it was renamed to %s", path, new_path.name)
 
 
 def _lock(stream: BinaryIO) -> bool:
@@ -119,7 +119,7 @@ def _lock(stream: BinaryIO) -> bool:
 
 def _is_file_at(path: Path, stream: BinaryIO) -> bool:
     try:
-        at_path = path.stat()
+        path_status = path.stat()
     except FileNotFoundError:
         return False
-    return os.path.samestat(at_path, os.fstat(stream.fileno()))
+    return os.path.samestat(path_status, os.fstat(stream.fileno()))

@@ -10,9 +10,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
-from codra_dsl.runtime.journal.event_log import KEPT, EventLog
+from codra_dsl.runtime.journal.event_log import DEFAULT_LIMIT, EventLog
 from codra_dsl.runtime.journal.events import Event, Kind
-from codra_dsl.runtime.journal.file_lock import opened, unlock
+from codra_dsl.runtime.journal.file_lock import create_locked, unlock
 
 if TYPE_CHECKING:
     from codra_dsl.runtime.journal.run_header import RunHeader
@@ -25,8 +25,8 @@ class Journal(EventLog):
     """An event log that is written to a file, event by event: pass it to `start(..., record=Journal(path))`.
 
     The file is in MCAP format. It is finished when the context manager is closed, or at the latest when the program
-    ends. If the program is killed, the file lacks its end and, at most, the event that was being written; repair it
-    with `codra journal recover`.
+    ends. If the program is killed, the end of the file is missing, and at most one event: the one that was being
+    written. Repair such a file with `codra journal recover`.
 
     If the file can no longer be written, the journal ends, but the run continues.
 
@@ -37,12 +37,12 @@ class Journal(EventLog):
 
     takes_inputs = True
 
-    def __init__(self, path: Path | str, limit: float = KEPT) -> None:
-        """Create the file; replace a finished journal at its path, and move an unfinished one aside.
+    def __init__(self, path: Path | str, limit: float = DEFAULT_LIMIT) -> None:
+        """Create the file; replace a finished journal at its path, and rename an unfinished one.
 
         Args:
             path: the path of the file.
-            limit: the minimum number of events that are kept in memory.
+            limit: at least this many of the newest events are kept in memory.
 
         Raises:
             OSError: if the file cannot be created, or a file that is not a journal exists at its path.
@@ -50,23 +50,23 @@ class Journal(EventLog):
         super().__init__(limit)
         self.path = Path(path)
         self.failure: str | None = None
-        self._stream: BinaryIO = opened(self.path)
+        self._stream: BinaryIO = create_locked(self.path)
         self._writer: JournalWriter | None = None
         self._finish: weakref.finalize[..., Journal] = weakref.finalize(self, self._stream.close)
 
-    def begin(self, header: Callable[[], RunHeader]) -> None:
+    def begin(self, make_header: Callable[[], RunHeader]) -> None:
         """Write the run header.
 
         Raises:
-            ValueError: if this is already the journal of another run.
+            ValueError: if this object is already the journal of another run.
         """
         from codra_dsl.runtime.journal.writer import JournalWriter  # noqa: PLC0415 - 60 ms that only journals cost
 
         if not self._finish.alive or self._writer is not None:
             raise ValueError(f"{self.path} is the journal of another run")
-        about = header()
+        header = make_header()
         try:
-            self._writer = JournalWriter(self._stream, about)
+            self._writer = JournalWriter(self._stream, header)
         except OSError as error:
             self._fail(error)
             return
@@ -98,7 +98,7 @@ class Journal(EventLog):
 
 
 def _finish(stream: BinaryIO, writer: JournalWriter, path: Path, writing_process: int) -> str | None:
-    """Finish a file, unless this process inherited it from its parent; return the error text if that fails."""
+    """Finish a file, unless this process inherited it from its parent. If that fails, return the text of the error."""
     try:
         with stream:
             if os.getpid() == writing_process:

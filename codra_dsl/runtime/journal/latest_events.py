@@ -1,4 +1,4 @@
-"""The latest events up to an instant: per subject, those that a later question may ask for."""
+"""The latest events up to an instant: for each subject, the events from which later questions are answered."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Self
 
 from codra_dsl.runtime.journal.events import Event, Kind
 
-_BY_NAME = (
+_MAPPING_NAMES = (
     "present",
     "known",
     "basis",
@@ -22,16 +22,16 @@ _BY_NAME = (
     "adaptations",
 )
 
-_ENDS = frozenset({"returned", "failed", "voided", "cancelled"})
+_JOB_ENDS = frozenset({"returned", "failed", "voided", "cancelled"})
 
 
 @dataclass(slots=True)
-class Superseded:
-    """Events about a variable that came after its present reading and did not replace it.
+class LaterEvents:
+    """The events about a variable that came after its present reading and did not replace this reading.
 
     Attributes:
-        counts: the number of events by `what`.
-        last: the latest event by `what`.
+        counts: for each `what`, the number of events.
+        last: for each `what`, the last event.
     """
 
     counts: dict[str, int] = field(default_factory=dict)
@@ -42,28 +42,28 @@ class Superseded:
         self.counts[event.what] = self.counts.get(event.what, 0) + 1
         self.last[event.what] = event
 
-    def copy(self) -> Superseded:
+    def copy(self) -> LaterEvents:
         """Return an independent copy."""
-        return Superseded(dict(self.counts), dict(self.last))
+        return LaterEvents(dict(self.counts), dict(self.last))
 
 
 class LatestEvents:
-    """The latest events, updated as events are taken in order.
+    """The latest events, updated as events are taken in order. All attributes but `until_s` are mappings.
 
     Attributes:
         until_s: the instant of the last event.
-        present: by variable, the event that gave it its present reading.
-        known: by variable, the last event that gave it a value.
-        basis: by variable, the job that produced its last value, if a job did.
-        later: by variable, the events after its present reading.
-        observers: by observer, its last start, stop or failure.
-        started: by algorithm, the start of its last job.
-        ended: by algorithm, the last end of a job.
-        declared: by variable, the last declaration or withdrawal.
-        expected: by variable, the last result of a skill's expectation about it.
-        knowledge: by node, attribute, edge or task, its last event of each `what`.
-        adaptations: by `adaptation/NAME` for a course or parameter, and by `context/NAME` for the variable that holds a
-            course, parameter, metric or weight, its last event of each `what`.
+        present: for each variable, the event that gave the variable its present reading.
+        known: for each variable, the last event that gave the variable a value.
+        basis: for each variable whose last value a job produced, the event of this job.
+        later: for each variable, the events after its present reading.
+        observers: for each observer, its last start, stop or failure.
+        started: for each algorithm, the start of its last job.
+        ended: for each algorithm, the last end of a job.
+        declared: for each variable, its last declaration or withdrawal.
+        expected: for each variable, the last result of a skill's expectation about the variable.
+        knowledge: for each node, attribute, edge or task, its last event of each `what`.
+        adaptations: the last event of each `what`. The key is `adaptation/NAME` for a course or parameter, and
+            `context/NAME` for the variable that holds a course, parameter, metric or weight.
     """
 
     def __init__(self) -> None:
@@ -71,7 +71,7 @@ class LatestEvents:
         self.present: dict[str, Event] = {}
         self.known: dict[str, Event] = {}
         self.basis: dict[str, Event] = {}
-        self.later: dict[str, Superseded] = {}
+        self.later: dict[str, LaterEvents] = {}
         self.observers: dict[str, Event] = {}
         self.started: dict[str, Event] = {}
         self.ended: dict[str, Event] = {}
@@ -82,7 +82,7 @@ class LatestEvents:
 
     @classmethod
     def of(cls, events: Iterable[Event], until_s: float, before: LatestEvents | None = None) -> LatestEvents:
-        """Return the latest events up to an instant, starting from those before the given events."""
+        """Return the latest events up to an instant; `before` has the latest events before `events`."""
         latest_events = cls() if before is None else before.copy()
         for event in events:
             if event.instant_s > until_s:
@@ -94,7 +94,7 @@ class LatestEvents:
         """Return an independent copy."""
         other = type(self)()
         other.until_s = self.until_s
-        for name in _BY_NAME:
+        for name in _MAPPING_NAMES:
             setattr(other, name, dict(getattr(self, name)))
         other.later = {name: later.copy() for name, later in self.later.items()}
         return other
@@ -114,23 +114,23 @@ class LatestEvents:
             case Kind.EXPECTATION:
                 self.expected[event.name] = event
             case Kind.KNOWLEDGE:
-                self.knowledge[event.name] = _with(self.knowledge.get(event.name, {}), event)
+                self.knowledge[event.name] = _with_event(self.knowledge.get(event.name, {}), event)
             case Kind.ADAPTATION:
                 keys = [f"adaptation/{event.details.get('course', event.name)}"]
                 if "variable" in event.details:
                     keys.append(f"context/{event.details['variable']}")
                 keys += [f"adaptation/{name}" for name in event.details.get("adapts", ()) if name != event.name]
                 if event.what == "analysed":
-                    judged = (*event.details["metrics"], *event.details["weights"])
-                    keys += [f"context/{judgement['variable']}" for judgement in judged]
+                    judgements = (*event.details["metrics"], *event.details["weights"])
+                    keys += [f"context/{judgement['variable']}" for judgement in judgements]
                 for key in keys:
-                    self.adaptations[key] = _with(self.adaptations.get(key, {}), event)
+                    self.adaptations[key] = _with_event(self.adaptations.get(key, {}), event)
             case _:
                 pass
 
     def _take_variable(self, event: Event) -> None:
         if not event.details.get("present"):
-            self._note(event.name, event)
+            self._take_later_event(event.name, event)
             return
         self.present[event.name] = event
         self.later.pop(event.name, None)
@@ -145,16 +145,16 @@ class LatestEvents:
     def _take_job(self, event: Event) -> None:
         if event.what == "started":
             self.started[event.name] = event
-        elif event.what in _ENDS:
+        elif event.what in _JOB_ENDS:
             self.ended[event.name] = event
         elif event.what == "rejected":
             for variable in event.details["variables"]:
-                self._note(variable, event)
+                self._take_later_event(variable, event)
 
-    def _note(self, variable: str, event: Event) -> None:
-        self.later.setdefault(variable, Superseded()).take(event)
+    def _take_later_event(self, variable: str, event: Event) -> None:
+        self.later.setdefault(variable, LaterEvents()).take(event)
 
 
-def _with(before: Mapping[str, Event], event: Event) -> Mapping[str, Event]:
-    """Return the last event of each `what`, ordered by time, with an event added."""
+def _with_event(before: Mapping[str, Event], event: Event) -> Mapping[str, Event]:
+    """Add an event to the last events of each `what`, which are ordered by time; return the new mapping."""
     return {**{what: other for what, other in before.items() if what != event.what}, event.what: event}

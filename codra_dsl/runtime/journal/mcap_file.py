@@ -1,9 +1,9 @@
 """A file in MCAP format (https://mcap.dev/spec) that loses nothing when its writer is killed.
 
-Messages go into compressed chunks. A chunk that is not full yet exists only in memory, so one write to the operating
-system also puts each of its records into a region before all chunks. This region is as large as one chunk. When the
-chunk itself is written, the region is filled from its start again. The region is one record whose opcode MCAP leaves
-to applications, so every reader skips it. In a finished file it is empty.
+Messages go into compressed chunks. A chunk that is not full yet exists only in memory. Therefore each record of this
+chunk is also put, by one write to the operating system, into a region of the file that lies before all chunks. The
+region is as large as one chunk. When the chunk itself is written, the region is filled from its start again. The region
+is one record whose opcode MCAP leaves to applications, so every reader skips it. In a finished file it is empty.
 
 In the region, each record is preceded by its length, a checksum, and the offset at which its chunk will be written. If
 the file holds a complete chunk at that offset, readers ignore the region.
@@ -25,7 +25,7 @@ from mcap.writer import Writer
 from codra_dsl.runtime.journal.file_lock import check_is_there
 
 OPEN_CHUNK = 0x80
-"""The opcode of the record that holds the chunk which is not full yet."""
+"""The opcode of the region: the record that holds the chunk that is not full yet."""
 
 CHUNK_BYTES = 1 << 16
 """The maximum size of the records that are compressed together, and the size of the region."""
@@ -33,7 +33,7 @@ CHUNK_BYTES = 1 << 16
 RECORD = struct.Struct("<BQ")
 _FRAME = struct.Struct("<IIQ")
 _MESSAGE = struct.Struct("<BQHIQQ")
-_IN_MESSAGE = _MESSAGE.size - RECORD.size
+_MESSAGE_FIELDS_BYTES = _MESSAGE.size - RECORD.size
 _ALL_CHUNKS_BYTES = 1 << 62  # the writer never ends a chunk by itself
 
 
@@ -45,104 +45,107 @@ class McapFile:
 
         Args:
             stream: an empty file that supports reading, writing and seeking.
-            metadata: metadata that tools show about the file, by name.
-            files: JSON texts to attach, by name.
+            metadata: metadata that tools show about the file. The key is the name of the metadata.
+            files: JSON texts to attach to the file. The key is the name of the attachment.
         """
         self._stream = stream
         writer: Any = Writer(stream, chunk_size=_ALL_CHUNKS_BYTES)
         self._writer = writer
         self._writer.start(profile="")
-        for name, about in metadata.items():
-            self._writer.add_metadata(name, dict(about))
+        for name, entries in metadata.items():
+            self._writer.add_metadata(name, dict(entries))
         for name, data in files.items():
             self._writer.add_attachment(0, 0, name, "application/json", data)
         stream.write(RECORD.pack(OPEN_CHUNK, CHUNK_BYTES))
-        self._region = stream.tell()
+        self._region_offset = stream.tell()
         stream.write(bytes(CHUNK_BYTES))
         stream.flush()
-        self._chunk = stream.tell()
-        self._used = 0
-        self._messages = 0
+        self._chunk_offset = stream.tell()
+        self._used_bytes = 0
+        self._message_count = 0
 
-    def channel(self, topic: str, schema: int, metadata: Mapping[str, str]) -> int:
-        """Open a channel of JSON messages; return its number."""
+    def open_channel(self, topic: str, schema: int, metadata: Mapping[str, str]) -> int:
+        """Open a channel of JSON messages; return the number of the channel."""
         number: int = self._writer.register_channel(topic, "json", schema, dict(metadata))
         record = Channel(id=number, topic=topic, message_encoding="json", metadata=dict(metadata), schema_id=schema)
-        self._keep(_bytes(record))
+        self._keep_in_region(_record_bytes(record))
         return number
 
-    def schema(self, name: str, text: bytes) -> int:
-        """Declare a JSON schema; return its number."""
+    def add_schema(self, name: str, text: bytes) -> int:
+        """Declare a JSON schema; return the number of the schema."""
         number: int = self._writer.register_schema(name, "jsonschema", text)
-        self._keep(_bytes(Schema(id=number, data=text, encoding="jsonschema", name=name)))
+        self._keep_in_region(_record_bytes(Schema(id=number, data=text, encoding="jsonschema", name=name)))
         return number
 
     def add(self, channel: int, log_ns: int, publish_ns: int, sequence: int, data: bytes) -> None:
         """Write a message; once this returns, the message survives the death of the process.
 
         Raises:
-            OSError: if it cannot be written, or the file was removed.
+            OSError: if the message cannot be written, or the file was removed.
         """
-        record = _MESSAGE.pack(Opcode.MESSAGE, _IN_MESSAGE + len(data), channel, sequence, log_ns, publish_ns) + data
-        if not self._has_room(record) and self._messages:
+        record = (
+            _MESSAGE.pack(Opcode.MESSAGE, _MESSAGE_FIELDS_BYTES + len(data), channel, sequence, log_ns, publish_ns)
+            + data
+        )
+        if not self._has_room(record) and self._message_count:
             self._end_chunk()
         self._writer.add_message(channel, log_ns, data, publish_ns, sequence)
-        self._messages += 1
-        self._keep(record)
+        self._message_count += 1
+        self._keep_in_region(record)
 
     def finish(self) -> None:
         """Write the summary, which readers use as an index, and clear the region.
 
         Raises:
-            OSError: if it cannot be written, or the file was removed.
+            OSError: if the summary cannot be written, or the file was removed.
         """
         self._writer.finish()
         self._stream.flush()
-        os.pwrite(self._stream.fileno(), bytes(CHUNK_BYTES), self._region)
+        os.pwrite(self._stream.fileno(), bytes(CHUNK_BYTES), self._region_offset)
         check_is_there(self._stream)
 
-    def _keep(self, record: bytes) -> None:
-        """Put a record of the open chunk into the region; if it does not fit, end the chunk as soon as possible."""
+    def _keep_in_region(self, record: bytes) -> None:
+        """Put a record of the open chunk into the region. If there is no room, end the chunk as soon as possible."""
         if self._has_room(record):
-            frame = _FRAME.pack(len(record), _checksum(self._chunk, record), self._chunk) + record
-            os.pwrite(self._stream.fileno(), frame, self._region + self._used)
-            self._used += len(frame)
-        elif self._messages:
+            frame = _FRAME.pack(len(record), _checksum(self._chunk_offset, record), self._chunk_offset) + record
+            os.pwrite(self._stream.fileno(), frame, self._region_offset + self._used_bytes)
+            self._used_bytes += len(frame)
+        elif self._message_count:
             self._end_chunk()
         else:
-            self._used = CHUNK_BYTES
+            self._used_bytes = CHUNK_BYTES
 
     def _has_room(self, record: bytes) -> bool:
-        return self._used + _FRAME.size + len(record) <= CHUNK_BYTES
+        return self._used_bytes + _FRAME.size + len(record) <= CHUNK_BYTES
 
     def _end_chunk(self) -> None:
         check_is_there(self._stream)
         self._writer.flush()
-        self._chunk, self._used, self._messages = self._stream.tell(), 0, 0
+        self._chunk_offset, self._used_bytes, self._message_count = self._stream.tell(), 0, 0
 
 
-def _bytes(record: McapRecord) -> bytes:
+def _record_bytes(record: McapRecord) -> bytes:
     builder: Any = RecordBuilder()
     record.write(builder)
-    written: bytes = builder.end()
-    return written
+    record_bytes: bytes = builder.end()
+    return record_bytes
 
 
 def _checksum(chunk: int, record: bytes) -> int:
     return zlib.crc32(record, zlib.crc32(chunk.to_bytes(8, "little")))
 
 
-def kept_records(region: bytes) -> tuple[int, bytes]:
-    """Return the content of a file's region: the offset of its chunk, and its records, concatenated."""
-    records, at, chunk = bytearray(), 0, None
-    while at + _FRAME.size <= len(region):
-        length, checksum, offset = _FRAME.unpack_from(region, at)
-        at += _FRAME.size
-        record = region[at : at + length]
+def region_content(region: bytes) -> tuple[int, bytes]:
+    """Return the content of a file's region: the offset at which its chunk will be written, and its records, joined."""
+    records, position, chunk = bytearray(), 0, None
+    while position + _FRAME.size <= len(region):
+        length, checksum, offset = _FRAME.unpack_from(region, position)
+        position += _FRAME.size
+        record = region[position : position + length]
         is_complete = 0 < length == len(record) and checksum == _checksum(offset, record)
         if not is_complete or offset != (offset if chunk is None else chunk):
             break
         chunk = offset
         records += record
-        at += length
+        position += length
     return (0 if chunk is None else chunk, bytes(records))

@@ -1,8 +1,8 @@
 """Read a journal, complete or torn.
 
-A file is torn if its writer was killed, its disk was full, or it was copied in part. Other MCAP readers look for the
-end of the file first and refuse a torn one. `JournalReader` reads the file from its start, as far as possible, and then
-the region with the records that were not in a chunk yet.
+A file is torn if its writer was killed, its disk was full, or only a part of the file was copied. Other MCAP readers
+look for the end of the file first, and refuse a torn file. `JournalReader` reads the file from its start, as far as
+possible, and then the region with the records that were not in a chunk yet.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ from mcap.stream_reader import breakup_chunk
 from codra_dsl.runtime.journal.encoding import event_of
 from codra_dsl.runtime.journal.events import Event
 from codra_dsl.runtime.journal.file_lock import MAGIC, is_being_written
-from codra_dsl.runtime.journal.mcap_file import OPEN_CHUNK, RECORD, kept_records
+from codra_dsl.runtime.journal.mcap_file import OPEN_CHUNK, RECORD, region_content
 from codra_dsl.runtime.journal.run_header import FORMAT, FORMAT_VERSION, RunHeader
 from codra_dsl.runtime.journal.schemas import kind_of
 from codra_dsl.runtime.journal.spec_summary_data import summary_from_data
-from codra_dsl.runtime.journal.writer import OUTLINE
+from codra_dsl.runtime.journal.writer import SUMMARY_FILE
 
 __all__ = [
     "Damage",
@@ -39,25 +39,28 @@ __all__ = [
     "JournalReader",
 ]
 
-_READ = frozenset({Opcode.METADATA, Opcode.ATTACHMENT, Opcode.CHUNK, OPEN_CHUNK})
-_MOST_BYTES = 1 << 28
-"""The maximum size of one record, or of one decompressed chunk; those of codra are a thousandth as large."""
+_READ_OPCODES = frozenset({Opcode.METADATA, Opcode.ATTACHMENT, Opcode.CHUNK, OPEN_CHUNK})
+_MAX_BYTES = 1 << 28
+"""The maximum size of one record or decompressed chunk. The records and chunks that codra writes are far smaller.
+
+They have a thousandth of this size.
+"""
 _CHECKSUM_BYTES = 4
 
 
 class JournalError(Exception):
-    """The file is not a journal, or nothing in it can be read."""
+    """The file is not a journal, or no part of it can be read."""
 
 
 @dataclass(slots=True)
 class Damage:
-    """Missing and unreadable parts of a journal, complete once the journal has been read to its end.
+    """Missing and unreadable parts of a journal. The list is complete once the journal has been read to its end.
 
     Attributes:
         is_torn: whether the end of the file is missing.
         unread: descriptions of the parts that cannot be read.
-        lost: the number of messages that are missing between others, judged by their sequence numbers.
-        regained: the number of messages that only the region of records outside chunks holds.
+        lost: the number of messages that are missing between other messages, according to the sequence numbers.
+        regained: the number of messages that are in no chunk, but only in the region.
     """
 
     is_torn: bool = False
@@ -79,18 +82,19 @@ class JournalReader:
     """Reads a journal once, from its start to its end.
 
     Attributes:
-        metadata: metadata that tools show about the file, by name.
-        files: the attached files, by name.
+        metadata: metadata that tools show about the file. The key is the name of the metadata.
+        files: the attached files. The key is the name of the file.
         damage: missing and unreadable parts, complete once the journal has been read to its end.
-        place: the offset of the chunk of the last message, from which its messages can be read again.
-        is_live: whether its program was still writing it when it was opened.
+        place: the offset of the chunk of the last message. The messages can be read again from this offset on.
+        is_live: whether the program that writes the journal was still running when this reader opened it.
     """
 
     def __init__(self, path: Path) -> None:
         """Open a journal and read the part before its messages.
 
         Raises:
-            JournalError: if the file is not a journal.            OSError: if it cannot be read.
+            JournalError: if the file is not a journal.
+            OSError: if the file cannot be read.
         """
         self.path = path
         self.metadata: dict[str, dict[str, str]] = {}
@@ -105,7 +109,7 @@ class JournalReader:
         self._region_is_old = False
         self._schemas: dict[int, Schema] = {}
         self._channels: dict[int, Channel] = {}
-        self._next: tuple[int, int, bytes] | None = None
+        self._pending_record: tuple[int, int, bytes] | None = None
         self._has_ended = False
         try:
             self._read_start()
@@ -123,52 +127,54 @@ class JournalReader:
         """Return the run header.
 
         Raises:
-            JournalError: if the file has no readable run header.
+            JournalError: if the file has no run header, if the header cannot be read, or if it has a newer format.
         """
-        about = self.metadata.get(FORMAT)
-        if about is None or OUTLINE not in self.files:
+        metadata = self.metadata.get(FORMAT)
+        if metadata is None or SUMMARY_FILE not in self.files:
             raise JournalError(f"{self.path} is an MCAP file, but not a journal of codra")
         try:
-            if int(about["format_version"]) > FORMAT_VERSION:
-                raise JournalError(f"{self.path} was written by codra {about['codra']}, which is newer than this one")
-            return RunHeader.of(about, summary_from_data(json.loads(self.files[OUTLINE])))
+            if int(metadata["format_version"]) > FORMAT_VERSION:
+                raise JournalError(
+                    f"{self.path} was written by codra {metadata['codra']}, which is newer than this one"
+                )
+            return RunHeader.from_data(metadata, summary_from_data(json.loads(self.files[SUMMARY_FILE])))
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
             raise JournalError(f"{self.path} has no readable run header: {type(error).__name__}: {error}") from error
 
     def events(self) -> Iterator[Event]:
         """Yield all events, in the order in which they happened."""
-        return (event for note in self.notes() if (event := self.event(note)) is not None)
+        return (event for raw_message in self.raw_messages() if (event := self.event(raw_message)) is not None)
 
-    def event(self, note: RawMessage) -> Event | None:
+    def event(self, raw_message: RawMessage) -> Event | None:
         """Return the event of a message; None if the message holds no event or cannot be read."""
-        kind = kind_of(note.channel.topic)
+        kind = kind_of(raw_message.channel.topic)
         if kind is None:
             return None
         try:
-            return event_of(kind, note.message.data)
+            return event_of(kind, raw_message.message.data)
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
-            self.damage.unread.append(f"message {note.message.sequence}: {type(error).__name__}: {error}")
+            self.damage.unread.append(f"message {raw_message.message.sequence}: {type(error).__name__}: {error}")
             return None
 
-    def notes(self) -> Iterator[RawMessage]:
+    def raw_messages(self) -> Iterator[RawMessage]:
         """Yield all messages, in the order in which they were written."""
-        last = 0
+        last_sequence = 0
         for message, is_regained in self._messages():
             channel = self._channels.get(message.channel_id)
             schema = None if channel is None else self._schemas.get(channel.schema_id)
             if channel is None or schema is None:
                 self.damage.unread.append(f"message {message.sequence}: its channel is missing")
                 continue
-            self.damage.lost += max(message.sequence - last - 1, 0)
+            self.damage.lost += max(message.sequence - last_sequence - 1, 0)
             self.damage.regained += is_regained
-            last = message.sequence
+            last_sequence = message.sequence
             yield RawMessage(schema, channel, message)
 
-    def notes_from(self, place: int) -> Iterator[RawMessage]:
-        """Yield the messages from an earlier `place` on, and restart the record of damage."""
+    def raw_messages_from(self, place: int) -> Iterator[RawMessage]:
+        """Yield the messages from an earlier `place` on; `damage` is collected anew."""
         self._stream.seek(place)
-        self._next, self._has_ended, self._region_is_old, self.damage = None, False, False, Damage()
-        return self.notes()
+        self._pending_record, self._has_ended, self._region_is_old, self.damage = None, False, False, Damage()
+        return self.raw_messages()
 
     def size(self) -> int:
         """Return the current size in bytes; the file grows while a program writes it."""
@@ -180,22 +186,22 @@ class JournalReader:
             raise JournalError(f"{self.path} is {'not an MCAP file' if magic else 'empty: its run had not begun'}")
         for opcode, offset, content in self._records():
             if opcode not in (OPEN_CHUNK, Opcode.METADATA, Opcode.ATTACHMENT):
-                self.place, self._next = offset, (opcode, offset, content)
+                self.place, self._pending_record = offset, (opcode, offset, content)
                 break
             try:
-                self._take_start(opcode, content)
+                self._take_start_record(opcode, content)
             except (ValueError, EndOfFile, struct.error) as error:
                 message = f"{self.path} is damaged at byte {offset}, in its run header: "
                 raise JournalError(f"{message}{type(error).__name__} {error}".rstrip()) from error
 
-    def _take_start(self, opcode: int, content: bytes) -> None:
-        """Take a record from before all messages.
+    def _take_start_record(self, opcode: int, content: bytes) -> None:
+        """Take a record from the part of the file before the messages.
 
-        The region is read before the chunks. If a program writes the file meanwhile, all chunks before the one in the
-        region already exist, so the messages that are read have no gap.
+        The region is read before the chunks. If a program writes the file meanwhile, all chunks that precede the chunk
+        in the region already exist. So there is no gap between the messages that are read.
         """
         if opcode == OPEN_CHUNK:
-            self._region = kept_records(content)
+            self._region = region_content(content)
         elif opcode == Opcode.METADATA:
             metadata = Metadata.read(_stream(content))
             self.metadata[metadata.name] = metadata.metadata
@@ -206,20 +212,20 @@ class JournalReader:
             self.files[attachment.name] = attachment.data
 
     def _messages(self) -> Iterator[tuple[Message, bool]]:
-        if self._next is not None:
-            yield from self._messages_of(*self._next)
+        if self._pending_record is not None:
+            yield from self._messages_of(*self._pending_record)
         for record in self._records():
             yield from self._messages_of(*record)
         if not self._region_is_old:
             self.place = max(self._region[0], self.place)
-            yield from ((message, True) for message in self._taken(_split(self._region[1])))
+            yield from ((message, True) for message in self._take_records(_split(self._region[1])))
 
     def _messages_of(self, opcode: int, offset: int, content: bytes) -> Iterator[tuple[Message, bool]]:
         if opcode != Opcode.CHUNK:
             return
         try:
             chunk = Chunk.read(_stream(content))
-            if max(chunk.uncompressed_size, _decompressed_bytes(chunk)) > _MOST_BYTES:
+            if max(chunk.uncompressed_size, _decompressed_bytes(chunk)) > _MAX_BYTES:
                 raise ValueError(f"{chunk.uncompressed_size} bytes are too many")
             records = breakup_chunk(chunk, validate_crc=True)
         except Exception as error:  # noqa: BLE001 - the other chunks can be read despite any error in this one
@@ -228,9 +234,9 @@ class JournalReader:
         self.place = offset
         if offset == self._region[0]:
             self._region_is_old = True
-        yield from ((message, False) for message in self._taken(records))
+        yield from ((message, False) for message in self._take_records(records))
 
-    def _taken(self, records: list[Any]) -> Iterator[Message]:
+    def _take_records(self, records: list[Any]) -> Iterator[Message]:
         """Register channels and schemas, and yield the messages."""
         for record in records:
             match record:
@@ -242,23 +248,23 @@ class JournalReader:
                     yield record
 
     def _records(self) -> Iterator[tuple[int, int, bytes]]:
-        """Yield opcode, offset and content of the records up to the end of the data or of the last complete record."""
+        """Yield opcode, offset and content of each record, up to the end of the data or the last complete record."""
         while not self._has_ended:
             offset = self._stream.tell()
             header = self._stream.read(RECORD.size)
             opcode, length = RECORD.unpack(header) if len(header) == RECORD.size else (0, 0)
             size = self.size()
-            left = size - offset - RECORD.size
+            remaining_bytes = size - offset - RECORD.size
             if opcode in (Opcode.DATA_END, Opcode.FOOTER):
                 self._stream.seek(-len(MAGIC), 2)
                 self.damage.is_torn = self._stream.read() != MAGIC
                 self._has_ended = True
-            elif opcode == 0 or length > left:
+            elif opcode == 0 or length > remaining_bytes:
                 self.damage.is_torn = True
                 self._has_ended = True
                 if offset < size and not self.is_live:
                     self.damage.unread.append(f"the last {size - offset} bytes, from byte {offset} on")
-            elif opcode in _READ and length <= _MOST_BYTES:
+            elif opcode in _READ_OPCODES and length <= _MAX_BYTES:
                 yield opcode, offset, self._stream.read(length)
             else:
                 self._stream.seek(length, 1)

@@ -18,7 +18,7 @@ class Recovery:
         from_s: the instant at which the first message was written; 0 if the journal has no messages.
         to_s: the instant at which the last message was written.
         damage: the missing and unreadable parts of the torn journal.
-        is_live: whether its program was still writing the torn journal.
+        is_live: whether a program was still writing the torn journal.
     """
 
     messages: int
@@ -31,27 +31,28 @@ class Recovery:
 def recover(path: Path, target: Path) -> Recovery:
     """Write a complete journal with all content of another journal.
 
-    The result equals, byte for byte, the file of a writer that finished after the last event in the other journal.
+    The result equals, byte for byte, the file that the writer of the other journal would have written if it had
+    finished after the last event in that journal.
 
     Args:
-        path: the journal, torn or not; it is not changed.
+        path: the other journal, torn or not; it is not changed.
         target: the file to write; an existing file is replaced.
 
     Raises:
         JournalError: if the file is not a journal.
-        OSError: if it cannot be read, or the target cannot be written.
+        OSError: if the journal cannot be read, or the target cannot be written.
     """
-    part = target.with_name(f"{target.name}.part")
+    part_path = target.with_name(f"{target.name}.part")
     try:
-        with JournalReader(path) as reader, part.open("w+b") as stream:
+        with JournalReader(path) as reader, part_path.open("w+b") as stream:
             reader.header()
-            count, first_ns, last_ns = _copy(reader, McapFile(stream, reader.metadata, reader.files))
-        part.replace(target)
+            message_count, first_ns, last_ns = _copy(reader, McapFile(stream, reader.metadata, reader.files))
+        part_path.replace(target)
     except BaseException:
-        part.unlink(missing_ok=True)
+        part_path.unlink(missing_ok=True)
         raise
     return Recovery(
-        messages=count,
+        messages=message_count,
         from_s=first_ns / 1e9,
         to_s=last_ns / 1e9,
         damage=reader.damage,
@@ -60,24 +61,24 @@ def recover(path: Path, target: Path) -> Recovery:
 
 
 def _copy(reader: JournalReader, file: McapFile) -> tuple[int, int, int]:
-    """Copy all messages and finish the file; return their number, and the times of the first and the last."""
+    """Copy all messages and finish the file; return the number of messages, and the times of the first and the last."""
     schemas: dict[int, int] = {}
     channels: dict[int, int] = {}
-    count, first_ns, last_ns = 0, 0, 0
-    for note in reader.notes():
-        message = note.message
-        channel = _channel(note, file, schemas, channels)
+    message_count, first_ns, last_ns = 0, 0, 0
+    for raw_message in reader.raw_messages():
+        message = raw_message.message
+        channel = _channel_number(raw_message, file, schemas, channels)
         file.add(channel, message.log_time, message.publish_time, message.sequence, message.data)
-        first_ns, last_ns = first_ns if count else message.log_time, message.log_time
-        count += 1
+        first_ns, last_ns = first_ns if message_count else message.log_time, message.log_time
+        message_count += 1
     file.finish()
-    return count, first_ns, last_ns
+    return message_count, first_ns, last_ns
 
 
-def _channel(note: RawMessage, file: McapFile, schemas: dict[int, int], channels: dict[int, int]) -> int:
-    schema, channel = note.schema, note.channel
+def _channel_number(raw_message: RawMessage, file: McapFile, schemas: dict[int, int], channels: dict[int, int]) -> int:
+    schema, channel = raw_message.schema, raw_message.channel
     if channel.id not in channels:
         if schema.id not in schemas:
-            schemas[schema.id] = file.schema(schema.name, schema.data)
-        channels[channel.id] = file.channel(channel.topic, schemas[schema.id], channel.metadata)
+            schemas[schema.id] = file.add_schema(schema.name, schema.data)
+        channels[channel.id] = file.open_channel(channel.topic, schemas[schema.id], channel.metadata)
     return channels[channel.id]

@@ -16,17 +16,17 @@ FORMAT_VERSION = 1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunHeader:
-    """Describes the run.
+    """The description of a run.
 
     Attributes:
         spec: the name of the spec.
         file: the spec's file, relative to its project; empty if the model was built by hand.
         model: the digest of the spec's content, as in `manifest.json`; empty if the model was built by hand.
         seed: the seed of the random numbers that jobs draw.
-        start_s: the clock's reading at the start.
+        start_s: the time on the run's clock at the start.
         summary: the spec summary.
-        codra: the version of codra.
-        python: the version of Python.
+        codra: the version of codra that ran the spec.
+        python: the version of Python that ran the spec.
     """
 
     spec: str
@@ -40,11 +40,11 @@ class RunHeader:
 
     @classmethod
     def of_run(cls, summary: SpecSummary, manifest: Mapping[str, Any], *, seed: int, start_s: float) -> Self:
-        """Return the header of a run that begins, given the manifest of its package."""
+        """Return the header of a run that begins; `manifest` is that of the generated package."""
         file, model = str(manifest.get("spec", "")), str(manifest.get("model", ""))
         return cls(spec=summary.name, file=file, model=model, seed=seed, start_s=start_s, summary=summary)
 
-    def plain(self) -> dict[str, Any]:
+    def to_data(self) -> dict[str, Any]:
         """Return everything except the spec summary as plain data."""
         return {
             "format": FORMAT,
@@ -59,15 +59,15 @@ class RunHeader:
         }
 
     @classmethod
-    def of(cls, plain: Mapping[str, Any], summary: SpecSummary) -> Self:
-        """Return the header that `plain()` and a spec summary describe."""
+    def from_data(cls, data: Mapping[str, Any], summary: SpecSummary) -> Self:
+        """Return the header that `to_data()` and a spec summary describe."""
         return cls(
-            spec=str(plain["spec"]),
-            file=str(plain["file"]),
-            model=str(plain["model"]),
-            seed=int(plain["seed"]),
-            start_s=float(plain["start_s"]),
+            spec=str(data["spec"]),
+            file=str(data["file"]),
+            model=str(data["model"]),
+            seed=int(data["seed"]),
+            start_s=float(data["start_s"]),
             summary=summary,
-            codra=str(plain["codra"]),
-            python=str(plain["python"]),
+            codra=str(data["codra"]),
+            python=str(data["python"]),
         )

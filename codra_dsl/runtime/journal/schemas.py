@@ -1,7 +1,7 @@
 """The kinds of journal events: their topics, their JSON schemas, and what tools show of a topic.
 
-A new kind needs a member of `Kind`, a schema and an entry of `TOPICS`, all in this module; the rest of the journal, the
-commands and replay take them from here. The code that adds the events is elsewhere.
+A new kind of event needs a member of `Kind`, a schema and an entry of `TOPICS`, all in this module. The rest of the
+journal, the commands and replay use the kinds that this module defines. The code that adds the events is elsewhere.
 
 Each field has one type, and unknown values are left out, because viewers support neither unions nor null in schemas.
 """
@@ -16,13 +16,13 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from codra_dsl.runtime.journal.fields import (
-    BOUNDS,
-    JUDGED,
+    BOUND_FIELDS,
+    JUDGEMENT_FIELDS,
     Field,
     event_schema,
     field_schema,
     list_schema,
-    parts_schema,
+    object_list_schema,
     reason_schema,
     unit_text,
 )
@@ -34,11 +34,11 @@ RUN_TOPIC = "/codra/run"
 
 RULE_EVENTS = {
     "begun": "its precondition held",
-    "broken": "its condition during execution no longer holds",
+    "broken": "its condition for the time of execution no longer holds",
     "fulfilled": "its postcondition holds",
     "unfulfilled": "it has ended, and its postcondition does not hold",
 }
-"""The changes of an agent's rule, by the `what` of their event."""
+"""The changes of an agent's rule. The key is the `what` of the event."""
 
 _JSON_TYPES = {"bool": "boolean", "int": "integer", "float": "number", "str": "string", "enum": "string"}
 
@@ -46,8 +46,9 @@ _JSON_TYPES = {"bool": "boolean", "int": "integer", "float": "number", "str": "s
 class Kind(StrEnum):
     """The subject of an event.
 
-    An `INPUT` reaches the context manager from outside and cannot be derived from other events: a call by a program, or
-    the end of a job's function. All other events follow from inputs and evidence. Only journals hold inputs.
+    An `INPUT` is an event that reaches the context manager from outside and does not follow from other events: a call
+    by a program, or the end of a job's function. All other events follow from inputs and evidence. Only journals hold
+    inputs; an event log in memory does not.
     """
 
     VARIABLE = "variable"
@@ -63,15 +64,15 @@ class Kind(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Topic:
-    """The topics of the events of a kind, and their descriptions.
+    """The topics to which the events of one kind are written, and descriptions of these topics.
 
     Attributes:
-        folder: the folder of topics, with one topic per subject; if shared, the one topic of all events of the kind.
+        folder: the folder of the topics, which has one topic for each subject. If `is_shared`, the only topic.
         schema: returns the name of the schema of a subject's events, and the schema.
-        metadata: returns the metadata of a subject's topic that tools show: units, label.
+        metadata: returns the metadata that tools show about a subject's topic: units, label.
         place: returns the place of a subject in the spec.
-        is_shared: whether all events of the kind go to one topic.
-        has_evidence_time: whether a message is published at the time of its evidence; otherwise at that of the event.
+        is_shared: whether all events of the kind are written to one topic.
+        has_evidence_time: whether the publish time of a message is the time of its evidence, not of the event.
     """
 
     folder: str
@@ -99,8 +100,8 @@ def schema_of(kind: Kind, name: str, summary: SpecSummary) -> tuple[str, Field]:
     return TOPICS[kind].schema(name, summary)
 
 
-def about(kind: Kind, name: str, summary: SpecSummary) -> dict[str, str]:
-    """Return the metadata of a subject's topic that tools show: units, label, place in the spec."""
+def topic_metadata(kind: Kind, name: str, summary: SpecSummary) -> dict[str, str]:
+    """Return the metadata that tools show about a subject's topic: units, label, place in the spec."""
     topic, place = TOPICS[kind], place_of(kind, name, summary)
     metadata = {**topic.metadata(name, summary), "place": "" if place is None else str(place)}
     return {key: text for key, text in metadata.items() if text}
@@ -122,7 +123,7 @@ def _variable_metadata(name: str, summary: SpecSummary) -> Mapping[str, str]:
 
 
 def _job_metadata(name: str, summary: SpecSummary) -> Mapping[str, str]:
-    return {f"unit of {key}": returned.unit or "" for key, returned in summary.algorithms[name].returns.items()}
+    return {f"unit of {key}": value_type.unit or "" for key, value_type in summary.algorithms[name].returns.items()}
 
 
 def _no_metadata(_name: str, _summary: SpecSummary) -> Mapping[str, str]:
@@ -141,7 +142,7 @@ def _place_of_observer(name: str, summary: SpecSummary) -> Place | None:
     return summary.observers[name].place if name in summary.observers else None
 
 
-def _nowhere(_name: str, _summary: SpecSummary) -> Place | None:
+def _no_place(_name: str, _summary: SpecSummary) -> Place | None:
     return None
 
 
@@ -154,7 +155,7 @@ def run_schema() -> tuple[str, Field]:
         "file": field_schema("string", "The spec's file, relative to its project; empty if there is none."),
         "model": field_schema("string", "A digest of the spec's content, as in manifest.json; empty if there is none."),
         "seed": field_schema("integer", "The seed of the random numbers that perception functions draw."),
-        "start_s": field_schema("number", "The reading of the run's clock at the start."),
+        "start_s": field_schema("number", "The time on the run's clock at the start."),
         "codra": field_schema("string", "The version of codra that ran the spec."),
         "python": field_schema("string", "The version of Python that ran the spec."),
     }
@@ -167,7 +168,7 @@ def run_schema() -> tuple[str, Field]:
     }
 
 
-def _of_variable(name: str, summary: SpecSummary) -> tuple[str, Field]:
+def _variable_schema(name: str, summary: SpecSummary) -> tuple[str, Field]:
     kind = summary.variables[name].type.kind
     return f"codra.Variable.{kind}", event_schema(
         "A reading of a context-variable, or a value that was not accepted.",
@@ -187,7 +188,7 @@ def _of_variable(name: str, summary: SpecSummary) -> tuple[str, Field]:
     )
 
 
-def _of_observer(_name: str, _summary: SpecSummary) -> tuple[str, Field]:
+def _observer_schema(_name: str, _summary: SpecSummary) -> tuple[str, Field]:
     return "codra.Observer", event_schema(
         "A start, stop or failure of an observer.",
         "The observer.",
@@ -196,11 +197,11 @@ def _of_observer(_name: str, _summary: SpecSummary) -> tuple[str, Field]:
     )
 
 
-def _of_job(name: str, summary: SpecSummary) -> tuple[str, Field]:
+def _job_schema(name: str, summary: SpecSummary) -> tuple[str, Field]:
     algorithm = summary.algorithms[name]
     returns = {
-        key: field_schema(_JSON_TYPES[returned.kind], unit_text(returned.unit))
-        for key, returned in algorithm.returns.items()
+        key: field_schema(_JSON_TYPES[value_type.kind], unit_text(value_type.unit))
+        for key, value_type in algorithm.returns.items()
     }
     return f"codra.Job.{name}", event_schema(
         "A change in the state of a job of a perception algorithm.",
@@ -214,7 +215,7 @@ def _of_job(name: str, summary: SpecSummary) -> tuple[str, Field]:
             "cancelled": "its result is no longer needed",
             "stuck": "it was cancelled and does not end",
         },
-        index=field_schema("integer", "The number of the job among those of its algorithm."),
+        index=field_schema("integer", "The number of the job among the jobs of its algorithm."),
         values={
             "type": "object",
             "description": "The result, without the quantities that were not measured.",
@@ -229,7 +230,7 @@ def _of_job(name: str, summary: SpecSummary) -> tuple[str, Field]:
     )
 
 
-def _of_decision(name: str, summary: SpecSummary) -> tuple[str, Field]:
+def _decision_schema(name: str, summary: SpecSummary) -> tuple[str, Field]:
     kind = summary.variables[name].type.kind
     return f"codra.Decision.{kind}", event_schema(
         "How a decision of the main execution was answered.",
@@ -253,24 +254,24 @@ def _of_decision(name: str, summary: SpecSummary) -> tuple[str, Field]:
     )
 
 
-def _of_declaration(_name: str, _summary: SpecSummary) -> tuple[str, Field]:
+def _declaration_schema(_name: str, _summary: SpecSummary) -> tuple[str, Field]:
     return "codra.Declaration", event_schema(
-        "A declaration by the main execution that it needs a variable, or the withdrawal of one.",
+        "The main execution declares that it needs a variable, or that it no longer needs the variable.",
         "The variable.",
         {"declared": "it is needed", "withdrawn": "it is no longer needed"},
         holder=field_schema("string", "On whose behalf: main_execution, expected, or a skill."),
     )
 
 
-def _of_expectation(name: str, summary: SpecSummary) -> tuple[str, Field]:
+def _expectation_schema(name: str, summary: SpecSummary) -> tuple[str, Field]:
     kind = summary.variables[name].type.kind
     return f"codra.Expectation.{kind}", event_schema(
         "The result of a skill's expectation.",
         "The variable that the expectation is about.",
         {
             "met": "it became true, or stayed true",
-            "violated": "it did not become or stay true",
-            "not_seen": "it has not been observed yet",
+            "violated": "it did not become true, or did not stay true",
+            "not_seen": "up to now, it was not observed whether it became or stayed true",
         },
         skill=field_schema("string", "The skill."),
         expected=field_schema("string", "The expectation, as written in the spec."),
@@ -282,25 +283,25 @@ def _of_expectation(name: str, summary: SpecSummary) -> tuple[str, Field]:
     )
 
 
-def _of_input(_name: str, _summary: SpecSummary) -> tuple[str, Field]:
+def _input_schema(_name: str, _summary: SpecSummary) -> tuple[str, Field]:
     return "codra.Input", event_schema(
         "An input to the context manager from outside. Replay starts from inputs and from the results of jobs.",
         "The sender: main_execution, with a number if there are several, an agent, an algorithm, or the clock.",
         {
             "declare": "a variable is needed",
-            "withdraw": "it is no longer needed",
+            "withdraw": "the variable is no longer needed",
             "expect": "these skills come next",
             "begin": "a skill begins",
-            "act": "it acts",
-            "acted": "it no longer acts",
-            "finish": "it ends",
+            "act": "the skill acts",
+            "acted": "the skill no longer acts",
+            "finish": "the skill ends",
             "write": "a variable is written",
             "decide": "a decision is requested",
-            "waited": "it has waited for observers",
+            "waited": "the decision has waited for observers",
             "found": "the main execution has acquired the value itself",
             "request": "the main execution requests slots",
-            "release": "it releases them",
-            "leave": "all its declarations are withdrawn",
+            "release": "the main execution releases the slots",
+            "leave": "all declarations of the main execution are withdrawn",
             "close": "the run ends",
             "delivered": "the function of a job ended",
             "unstarted": "the function of a job could not be started",
@@ -312,7 +313,9 @@ def _of_input(_name: str, _summary: SpecSummary) -> tuple[str, Field]:
             "adapt": "a loop reports an adaptation",
         },
         step=field_schema("integer", "The number of clock events before this input."),
-        work=field_schema("integer", "In simulated time, the number, among all jobs, of the job that makes this call."),
+        work=field_schema(
+            "integer", "In simulated time, the job that makes this call: its number, counted over all jobs."
+        ),
         variable=field_schema("string", "The variable."),
         value=field_schema("string", "The value, as JSON."),
         evidence_s=list_schema("number", "When the evidence was taken: its end, or start and end."),
@@ -326,17 +329,17 @@ def _of_input(_name: str, _summary: SpecSummary) -> tuple[str, Field]:
         raised=field_schema("string", "The error that the acquisition raised, or why the decision was abandoned."),
         resources=list_schema("string", "The resources whose slots are requested."),
         index=field_schema("integer", "The number of the job."),
-        told_s=field_schema("number", "When the job reported it."),
+        told_s=field_schema("number", "When the job reported the time of its evidence."),
         message=field_schema("string", "The error."),
         operations=field_schema("string", "The change, as JSON: a list of operations with their arguments."),
         rule=field_schema("string", "The rule of the agent."),
         became=field_schema("string", "The new state of the rule."),
-        told=field_schema("string", "The report of the loop, as JSON: the name and what of an event, and its details."),
+        told=field_schema("string", "The report of the loop, as JSON: an event's name, `what` and details."),
         subject=field_schema("string", "The target of the refused write: a node, an attribute, an edge, or a task."),
     )
 
 
-def _of_knowledge(_name: str, _summary: SpecSummary) -> tuple[str, Field]:
+def _knowledge_schema(_name: str, _summary: SpecSummary) -> tuple[str, Field]:
     return "codra.Knowledge", event_schema(
         "A change of the knowledge graph, or a refused one.",
         "A node, node.attribute, an edge as origin -type-> target, a task, or agent.rule.",
@@ -357,7 +360,9 @@ def _of_knowledge(_name: str, _summary: SpecSummary) -> tuple[str, Field]:
         agent=field_schema(
             "string", "The agent that made the change; empty at the start and for the graph's own changes."
         ),
-        version=field_schema("integer", "The number of the change of the graph; its events became visible at once."),
+        version=field_schema(
+            "integer", "The number of the graph's change. All events with the same number became visible together."
+        ),
         type=field_schema("string", "The type of the node or edge."),
         label=field_schema("string", "The label of the edge."),
         value=field_schema("string", "The value of the attribute, as JSON; left out when unknown."),
@@ -376,17 +381,17 @@ def _of_knowledge(_name: str, _summary: SpecSummary) -> tuple[str, Field]:
         ),
         rule=field_schema("string", "The rule of the agent."),
         message=field_schema(
-            "string", "Who may write it, why a task was aborted, or which part of a rule does not hold."
+            "string", "Who may write the element, why a task was aborted, or which part of a rule does not hold."
         ),
     )
 
 
-def _of_adaptation(_name: str, _summary: SpecSummary) -> tuple[str, Field]:
+def _adaptation_schema(_name: str, _summary: SpecSummary) -> tuple[str, Field]:
     return "codra.Adaptation", event_schema(
         "A decision or action of a loop, with its chain of causes.",
         "The loop, course, parameter or tree.",
-        _ADAPTATIONS,
-        loop=field_schema("string", "The loop that did it or reports it."),
+        _ADAPTATION_EVENTS,
+        loop=field_schema("string", "The loop that decided or acted, or that reports the action."),
         adapts=list_schema("string", "The courses and parameters of the loop that runs."),
         course=field_schema("string", "For a branch, the course that it belongs to."),
         agent=field_schema("string", "The responsible agent."),
@@ -396,7 +401,7 @@ def _of_adaptation(_name: str, _summary: SpecSummary) -> tuple[str, Field]:
         ),
         before=field_schema("string", "The action that was left; left out if none."),
         because=field_schema(
-            "string", "first, leads, worse, hard_rule, nothing_known or planner; for a parameter, changed."
+            "string", "The reason: first, leads, worse, hard_rule, nothing_known or planner; for a parameter, changed."
         ),
         rule=field_schema("string", "The hard rule that decided, or the parameter's target, as written in the spec."),
         place=field_schema("string", "The place of that rule or target in the spec."),
@@ -406,39 +411,39 @@ def _of_adaptation(_name: str, _summary: SpecSummary) -> tuple[str, Field]:
         took_s=field_schema("number", "How long ending the branch has taken."),
         tasks=list_schema("string", "The unfinished tasks."),
         message=field_schema("string", "The error."),
-        since_s=field_schema("number", "Since when the previous course or value had been set."),
+        since_s=field_schema("number", "Since when the previous action was the course, or the value was set."),
         dwell_until_s=field_schema(
-            "number", "Until when it would have been kept without a hard rule or a worse metric."
+            "number", "Until when the course would have been kept without a hard rule or a worse metric."
         ),
-        readings=parts_schema(
+        readings=object_list_schema(
             "The readings that were used.",
             variable=field_schema("string", "The variable."),
             value=field_schema("string", "Its value, as JSON; left out when unknown."),
             evidence_s=field_schema("number", "When its evidence was taken."),
             because=field_schema("string", "Why it is unknown."),
         ),
-        degrees=parts_schema(
+        degrees=object_list_schema(
             "The degree of membership of each input in each of its terms.",
             variable=field_schema("string", "The input."),
             term=field_schema("string", "The term of the input."),
-            **BOUNDS,
+            **BOUND_FIELDS,
         ),
-        rules=parts_schema(
+        rules=object_list_schema(
             "The strength of each rule; for an analysis, only rules that act.",
             text=field_schema("string", "The rule."),
             concludes=list_schema("string", "The outputs that the rule concludes about."),
             place=field_schema("string", "The place of the rule in the spec."),
-            **BOUNDS,
+            **BOUND_FIELDS,
         ),
-        metrics=parts_schema("The metrics.", **JUDGED),
-        weights=parts_schema(
+        metrics=object_list_schema("The metrics.", **JUDGEMENT_FIELDS),
+        weights=object_list_schema(
             "The weights of the actions, and the state of the filter.",
-            **JUDGED,
+            **JUDGEMENT_FIELDS,
             smoothed=field_schema("number", "The smoothed value, which decides."),
-            leads_since_s=field_schema("number", "Since when it leads the course that was left."),
-            cooldown_until_s=field_schema("number", "Until when it cannot be chosen again."),
+            leads_since_s=field_schema("number", "Since when the action leads the course that was left."),
+            cooldown_until_s=field_schema("number", "Until when the action cannot be chosen again."),
         ),
-        kept_by=parts_schema(
+        kept_by=object_list_schema(
             "Single changes that would have kept the course: the smallest change of each kind.",
             kind=field_schema("string", "The kind of the change: of an input, or of a weight."),
             name=field_schema("string", "The variable, or the action."),
@@ -449,7 +454,7 @@ def _of_adaptation(_name: str, _summary: SpecSummary) -> tuple[str, Field]:
     )
 
 
-_ADAPTATIONS: Mapping[str, str] = {
+_ADAPTATION_EVENTS: Mapping[str, str] = {
     "started": "the loop runs",
     "stopped": "the loop no longer runs",
     "analysed": "some metrics or weights have changed",
@@ -464,32 +469,38 @@ _ADAPTATIONS: Mapping[str, str] = {
 TOPICS: Mapping[Kind, Topic] = {
     Kind.VARIABLE: Topic(
         folder="/codra/context",
-        schema=_of_variable,
+        schema=_variable_schema,
         metadata=_variable_metadata,
         place=_place_of_variable,
         has_evidence_time=True,
     ),
     Kind.OBSERVER: Topic(
-        folder="/codra/observer", schema=_of_observer, metadata=_no_metadata, place=_place_of_observer
+        folder="/codra/observer", schema=_observer_schema, metadata=_no_metadata, place=_place_of_observer
     ),
     Kind.JOB: Topic(
-        folder="/codra/perception", schema=_of_job, metadata=_job_metadata, place=_place_of_job, has_evidence_time=True
+        folder="/codra/perception",
+        schema=_job_schema,
+        metadata=_job_metadata,
+        place=_place_of_job,
+        has_evidence_time=True,
     ),
     Kind.DECISION: Topic(
-        folder="/codra/decision", schema=_of_decision, metadata=_variable_metadata, place=_place_of_variable
+        folder="/codra/decision", schema=_decision_schema, metadata=_variable_metadata, place=_place_of_variable
     ),
     Kind.DECLARATION: Topic(
-        folder="/codra/declaration", schema=_of_declaration, metadata=_variable_metadata, place=_place_of_variable
+        folder="/codra/declaration", schema=_declaration_schema, metadata=_variable_metadata, place=_place_of_variable
     ),
     Kind.EXPECTATION: Topic(
-        folder="/codra/expectation", schema=_of_expectation, metadata=_variable_metadata, place=_place_of_variable
+        folder="/codra/expectation", schema=_expectation_schema, metadata=_variable_metadata, place=_place_of_variable
     ),
     Kind.KNOWLEDGE: Topic(
-        folder="/codra/knowledge", schema=_of_knowledge, metadata=_no_metadata, place=_nowhere, is_shared=True
+        folder="/codra/knowledge", schema=_knowledge_schema, metadata=_no_metadata, place=_no_place, is_shared=True
     ),
     Kind.ADAPTATION: Topic(
-        folder="/codra/adaptation", schema=_of_adaptation, metadata=_no_metadata, place=_nowhere, is_shared=True
+        folder="/codra/adaptation", schema=_adaptation_schema, metadata=_no_metadata, place=_no_place, is_shared=True
     ),
-    Kind.INPUT: Topic(folder="/codra/input", schema=_of_input, metadata=_no_metadata, place=_nowhere, is_shared=True),
+    Kind.INPUT: Topic(
+        folder="/codra/input", schema=_input_schema, metadata=_no_metadata, place=_no_place, is_shared=True
+    ),
 }
-"""The topics by kind of event."""
+"""The topics of each kind of event."""

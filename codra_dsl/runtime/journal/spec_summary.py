@@ -1,4 +1,4 @@
-"""The summary of a spec: the parts that explain a run, in a form that can be written to a file.
+"""The summary of a spec: its parts that are needed to explain a run, in a form that can be written to a file.
 
 The summary is made from the running forest and from `sources.json` beside the generated code. A journal contains it, so
 `why` needs neither the package nor the spec.
@@ -20,7 +20,7 @@ class Place:
     """A place in a spec.
 
     Attributes:
-        use: where the template is used; None if the place is not in a template.
+        use: if the place is in a template, the place where this template is used; otherwise None.
     """
 
     file: str
@@ -28,8 +28,8 @@ class Place:
     use: Place | None = None
 
     def __str__(self) -> str:
-        used = "" if self.use is None else f" (used at {self.use})"
-        return f"{self.file}:{self.line}{used}"
+        use_text = "" if self.use is None else f" (used at {self.use})"
+        return f"{self.file}:{self.line}{use_text}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,7 +38,7 @@ class Rule:
 
     Attributes:
         python: the Python expression that builds the condition.
-        source_text: the text in the spec; None if it is not known.
+        source_text: the text of the condition in the spec; None if this text is not known.
     """
 
     python: str
@@ -52,7 +52,7 @@ class Rule:
 
     @property
     def text(self) -> str:
-        """Return the text in the spec; if it is not known, a text formatted from `python`."""
+        """Return the condition's text in the spec; if this text is not known, a text formatted from `python`."""
         return format_condition(self.python) if self.source_text is None else self.source_text
 
 
@@ -61,10 +61,10 @@ class AlgorithmSummary:
     """A perception algorithm: its preconditions and how its results are evaluated.
 
     Attributes:
-        conditions: its observability preconditions.
+        conditions: the observability preconditions.
         accepts: the conditions that a result must meet to be accepted.
-        identifies: by variable, the condition or value that is computed from a result.
-        returns: the type of each value in its result.
+        identifies: for each variable, the condition or value that is computed from a result.
+        returns: the type of each value in a result.
     """
 
     name: str
@@ -92,8 +92,10 @@ class SpecSummary:
     """The summary of a complete spec.
 
     Attributes:
-        places: the places of variables and skills, by `context/NAME` and `skill/NAME`; those of knowledge likewise.
-        nodes: by variable, the graph node that has the variable as an attribute; empty without a knowledge graph.
+        places: the places of variables, skills and elements of knowledge. The keys are like `context/NAME` for a
+            variable and `skill/NAME` for a skill.
+        nodes: for each variable, the graph node that has this variable as an attribute; empty without a knowledge
+            graph.
     """
 
     name: str
@@ -105,7 +107,7 @@ class SpecSummary:
     nodes: Mapping[str, str] = field(default_factory=dict)
 
     def observer_of(self, variable: str) -> ObserverSummary | None:
-        """Return the observer of a variable; None if it has none."""
+        """Return the observer of a variable; None if the variable has no observer."""
         return next((observer for observer in self.observers.values() if variable in observer.identifies), None)
 
     def algorithms_of(self, variable: str) -> tuple[AlgorithmSummary, ...]:

@@ -27,59 +27,59 @@ class Change:
     now: Rule | None
 
     def __str__(self) -> str:
-        return f"{self.owner}, {self.what}: {_shown(self.now)}; the run had {_shown(self.before)}"
+        return f"{self.owner}, {self.what}: {_rule_text(self.now)}; the run had {_rule_text(self.before)}"
 
 
-def _shown(rule: Rule | None) -> str:
+def _rule_text(rule: Rule | None) -> str:
     if rule is None:
         return "none"
     return rule.text if rule.place is None else f"{rule.text} [{rule.place}]"
 
 
 def changes_near(names: Iterable[str], before: SpecSummary, now: SpecSummary) -> tuple[Change, ...]:
-    """Return the differences between two versions; those nearest to some variables, algorithms or observers come first.
+    """Return the differences between two versions, ordered by their distance from some variables and algorithms.
 
-    The nearest are those of the algorithms that identify a variable, then those of the variables that these algorithms
-    need, and so on up the dependency graph.
+    The differences in these elements (or observers) themselves come first. Then come the differences in the algorithms
+    that identify a variable, then in the variables that these algorithms need, and so on up the dependency graph.
     """
-    order = {owner: number for number, owner in enumerate(_upstream(names, before, now))}
-    return tuple(sorted(changes(before, now), key=lambda change: order.get(change.owner, len(order))))
+    positions = {owner: position for position, owner in enumerate(_upstream_names(names, before, now))}
+    return tuple(sorted(changes(before, now), key=lambda change: positions.get(change.owner, len(positions))))
 
 
 def changes(before: SpecSummary, now: SpecSummary) -> Iterator[Change]:
     """Yield the differences between two versions."""
     old, new = _settings(before), _settings(now)
     for key in dict.fromkeys((*new, *old)):
-        yield from _changed(*key, old.get(key, ()), new.get(key, ()))
+        yield from _setting_changes(*key, old.get(key, ()), new.get(key, ()))
 
 
-def _changed(owner: str, what: str, old: Sequence[Rule], new: Sequence[Rule]) -> Iterator[Change]:
+def _setting_changes(owner: str, what: str, old: Sequence[Rule], new: Sequence[Rule]) -> Iterator[Change]:
     old_texts, new_texts = {rule.python for rule in old}, {rule.python for rule in new}
     removed = [rule for rule in old if rule.python not in new_texts]
     added = [rule for rule in new if rule.python not in old_texts]
-    for was, is_now in zip_longest(removed, added):
-        yield Change(owner=owner, what=what, before=was, now=is_now)
+    for old_rule, new_rule in zip_longest(removed, added):
+        yield Change(owner=owner, what=what, before=old_rule, now=new_rule)
 
 
 def _settings(summary: SpecSummary) -> Mapping[tuple[str, str], Sequence[Rule]]:
-    """Return all settings that decide what happens in a run, by owner and setting."""
+    """Return all settings that decide what happens in a run. The key is the owner and the name of the setting."""
     settings: dict[tuple[str, str], Sequence[Rule]] = {}
     for algorithm in summary.algorithms.values():
         settings |= {(algorithm.name, what): rules for what, rules in _algorithm_settings(algorithm).items()}
     for variable in summary.variables.values():
         place = summary.places.get(f"context/{variable.name}")
-        settings[variable.name, "type"] = _plain(_type(variable.type), place)
-        settings[variable.name, "source"] = _plain(" or ".join(variable.sources), place)
-        settings[variable.name, "valid_for"] = _plain(f"{variable.valid_for_s:g} s", place)
-        settings[variable.name, "when_unobservable"] = _plain(str(variable.when_unobservable), place)
+        settings[variable.name, "type"] = _text_rules(_type_text(variable.type), place)
+        settings[variable.name, "source"] = _text_rules(" or ".join(variable.sources), place)
+        settings[variable.name, "valid_for"] = _text_rules(f"{variable.valid_for_s:g} s", place)
+        settings[variable.name, "when_unobservable"] = _text_rules(str(variable.when_unobservable), place)
     for observer in summary.observers.values():
-        settings[observer.name, "algorithms"] = _plain(", ".join(observer.algorithms), observer.place)
-        settings[observer.name, "period"] = _plain(f"{observer.period_s:g} s", observer.place)
+        settings[observer.name, "algorithms"] = _text_rules(", ".join(observer.algorithms), observer.place)
+        settings[observer.name, "period"] = _text_rules(f"{observer.period_s:g} s", observer.place)
     for skill in summary.skills.values():
         place = summary.places.get(f"skill/{skill.name}")
-        settings[skill.name, "preview"] = _plain(", ".join(map(str, skill.preview)), place)
-        settings[skill.name, "monitor"] = _plain(", ".join(map(str, skill.monitor)), place)
-        settings[skill.name, "changes"] = _plain(", ".join(map(str, skill.changes)), place)
+        settings[skill.name, "preview"] = _text_rules(", ".join(map(str, skill.preview)), place)
+        settings[skill.name, "monitor"] = _text_rules(", ".join(map(str, skill.monitor)), place)
+        settings[skill.name, "changes"] = _text_rules(", ".join(map(str, skill.changes)), place)
     return settings
 
 
@@ -87,28 +87,34 @@ def _algorithm_settings(algorithm: AlgorithmSummary) -> Mapping[str, Sequence[Ru
     return {
         "observable_when": algorithm.conditions,
         "accept_when": algorithm.accepts,
-        "timeout": _plain(f"{algorithm.timeout_s:g} s", algorithm.place),
+        "timeout": _text_rules(f"{algorithm.timeout_s:g} s", algorithm.place),
         **{f"identifies {variable}": (rule,) for variable, rule in algorithm.identifies.items()},
-        **{f"returns {name}": _plain(_type(kind), algorithm.place) for name, kind in algorithm.returns.items()},
+        **{
+            f"returns {name}": _text_rules(_type_text(kind), algorithm.place)
+            for name, kind in algorithm.returns.items()
+        },
     }
 
 
-def _plain(text: str, place: Place | None) -> Sequence[Rule]:
+def _text_rules(text: str, place: Place | None) -> Sequence[Rule]:
     return (Rule(python=text, source_text=text, place=place),)
 
 
-def _type(declared: ValueType) -> str:
-    ends = "" if declared.range is None else f" from {declared.range[0]:g} to {declared.range[1]:g}"
-    unit, members = f" {declared.unit}" if declared.unit else "", ", ".join(declared.members)
-    return f"{'optional ' if declared.optional else ''}{declared.kind}{unit}{ends}{members and f' of {members}'}"
+def _type_text(value_type: ValueType) -> str:
+    range_text = "" if value_type.range is None else f" from {value_type.range[0]:g} to {value_type.range[1]:g}"
+    unit_text, members_text = f" {value_type.unit}" if value_type.unit else "", ", ".join(value_type.members)
+    optional_text = "optional " if value_type.optional else ""
+    return f"{optional_text}{value_type.kind}{unit_text}{range_text}{members_text and f' of {members_text}'}"
 
 
-def _upstream(names: Iterable[str], *summaries: SpecSummary) -> Sequence[str]:
-    """Return the variables, algorithms and observers that some names depend on, the nearest first."""
-    visited = list(names)
-    for name in visited:
-        visited.extend(source for summary in summaries for source in _sources(name, summary) if source not in visited)
-    return visited
+def _upstream_names(names: Iterable[str], *summaries: SpecSummary) -> Sequence[str]:
+    """Return some names, and the variables, algorithms and observers on which they depend, the nearest first."""
+    visited_names = list(names)
+    for name in visited_names:
+        visited_names.extend(
+            source for summary in summaries for source in _sources(name, summary) if source not in visited_names
+        )
+    return visited_names
 
 
 def _sources(name: str, summary: SpecSummary) -> Iterator[str]:

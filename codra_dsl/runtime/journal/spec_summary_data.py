@@ -46,18 +46,18 @@ def _variable_to_data(variable: VariableModel) -> dict[str, Any]:
         **_type_to_data(variable.type),
         "label": variable.label,
         "sources": list(variable.sources),
-        "valid_for_s": _finite(variable.valid_for_s),
+        "valid_for_s": _finite_or_none(variable.valid_for_s),
         "when_unobservable": variable.when_unobservable,
     }
 
 
-def _type_to_data(declared: ValueType) -> dict[str, Any]:
+def _type_to_data(value_type: ValueType) -> dict[str, Any]:
     return {
-        "type": declared.kind,
-        "unit": declared.unit,
-        "range": None if declared.range is None else [_finite(end) for end in declared.range],
-        "values": list(declared.members),
-        "optional": declared.optional,
+        "type": value_type.kind,
+        "unit": value_type.unit,
+        "range": None if value_type.range is None else [_finite_or_none(bound) for bound in value_type.range],
+        "values": list(value_type.members),
+        "optional": value_type.optional,
     }
 
 
@@ -66,8 +66,8 @@ def _algorithm_to_data(algorithm: AlgorithmSummary) -> dict[str, Any]:
         "observable_when": [_rule_to_data(rule) for rule in algorithm.conditions],
         "accept_when": [_rule_to_data(rule) for rule in algorithm.accepts],
         "identifies": {name: _rule_to_data(rule) for name, rule in algorithm.identifies.items()},
-        "returns": {name: _type_to_data(returned) for name, returned in algorithm.returns.items()},
-        "timeout_s": _finite(algorithm.timeout_s),
+        "returns": {name: _type_to_data(value_type) for name, value_type in algorithm.returns.items()},
+        "timeout_s": _finite_or_none(algorithm.timeout_s),
         "place": _place_to_data(algorithm.place),
     }
 
@@ -79,11 +79,11 @@ def _rule_to_data(rule: Rule) -> dict[str, Any]:
 def _place_to_data(place: Place | None) -> dict[str, Any] | None:
     if place is None:
         return None
-    use = {} if place.use is None else {"use": _place_to_data(place.use)}
-    return {"file": place.file, "line": place.line, **use}
+    use_data = {} if place.use is None else {"use": _place_to_data(place.use)}
+    return {"file": place.file, "line": place.line, **use_data}
 
 
-def _finite(number: float) -> float | None:
+def _finite_or_none(number: float) -> float | None:
     return number if math.isfinite(number) else None
 
 
@@ -91,7 +91,7 @@ def summary_from_data(data: Mapping[str, Any]) -> SpecSummary:
     """Return the summary in plain data.
 
     Raises:
-        ValueError: if the data is not a summary; KeyError, TypeError and AttributeError likewise.
+        ValueError, KeyError, TypeError, AttributeError: if the data is not a summary.
     """
     return SpecSummary(
         name=str(data["name"]),
@@ -127,23 +127,25 @@ def _variable_from_data(name: str, data: Mapping[str, Any]) -> VariableModel:
         type=_type_from_data(data),
         label=data["label"],
         sources=tuple(data["sources"]),
-        valid_for_s=_bound(data["valid_for_s"], math.inf),
+        valid_for_s=_float_or_default(data["valid_for_s"], math.inf),
         when_unobservable=data["when_unobservable"],
     )
 
 
 def _type_from_data(data: Mapping[str, Any]) -> ValueType:
-    ends = data["range"]
+    bounds = data["range"]
     return ValueType(
         kind=cast("Kind", data["type"]),
         unit=data["unit"],
-        range=None if ends is None else (_bound(ends[0], -math.inf), _bound(ends[1], math.inf)),
+        range=None
+        if bounds is None
+        else (_float_or_default(bounds[0], -math.inf), _float_or_default(bounds[1], math.inf)),
         members=tuple(data["values"]),
         optional=bool(data["optional"]),
     )
 
 
-def _bound(number: float | None, default: float) -> float:
+def _float_or_default(number: float | None, default: float) -> float:
     return default if number is None else float(number)
 
 
@@ -153,8 +155,8 @@ def _algorithm_from_data(name: str, data: Mapping[str, Any]) -> AlgorithmSummary
         conditions=tuple(map(_rule_from_data, data["observable_when"])),
         accepts=tuple(map(_rule_from_data, data["accept_when"])),
         identifies={variable: _rule_from_data(rule) for variable, rule in data["identifies"].items()},
-        returns={key: _type_from_data(returned) for key, returned in data["returns"].items()},
-        timeout_s=_bound(data["timeout_s"], math.inf),
+        returns={key: _type_from_data(value_type) for key, value_type in data["returns"].items()},
+        timeout_s=_float_or_default(data["timeout_s"], math.inf),
         place=place_from_data(data["place"]),
     )
 

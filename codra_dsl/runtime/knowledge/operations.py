@@ -15,7 +15,7 @@ from codra_dsl.runtime.journal.encoding import json_text
 from codra_dsl.runtime.knowledge import handshake
 from codra_dsl.runtime.knowledge.change_set import ChangeSet
 from codra_dsl.runtime.knowledge.state import Request
-from codra_dsl.runtime.values.model import unboxed
+from codra_dsl.runtime.values.model import unbox
 
 _POSE_NUMBERS = 7
 
@@ -103,7 +103,7 @@ def _plain(argument: Any) -> Any:
         return [float(number) for number in (*argument.translation_m, *argument.rotation)]
     if isinstance(argument, Mapping):
         return {str(name): _plain(part) for name, part in argument.items()}
-    return list(argument) if isinstance(argument, tuple) else unboxed(argument)
+    return list(argument) if isinstance(argument, tuple) else unbox(argument)
 
 
 HANDLERS: Mapping[Verb, Callable[..., Any]] = {

@@ -13,7 +13,7 @@ from codra_dsl.runtime.observers.services import ObserverServices
 from codra_dsl.runtime.perception import CostMeter, Failure, Interval, JobRun, Result, State
 from codra_dsl.runtime.values.cell import BEFORE_ALL_S, Cell, Reason
 from codra_dsl.runtime.values.evidence import ContextNow, complete_from_s, first_loss, held
-from codra_dsl.runtime.values.hysteresis import Debounced, Hysteresis, Vote, Votes
+from codra_dsl.runtime.values.hysteresis import DebouncedCondition, Hysteresis, Vote, Votes
 from codra_dsl.runtime.values.model import Algorithm, NotOfTypeError
 
 SHORTEST_PERIOD_S = 0.01
@@ -128,7 +128,7 @@ class Branch:
         """Add a variable, with the term that computes its value from a result."""
         self.identifies.append(variable)
         self.value_terms[variable] = term
-        if isinstance(term, Debounced):
+        if isinstance(term, DebouncedCondition):
             self._votes[variable] = Votes(term.needed, term.among)
 
     def refresh(self) -> None:
@@ -350,7 +350,7 @@ class Branch:
 
     def _leaves_as_is(self, term: Term) -> bool:
         """Return whether the result lies between enter and leave."""
-        inner = term.term if isinstance(term, Debounced) else term
+        inner = term.term if isinstance(term, DebouncedCondition) else term
         return self.result is not None and isinstance(inner, Hysteresis) and inner.leaves_as_is(self.result)
 
     def _confirmed_since_s(self, variable: str, content: Value, votes: Votes) -> float | None:

@@ -7,18 +7,20 @@ from dataclasses import asdict, dataclass
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cost:
-    """The costs and results of an observer; each ended job is in exactly one count from `accepted` to `cancelled`.
+    """The costs and results of an observer.
+
+    Each job that has ended is in exactly one of the counts `accepted` to `cancelled`.
 
     Attributes:
         jobs: jobs that have started.
         accepted: results that gave at least one variable a value.
         rejected: results that gave no variable a value.
-        voided: jobs whose evidence is discarded, because a precondition failed while it was acquired.
+        voided: jobs whose evidence was discarded, because a precondition failed while the evidence was taken.
         failed: jobs that raised, timed out, or returned an invalid result.
         cancelled: jobs that were no longer needed, because their observer stopped or a precondition failed.
-        waiting_s: time from the requests of jobs to their starts, spent waiting for slots.
-        perception_s: time from the starts of jobs to their ends.
-        slot_s: time from the starts of jobs to their ends, times the number of slots that each job held.
+        waiting_s: time from the request of each job to its start; the job waits for slots.
+        perception_s: time from the start of each job to its end.
+        slot_s: time from the start of each job to its end, times the number of slots that the job held.
     """
 
     jobs: int = 0
@@ -32,8 +34,8 @@ class Cost:
     slot_s: float = 0.0
 
     def __add__(self, other: Cost) -> Cost:
-        mine, others = asdict(self), asdict(other)
-        return Cost(**{name: mine[name] + others[name] for name in mine})
+        own_values, other_values = asdict(self), asdict(other)
+        return Cost(**{name: own_values[name] + other_values[name] for name in own_values})
 
 
 class CostMeter:
@@ -42,7 +44,7 @@ class CostMeter:
     Attributes:
         judged: results that were evaluated.
         accepted: evaluated results that gave a variable a value.
-        voided: jobs whose evidence is discarded.
+        voided: jobs whose evidence was discarded.
         failed: jobs without a result.
         cancelled: jobs that were no longer needed.
     """
@@ -57,10 +59,10 @@ class CostMeter:
         self._jobs += 1
         self._waiting_s += waited_s
 
-    def end(self, taken_s: float, slots: int) -> None:
+    def end(self, duration_s: float, slots: int) -> None:
         """Count the time of a job that ends."""
-        self._perception_s += taken_s
-        self._slot_s += taken_s * slots
+        self._perception_s += duration_s
+        self._slot_s += duration_s * slots
 
     def spent(self) -> Cost:
         """Return the costs and results so far."""

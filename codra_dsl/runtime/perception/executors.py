@@ -1,4 +1,4 @@
-"""The executors of the algorithms of a forest: created when the forest is built, closed at its end."""
+"""The executors of a forest's algorithms: created when the forest is built, closed when the forest ends."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from codra_dsl.runtime.perception.thread_executor import ThreadExecutor
 from codra_dsl.runtime.values.model import Algorithm
 
 CLOSE_S = 1.0
-"""How long `close` of a class may delay the end of the program."""
+"""How long the method `close` of a perception class may delay the end of the program."""
 
 Start = Callable[[Callable[[Work], None], Callable[[None], None]], Work]
-"""Starts a unit of work, like `Clock.start`."""
+"""The type of a function that starts a unit of work, as `Clock.start` does."""
 
 
 class Executors:
@@ -25,14 +25,14 @@ class Executors:
         """Store the arguments without finding anything.
 
         Args:
-            find: returns the function, or class, of an algorithm. Only the function that `call` names can run in
-                another process, so functions of a `find` other than `imported` run in threads.
-            start: starts a unit of work where jobs run.
+            find: returns the function or class of an algorithm. Another process can run only the function to which
+                `call` refers. So if `find` is not `imported`, all functions run in threads.
+            start: starts a unit of work in the place where jobs run.
         """
         self._find = find
         self._start = start
         self._executors: dict[str, Executor] = {}
-        self._closing: list[threading.Event] = []
+        self._close_events: list[threading.Event] = []
 
     def of(self, algorithm: Algorithm) -> Executor:
         """Return the executor of an algorithm."""
@@ -46,7 +46,7 @@ class Executors:
         """
         try:
             for algorithm in algorithms:
-                self._executors[algorithm.name] = self._executor(algorithm, handles)
+                self._executors[algorithm.name] = self._create_executor(algorithm, handles)
             for executor in self._executors.values():
                 executor.await_ready()
         except BaseException:
@@ -54,32 +54,28 @@ class Executors:
             raise
 
     def close(self) -> None:
-        """Close the objects of classes, and end all processes."""
+        """Close the objects of perception classes, and end all processes."""
         for executor in self._executors.values():
             executor.hang_up()
         patience_s = CLOSE_S
-        for closed in self._closing:
-            patience_s = CLOSE_S if closed.wait(patience_s) else 0.0
+        for close_event in self._close_events:
+            patience_s = CLOSE_S if close_event.wait(patience_s) else 0.0
         for executor in self._executors.values():
             executor.close()
 
-    def _executor(self, algorithm: Algorithm, handles: Mapping[str, object]) -> Executor:
+    def _create_executor(self, algorithm: Algorithm, handles: Mapping[str, object]) -> Executor:
         if algorithm.isolate == "process" and self._find is imported:
             check_handles(algorithm, handles)
             return ProcessExecutor(algorithm)
         return ThreadExecutor(algorithm, self._find(algorithm), self._begin)
 
     def _begin(self, run: Callable[[], None]) -> None:
-        """Run a function where jobs run."""
-        closed = threading.Event()
-        self._closing.append(closed)
+        """Run a function in the place where jobs run."""
+        close_event = threading.Event()
+        self._close_events.append(close_event)
 
-        def body(_: Work) -> None:
+        def run_and_mark(_: Work) -> None:
             run()
-            closed.set()
+            close_event.set()
 
-        self._start(body, _ignore)
-
-
-def _ignore(_: object) -> None:
-    pass
+        self._start(run_and_mark, lambda _: None)

@@ -1,4 +1,4 @@
-"""Functions that a spec's `call` names, and the errors that can occur before they run."""
+"""The functions that `call` of a spec refers to, and the errors that can occur before they run."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from codra_dsl.runtime.perception.job import RunningJob
 from codra_dsl.runtime.values.model import Algorithm, ResourceModel
 
 Function = Callable[..., object]
-"""A perception function: it takes keyword arguments and returns a mapping that matches the spec's `returns`.
+"""A perception function: it takes keyword arguments and returns a mapping that matches `returns` of the spec.
 
-Alternatively a class whose objects have such a method `perceive` and, optionally, `setup` and `close`.
+It can also be a class. Its objects then have such a function as method `perceive` and, optionally, `setup` and `close`.
 """
 
 
 class CallError(LookupError):
-    """A spec's `call` names no function, or a resource has no handle: the robot's program is incomplete."""
+    """There is no function for `call` of a spec, or a resource has no handle: the robot's program is incomplete."""
 
 
 class JobError(Exception):
@@ -34,7 +34,7 @@ class Executor(Protocol):
         Args:
             job: the job.
             given: the function's other arguments: literals, and values of context-variables.
-            handles: the handles of the resources that it reads.
+            handles: the handles of the resources that the function reads.
 
         Raises:
             BaseException: any exception that the function raises, or `JobError`.
@@ -42,45 +42,45 @@ class Executor(Protocol):
         ...
 
     def give_up(self) -> None:
-        """End the running job, if possible, after it was cancelled and its time has passed. Never waits."""
+        """End the running job if that is possible; it was cancelled, and its time is over. This never waits."""
         ...
 
     def await_ready(self) -> None:
         """Wait until it is known that the function exists.
 
         Raises:
-            CallError: if it does not exist.
+            CallError: if the function does not exist.
         """
         ...
 
     def hang_up(self) -> None:
-        """Request the end of everything; never waits."""
+        """Let the process or the object of a class end; this never waits."""
         ...
 
     def close(self) -> None:
-        """Wait briefly for the end."""
+        """Wait for this end, but only for a short time."""
         ...
 
 
 def imported(algorithm: Algorithm) -> Function:
-    """Return the function, or class, that an algorithm's `call` names.
+    """Return the function or class to which `call` of an algorithm refers.
 
     Raises:
-        CallError: if it names none.
+        CallError: if there is no such function or class.
     """
     try:
         return resolved(algorithm.call)
     except AbsentError as error:
-        raise absent(algorithm, error) from error.__cause__
+        raise call_error(algorithm, error) from error.__cause__
 
 
-def absent(algorithm: Algorithm, why: object) -> CallError:
-    """Return the error for a `call` that names nothing that perceives; `why` begins with a comma or colon."""
+def call_error(algorithm: Algorithm, why: object) -> CallError:
+    """Return the error for a `call` without a usable function or class; `why` begins with a comma or colon."""
     return CallError(f"perception {algorithm.name!r} calls {algorithm.call!r}{why}")
 
 
 def check_handles(resources: Iterable[ResourceModel], handles: Iterable[str]) -> None:
-    """Raise an error for a handle that nothing reads: its name is misspelt, or its resource has slots instead.
+    """Raise an error for a handle that no algorithm can read: its name is misspelt, or its resource has slots instead.
 
     Raises:
         CallError: if a resource is unknown or has slots.

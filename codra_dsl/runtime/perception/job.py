@@ -16,7 +16,7 @@ class Job(Protocol):
 
     @property
     def index(self) -> int:
-        """Return the number of the job among those of its algorithm, as in the event log."""
+        """Return the number of the job among the jobs of its algorithm, as in the event log."""
         ...
 
     @property
@@ -34,31 +34,34 @@ class Job(Protocol):
         ...
 
     def sleep(self, duration_s: float) -> None:
-        """Sleep; raise `Cancelled` once the job has been cancelled."""
+        """Let time pass; raise `Cancelled` once the job's result is no longer needed."""
         ...
 
     def evidence(self, start_s: float, stamp_s: float) -> None:
-        """Report when the evidence was taken; a condition that fails afterwards does not invalidate the evidence."""
+        """Report when the evidence was taken. A condition that fails after that time does not void the evidence."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class Interval:
-    """The time in which evidence is taken, from start to stamp; the stamp is None while it is still being taken."""
+    """The time in which evidence is taken, from start to stamp. The stamp is None while the evidence is being taken."""
 
     start_s: float
     stamp_s: float | None = None
 
 
 class RunningJob:
-    """The `job` of one call, in the thread of the perception function or, for a process, in the thread that serves it.
+    """The `job` argument of one call.
+
+    It is used in the thread of the perception function or, if a process runs the function, in the thread that serves
+    this process.
 
     Attributes:
-        chance: the seed of `random`.
+        random_seed: the seed of `random`.
     """
 
-    def __init__(self, work: Work, chance: str, index: int) -> None:
-        self.chance = chance
+    def __init__(self, work: Work, random_seed: str, index: int) -> None:
+        self.random_seed = random_seed
         self.index = index
         self._work = work
         self._reports: list[tuple[float, Interval]] = []
@@ -67,7 +70,7 @@ class RunningJob:
     @cached_property
     def random(self) -> random.Random:
         """Return a random generator that depends only on the seed, the algorithm and the number of the job."""
-        return random.Random(self.chance)
+        return random.Random(self.random_seed)
 
     @property
     def cancelled(self) -> bool:
@@ -79,19 +82,19 @@ class RunningJob:
         return self._work.now_s()
 
     def sleep(self, duration_s: float) -> None:
-        """Sleep."""
+        """Let time pass."""
         self._work.sleep(duration_s)
 
     def evidence(self, start_s: float, stamp_s: float) -> None:
         """Report when the evidence was taken."""
-        with self._lock:  # `reported_by` returns the same answer for an instant at any later time
+        with self._lock:  # so `last_report_until` always returns the same report for an instant
             now_s = self.now_s()
             if not start_s <= stamp_s <= now_s:
                 raise ValueError(f"evidence has a start, then a stamp, both in the past: not {start_s} to {stamp_s}")
             self._reports.append((now_s, Interval(float(start_s), float(stamp_s))))
 
-    def reported_by(self, now_s: float) -> tuple[float, Interval] | None:
-        """Return the last report about the evidence up to an instant, with the instant of the report."""
+    def last_report_until(self, now_s: float) -> tuple[float, Interval] | None:
+        """Return the last report about the evidence up to an instant, preceded by the instant of the report."""
         with self._lock:
             for report in reversed(self._reports):
                 if report[0] <= now_s:

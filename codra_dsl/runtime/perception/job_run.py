@@ -14,7 +14,7 @@ from codra_dsl.runtime.values.model import Algorithm
 
 
 class State(Enum):
-    """The state of an attempt."""
+    """The state of a job."""
 
     WAITING = "waiting"
     RUNNING = "running"
@@ -25,51 +25,49 @@ class JobRun:
     """One job of one algorithm, from the request to its end.
 
     Attributes:
-        state: whether it waits, runs or has ended.
-        requested_s: when it was requested.
-        start_s: when the job began; None before that.
-        end_s: when the job ended; None before that.
-        outcome: its result or failure; None until it has ended, and forever if it was cancelled or could not begin.
+        state: whether the job waits, runs or has ended.
+        requested_s: when the job was requested.
+        start_s: when the job began; None until then.
+        end_s: when the job ended; None until then.
+        outcome: the job's result or failure. It is None until the job has ended, and stays None if the job was
+            cancelled or could not begin.
     """
 
     def __init__(
         self,
         algorithm: Algorithm,
         index: int,
-        arguments: Callable[[], Mapping[str, Value | None] | None],
-        changed: Callable[[], None],
+        find_arguments: Callable[[], Mapping[str, Value | None] | None],
+        on_change: Callable[[], None],
     ) -> None:
         self.algorithm = algorithm
         self.index = index
-        self.arguments = arguments
-        self.changed = changed
+        self.find_arguments = find_arguments
+        self.on_change = on_change
         self.state = State.WAITING
         self.requested_s = 0.0
         self.start_s: float | None = None
         self.end_s: float | None = None
         self.outcome: Result | Failure | None = None
         self.ticket: Ticket | None = None
-        self.timeout: Timer | None = None
+        self.timer: Timer | None = None
         self.work: Work | None = None
         self.job: RunningJob | None = None
         self.last_report: tuple[float, Interval] | None = None
-        self.on_evidence: Callable[[JobRun, float, Interval], None] = _ignore
+        self.on_evidence: Callable[[JobRun, float, Interval], None] = lambda *_: None
 
     def evidence(self, now_s: float) -> Interval | None:
-        """Return when its evidence is taken, as reported by the job until now; None before the job runs.
+        """Return when the job's evidence is taken, according to the reports of the job until now.
 
-        If the job has reported nothing about its evidence, the evidence is taken during the entire job.
+        None before the job runs. If the job has not reported when its evidence is taken, it is taken during the entire
+        job.
         """
         if self.start_s is None:
             return None
-        report = self.job.reported_by(now_s) if self.job is not None else None
+        report = self.job.last_report_until(now_s) if self.job is not None else None
         if report is None:
             return Interval(self.start_s, self.end_s)
         if report is not self.last_report:
             self.last_report = report
             self.on_evidence(self, *report)
         return report[1]
-
-
-def _ignore(*_: object) -> None:
-    pass

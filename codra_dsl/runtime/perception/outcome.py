@@ -1,4 +1,4 @@
-"""The outcome of a job: a result that matches the spec's `returns`, or a failure."""
+"""The outcome of a job: a result that matches `returns` of the spec, or a failure."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Result:
     values: Mapping[str, Value | None]
 
     def value(self, name: str) -> Value | None:
-        """Return a returned value, or None."""
+        """Return a value of the result, or None if it was not measured."""
         return self.values.get(name)
 
     def age_s(self, name: str) -> float | None:  # noqa: ARG002 - it is the same for all
@@ -34,21 +34,21 @@ class Failure:
     message: str
 
 
-def checked(algorithm: Algorithm, returned: object) -> Result | Failure:
-    """Return the result of a perception function if it matches the spec's `returns`, else a failure."""
-    if not isinstance(returned, Mapping):
-        return Failure(Reason.FAILED, f"returned a {type(returned).__name__}, not a mapping")
-    surplus = next((name for name in returned if name not in algorithm.returns), None)
-    if surplus is not None:
-        shown = repr(surplus[:MAX_SHOWN]) if isinstance(surplus, str) else f"a {type(surplus).__name__}"
-        return Failure(Reason.FAILED, f"returned {shown}, which `returns` does not name")
+def checked(algorithm: Algorithm, returned_value: object) -> Result | Failure:
+    """Return the result of a perception function if it matches `returns` of the spec, otherwise a failure."""
+    if not isinstance(returned_value, Mapping):
+        return Failure(Reason.FAILED, f"returned a {type(returned_value).__name__}, not a mapping")
+    unknown_key = next((name for name in returned_value if name not in algorithm.returns), None)
+    if unknown_key is not None:
+        key_text = repr(unknown_key[:MAX_SHOWN]) if isinstance(unknown_key, str) else f"a {type(unknown_key).__name__}"
+        return Failure(Reason.FAILED, f"returned {key_text}, which `returns` does not name")
     values: dict[str, Value | None] = {}
-    for name, expected in algorithm.returns.items():
-        given = returned.get(name)
-        if given is None and not expected.optional:
+    for name, value_type in algorithm.returns.items():
+        value = returned_value.get(name)
+        if value is None and not value_type.optional:
             return Failure(Reason.FAILED, f"returned no {name!r}")
         try:
-            values[name] = None if given is None else expected.convert(given)
+            values[name] = None if value is None else value_type.convert(value)
         except NotOfTypeError as error:
             return Failure(Reason.FAILED, f"returned {name!r}: {error}")
     return Result(values)

@@ -25,7 +25,7 @@ from codra_dsl.runtime.values.cell import Reason
 from codra_dsl.runtime.values.model import Algorithm
 
 GRACE_S = 0.2
-"""How long a job may take to end by itself after its timeout; then its process, if it has one, is ended."""
+"""How long a job may take to end by itself after its timeout. Then its process is ended, if it runs in a process."""
 
 
 class Perception:
@@ -44,9 +44,9 @@ class Perception:
         """Store the arguments without running anything.
 
         Args:
-            clock: the clock in whose time jobs run.
+            clock: the clock that gives the time of the jobs.
             slots: the slots of shared resources.
-            handles: the handle of each resource without slots, by name.
+            handles: the handle of each resource without slots. The key is the name of the resource.
             seed: the seed of the random numbers that jobs draw.
             event_writer: writes the events of jobs.
             find: returns the function of an algorithm, or raises `CallError`.
@@ -58,24 +58,24 @@ class Perception:
         self._seed = seed
         self._event_writer = event_writer
         self._cost_meters: dict[str, CostMeter] = {}
-        self._requested: Counter[str] = Counter()
-        self._at_work: dict[str, JobRun] = {}
+        self._request_counts: Counter[str] = Counter()
+        self._working_jobs: dict[str, JobRun] = {}
 
     def prepare(self, algorithms: Iterable[Algorithm]) -> None:
-        """Find the functions, handles and slots of all algorithms; start the processes of isolated ones.
+        """Find the functions, handles and slots of all algorithms; start the processes of isolated algorithms.
 
         Raises:
-            CallError: if something is missing.
+            CallError: if a function, handle or resource is missing.
         """
-        wanted = {algorithm.name: algorithm for algorithm in algorithms}
-        for algorithm in wanted.values():
+        algorithms_by_name = {algorithm.name: algorithm for algorithm in algorithms}
+        for algorithm in algorithms_by_name.values():
             self._check(algorithm)
             self._slots.expect(algorithm.slots, algorithm.timeout_s)
             self._cost_meters[algorithm.name] = CostMeter()
-        self._executors.prepare(list(wanted.values()), self._handles)
+        self._executors.prepare(list(algorithms_by_name.values()), self._handles)
 
     def close(self) -> None:
-        """Close objects that were set up, and end all processes; this waits, so the caller must not hold the lock."""
+        """Close objects that were set up, and end all processes. This waits, so the caller must not hold the lock."""
         self._executors.close()
 
     def cost_meter(self, algorithm: Algorithm) -> CostMeter:
@@ -87,30 +87,30 @@ class Perception:
         return sum((self._cost_meters[algorithm.name].spent() for algorithm in algorithms), Cost())
 
     def at_work(self, algorithm: Algorithm) -> JobRun | None:
-        """Return the attempt whose function has not ended yet, even if its result is no longer needed.
+        """Return the job whose function has not ended yet, even if its result is no longer needed.
 
         An algorithm never runs twice at the same time.
         """
-        return self._at_work.get(algorithm.name)
+        return self._working_jobs.get(algorithm.name)
 
     def request(
         self,
         algorithm: Algorithm,
         precedence: Precedence,
-        arguments: Callable[[], Mapping[str, Value | None] | None],
-        changed: Callable[[], None],
+        find_arguments: Callable[[], Mapping[str, Value | None] | None],
+        on_change: Callable[[], None],
     ) -> JobRun:
-        """Request a job; it starts, in a separate event, as soon as it has its slots.
+        """Request a job. As soon as the job has its slots, it starts in a separate event.
 
         Args:
             algorithm: the algorithm; no other job of it may be running.
-            precedence: returns the current precedence over other requests for the same slots.
-            arguments: called when the job is about to begin; returns the values of the context-variables that it is
-                given, or None if it must not begin.
-            changed: called when the attempt ends, when its function ends, and when the function takes too long to end.
+            precedence: returns the current precedence of this request among other requests for the same slots.
+            find_arguments: called when the job is about to begin; returns the values of the context-variables that the
+                job receives, or None if the job must not begin.
+            on_change: called when the job ends, when its function ends, and when the function takes too long to end.
         """
-        job_run = JobRun(algorithm, self._requested[algorithm.name], arguments, changed)
-        self._requested[algorithm.name] += 1
+        job_run = JobRun(algorithm, self._request_counts[algorithm.name], find_arguments, on_change)
+        self._request_counts[algorithm.name] += 1
         job_run.requested_s = self._clock.now_s()
         job_run.ticket = self._slots.request(
             algorithm.slots, precedence, lambda: self._begin(job_run), algorithm.timeout_s
@@ -118,7 +118,7 @@ class Perception:
         return job_run
 
     def cancel(self, job_run: JobRun) -> None:
-        """Cancel an attempt, whose result is no longer needed."""
+        """Cancel a job, whose result is no longer needed."""
         if job_run.start_s is not None and not isinstance(job_run.outcome, Failure):
             self._cost_meters[job_run.algorithm.name].cancelled += 1
         if job_run.state is not State.ENDED:
@@ -126,44 +126,45 @@ class Perception:
             self._abandon(job_run)
 
     def void(self, job_run: JobRun, condition: str) -> None:
-        """Discard the present or future result of an attempt: a condition failed while its evidence was taken."""
+        """Discard the present or future result of a job, because a condition failed while its evidence was taken."""
         if not isinstance(job_run.outcome, Failure):
             self._cost_meters[job_run.algorithm.name].voided += 1
         self._record(job_run, "voided", condition=condition)
         self._abandon(job_run)
 
     def _check(self, algorithm: Algorithm) -> None:
-        missing = [name for name in algorithm.handles if name not in self._handles]
-        if missing:
-            raise CallError(f"perception {algorithm.name!r} reads {missing[0]!r}: give start() its handle")
-        unknown = [name for name in algorithm.slots if name not in self._slots.resources]
-        if unknown:
-            raise CallError(f"perception {algorithm.name!r} needs a slot of {unknown[0]!r}, which is not a resource")
+        missing_handles = [name for name in algorithm.handles if name not in self._handles]
+        if missing_handles:
+            raise CallError(f"perception {algorithm.name!r} reads {missing_handles[0]!r}: give start() its handle")
+        unknown_resources = [name for name in algorithm.slots if name not in self._slots.resources]
+        if unknown_resources:
+            resource = unknown_resources[0]
+            raise CallError(f"perception {algorithm.name!r} needs a slot of {resource!r}, which is not a resource")
 
     def _begin(self, job_run: JobRun) -> None:
-        arguments = job_run.arguments()
+        arguments = job_run.find_arguments()
         if arguments is None:
             self._end(job_run)
-            job_run.changed()
+            job_run.on_change()
             return
         algorithm = job_run.algorithm
         job_run.state, job_run.start_s = State.RUNNING, self._clock.now_s()
         self._cost_meters[algorithm.name].begin(job_run.start_s - job_run.requested_s)
-        chance = f"{self._seed}/{algorithm.name}/{job_run.index}"
-        job_run.on_evidence = self._note
-        self._at_work[algorithm.name] = job_run
+        random_seed = f"{self._seed}/{algorithm.name}/{job_run.index}"
+        job_run.on_evidence = self._record_evidence
+        self._working_jobs[algorithm.name] = job_run
         self._record(job_run, "started")
         try:
             job_run.work = self._clock.start(
-                lambda work: self._run(job_run, RunningJob(work, chance, job_run.index), arguments),
+                lambda work: self._run(job_run, RunningJob(work, random_seed, job_run.index), arguments),
                 lambda outcome: self._deliver(job_run, outcome),
             )
         except RuntimeError as error:  # no thread could be started
             self._event_writer.write_input(algorithm.name, "unstarted", index=job_run.index, message=str(error))
-            self._conclude_delivered(job_run, Failure(Reason.FAILED, described(error)))
+            self._finish_delivered(job_run, Failure(Reason.FAILED, described(error)))
             return
         timeout_s = job_run.start_s + algorithm.timeout_s
-        job_run.timeout = self._clock.call_at(timeout_s, lambda: self._time_out(job_run))
+        job_run.timer = self._clock.call_at(timeout_s, lambda: self._time_out(job_run))
 
     def _run(self, job_run: JobRun, job: RunningJob, arguments: Mapping[str, Value | None]) -> Result | Failure:
         job_run.job = job
@@ -181,51 +182,51 @@ class Perception:
                 raise  # in simulated time, the user interrupts the program
             return Failure(Reason.FAILED, described(error))
 
-    def _note(self, job_run: JobRun, reported_s: float, interval: Interval) -> None:
+    def _record_evidence(self, job_run: JobRun, report_s: float, interval: Interval) -> None:
         """Record a job's report about its evidence when the report is first used."""
         evidence_s = [interval.start_s, interval.stamp_s]
         self._event_writer.write_input(
-            job_run.algorithm.name, "evidence", index=job_run.index, told_s=reported_s, evidence_s=evidence_s
+            job_run.algorithm.name, "evidence", index=job_run.index, told_s=report_s, evidence_s=evidence_s
         )
 
     def _deliver(self, job_run: JobRun, outcome: Result | Failure) -> None:
         self._event_writer.write_input(job_run.algorithm.name, "delivered", index=job_run.index)
-        self._conclude_delivered(job_run, outcome)
+        self._finish_delivered(job_run, outcome)
 
-    def _conclude_delivered(self, job_run: JobRun, outcome: Result | Failure) -> None:
-        del self._at_work[job_run.algorithm.name]
-        if job_run.timeout is not None:
-            job_run.timeout.cancel()
+    def _finish_delivered(self, job_run: JobRun, outcome: Result | Failure) -> None:
+        del self._working_jobs[job_run.algorithm.name]
+        if job_run.timer is not None:
+            job_run.timer.cancel()
         if job_run.state is not State.ENDED:
             self._end(job_run)
-            self._conclude(job_run, outcome)
-        job_run.changed()
+            self._finish(job_run, outcome)
+        job_run.on_change()
 
     def _time_out(self, job_run: JobRun) -> None:
-        """End a job that takes too long; a job that was cancelled before and does not end is stuck."""
+        """End a job that takes too long. A job that was cancelled before, but has not ended, is recorded as stuck."""
         if job_run.state is State.ENDED:
             self._record(job_run, "stuck")
         else:
             self._abandon(job_run)
-            self._conclude(job_run, Failure(Reason.TIMED_OUT, f"no result within {job_run.algorithm.timeout_s:g} s"))
+            self._finish(job_run, Failure(Reason.TIMED_OUT, f"no result within {job_run.algorithm.timeout_s:g} s"))
         if self.at_work(job_run.algorithm) is job_run:
-            job_run.timeout = self._clock.call_at(self._clock.now_s() + GRACE_S, lambda: self._give_up(job_run))
-        job_run.changed()
+            job_run.timer = self._clock.call_at(self._clock.now_s() + GRACE_S, lambda: self._give_up(job_run))
+        job_run.on_change()
 
     def _give_up(self, job_run: JobRun) -> None:
         """End the process of a job that has not ended by itself."""
         if self.at_work(job_run.algorithm) is job_run:
             self._executors.of(job_run.algorithm).give_up()
 
-    def _conclude(self, job_run: JobRun, outcome: Result | Failure) -> None:
+    def _finish(self, job_run: JobRun, outcome: Result | Failure) -> None:
         job_run.outcome = outcome
         if isinstance(outcome, Failure):
             self._cost_meters[job_run.algorithm.name].failed += 1
             self._record(job_run, "failed", reason=outcome.reason, message=outcome.message)
         else:
             evidence = job_run.evidence(self._clock.now_s())
-            taken = [] if evidence is None else [evidence.start_s, evidence.stamp_s]
-            self._record(job_run, "returned", values=outcome.values, evidence_s=taken)
+            evidence_s = [] if evidence is None else [evidence.start_s, evidence.stamp_s]
+            self._record(job_run, "returned", values=outcome.values, evidence_s=evidence_s)
 
     def _abandon(self, job_run: JobRun) -> None:
         if job_run.state is not State.ENDED:
@@ -239,11 +240,8 @@ class Perception:
             self._cost_meters[job_run.algorithm.name].end(job_run.end_s - job_run.start_s, len(job_run.algorithm.slots))
         if job_run.ticket is not None:
             self._slots.release(job_run.ticket)
-            job_run.ticket = None  # break the reference cycle, so that both are freed without the garbage collector
+            # the ticket refers to the job run: without this cycle, both are freed without the garbage collector
+            job_run.ticket = None
 
     def _record(self, job_run: JobRun, what: str, **details: object) -> None:
         self._event_writer.write(Kind.JOB, job_run.algorithm.name, what, index=job_run.index, **details)
-
-
-def _nothing(*_: object) -> None:
-    pass

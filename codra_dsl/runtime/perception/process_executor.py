@@ -1,10 +1,10 @@
-"""Execute jobs in a separate process, which can be ended, and whose memory is freed, regardless of the function."""
+"""Execute jobs in a separate process: whatever the function does, the process can be ended, and its memory is freed."""
 
 from __future__ import annotations
 
 import math
 import pickle
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from enum import Enum
 from pathlib import PurePath
 from types import GeneratorType, ModuleType
@@ -12,86 +12,93 @@ from typing import Any
 
 from codra_dsl.isolation.messages import GarbageError, decode_result, described
 from codra_dsl.runtime.clock import Cancelled
-from codra_dsl.runtime.perception.functions import CallError, JobError, absent
+from codra_dsl.runtime.perception.functions import CallError, JobError, call_error
 from codra_dsl.runtime.perception.job import RunningJob
 from codra_dsl.runtime.perception.process import Process
 from codra_dsl.runtime.values.model import Algorithm
 
 SETUP_S = 60.0
-"""The time limit for importing a module and for `setup`; in simulated time, also for a job between two messages."""
+"""The time limit for the import of a module and for `setup`.
 
-_COPIED = (type(None), bool, int, float, complex, str, bytes, bytearray, list, tuple, dict, set, frozenset)
-_ASKED_OF_JOBS = ("cancelled", "now_s", "sleep", "evidence")
+In simulated time, it is also the time limit for a job between two messages.
+"""
+
+_COPIED_TYPES = (type(None), bool, int, float, complex, str, bytes, bytearray, list, tuple, dict, set, frozenset)
+_JOB_MEMBERS = ("cancelled", "now_s", "sleep", "evidence")
 
 
 class ProcessExecutor:
-    """Executes jobs in a process that is reused from job to job, and replaced when it has ended."""
+    """Executes jobs in a process. All jobs use the same process; if it has ended, the next job starts a new process."""
 
     def __init__(self, algorithm: Algorithm) -> None:
         """Start the process.
 
         Raises:
-            CallError: if it cannot be started.
+            CallError: if the process cannot be started.
         """
         if algorithm.call.startswith("__main__:"):
-            raise absent(algorithm, ", which its process cannot import: put it into a module")
+            raise call_error(algorithm, ", which its process cannot import: put it into a module")
         self._algorithm = algorithm
         self._is_imported = self._is_set_up = False
         self._is_closed = False
         self._given_names = frozenset(algorithm.given)
-        self._performing: Process | None = None
+        self._working_process: Process | None = None
         try:
-            self._process: Process | None = self._started()
+            self._process: Process | None = self._start()
         except OSError as error:
-            raise absent(algorithm, f": {described(error)}") from error
+            raise call_error(algorithm, f": {described(error)}") from error
 
     def await_ready(self) -> None:
         """Wait until the process has imported the function.
 
         Raises:
-            CallError: if it cannot import the function.
+            CallError: if the process cannot import the function.
         """
         if self._process is not None:
             try:
                 self._import(self._process)
             except JobError as error:
-                raise absent(self._algorithm, error) from error
+                raise call_error(self._algorithm, error) from error
 
     def perform(self, job: RunningJob, given: Mapping[str, object], handles: Mapping[str, object]) -> object:
         """Return the function's return value, reduced to the types that a decision can use."""
         try:
-            process = self._usable()
+            process = self._usable_process()
         except OSError as error:
             raise JobError(f"its process cannot be started: {described(error)}") from error
-        remote = {name: handle for name, handle in handles.items() if not is_copied(handle)}
-        copied = {**given, **{name: handle for name, handle in handles.items() if name not in remote}}
-        request = {"given": copied, "handles": list(remote), "index": job.index, "chance": job.chance}
-        talk = _Talk(process, job, remote)
+        remote_handles = {name: handle for name, handle in handles.items() if not is_copied(handle)}
+        copied_values = {**given, **{name: handle for name, handle in handles.items() if name not in remote_handles}}
+        request = {
+            "given": copied_values,
+            "handles": list(remote_handles),
+            "index": job.index,
+            "chance": job.random_seed,
+        }
+        exchange = _Exchange(process, job, remote_handles)
         try:
-            self._prepare(
-                talk, {**request, "given": {name: copied[name] for name in copied if name not in self._given_names}}
-            )
+            setup_values = {name: copied_values[name] for name in copied_values if name not in self._given_names}
+            self._prepare(exchange, {**request, "given": setup_values})
             if job.cancelled:
                 raise Cancelled
-            self._performing = process
-            return talk.result("perceive", request, max(SETUP_S, self._algorithm.timeout_s))
+            self._working_process = process
+            return exchange.result("perceive", request, max(SETUP_S, self._algorithm.timeout_s))
         except (JobError, Cancelled):
             raise
-        except TimeoutError as error:  # in real time, the job's timeout would have ended it before
+        except TimeoutError as error:  # only in simulated time: in real time, the job's timeout comes before
             self._drop(process)
             job.sleep(math.inf)
             raise JobError("its process no longer responds") from error
         except (EOFError, GarbageError, OSError) as error:
-            raise self._lost(process, error) from error
+            raise self._communication_error(process, error) from error
         except BaseException:  # an interrupt of the program, in the middle of the exchange
             self._drop(process)
             raise
         finally:
-            self._performing = None
+            self._working_process = None
 
     def give_up(self) -> None:
-        """End the process, unless it is still being set up."""
-        process = self._performing
+        """End the process, unless it is still executing `setup`."""
+        process = self._working_process
         if process is not None:
             process.terminate()
 
@@ -106,18 +113,18 @@ class ProcessExecutor:
         """Wait for the end of the process."""
         process, self._process = self._process, None
         if process is not None:
-            process.ended()
+            process.wait_for_end()
 
-    def _started(self) -> Process:
+    def _start(self) -> Process:
         self._is_imported = self._is_set_up = False
         return Process(self._algorithm.name, self._algorithm.call)
 
-    def _usable(self) -> Process:
+    def _usable_process(self) -> Process:
         """Return the process, or a new one if it has ended since its last job."""
         if self._process is None or (self._is_imported and not self._process.is_silent):
             if self._process is not None:
                 self._drop(self._process)
-            self._process = self._started()
+            self._process = self._start()
         if self._is_closed:
             self._drop(self._process)
             raise Cancelled
@@ -129,42 +136,42 @@ class ProcessExecutor:
         process.leave()
         self._process = None
 
-    def _lost(self, process: Process, error: Exception) -> JobError:
-        """Return the error for a process with which communication is no longer possible."""
+    def _communication_error(self, process: Process, error: Exception) -> JobError:
+        """Return the error of a job with whose process the program can no longer communicate."""
         if isinstance(error, GarbageError):
             self._drop(process)
             return JobError(str(error))
         self._process = None
-        return JobError(f"its process {process.ended()}")
+        return JobError(f"its process {process.wait_for_end()}")
 
     def _import(self, process: Process) -> None:
         if self._is_imported:
             return
-        talk = _Talk(process, None, {})
+        exchange = _Exchange(process, None, {})
         try:
-            kind, *details = talk.next_message(SETUP_S)
+            kind, *details = exchange.next_message(SETUP_S)
         except (TimeoutError, GarbageError) as error:
             self._drop(process)
             raise JobError(f": not imported within {SETUP_S:g} s") from error
         except (EOFError, OSError) as error:
-            raise JobError(f": {self._lost(process, error)}") from error
+            raise JobError(f": {self._communication_error(process, error)}") from error
         if kind != "here":
             self._drop(process)
             raise JobError("".join(str(detail)[:1000] for detail in details))
         self._is_imported = True
 
-    def _prepare(self, talk: _Talk, request: Mapping[str, object]) -> None:
+    def _prepare(self, exchange: _Exchange, request: Mapping[str, object]) -> None:
         try:
-            self._import(talk.process)
+            self._import(exchange.process)
         except JobError as error:
             raise JobError(f"calls {self._algorithm.call!r}{error}") from error
         if not self._is_set_up:
-            talk.result("setup", request, SETUP_S)
+            exchange.result("setup", request, SETUP_S)
             self._is_set_up = True
 
 
-class _Talk:
-    """The exchange of messages about one job: answers the requests of the process until it reports the outcome."""
+class _Exchange:
+    """The exchange of messages about one job. It answers the requests of the process until this reports the outcome."""
 
     def __init__(self, process: Process, job: RunningJob | None, handles: Mapping[str, object]) -> None:
         self.process = process
@@ -195,9 +202,9 @@ class _Talk:
                 case ["cancelled"]:
                     raise Cancelled
                 case _:
-                    self._give(*self._answer(message))
+                    self._reply(*self._answer(message))
 
-    def _give(self, kind: str, content: object) -> None:
+    def _reply(self, kind: str, content: object) -> None:
         try:
             self.process.connection.send((kind, content))
         except (TypeError, ValueError) as error:
@@ -206,13 +213,13 @@ class _Talk:
     def _answer(self, request: list[Any]) -> tuple[str, object]:
         try:
             match request:
-                case ["job", str(name), list(arguments)] if name in _ASKED_OF_JOBS:
+                case ["job", str(name), list(arguments)] if name in _JOB_MEMBERS:
                     attribute = getattr(self._job, name)
                     return "value", attribute(*arguments) if callable(attribute) else attribute
                 case ["get", list(path)]:
-                    return self._attribute(path)
+                    return self._attribute_reply(path)
                 case ["call", list(path), list(arguments), dict(named)]:
-                    return "value", self._resolved(path)(*arguments, **named)
+                    return "value", self._resolve(path)(*arguments, **named)
                 case _:
                     raise GarbageError("its process sent an unknown request")
         except (Cancelled, GarbageError) as error:
@@ -220,24 +227,24 @@ class _Talk:
                 raise
             return "cancelled", None
         except Exception as error:  # noqa: BLE001 - the caller of a handle gets its error
-            return "raised", _copyable(error)
+            return "raised", _copyable_error(error)
 
-    def _attribute(self, path: list[Any]) -> tuple[str, object]:
+    def _attribute_reply(self, path: list[Any]) -> tuple[str, object]:
         """Return a copy of an attribute of a handle, or a reference if the attribute cannot be copied."""
-        value = self._resolved(path)
+        value = self._resolve(path)
         if callable(value) or not (is_copied(value) or _can_be_copied(value)):
             return "remote", None
         return "value", value
 
-    def _resolved(self, path: list[Any]) -> Any:
+    def _resolve(self, path: list[Any]) -> Any:
         if not path or path[0] not in self._handles:
             raise GarbageError("its process asked for a handle that it does not have")
-        resolved: Any = self._handles[path[0]]
+        value: Any = self._handles[path[0]]
         for name in path[1:]:
             if not isinstance(name, str) or name.startswith("_"):
                 raise GarbageError("its process asked for a private attribute of a handle")
-            resolved = getattr(resolved, name)
-        return resolved
+            value = getattr(value, name)
+        return value
 
 
 def check_handles(algorithm: Algorithm, handles: Mapping[str, object]) -> None:
@@ -252,8 +259,8 @@ def check_handles(algorithm: Algorithm, handles: Mapping[str, object]) -> None:
             why = f"is a {type(handle).__name__} whose content cannot be copied: give an object with a method instead"
         elif isinstance(handle, (type, ModuleType, GeneratorType)):
             why = f"is a {type(handle).__name__}: give an object with methods, or let `call` name a class with `setup`"
-        elif not is_copied(handle) and not callable(handle) and not _offers(dir(handle)):
-            why = f"is a {type(handle).__name__} without methods: give an object with one"
+        elif not is_copied(handle) and not callable(handle) and all(member.startswith("_") for member in dir(handle)):
+            why = f"is a {type(handle).__name__} without methods: give an object with a method"
         else:
             continue
         where = f"perception {algorithm.name!r} runs in a separate process"
@@ -263,7 +270,7 @@ def check_handles(algorithm: Algorithm, handles: Mapping[str, object]) -> None:
 def is_copied(handle: object) -> bool:
     """Return whether a process gets a copy of a handle, because the handle is a plain value."""
     is_array = type(handle).__module__.partition(".")[0] == "numpy"
-    return is_array or type(handle) in _COPIED or isinstance(handle, (Enum, PurePath))
+    return is_array or type(handle) in _COPIED_TYPES or isinstance(handle, (Enum, PurePath))
 
 
 def _can_be_copied(value: object) -> bool:
@@ -274,14 +281,10 @@ def _can_be_copied(value: object) -> bool:
     return True
 
 
-def _offers(names: Iterable[str]) -> bool:
-    return any(not name.startswith("_") for name in names)
-
-
-def _copyable(error: Exception) -> Exception:
-    """Return an error as a process can raise it."""
+def _copyable_error(error: Exception) -> Exception:
+    """Return an error that a process can raise: the error itself or, if it cannot be copied, one with its text."""
     try:
-        copied = pickle.loads(pickle.dumps(error))
-        return error if type(copied) is type(error) else RuntimeError(described(error))
+        copied_error = pickle.loads(pickle.dumps(error))
+        return error if type(copied_error) is type(error) else RuntimeError(described(error))
     except Exception:  # noqa: BLE001 - an error with arguments of its own
         return RuntimeError(described(error))

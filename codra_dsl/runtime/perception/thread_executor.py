@@ -1,4 +1,4 @@
-"""Execute jobs in a thread of the program, where a function can only end by itself."""
+"""Execute jobs in a thread of the program. A function in a thread can only end by itself."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from codra_dsl.runtime.values.model import Algorithm
 _LOGGER = logging.getLogger("codra_dsl.perception")
 
 Begin = Callable[[Callable[[], None]], None]
-"""Runs a function where jobs run."""
+"""The type of a function that runs another function in the place where jobs run."""
 
 
 class ThreadExecutor:
@@ -27,25 +27,25 @@ class ThreadExecutor:
 
         Args:
             algorithm: the algorithm.
-            function: its function, or class.
-            begin: runs `close` where jobs run.
+            function: the function or class of the algorithm.
+            begin: runs `close` of an object in the place where jobs run.
         """
         self._algorithm = algorithm
-        self._perceiver = FunctionHost(function)
+        self._function_host = FunctionHost(function)
         self._begin = begin
-        self._turn = threading.Lock()
+        self._lock = threading.Lock()
 
     def perform(self, job: RunningJob, given: Mapping[str, object], handles: Mapping[str, object]) -> object:
-        """Return the function's return value; before the first job, set it up."""
-        with self._turn:
-            if not self._perceiver.is_ready:
+        """Return the function's return value. Before the first job, create the object of a class and set it up."""
+        with self._lock:
+            if not self._function_host.is_ready:
                 try:
-                    self._perceiver.setup({**self._algorithm.parameters, **handles})
+                    self._function_host.setup({**self._algorithm.parameters, **handles})
                 except (Exception, SystemExit) as error:
                     raise JobError(f"setup: {described(error)}") from error
                 if job.cancelled:
                     raise Cancelled
-            return self._perceiver.perceive(**given, **handles, job=job)
+            return self._function_host.perceive(**given, **handles, job=job)
 
     def give_up(self) -> None:
         """Do nothing: a thread can only end by itself."""
@@ -55,15 +55,15 @@ class ThreadExecutor:
 
     def hang_up(self) -> None:
         """Close the object, if there is one, once no job uses it."""
-        if self._perceiver.is_open:
+        if self._function_host.is_open:
             self._begin(self._close)
 
     def close(self) -> None:
-        """Do nothing: the caller of `begin` waits for `close` of the object."""
+        """Do nothing: `Executors`, which runs `close` of the object, waits for it."""
 
     def _close(self) -> None:
-        with self._turn:
+        with self._lock:
             try:
-                self._perceiver.close()
+                self._function_host.close()
             except BaseException as error:  # noqa: BLE001 - errors of a user's class stay here
                 _LOGGER.warning("perception %r: close: %s", self._algorithm.name, described(error))

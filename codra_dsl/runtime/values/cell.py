@@ -1,7 +1,7 @@
 """A cell holds one context-variable: its present reading, and its history ordered by the instant of the evidence.
 
-P1, section 3.3 has a value, a flag for known or unknown, and the instant of identification. A reading here also has
-the instant at which the evidence was taken, and a reason if it is unknown.
+In P1, section 3.3, a variable has a value, a flag for known or unknown, and the instant of identification. A reading
+here also has the instant at which the evidence was taken and, for an unknown variable, a reason.
 """
 
 from __future__ import annotations
@@ -20,22 +20,23 @@ BEFORE_ALL_S = -math.inf
 
 FOREVER_S = math.inf
 
-FEWEST_KEPT = 100
-"""Readings that are kept even if the spec asks for a shorter history, because evidence is judged by the history."""
+MIN_READINGS = 100
+"""At least so many readings are kept, even if the spec declares a shorter history: evidence is checked against them."""
 
-MOST_PINNED = 10_000
-"""The largest number of readings beyond the limit that are kept for evidence being taken, so that memory is bounded."""
+MAX_PINNED_READINGS = 10_000
+"""The largest number of readings that are kept beyond the limit while evidence is taken. It bounds the memory."""
 
 
 class Reason(StrEnum):
     """Why a variable is unknown.
 
-    `schema.json` lists the reasons for timelines. `pytest tests/integrations/testing/test_reasons.py --renew-cases`
-    renews its list.
+    `schema.json` lists the reasons, for timelines. `pytest tests/integrations/testing/test_reasons.py --renew-cases`
+    renews this list.
 
     Attributes:
         meaning: a short text for people.
-        is_failure: whether the algorithm failed; then only values of this algorithm become unknown.
+        is_failure: whether the algorithm failed. Then a variable becomes unknown only if its value is of this
+            algorithm.
     """
 
     meaning: str
@@ -68,19 +69,21 @@ class UnknownValueError(LookupError):
 class Reading(Generic[ValueT_co]):
     """The value of a variable, or the reason why it is unknown.
 
-    A reading has no truth value, and `value` raises when unknown: so unknown cannot be taken for False by accident.
+    A reading has no truth value, and `value` raises an error if the variable is unknown. So unknown cannot be mistaken
+    for False.
 
     Attributes:
         name: the variable.
-        content: the value, or None when unknown; `value` is the safe way to read it.
-        reason: why it is unknown; None when known.
-        detail: what made it unknown: a skill, a condition, an error message.
-        evidence_s: when the evidence was taken. For an unknown variable, the instant from which it is unknown; for a
-            stale one, the instant of its last evidence.
-        start_s: when the evidence began to be taken, if known; equal to `evidence_s` for evidence of one instant.
-        identified_s: when the context manager received it.
-        expires_s: the end of its validity.
-        source: who wrote it: a perception algorithm, `main_execution`, or an agent.
+        content: the value, or None if the variable is unknown. `value` is the safe way to read the value.
+        reason: why the variable is unknown; None if it is known.
+        detail: what made the variable unknown: a skill, a condition, an error message.
+        evidence_s: when the evidence was taken. For an unknown variable, the instant since which it is unknown; for a
+            stale variable, the instant of its last evidence.
+        start_s: when the taking of the evidence began, if this is known. For evidence of one instant, it equals
+            `evidence_s`.
+        identified_s: when the context manager received the reading.
+        expires_s: the end of the validity of the value.
+        source: who wrote the reading: a perception algorithm, `main_execution`, or an agent.
     """
 
     name: str
@@ -103,7 +106,7 @@ class Reading(Generic[ValueT_co]):
         """Return the value.
 
         Raises:
-            UnknownValueError: when it is unknown, with the reason.
+            UnknownValueError: if the variable is unknown; the message has the reason.
         """
         if self.reason is not None:
             because = f"{self.reason}: {self.detail}" if self.detail else str(self.reason)
@@ -115,7 +118,7 @@ class Reading(Generic[ValueT_co]):
         return now_s - self.evidence_s
 
     def at(self, instant_s: float) -> Reading[ValueT_co]:
-        """Return this reading as of an instant: unknown once its validity is over."""
+        """Return this reading as it is at an instant: unknown if the end of its validity has been reached."""
         if self.reason is None and instant_s >= self.expires_s:
             return replace(self, content=None, reason=Reason.STALE, identified_s=self.expires_s, expires_s=FOREVER_S)
         return self
@@ -126,7 +129,7 @@ class Reading(Generic[ValueT_co]):
 
 @dataclass(slots=True)
 class _MutableReading(Generic[ValueT_co]):
-    """The fields of a reading, in the same order, before it is frozen."""
+    """The fields of a reading, in the same order, in a mutable object that becomes a reading."""
 
     name: str
     content: Value | None
@@ -148,32 +151,41 @@ def known_reading(  # noqa: PLR0917 - names would cost a third more
     expires_s: float,
     source: str,
 ) -> Reading[Value]:
-    """Return a reading of a known variable; for code that creates very many.
+    """Return a reading of a known variable; for code that creates very many readings.
 
-    A frozen class sets each of its fields by a call. Creating a mutable object and changing its class takes a third
-    of the time.
+    A frozen class sets each of its fields by a call. To create a mutable object and change its class takes a third of
+    the time.
     """
-    made: Any = _MutableReading(name, content, None, "", evidence_s, start_s, identified_s, expires_s, source)
-    made.__class__ = Reading
-    frozen: Reading[Value] = made
-    return frozen
+    mutable: Any = _MutableReading(name, content, None, "", evidence_s, start_s, identified_s, expires_s, source)
+    mutable.__class__ = Reading
+    reading: Reading[Value] = mutable
+    return reading
 
 
 class Cell:
     """The present reading and the history of one variable.
 
-    A writer holds the context manager's lock; a reader needs no lock.
+    Code that writes a cell must hold the context manager's lock; code that reads it needs no lock.
 
     Attributes:
         reading: the present reading.
         invalidated_s: when a skill last changed the variable.
-        late: how many readings had evidence older than the instant at which they were identified.
+        late_count: how many readings were identified later than their evidence was taken.
     """
 
-    __slots__ = ("_dropped", "_kept", "_limit", "_past", "_pins", "invalidated_s", "late", "reading")
+    __slots__ = (
+        "_has_dropped_readings",
+        "_history_limit",
+        "_max_readings",
+        "_pinned_instants_s",
+        "_readings",
+        "invalidated_s",
+        "late_count",
+        "reading",
+    )
 
     def __init__(self, name: str, history: int) -> None:
-        """Create a cell that was never observed.
+        """Create a cell of a variable that was never observed.
 
         Args:
             name: the variable.
@@ -181,52 +193,53 @@ class Cell:
         """
         self.reading: Reading[Value] = Reading(name=name, reason=Reason.NEVER_OBSERVED)
         self.invalidated_s = BEFORE_ALL_S
-        self.late = 0
-        self._past: list[Reading[Value]] = []
-        self._limit = history
-        self._kept = max(history, FEWEST_KEPT)
-        self._pins: list[float] = []
-        self._dropped = False
+        self.late_count = 0
+        self._readings: list[Reading[Value]] = []
+        self._history_limit = history
+        self._max_readings = max(history, MIN_READINGS)
+        self._pinned_instants_s: list[float] = []
+        self._has_dropped_readings = False
 
     def admits(self, start_s: float, stamp_s: float) -> bool:
-        """Return whether evidence counts: it does not if it was being taken when the variable was invalidated."""
+        """Return whether evidence counts. It does not if the variable was invalidated while the evidence was taken."""
         return not start_s <= self.invalidated_s <= stamp_s
 
     def write(self, reading: Reading[Value]) -> bool:
         """Add a reading to the history and, unless its evidence is older, make it the present reading.
 
         Returns:
-            Whether it is the present reading now.
+            Whether the added reading is now the present reading.
         """
         if reading.evidence_s < reading.identified_s:
-            self.late += 1
-        if not self._past or reading.evidence_s >= self._past[-1].evidence_s:
-            self._past.append(reading)
+            self.late_count += 1
+        if not self._readings or reading.evidence_s >= self._readings[-1].evidence_s:
+            self._readings.append(reading)
         else:
-            self._past.insert(bisect_right(self._past, reading.evidence_s, key=_evidence_s), reading)
-        while len(self._past) > self._kept and (not self._pins or self._has_too_many()):
-            del self._past[0]
-            self._dropped = True
+            self._readings.insert(bisect_right(self._readings, reading.evidence_s, key=_evidence_s), reading)
+        while len(self._readings) > self._max_readings and (not self._pinned_instants_s or self._has_too_many()):
+            del self._readings[0]
+            self._has_dropped_readings = True
         if reading.evidence_s < self.reading.evidence_s:
             return False
         self.reading = reading
         return True
 
     def pin(self, instant_s: float) -> None:
-        """Keep the readings that cover the time from an instant on, because evidence taken since then needs them."""
-        self._pins.append(instant_s)
+        """Keep the readings that cover the time since an instant, because evidence that is being taken needs them."""
+        self._pinned_instants_s.append(instant_s)
 
     def unpin(self, instant_s: float) -> None:
         """Undo one `pin`."""
-        self._pins.remove(instant_s)
+        self._pinned_instants_s.remove(instant_s)
 
     def _has_too_many(self) -> bool:
-        surplus = len(self._past) - self._kept
-        is_pinned = bool(self._pins) and surplus > 0 and self._past[1].evidence_s > min(self._pins)
-        return surplus > (MOST_PINNED if is_pinned else 0)
+        surplus = len(self._readings) - self._max_readings
+        pins_s = self._pinned_instants_s
+        is_pinned = bool(pins_s) and surplus > 0 and self._readings[1].evidence_s > min(pins_s)
+        return surplus > (MAX_PINNED_READINGS if is_pinned else 0)
 
     def expire(self, now_s: float) -> bool:
-        """Make the present reading unknown if its validity is over; return whether it became unknown."""
+        """Make the variable unknown if its present reading is no longer valid; return whether it became unknown."""
         reading = self.reading.at(now_s)
         if reading is self.reading:
             return False
@@ -234,25 +247,29 @@ class Cell:
         return True
 
     def history(self) -> tuple[Reading[Value], ...]:
-        """Return the newest readings in the order of their evidence, oldest first."""
-        return tuple(self._past[max(0, len(self._past) - self._limit) :])
+        """Return the newest readings, ordered by the instant of their evidence, the oldest first."""
+        return tuple(self._readings[max(0, len(self._readings) - self._history_limit) :])
 
     def at(self, instant_s: float) -> Reading[Value]:
-        """Return the reading at an instant, as known today: the newest evidence up to then, if it was still valid."""
-        position = bisect_right(self._past, instant_s, key=_evidence_s)
+        """Return the reading at an instant, as far as it is known today.
+
+        It is the reading with the newest evidence up to the instant. If this reading was no longer valid at the
+        instant, the variable is unknown.
+        """
+        position = bisect_right(self._readings, instant_s, key=_evidence_s)
         if position == 0:
             return Reading(name=self.reading.name, reason=Reason.NEVER_OBSERVED)
-        return self._past[position - 1].at(instant_s)
+        return self._readings[position - 1].at(instant_s)
 
     @property
     def complete_from_s(self) -> float:
-        """Return the instant from which on the history is complete."""
-        return self._past[0].evidence_s if self._dropped else BEFORE_ALL_S
+        """Return the instant since which the history is complete."""
+        return self._readings[0].evidence_s if self._has_dropped_readings else BEFORE_ALL_S
 
     def between(self, start_s: float, end_s: float) -> tuple[Reading[Value], ...]:
         """Return the readings whose evidence was taken in (start, end], in order."""
-        first = bisect_right(self._past, start_s, key=_evidence_s)
-        return tuple(self._past[first : bisect_right(self._past, end_s, key=_evidence_s)])
+        first = bisect_right(self._readings, start_s, key=_evidence_s)
+        return tuple(self._readings[first : bisect_right(self._readings, end_s, key=_evidence_s)])
 
 
 def _evidence_s(reading: Reading[Value]) -> float:

@@ -1,4 +1,4 @@
-"""Conditions as text: parsed from the Python text that builds them, and formatted as in a spec."""
+"""Conditions as text. They are parsed from the Python text that builds them, and formatted as in a spec."""
 
 from __future__ import annotations
 
@@ -40,68 +40,68 @@ _OPERATORS: Mapping[type[ast.AST], Callable[[Any, Any], Any]] = {
 }
 
 
-_PARSING = threading.RLock()
+_PARSE_LOCK = threading.RLock()
 
 
 class ConditionTextError(ValueError):
-    """A text does not build a condition."""
+    """A text is not the Python text of a condition."""
 
 
 @lru_cache(maxsize=4096)
-def _parsed(text: str) -> ast.expr:
-    # before 3.11.8 and 3.12.2, Python counts the depth of the trees that all threads build in one shared counter
-    with _PARSING:
+def _parse(text: str) -> ast.expr:
+    # before 3.11.8 and 3.12.2, all threads of Python share the counter of the depth of the tree that they build
+    with _PARSE_LOCK:
         return ast.parse(text, mode="eval").body
 
 
 @lru_cache(maxsize=4096)
 def parse_condition(text: str) -> Term:
-    """Return the condition that a text builds; the text is the `repr` of a condition. No code in it is run.
+    """Return the condition that a text builds. The text is the `repr` of a condition. No code in the text is run.
 
     Raises:
-        TermTextError: if the text does not build a condition.
+        ConditionTextError: if the text does not build a condition.
     """
     try:
-        built = _built(_parsed(text))
+        result = _build(_parse(text))
     except ConditionTextError:
         raise
     except Exception as error:
         raise ConditionTextError(f"{text[:60]!r} is not a condition: {type(error).__name__}") from error
-    if not isinstance(built, Term):
+    if not isinstance(result, Term):
         raise ConditionTextError(f"{text[:60]!r} is not a condition")
-    return built
+    return result
 
 
-def _built(node: ast.expr) -> Any:
+def _build(node: ast.expr) -> Any:
     match node:
         case ast.Constant(value=bool() | int() | float() | str() as constant):
             return constant
         case ast.Tuple(elts=parts):
-            return tuple(_built(part) for part in parts)
+            return tuple(_build(part) for part in parts)
         case ast.UnaryOp(op=ast.Invert(), operand=operand):
-            return ~_term(operand)
+            return ~_build_term(operand)
         case ast.UnaryOp(op=ast.USub(), operand=operand):
-            return -_built(operand)
+            return -_build(operand)
         case ast.BinOp(left=left, op=symbol, right=right) if type(symbol) in _OPERATORS:
-            return _OPERATORS[type(symbol)](_built(left), _built(right))
+            return _OPERATORS[type(symbol)](_build(left), _build(right))
         case ast.Compare(left=left, ops=[symbol], comparators=[right]) if type(symbol) in _OPERATORS:
-            return _OPERATORS[type(symbol)](_built(left), _built(right))
+            return _OPERATORS[type(symbol)](_build(left), _build(right))
         case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]):
-            return _called(name, [_built(argument) for argument in arguments])
+            return _call(name, [_build(argument) for argument in arguments])
         case ast.Call(func=ast.Attribute(value=term, attr="is_in"), args=options, keywords=[]):
-            return _term(term).is_in(*(_built(option) for option in options))
+            return _build_term(term).is_in(*(_build(option) for option in options))
         case _:
             raise ConditionTextError(f"{ast.unparse(node)[:60]!r} cannot be part of a condition")
 
 
-def _term(node: ast.expr) -> Term:
-    built = _built(node)
-    if not isinstance(built, Term):
+def _build_term(node: ast.expr) -> Term:
+    result = _build(node)
+    if not isinstance(result, Term):
         raise ConditionTextError(f"{ast.unparse(node)[:60]!r} is not a condition")
-    return built
+    return result
 
 
-def _called(name: str, arguments: Sequence[Any]) -> Any:
+def _call(name: str, arguments: Sequence[Any]) -> Any:
     if name == "abs":
         return abs(arguments[0])
     if name == "float":
@@ -118,15 +118,15 @@ def format_condition(text: str) -> str:
         text: the text that builds the condition.
 
     Raises:
-        TermTextError: if the text does not build a condition.
+        ConditionTextError: if the text does not build a condition.
     """
     parse_condition(text)
-    return _formatted(_parsed(text))
+    return _format_node(_parse(text))
 
 
 def literals_of(text: str) -> tuple[Value, ...]:
-    """Return the constants in the text of a condition, including names of variables."""
-    constants = (node.value for node in ast.walk(_parsed(text)) if isinstance(node, ast.Constant))
+    """Return the constants in the text of a condition; the names of variables are constants too."""
+    constants = (node.value for node in ast.walk(_parse(text)) if isinstance(node, ast.Constant))
     return tuple(constant for constant in constants if isinstance(constant, (bool, int, float, str)))
 
 
@@ -146,54 +146,51 @@ _SYMBOLS: Mapping[type[ast.AST], str] = {
 }
 
 
-def _formatted(node: ast.expr) -> str:
+def _format_node(node: ast.expr) -> str:
     match node:
         case ast.Call(func=ast.Name(id="value"), args=[ast.Constant(value=str() as name)]):
             return name
         case ast.Call(func=ast.Name(id="literal"), args=[constant]):
-            return _formatted(constant)
+            return _format_node(constant)
         case ast.Call(func=ast.Name(id="known" | "age" as function), args=[ast.Constant(value=str() as name)]):
             return f"{function}({name})"
         case ast.Call(func=ast.Name(id="choose"), args=[then, condition, otherwise]):
-            return f"{_grouped(then)} if {_grouped(condition)} else {_grouped(otherwise)}"
-        case ast.Call(func=ast.Name(id="first_of"), args=cases):
-            return ", ".join(f"{_formatted(case.elts[0])}: {_formatted(case.elts[1])}" for case in _tuples(cases))
+            return f"{_format_operand(then)} if {_format_operand(condition)} else {_format_operand(otherwise)}"
+        case ast.Call(func=ast.Name(id="first_of"), args=arguments):
+            cases = [case.elts for case in arguments if isinstance(case, ast.Tuple)]
+            return ", ".join(f"{_format_node(case[0])}: {_format_node(case[1])}" for case in cases)
         case ast.Call(func=ast.Name(id="between"), args=[enter, leave]):
-            return f"enter: {_formatted(enter)}, leave: {_formatted(leave)}"
+            return f"enter: {_format_node(enter)}, leave: {_format_node(leave)}"
         case ast.Call(func=ast.Name(id="confirmed"), args=[term, needed, among]):
-            return f"{_formatted(term)}, confirm: {_formatted(needed)} of {_formatted(among)}"
+            return f"{_format_node(term)}, confirm: {_format_node(needed)} of {_format_node(among)}"
         case ast.Call(func=ast.Name(id=function), args=arguments):
-            short = {"minimum": "min", "maximum": "max"}.get(function, function)
-            return f"{short}({', '.join(map(_formatted, arguments))})"
+            name = {"minimum": "min", "maximum": "max"}.get(function, function)
+            return f"{name}({', '.join(map(_format_node, arguments))})"
         case ast.Call(func=ast.Attribute(value=term), args=options):
-            return f"{_grouped(term)} in ({', '.join(map(_formatted, options))})"
+            return f"{_format_operand(term)} in ({', '.join(map(_format_node, options))})"
         case ast.UnaryOp(op=ast.Invert(), operand=operand):
-            return f"not {_grouped(operand)}"
+            return f"not {_format_operand(operand)}"
         case ast.UnaryOp(operand=operand):
-            return f"-{_grouped(operand)}"
+            return f"-{_format_operand(operand)}"
         case ast.BinOp(left=left, op=ast.BitAnd() | ast.BitOr() as symbol, right=right):
-            return f" {_SYMBOLS[type(symbol)]} ".join(_joined(part, type(symbol)) for part in (left, right))
+            return f" {_SYMBOLS[type(symbol)]} ".join(_format_side(part, type(symbol)) for part in (left, right))
         case ast.BinOp(left=left, op=symbol, right=right):
-            return f"{_grouped(left)} {_SYMBOLS[type(symbol)]} {_grouped(right)}"
+            return f"{_format_operand(left)} {_SYMBOLS[type(symbol)]} {_format_operand(right)}"
         case ast.Compare(left=left, ops=[symbol], comparators=[right]):
-            return f"{_grouped(left)} {_SYMBOLS[type(symbol)]} {_grouped(right)}"
+            return f"{_format_operand(left)} {_SYMBOLS[type(symbol)]} {_format_operand(right)}"
         case ast.Constant(value=bool() as truth):
             return str(truth).lower()
         case _:
             return ast.unparse(node)
 
 
-def _tuples(cases: Sequence[ast.expr]) -> list[ast.Tuple]:
-    return [case for case in cases if isinstance(case, ast.Tuple)]
+def _format_side(node: ast.expr, symbol: type[ast.operator]) -> str:
+    has_other_operator = isinstance(node, ast.BinOp) and type(node.op) in {ast.BitAnd, ast.BitOr} - {symbol}
+    return f"({_format_node(node)})" if has_other_operator else _format_node(node)
 
 
-def _joined(node: ast.expr, symbol: type[ast.operator]) -> str:
-    is_other = isinstance(node, ast.BinOp) and type(node.op) in {ast.BitAnd, ast.BitOr} - {symbol}
-    return f"({_formatted(node)})" if is_other else _formatted(node)
-
-
-def _grouped(node: ast.expr) -> str:
+def _format_operand(node: ast.expr) -> str:
     is_compound = isinstance(node, (ast.BinOp, ast.Compare)) or (
         isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in ("choose", "between")
     )
-    return f"({_formatted(node)})" if is_compound else _formatted(node)
+    return f"({_format_node(node)})" if is_compound else _format_node(node)

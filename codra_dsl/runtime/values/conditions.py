@@ -1,7 +1,7 @@
 """The functions with which generated code builds conditions.
 
-Conditions are trees of frozen terms, built with Python's operators. So generated code reads like the spec, and an
-explanation can take a condition apart.
+Conditions are trees of frozen terms, which are built with Python's operators. So generated code reads like the spec,
+and an explanation can use the parts of a condition.
 """
 
 from __future__ import annotations

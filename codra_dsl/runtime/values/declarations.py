@@ -1,4 +1,4 @@
-"""C_E(t) of P1, Equation 4: the variables that the main execution declares now, and for which holder."""
+"""C_E(t) of P1, Equation 4: the variables that the main execution declares at this time, and the holders of these."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable
 
 MAIN = "main_execution"
-"""The holder of the main execution's own declarations; if there are several, a number follows the name."""
+"""The holder of the main execution's own declarations. If there are several main executions, it has a number."""
 
 OBSERVER = "observer"
 """The source of a variable that an observer identifies."""
@@ -14,18 +14,18 @@ OBSERVER = "observer"
 POSES = "the knowledge graph"
 """The source of a variable that follows from poses; no agent can have this name."""
 
-_EXPECTED = "expected"
-_UNDER_WAY = "skill "
+_EXPECTATION_PREFIX = "expected"
+_SKILL_PREFIX = "skill "
 
 
-def expected_by(party: str) -> str:
-    """Return the holder of the previews of the skills that a main execution expects."""
-    return _EXPECTED if party == MAIN else f"{_EXPECTED} by {party}"
+def expectation_holder(party: str) -> str:
+    """Return the holder that declares the previews of the skills that a main execution expects."""
+    return _EXPECTATION_PREFIX if party == MAIN else f"{_EXPECTATION_PREFIX} by {party}"
 
 
-def under_way(skill: str, number: int) -> str:
-    """Return the holder of the previews and monitored variables of a skill under way."""
-    return f"{_UNDER_WAY}{skill} {number}"
+def skill_holder(skill: str, number: int) -> str:
+    """Return the holder that declares the previews and the monitored variables of a skill under way."""
+    return f"{_SKILL_PREFIX}{skill} {number}"
 
 
 class Declarations:
@@ -61,32 +61,32 @@ class Declarations:
 
     def of_expected(self) -> tuple[str, ...]:
         """Return the variables that are declared for expected skills."""
-        return self._of_those_with(_EXPECTED)
+        return self._names_of_holders(_EXPECTATION_PREFIX)
 
     def of_skills(self) -> tuple[str, ...]:
         """Return the variables that are declared for skills under way."""
-        return self._of_those_with(_UNDER_WAY)
+        return self._names_of_holders(_SKILL_PREFIX)
 
-    def _of_those_with(self, start: str) -> tuple[str, ...]:
-        return tuple(name for holder in self._holders if holder.startswith(start) for name in self.of(holder))
+    def _names_of_holders(self, prefix: str) -> tuple[str, ...]:
+        return tuple(name for holder in self._holders if holder.startswith(prefix) for name in self.of(holder))
 
     def add(self, holder: str, name: str) -> None:
-        """Declare a variable for a holder; no effect if the holder declares it already."""
-        held = self._holders.setdefault(holder, {})
-        if name not in held:
+        """Declare a variable for a holder. If the holder already declares it, this has no effect."""
+        held_names = self._holders.setdefault(holder, {})
+        if name not in held_names:
             self.version += 1
-            held[name] = None
+            held_names[name] = None
             self._counts[name] += 1
             if self._counts[name] == 1:
                 self._enter(name, holder)
 
     def remove(self, holder: str, name: str) -> None:
-        """Remove a variable from a holder's declarations; no effect if the holder does not declare it."""
-        held = self._holders.get(holder, {})
-        if name in held:
+        """Remove a variable from a holder's declarations. If the holder does not declare it, this has no effect."""
+        held_names = self._holders.get(holder, {})
+        if name in held_names:
             self.version += 1
-            del held[name]
-            if not held:
+            del held_names[name]
+            if not held_names:
                 del self._holders[holder]
             self._counts[name] -= 1
             if not self._counts[name]:
@@ -94,7 +94,7 @@ class Declarations:
                 self._leave(name, holder)
 
     def hold(self, holder: str, names: Iterable[str]) -> None:
-        """Let a holder declare exactly these variables; those that it keeps do not leave and enter again."""
+        """Let a holder declare exactly these variables. Variables that it keeps do not leave C_E(t) and enter again."""
         before, after = self.of(holder), dict.fromkeys(names)
         for name in after:
             self.add(holder, name)

@@ -1,8 +1,8 @@
-"""Whether a condition over the context held, judged from the histories of the variables, not from the ticks.
+"""Functions that return whether a condition over the context held. They use the histories of variables, not the ticks.
 
-Evidence counts only if every precondition held, without a break, while it was taken. This is checked on the histories
-when the result is there: a precondition that failed and held again between two ticks still voids the evidence, and so
-does a failure that becomes known only later.
+Evidence counts only if every precondition held, without a break, while the evidence was taken. This is checked with the
+histories when the result of the job has arrived. So a precondition that failed and held again between two ticks voids
+the evidence. A failure of a precondition that becomes known only later voids it too.
 """
 
 from __future__ import annotations
@@ -23,38 +23,39 @@ class ContextNow:
     now_s: float
 
     def value(self, name: str) -> Value | None:
-        """Return the present value of a variable, or None."""
+        """Return the present value of a variable, or None if it is unknown."""
         return self.cells[name].reading.at(self.now_s).content
 
     def age_s(self, name: str) -> float | None:
-        """Return the age of a variable's evidence, or None."""
+        """Return the age of a variable's evidence, or None if the variable is unknown."""
         reading = self.cells[name].reading.at(self.now_s)
         return reading.age_s(self.now_s) if reading.known else None
 
 
 @dataclass(frozen=True, slots=True)
 class ContextAt:
-    """The context as it was at an instant, as known today.
+    """The context as it was at an instant, according to what is known today.
 
     Attributes:
-        instead: a reading of that instant that another one replaced at once; it is used in place of the last one.
+        replaced_reading: if a variable got several readings at the instant, one that another replaced at once. It is
+            used instead of the last one.
     """
 
     cells: Mapping[str, Cell]
     instant_s: float
-    instead: Reading[Value] | None = None
+    replaced_reading: Reading[Value] | None = None
 
     def _reading(self, name: str) -> Reading[Value]:
-        if self.instead is not None and self.instead.name == name:
-            return self.instead
+        if self.replaced_reading is not None and self.replaced_reading.name == name:
+            return self.replaced_reading
         return self.cells[name].at(self.instant_s)
 
     def value(self, name: str) -> Value | None:
-        """Return the value of a variable at the instant, or None."""
+        """Return the value of a variable at the instant, or None if it was unknown."""
         return self._reading(name).content
 
     def age_s(self, name: str) -> float | None:
-        """Return the age of a variable's evidence at the instant, or None."""
+        """Return the age of a variable's evidence at the instant, or None if the variable was unknown."""
         reading = self._reading(name)
         return reading.age_s(self.instant_s) if reading.known else None
 
@@ -62,15 +63,16 @@ class ContextAt:
 def held(term: Term, cells: Mapping[str, Cell], start_s: float, end_s: float) -> bool:
     """Return whether a condition held without a break from `start_s` to `end_s`, both included.
 
-    Time that the histories no longer cover counts as a break: such evidence does not count.
+    If the histories no longer cover all of this time, the condition counts as broken, so the evidence does not count.
     """
     return complete_from_s(term, cells) <= start_s and first_loss(term, cells, start_s, end_s) is None
 
 
 def _lasts(reading: Reading[Value], start_s: float, end_s: float) -> bool:
-    """Return whether a present reading was the reading at every instant from `start_s` to `end_s`.
+    """Return whether a present reading was the variable's reading at every instant from `start_s` to `end_s`.
 
-    A stale reading was not: it keeps the instant of its evidence, and was known until it expired.
+    This is not so for a stale reading. It keeps the instant of its evidence, but the variable was known until the
+    reading expired.
     """
     return reading.reason is None and reading.evidence_s <= start_s <= end_s < reading.expires_s
 
@@ -80,51 +82,53 @@ def first_loss(
 ) -> float | None:
     """Return the first instant from `start_s` to `end_s` at which a condition stopped holding, or None.
 
-    `held_before`: whether the condition is assumed to hold just before `start_s`.
+    `held_before` states whether the condition is assumed to hold just before `start_s`.
     """
     names, is_aging = term.reads
     if not is_aging and all(_lasts(cells[name].reading, start_s, end_s) for name in names):
         return start_s if held_before and not term.holds(ContextNow(cells, end_s)) else None
-    for past in _moments(term, cells, start_s, end_s):
-        holds = term.holds(past)
+    for context in _moments(term, cells, start_s, end_s):
+        holds = term.holds(context)
         if held_before and not holds:
-            return past.instant_s
+            return context.instant_s
         held_before = holds
     return None
 
 
 def complete_from_s(term: Term, cells: Mapping[str, Cell]) -> float:
-    """Return the instant from which on the histories of all variables that a condition reads are complete."""
+    """Return the instant since which the histories of all variables that a condition reads are complete."""
     return max((cells[name].complete_from_s for name in term.variables()), default=BEFORE_ALL_S)
 
 
 def _moments(term: Term, cells: Mapping[str, Cell], start_s: float, end_s: float) -> Iterator[ContextAt]:
     """Yield the moments, in order, at which the value of a condition can change."""
-    aging = reads_ages(term)
+    is_aging = reads_ages(term)
     names = sorted(term.variables())
-    turns = [turn for name in names for turn in _turns(cells[name], start_s, end_s, every=aging)]
+    turns = [turn for name in names for turn in _turns(cells[name], start_s, end_s, with_new_evidence=is_aging)]
     readings: dict[float, list[Reading[Value]]] = {start_s: [], end_s: []}
     for instant_s, reading in turns:
         readings.setdefault(instant_s, []).extend(() if reading is None else (reading,))
     instants = sorted(readings)
     for instant_s, next_s in pairwise([*instants, end_s]):
-        yield from (ContextAt(cells, instant_s, instead=reading) for reading in readings[instant_s])
+        yield from (ContextAt(cells, instant_s, replaced_reading=reading) for reading in readings[instant_s])
         yield ContextAt(cells, instant_s)
-        if aging:
+        if is_aging:
             yield from _flips(term, cells, instant_s, next_s)
 
 
-def _turns(cell: Cell, start_s: float, end_s: float, *, every: bool) -> Iterator[tuple[float, Reading[Value] | None]]:
-    """Yield each instant after `start_s` at which a variable got another value, with the reading.
+def _turns(
+    cell: Cell, start_s: float, end_s: float, *, with_new_evidence: bool
+) -> Iterator[tuple[float, Reading[Value] | None]]:
+    """Yield each instant after `start_s` at which a variable got another value, with the reading that has this value.
 
-    At the end of its validity, the reading is None. With `every`, new evidence for the same value is yielded too,
-    because it makes the variable younger.
+    For the instant at which the validity of a value ends, None is yielded instead of a reading. If `with_new_evidence`,
+    instants with new evidence for the same value are yielded too, because new evidence makes the variable younger.
     """
     before = cell.at(start_s)
     for reading in cell.between(start_s, end_s):
         if before.expires_s < reading.evidence_s:
             yield before.expires_s, None
-        if every or reading.content != before.at(reading.evidence_s).content:
+        if with_new_evidence or reading.content != before.at(reading.evidence_s).content:
             yield reading.evidence_s, reading
         before = reading
     if before.expires_s <= end_s:
@@ -132,7 +136,7 @@ def _turns(cell: Cell, start_s: float, end_s: float, *, every: bool) -> Iterator
 
 
 def _flips(term: Term, cells: Mapping[str, Cell], start_s: float, end_s: float) -> Iterator[ContextAt]:
-    """Yield the moments between two instants at which a comparison with an age changes."""
+    """Yield the moments between two instants at which the result of a comparison with an age changes."""
     at_s = start_s
     while (wait_s := term.flips_s(ContextAt(cells, at_s))) is not None and at_s + wait_s < end_s:
         at_s += wait_s
@@ -140,35 +144,35 @@ def _flips(term: Term, cells: Mapping[str, Cell], start_s: float, end_s: float) 
 
 
 class Watch:
-    """Tracks whether the condition under which a variable can be observed was lost since its evidence was taken.
+    """Tracks the condition under which a variable can be observed: whether it failed since the evidence was taken.
 
-    The instant of the loss follows from the histories, not from the instants at which the tree was ticked.
+    The instant of the failure follows from the histories, not from the instants at which the tree was ticked.
     """
 
     def __init__(self, term: Term) -> None:
         self._term = term
         self._names = sorted(term.variables())
         self._evidence: tuple[float, str, int] | None = None
-        self._seen_s = BEFORE_ALL_S
-        self._held = False
+        self._checked_until_s = BEFORE_ALL_S
+        self._held_at_check = False
 
     def loss_s(self, cells: Mapping[str, Cell], reading: Reading[Value], *, is_own: bool, now_s: float) -> float | None:
-        """Return the instant since which the variable can no longer be observed, or None.
+        """Return the instant since which the variable can no longer be observed, or None if it can be observed.
 
         Args:
-            cells: all variables.
+            cells: the cells of all variables.
             reading: the present reading of the variable.
-            is_own: whether it was observed under the condition: then the condition is assumed to have held. A value
-                from another writer is lost only once the condition has held and then fails.
+            is_own: whether the value was observed under the condition. Then the condition is assumed to have held. A
+                value from another writer is lost only if the condition has held and then fails.
             now_s: the present instant.
         """
-        evidence = (reading.evidence_s, reading.source, sum(cells[name].late for name in self._names))
-        if (
-            self._evidence != evidence
-        ):  # also when the past has changed, so that a loss does not depend on the instants of the checks
+        evidence = (reading.evidence_s, reading.source, sum(cells[name].late_count for name in self._names))
+        # the late readings are counted too: if the past has changed, the time is checked again, so that the result does
+        # not depend on the instants of the checks
+        if self._evidence != evidence:
             self._evidence = evidence
-            self._seen_s, self._held = reading.evidence_s, is_own
-        start_s = max(self._seen_s, complete_from_s(self._term, cells))
-        loss_s = first_loss(self._term, cells, start_s, now_s, self._held)
-        self._seen_s, self._held = now_s, self._term.holds(ContextNow(cells, now_s))
+            self._checked_until_s, self._held_at_check = reading.evidence_s, is_own
+        start_s = max(self._checked_until_s, complete_from_s(self._term, cells))
+        loss_s = first_loss(self._term, cells, start_s, now_s, self._held_at_check)
+        self._checked_until_s, self._held_at_check = now_s, self._term.holds(ContextNow(cells, now_s))
         return loss_s

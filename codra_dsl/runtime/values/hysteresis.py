@@ -1,4 +1,4 @@
-"""Values without flicker: hysteresis between two conditions, and confirmation by several results."""
+"""Two ways to keep the value of a variable steady: hysteresis between two conditions, and votes of several results."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from codra_dsl.logic import Operand, Scope, Term, Value, literal
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Hysteresis(Term):
-    """True where `enter` holds, else false where `leave` holds, else as the variable was before."""
+    """True if `enter` holds, otherwise false if `leave` holds, otherwise the value that the variable had before."""
 
     enter: Term
     leave: Term
@@ -21,13 +21,16 @@ class Hysteresis(Term):
         return (self.enter, self.leave)
 
     def evaluate(self, scope: Scope) -> Value | None:
-        """Return true or false, or None if neither condition holds or it is unknown whether one of them holds."""
+        """Return true if `enter` holds, otherwise false if `leave` holds.
+
+        Return None if neither holds, or if it is unknown whether one of them holds.
+        """
         if self.enter.evaluate(scope) is True:
             return True
         return False if self.leave.evaluate(scope) is True else None
 
     def leaves_as_is(self, scope: Scope) -> bool:
-        """Return whether both conditions are known not to hold: then the value stays as it was."""
+        """Return whether it is known that neither condition holds. Then the variable keeps its value."""
         return self.enter.evaluate(scope) is False and self.leave.evaluate(scope) is False
 
     def __repr__(self) -> str:
@@ -35,7 +38,7 @@ class Hysteresis(Term):
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Debounced(Term):
+class DebouncedCondition(Term):
     """A condition whose value counts once `needed` of the last `among` results agree on it."""
 
     term: Term
@@ -55,16 +58,16 @@ class Debounced(Term):
 
 
 def between(enter: Operand, leave: Operand) -> Term:
-    """Return a condition that is true where `enter` holds, false where `leave` holds, and as before between them."""
-    return Hysteresis(_term(enter), _term(leave))
+    """Return a condition that is true if `enter` holds, false if `leave` holds, and otherwise keeps its value."""
+    return Hysteresis(_to_term(enter), _to_term(leave))
 
 
 def confirmed(term: Operand, needed: int, among: int) -> Term:
     """Return a condition whose value counts once `needed` of the last `among` results agree on it."""
-    return Debounced(_term(term), needed, among)
+    return DebouncedCondition(_to_term(term), needed, among)
 
 
-def _term(operand: Operand) -> Term:
+def _to_term(operand: Operand) -> Term:
     return operand if isinstance(operand, Term) else literal(operand)
 
 
@@ -84,31 +87,34 @@ class Votes:
         """Start without results.
 
         Args:
-            needed: how many results must agree.
+            needed: how many of the counted results must agree on a value.
             among: how many of the last results are counted.
         """
         self.needed = needed
         self.among = among
-        self._results: deque[Vote] = deque(maxlen=among)
+        self._votes: deque[Vote] = deque(maxlen=among)
 
     def clear(self) -> None:
         """Drop all results."""
-        self._results.clear()
+        self._votes.clear()
 
-    def take(self, newest: Vote, counts: Callable[[Vote], bool]) -> None:
-        """Add the newest result, and keep those before it for which `counts` is true."""
-        kept = [vote for vote in self._results if counts(vote)]
-        self._results.clear()
-        self._results.extend((*kept, newest))
+    def take(self, newest_vote: Vote, still_counts: Callable[[Vote], bool]) -> None:
+        """Add the newest result. Of the earlier results, keep those for which `still_counts` returns true."""
+        counted_votes = [vote for vote in self._votes if still_counts(vote)]
+        self._votes.clear()
+        self._votes.extend((*counted_votes, newest_vote))
 
     def count(self, content: Value | None) -> int:
-        """Return how many of the last results have a value."""
-        return len(self._agreeing(content))
+        """Return how many of the last results have the value `content`."""
+        return len(self._agreeing_votes(content))
 
     def start_s(self, content: Value) -> float | None:
-        """Return when the evidence of the last `needed` results for a value began; None if too few agree on it."""
-        agreeing = self._agreeing(content)
-        return agreeing[-self.needed].start_s if len(agreeing) >= self.needed else None
+        """Return the start of the evidence for a value: the start of the first of the last `needed` results with it.
 
-    def _agreeing(self, content: Value | None) -> list[Vote]:
-        return [vote for vote in self._results if vote.content == content]
+        None if fewer than `needed` results have this value.
+        """
+        agreeing_votes = self._agreeing_votes(content)
+        return agreeing_votes[-self.needed].start_s if len(agreeing_votes) >= self.needed else None
+
+    def _agreeing_votes(self, content: Value | None) -> list[Vote]:
+        return [vote for vote in self._votes if vote.content == content]

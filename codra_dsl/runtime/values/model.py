@@ -17,10 +17,10 @@ _CLASSES: Mapping[str, type[bool] | type[int] | type[str] | tuple[type[int], typ
     "str": str,
     "enum": str,
 }
-_MAX_SHOWN = 60
+_MAX_SHOWN_CHARACTERS = 60
 
 MAX_TEXT = 10_000
-"""The longest text in characters that context can hold: context is for decisions, not for payload."""
+"""The length in characters of the longest text that context can hold: context is for decisions, not for payload."""
 
 MAX_INTEGER = 2**63 - 1
 """The largest integer that context can hold and the journal can write."""
@@ -36,9 +36,9 @@ class ValueType:
 
     Attributes:
         unit: the unit of the values, for display only; numbers are not converted.
-        range: both ends inclusive.
-        members: of an enum.
-        optional: whether a result may leave the value out.
+        range: the lowest and the highest value, both included.
+        members: the members of an enum.
+        optional: whether a result may leave out the value.
     """
 
     kind: Kind
@@ -48,31 +48,31 @@ class ValueType:
     optional: bool = False
 
     def convert(self, given: object) -> Value | None:
-        """Return a value of this type, or None for NaN, which is unknown.
+        """Return a value converted to this type, or None for NaN, which means that the value is unknown.
 
         Args:
             given: a value from a program; a numpy scalar is converted to the number that it holds.
 
         Raises:
-            NotOfTypeError: if it has another type, lies outside the range, or is not a member.
+            NotOfTypeError: if the value has another type, lies outside the range, or is not a member.
         """
         if (given is True or given is False) and self.kind == "bool":
             return given
-        plain = given if given.__class__ in _PLAIN else unboxed(given)
+        plain = given if given.__class__ in _PLAIN_TYPES else unbox(given)
         if isinstance(plain, bool) != (self.kind == "bool") or not isinstance(plain, _CLASSES[self.kind]):
-            raise NotOfTypeError(f"{_shown(plain)} is not of type {self.kind}")
-        converted = _text(plain) if isinstance(plain, str) else self._number(plain)
-        if converted is not None:
-            self._check_bounds(converted)
-        return converted
+            raise NotOfTypeError(f"{_value_text(plain)} is not of type {self.kind}")
+        result = _checked_text(plain) if isinstance(plain, str) else self._to_number(plain)
+        if result is not None:
+            self._check_bounds(result)
+        return result
 
     def converter(self) -> Callable[[object], Value | None]:
-        """Return a faster `convert` for very many values: if the class of a value fits, only its bounds are checked."""
+        """Return a faster `convert` for very many values. If the class of a value fits, it checks only the bounds."""
         convert, (low, high) = self.convert, self.range or (-math.inf, math.inf)
         plain: frozenset[object] = frozenset(self.members)
 
         def to_integer(given: object) -> Value | None:
-            return given if given.__class__ is int and least <= given <= most else convert(given)
+            return given if given.__class__ is int and min_value <= given <= max_value else convert(given)
 
         def to_float(given: object) -> Value | None:
             return given if given.__class__ is float and low <= given <= high else convert(given)
@@ -80,12 +80,12 @@ class ValueType:
         def to_member(given: object) -> Value | None:
             return given if given.__class__ is str and given in plain else convert(given)
 
-        least, most = max(low, -MAX_INTEGER), min(high, MAX_INTEGER)
+        min_value, max_value = max(low, -MAX_INTEGER), min(high, MAX_INTEGER)
         return {"int": to_integer, "float": to_float, "enum": to_member}.get(self.kind, convert)
 
-    def _number(self, plain: bool | int | float) -> bool | int | float | None:
+    def _to_number(self, plain: bool | int | float) -> bool | int | float | None:
         if isinstance(plain, int) and abs(plain) > MAX_INTEGER:
-            raise NotOfTypeError(f"{_shown(plain)} is too large")
+            raise NotOfTypeError(f"{_value_text(plain)} is too large")
         if self.kind != "float":
             return plain if isinstance(plain, bool) else int(plain)
         return None if plain != plain else float(plain)
@@ -94,14 +94,14 @@ class ValueType:
         if self.range is not None and isinstance(plain, (int, float)) and not self.range[0] <= plain <= self.range[1]:
             raise NotOfTypeError(f"{plain!r} lies outside [{self.range[0]:g}, {self.range[1]:g}]")
         if self.members and plain not in self.members:
-            raise NotOfTypeError(f"{_shown(plain)} is not one of {', '.join(self.members)}")
+            raise NotOfTypeError(f"{_value_text(plain)} is not one of {', '.join(self.members)}")
 
 
-_PLAIN = frozenset((bool, int, float, str))
-"""Classes whose values need no unboxing."""
+_PLAIN_TYPES = frozenset((bool, int, float, str))
+"""Classes whose values contain no other value, so `unbox` need not be called."""
 
 
-def unboxed(given: object) -> object:
+def unbox(given: object) -> object:
     """Return the number in a numpy scalar; return anything else unchanged."""
     try:
         item = getattr(given, "item", None)
@@ -110,7 +110,7 @@ def unboxed(given: object) -> object:
         return given
 
 
-def _text(plain: str) -> str:
+def _checked_text(plain: str) -> str:
     if len(plain) > MAX_TEXT:
         raise NotOfTypeError(f"a text of {len(plain)} characters is too long: the limit is {MAX_TEXT}")
     if not plain.isascii() and any("\ud800" <= character <= "\udfff" for character in plain):
@@ -118,10 +118,10 @@ def _text(plain: str) -> str:
     return str.__str__(plain)  # a member of a StrEnum becomes plain text
 
 
-def _shown(given: object) -> str:
-    """Return a value as a message shows it, without calling the `repr` of a foreign object."""
+def _value_text(given: object) -> str:
+    """Return the text of a value for a message. The `repr` of an object of another class is not called."""
     if isinstance(given, str):
-        return repr(given if len(given) <= _MAX_SHOWN else f"{given[:_MAX_SHOWN]}...")
+        return repr(given if len(given) <= _MAX_SHOWN_CHARACTERS else f"{given[:_MAX_SHOWN_CHARACTERS]}...")
     if isinstance(given, int) and abs(given) > MAX_INTEGER:
         return f"a number of {given.bit_length()} bits"
     return repr(given) if given is None or isinstance(given, (bool, int, float)) else f"a {type(given).__name__}"
@@ -170,9 +170,9 @@ class VariableModel:
         sources: the permitted writers: `observer`, `main_execution`, agents.
         valid_for_s: how long evidence is valid.
         when_unobservable: whether the last value is kept when a precondition fails or a result is rejected.
-        refresh: whether it is observed periodically, or after events.
+        refresh: whether the variable is observed periodically, or after events.
         history: the largest number of readings that `ContextManager.history` returns.
-        pose_condition: its condition on poses, over `distance` and `in_view`; None if it does not follow from poses.
+        pose_condition: if the variable follows from poses, its condition over `distance` and `in_view`; otherwise None.
     """
 
     name: str
@@ -193,13 +193,13 @@ class Algorithm:
     Attributes:
         call: `package.module:function`, or a class with `perceive`; imported when the forest is built.
         parameters: constant arguments.
-        handles: names of the resources whose handles it receives.
-        slots: resources that run one job per slot at a time.
-        given: context-variables whose values it receives; all of them must be known.
-        returns: the type of each value of its result.
+        handles: names of the resources whose handles the function receives.
+        slots: resources of which each job uses a slot; at any time, one job can run in a slot.
+        given: context-variables whose values the function receives; all of them must be known.
+        returns: the type of each value of a result.
         timeout_s: a job that runs longer than this times out.
         min_interval_s: the least time between the starts of two jobs.
-        isolate: whether it runs in a thread of the program, or in a process of its own.
+        isolate: whether the function runs in a thread of the program, or in a separate process.
     """
 
     name: str
@@ -220,8 +220,9 @@ class ExpectationModel:
 
     Attributes:
         text: the expectation as written in the spec.
-        condition: over one variable: it becomes true, or stays true.
-        within_s: how long it may take to become true; infinite if it is to stay true while the skill acts.
+        condition: the condition over one variable that is to become true, or to stay true.
+        within_s: how long it may take until the condition is true; infinite if the condition is to stay true while the
+            skill acts.
     """
 
     text: str

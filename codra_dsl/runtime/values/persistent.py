@@ -1,6 +1,6 @@
-"""Persistent mappings: a change creates a new mapping that shares entries with the old one, which stays unchanged.
+"""Persistent mappings. A change creates a new mapping; the old mapping stays as it is, and they share entries.
 
-A reader that keeps a mapping sees one state for as long as it likes, without a lock and without a copy.
+A reader that keeps a mapping sees the same state for as long as it likes, without a lock and without a copy.
 """
 
 from __future__ import annotations
@@ -11,49 +11,49 @@ from typing import Any, Generic, TypeVar, cast
 KeyT = TypeVar("KeyT")
 ValueT = TypeVar("ValueT")
 
-_MOST_STEPS = 32
-"""The number of versions that a reader of an old mapping passes before that mapping gets entries of its own."""
+_MAX_STEPS = 32
+"""The largest number of newer versions that a reader of an old mapping looks at. Then the old mapping gets entries."""
 
-_MOST_CHANGES = 1_000
-"""A dictionary is copied after as many changes as it has entries, and these more.
+_MAX_EXTRA_CHANGES = 1_000
+"""A dictionary is copied when it has been changed more often than the number of its entries plus this number.
 
 An old mapping that is still referenced keeps all later changes in memory, up to this copy.
 """
 
 
 class PersistentMap(Generic[KeyT, ValueT]):
-    """A persistent mapping: each change returns another mapping. It has no meaningful order, and no value is None.
+    """A persistent mapping: each change returns another mapping. The order has no meaning, and no value is None.
 
-    Only the newest version has a dictionary. An older version stores its differences from the next version, and a
-    reference to it. So the cost of a change does not depend on the number of entries, and the newest version is read
-    directly.
+    Only the newest version has a dictionary. An older version stores how it differs from the next version, and a
+    reference to the next version. So the cost of a change does not depend on the number of entries, and the newest
+    version is read directly.
 
-    Threads may read all versions while one thread changes the newest. After reading the dictionary, a reader checks
-    that its version is still the newest: a version is marked as old before its dictionary is changed. Changing an old
-    version copies it.
+    Threads may read all versions while one thread changes the newest version. A version is marked as old before its
+    dictionary is changed; so after reading the dictionary, a reader checks that its version is still the newest. A
+    change of an old version copies that version.
     """
 
-    __slots__ = ("_before", "_changes", "_entries", "_later", "_own")
+    __slots__ = ("_change_count", "_entries", "_next_version", "_own_entries", "_values_before")
 
-    _before: dict[KeyT, ValueT | None]
-    """Of an old version: the keys that the next version changed, with their values in this version."""
+    _values_before: dict[KeyT, ValueT | None]
+    """Only in an old version: the keys that the next version changed, with their values in this version."""
 
-    _own: dict[KeyT, ValueT] | None
-    """Of an old version: all its entries, once a reader has needed all of them."""
+    _own_entries: dict[KeyT, ValueT] | None
+    """Only in an old version: all its entries, once a reader has needed all of them; None until then."""
 
     def __init__(self) -> None:
         """Create an empty mapping."""
         self._entries: dict[KeyT, ValueT] = {}
-        self._later: PersistentMap[KeyT, ValueT] | None = None
-        self._changes = 0
+        self._next_version: PersistentMap[KeyT, ValueT] | None = None
+        self._change_count = 0
 
     def get(self, key: KeyT) -> ValueT | None:
-        """Return the value of a key, or None."""
-        if self._later is None:
+        """Return the value of a key, or None if the mapping lacks the key."""
+        if self._next_version is None:
             value = self._entries.get(key)
-            if self._later is None:
+            if self._next_version is None:
                 return value
-        return self._as_it_was(key)
+        return self._old_value(key)
 
     def __getitem__(self, key: KeyT) -> ValueT:
         value = self.get(key)
@@ -65,9 +65,9 @@ class PersistentMap(Generic[KeyT, ValueT]):
         return self.get(cast("KeyT", key)) is not None
 
     def __len__(self) -> int:
-        if self._later is None:
+        if self._next_version is None:
             count = len(self._entries)
-            if self._later is None:
+            if self._next_version is None:
                 return count
         return len(self._all_entries())
 
@@ -83,7 +83,10 @@ class PersistentMap(Generic[KeyT, ValueT]):
         return self.with_changes({key: value})
 
     def without(self, key: KeyT) -> PersistentMap[KeyT, ValueT]:
-        """Return the mapping without a key; the same mapping if it lacks the key. For one thread at a time."""
+        """Return the mapping without a key; if it lacks the key, the same mapping.
+
+        Only one thread at a time may call this.
+        """
         return self.with_changes({key: None}) if key in self else self
 
     def with_changes(self, changes: Mapping[KeyT, ValueT | None]) -> PersistentMap[KeyT, ValueT]:
@@ -92,70 +95,70 @@ class PersistentMap(Generic[KeyT, ValueT]):
         Only one thread at a time may call this.
         """
         entries = self._entries
-        made: PersistentMap[KeyT, ValueT] = _new(PersistentMap)
-        made._later = None
-        if self._later is None and self._changes <= len(entries) + _MOST_CHANGES:
+        changed_map: PersistentMap[KeyT, ValueT] = _new(PersistentMap)
+        changed_map._next_version = None
+        if self._next_version is None and self._change_count <= len(entries) + _MAX_EXTRA_CHANGES:
             before: dict[KeyT, ValueT | None] = {}
             for key in changes:
                 before[key] = entries.get(key)
-            self._before, self._own = before, None
-            made._changes = self._changes + len(changes)
-            made._entries = entries
-            self._later = made  # from here on, readers of this version use `_before`
+            self._values_before, self._own_entries = before, None
+            changed_map._change_count = self._change_count + len(changes)
+            changed_map._entries = entries
+            self._next_version = changed_map  # from here on, readers of this version use `_values_before`
         else:
-            made._entries = entries = dict(self._all_entries())
-            made._changes = 0
-        for key, value in changes.items():  # the same as `_change`, without the cost of a call
+            changed_map._entries = entries = dict(self._all_entries())
+            changed_map._change_count = 0
+        for key, value in changes.items():  # the same as `_apply_changes`, without the cost of a call
             if value is not None:
                 entries[key] = value
             else:
                 entries.pop(key, None)
-        return made
+        return changed_map
 
-    def _as_it_was(self, key: KeyT) -> ValueT | None:
-        """Return the value of a key that this mapping had when it was the newest."""
+    def _old_value(self, key: KeyT) -> ValueT | None:
+        """Return the value that a key had in this mapping when this mapping was the newest version."""
         version, steps = self, 0
         while True:
-            later = version._later
-            if later is None:
+            next_version = version._next_version
+            if next_version is None:
                 value = version._entries.get(key)
-                if version._later is None:
+                if version._next_version is None:
                     return value
-            elif version._own is not None:
-                return version._own.get(key)
-            elif key in version._before:
-                return version._before[key]
-            elif steps > _MOST_STEPS:
+            elif version._own_entries is not None:
+                return version._own_entries.get(key)
+            elif key in version._values_before:
+                return version._values_before[key]
+            elif steps > _MAX_STEPS:
                 return self._all_entries().get(key)
             else:
-                version, steps = later, steps + 1
+                version, steps = next_version, steps + 1
 
     def _all_entries(self) -> Mapping[KeyT, ValueT]:
         """Return all entries of this version; the caller must not change them."""
         version: PersistentMap[KeyT, ValueT] = self
-        passed: list[PersistentMap[KeyT, ValueT]] = []
+        passed_versions: list[PersistentMap[KeyT, ValueT]] = []
         while True:
-            later = version._later
-            if later is None:
+            next_version = version._next_version
+            if next_version is None:
                 entries = version._entries.copy()
-                if version._later is None:
+                if version._next_version is None:
                     break
-            elif version._own is not None:
+            elif version._own_entries is not None:
                 if version is self:
-                    return version._own
-                entries = version._own.copy()
+                    return version._own_entries
+                entries = version._own_entries.copy()
                 break
             else:
-                passed.append(version)
-                version = later
-        for version in reversed(passed):
-            _change(entries, version._before)
-        if passed:
-            self._own = entries
+                passed_versions.append(version)
+                version = next_version
+        for version in reversed(passed_versions):
+            _apply_changes(entries, version._values_before)
+        if passed_versions:
+            self._own_entries = entries
         return entries
 
 
-def _change(entries: dict[KeyT, ValueT], changes: Mapping[KeyT, ValueT | None]) -> None:
+def _apply_changes(entries: dict[KeyT, ValueT], changes: Mapping[KeyT, ValueT | None]) -> None:
     for key, value in changes.items():
         if value is not None:
             entries[key] = value

@@ -85,16 +85,15 @@ def _strip(path: Path, target: Path) -> None:
     """Write a journal without its variables and decisions."""
     with JournalReader(path) as reader, target.open("w+b") as stream:
         file, schemas, channels = McapFile(stream, reader.metadata, reader.files), dict[int, int](), dict[int, int]()
-        for note in reader.notes():
-            if kind_of(note.channel.topic) in (Kind.VARIABLE, Kind.DECISION):
+        for raw_message in reader.raw_messages():
+            schema, channel, message = raw_message.schema, raw_message.channel, raw_message.message
+            if kind_of(channel.topic) in (Kind.VARIABLE, Kind.DECISION):
                 continue
-            if note.channel.id not in channels:
-                if note.schema.id not in schemas:
-                    schemas[note.schema.id] = file.schema(note.schema.name, note.schema.data)
-                schema = schemas[note.schema.id]
-                channels[note.channel.id] = file.channel(note.channel.topic, schema, note.channel.metadata)
-            message = note.message
-            file.add(channels[note.channel.id], message.log_time, message.publish_time, message.sequence, message.data)
+            if channel.id not in channels:
+                if schema.id not in schemas:
+                    schemas[schema.id] = file.add_schema(schema.name, schema.data)
+                channels[channel.id] = file.open_channel(channel.topic, schemas[schema.id], channel.metadata)
+            file.add(channels[channel.id], message.log_time, message.publish_time, message.sequence, message.data)
         file.finish()
 
 

@@ -47,8 +47,11 @@ def read(path: Path) -> tuple[RunHeader, list[Event]]:
 def messages(path: Path) -> list[tuple[str, Mapping[str, Any], int, int]]:
     """Return topic, content, log time and publish time of each message, read by MCAP's own reader."""
     with path.open("rb") as stream:
-        notes = make_reader(stream, validate_crcs=True).iter_messages(log_time_order=False)
-        return [(channel.topic, json.loads(note.data), note.log_time, note.publish_time) for _, channel, note in notes]
+        mcap_messages = make_reader(stream, validate_crcs=True).iter_messages(log_time_order=False)
+        return [
+            (channel.topic, json.loads(message.data), message.log_time, message.publish_time)
+            for _, channel, message in mcap_messages
+        ]
 
 
 def records(path: Path) -> list[Any]:

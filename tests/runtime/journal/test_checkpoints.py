@@ -51,11 +51,13 @@ def test_the_latest_events_at_any_instant_equal_those_of_all_events_until_then(
         path.write_bytes(long_run.read_bytes()[:-torn_bytes])
         events = read(path)[1]
     at_s = share * events[-1].instant_s
-    needed = [event for event in events if event.kind not in (Kind.INPUT, Kind.DECISION)]
-    with JournalReader(path) as reader, JournalReader(path) as other:
-        for past in (Checkpoints(reader, at_s), Checkpoints(other)):
+    needed_events = [event for event in events if event.kind not in (Kind.INPUT, Kind.DECISION)]
+    with JournalReader(path) as reader, JournalReader(path) as other_reader:
+        for checkpoints in (Checkpoints(reader, at_s), Checkpoints(other_reader)):
             before_close = at_s if at_s < events[-1].instant_s else math.nextafter(at_s, 0.0)
-            assert contents(past.latest_events(before_close)) == contents(LatestEvents.of(needed, before_close))
+            assert contents(checkpoints.latest_events(before_close)) == contents(
+                LatestEvents.of(needed_events, before_close)
+            )
 
 
 def test_without_an_instant_it_ends_before_the_observers_stopped(tmp_path: Path) -> None:
@@ -64,31 +66,31 @@ def test_without_an_instant_it_ends_before_the_observers_stopped(tmp_path: Path)
         manager.declare("near")
         clock.sleep(2.5)
     with JournalReader(journal.path) as reader:
-        past = Checkpoints(reader)
-        assert past.end_s == 2.5
-        assert [event.what for event in past.latest_events(math.inf).observers.values()] == ["started"]
+        checkpoints = Checkpoints(reader)
+        assert checkpoints.end_s == 2.5
+        assert [event.what for event in checkpoints.latest_events(math.inf).observers.values()] == ["started"]
     with JournalReader(journal.path) as reader:
         assert [event.what for event in Checkpoints(reader, 2.5).latest_events(2.5).observers.values()] == ["stopped"]
 
 
 def test_explanations_from_a_file_equal_those_from_all_its_events(long_run: Path, events: list[Event]) -> None:
     with JournalReader(long_run) as reader:
-        summary, past = reader.header().summary, Checkpoints(reader)
+        summary, checkpoints = reader.header().summary, Checkpoints(reader)
         for at_s in (0.0, 33.3, 250.5, 471.0, 800.8):
-            text = str(explain(summary, past.latest_events, "open", at_s))
+            text = str(explain(summary, checkpoints.latest_events, "open", at_s))
             assert text == str(explain(summary, lambda until_s: LatestEvents.of(events, until_s), "open", at_s))
 
 
 def test_a_long_file_is_not_held_in_memory(long_run: Path) -> None:
-    def peak(read_it: Callable[[], object]) -> int:
+    def peak_memory_bytes(read_it: Callable[[], object]) -> int:
         tracemalloc.start()
         read_it()
         peak_bytes = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
         return peak_bytes
 
-    def ask() -> None:
+    def read_latest_events() -> None:
         with JournalReader(long_run) as reader:
             Checkpoints(reader).latest_events(100.0)
 
-    assert 8 * peak(ask) < peak(lambda: read(long_run))
+    assert 8 * peak_memory_bytes(read_latest_events) < peak_memory_bytes(lambda: read(long_run))

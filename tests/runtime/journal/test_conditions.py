@@ -111,7 +111,7 @@ def threads_that_change_places_all_the_time() -> Iterator[None]:
 
 @pytest.mark.usefixtures("threads_that_change_places_all_the_time")
 def test_threads_read_conditions_at_once() -> None:
-    def texts_of(thread: int) -> list[str]:
+    def format_conditions(thread: int) -> list[str]:
         texts = []
         for number in range(60):
             _ = [Cycle() for _ in range(30)]
@@ -121,8 +121,8 @@ def test_threads_read_conditions_at_once() -> None:
         return texts
 
     with ThreadPoolExecutor(6) as threads:
-        read = [text for texts in threads.map(texts_of, range(6)) for text in texts]
-    assert read == [
+        all_texts = [text for texts in threads.map(format_conditions, range(6)) for text in texts]
+    assert all_texts == [
         " and ".join(f"v{thread}_{number} > {limit}.5" for limit in range(30))
         for thread in range(6)
         for number in range(60)

@@ -173,13 +173,13 @@ assert enough.wait(60)
 
 
 def test_a_program_that_ends_while_its_threads_write_leaves_a_complete_file(tmp_path: Path) -> None:
-    for job_run in range(3):
-        path = tmp_path / f"{job_run}.mcap"
+    for number in range(3):
+        path = tmp_path / f"{number}.mcap"
         done = run(ENDS_IN_THE_MIDST, path)
         assert (done.returncode, done.stderr) == (0, "")
 
         with JournalReader(path) as reader:
-            numbers = [note.message.sequence for note in reader.notes()]
+            numbers = [raw_message.message.sequence for raw_message in reader.raw_messages()]
         assert not reader.damage.is_torn
         assert numbers == list(range(1, len(numbers) + 1))
         assert len(messages(path)) == len(numbers) > 300
@@ -212,36 +212,35 @@ def test_events_of_a_child_process_are_not_in_the_journal(tmp_path: Path) -> Non
 def test_a_journal_that_is_read_while_it_is_written_has_no_gap(tmp_path: Path) -> None:
     path, stop = tmp_path / "run.mcap", threading.Event()
     journal = Journal(path)
-    reads = 0
+    reads, written_count = 0, 0
     with ContextManager[str, str](MODEL, clock=SimClock(), resources={"door": Door()}, record=journal) as manager:
-        count = [0]
 
-        def read_on() -> None:
+        def read_repeatedly() -> None:
             nonlocal reads
             while not stop.is_set():
-                before = count[0]
+                written_before = written_count
                 with JournalReader(path) as reader:
                     reader.header()
-                    numbers = [note.message.sequence for note in reader.notes()]
+                    numbers = [raw_message.message.sequence for raw_message in reader.raw_messages()]
                 assert reader.is_live
                 assert reader.damage.unread == []
                 assert numbers == list(range(1, len(numbers) + 1))
-                assert len(numbers) >= before
+                assert len(numbers) >= written_before
                 reads += 1
 
         failures: list[BaseException] = []
 
-        def body() -> None:
+        def read_and_keep_failures() -> None:
             try:
-                read_on()
+                read_repeatedly()
             except BaseException as error:  # noqa: BLE001 - reported below
                 failures.append(error)
 
-        reader_thread = threading.Thread(target=body)
+        reader_thread = threading.Thread(target=read_and_keep_failures)
         reader_thread.start()
         for number in range(6000):
             manager.set("localized", True)
-            count[0] = 2 * number
+            written_count = 2 * number
         stop.set()
         reader_thread.join(PATIENCE_S)
     assert failures == []

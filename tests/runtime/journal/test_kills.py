@@ -28,7 +28,7 @@ def test_a_killed_writer_loses_no_acknowledged_write() -> None:
 
 
 def test_a_killed_robot_loses_less_than_a_second_and_its_journal_can_be_replayed() -> None:
-    """Replay derives stripped variables and decisions again; an edited precondition is reported with its line."""
+    """Replay derives removed events of variables and decisions again, and reports an edited precondition's line."""
     done = subprocess.run(
         [sys.executable, "-m", "tests.campaigns.kills", "1", "3", "2"],
         cwd=ROOT,

@@ -41,16 +41,16 @@ def long_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @dataclass(frozen=True)
-class Complete:
-    """A journal with its events, which are too many to be shown."""
+class CompleteJournal:
+    """A journal with its events, which are too many for the `repr` of this class."""
 
     path: Path
     events: list[Event] = field(repr=False)
 
 
 @pytest.fixture(scope="module")
-def complete(long_run: Path) -> Complete:
-    return Complete(long_run, read(long_run)[1])
+def complete_journal(long_run: Path) -> CompleteJournal:
+    return CompleteJournal(long_run, read(long_run)[1])
 
 
 # Independent readers
@@ -59,8 +59,10 @@ def complete(long_run: Path) -> Complete:
 def test_an_independent_reader_finds_every_event_in_order(tmp_path: Path) -> None:
     journal = run_door(tmp_path / "run.mcap")
 
-    read_ = [(topic.split("/")[2], event["name"], event["what"]) for topic, event, *_ in messages(journal.path)[1:]]
-    events = [(kind, name, what) for kind, name, what in read_ if kind != "input"]
+    written_events = [
+        (topic.split("/")[2], event["name"], event["what"]) for topic, event, *_ in messages(journal.path)[1:]
+    ]
+    events = [(kind, name, what) for kind, name, what in written_events if kind != "input"]
     folders = {"variable": "context", "job": "perception"}
     assert events == [(folders.get(event.kind, event.kind), event.name, event.what) for event in journal]
 
@@ -81,21 +83,25 @@ def test_every_variable_observer_and_algorithm_has_its_topic(long_run: Path) -> 
     assert topics["/codra/run"] == 1
 
 
-def fields_without_words(schema: dict[str, Any], path: str) -> list[str]:
-    own = [] if schema.get("description") else [path]
-    inner = (fields_without_words(field_, f"{path}.{name}") for name, field_ in schema.get("properties", {}).items())
-    return [*own, *(name for names in inner for name in names)]
+def undescribed_fields(schema: dict[str, Any], path: str) -> list[str]:
+    own_paths = [] if schema.get("description") else [path]
+    inner_paths = (
+        undescribed_fields(field_schema, f"{path}.{name}")
+        for name, field_schema in schema.get("properties", {}).items()
+    )
+    return [*own_paths, *(name for names in inner_paths for name in names)]
 
 
-def types_that_viewers_do_not_know(schema: dict[str, Any], path: str) -> list[str]:
+def fields_with_unsupported_types(schema: dict[str, Any], path: str) -> list[str]:
     """Return fields that Foxglove cannot read: it needs a simple type per field, and the properties of each object."""
     if schema["type"] == "object":
         if schema.get("additionalProperties") is not False:
             return [path]
-        inner = (
-            types_that_viewers_do_not_know(field_, f"{path}.{name}") for name, field_ in schema["properties"].items()
+        inner_paths = (
+            fields_with_unsupported_types(field_schema, f"{path}.{name}")
+            for name, field_schema in schema["properties"].items()
         )
-        return [name for names in inner for name in names]
+        return [name for names in inner_paths for name in names]
     kind = schema["items"]["type"] if schema["type"] == "array" else schema["type"]
     return [] if kind in ("boolean", "string", "number", "integer") else [path]
 
@@ -112,8 +118,8 @@ def test_the_schemas_describe_every_field_of_every_message(long_run: Path) -> No
         described = json.loads(schema.data)
         jsonschema.Draft202012Validator.check_schema(described)
         assert schema.encoding == "jsonschema"
-        assert fields_without_words(described, schema.name) == []
-        assert types_that_viewers_do_not_know(described, schema.name) == []
+        assert undescribed_fields(described, schema.name) == []
+        assert fields_with_unsupported_types(described, schema.name) == []
     assert {channel.message_encoding for channel in summary.channels.values()} == {"json"}
 
 
@@ -153,7 +159,7 @@ def test_instants_before_zero_are_zero_in_mcap_and_kept_in_events(tmp_path: Path
     assert messages(tmp_path / "run.mcap")[1][2] == 0
 
 
-def test_the_head_describes_the_run(tmp_path: Path) -> None:
+def test_the_header_describes_the_run(tmp_path: Path) -> None:
     run_door(tmp_path / "run.mcap", seed=7, start_s=100.0)
     with (tmp_path / "run.mcap").open("rb") as stream:
         (metadata,) = make_reader(stream).iter_metadata()
@@ -162,7 +168,7 @@ def test_the_head_describes_the_run(tmp_path: Path) -> None:
     assert metadata.name == "codra-journal"
     assert {"spec": "door", "seed": "7", "start_s": "100.0"}.items() <= metadata.metadata.items()
     assert (header.spec, header.seed, header.start_s, header.model) == ("door", 7, 100.0, "")
-    assert messages(tmp_path / "run.mcap")[0][1] == header.plain()
+    assert messages(tmp_path / "run.mcap")[0][1] == header.to_data()
 
 
 def test_units_labels_and_members_are_metadata_of_the_topic(tmp_path: Path) -> None:
@@ -180,9 +186,9 @@ def test_units_labels_and_members_are_metadata_of_the_topic(tmp_path: Path) -> N
         summary = make_reader(stream).get_summary()
     assert summary is not None
 
-    about = {channel.topic: channel.metadata for channel in summary.channels.values()}
-    assert about["/codra/context/light"] == {"label": "Licht", "unit": "lux", "valid_for_s": "60"}
-    assert about["/codra/context/mode"] == {"values": "idle, busy"}
+    metadata_of_topics = {channel.topic: channel.metadata for channel in summary.channels.values()}
+    assert metadata_of_topics["/codra/context/light"] == {"label": "Licht", "unit": "lux", "valid_for_s": "60"}
+    assert metadata_of_topics["/codra/context/mode"] == {"values": "idle, busy"}
 
 
 def test_messages_are_in_compressed_chunks_with_an_index(long_run: Path) -> None:
@@ -208,8 +214,8 @@ def test_equal_seeds_give_equal_bytes(tmp_path: Path) -> None:
 
 
 def test_equal_seeds_give_equal_bytes_in_processes_of_other_hash_seeds(tmp_path: Path) -> None:
-    imports = "import sys; from pathlib import Path; from tests.runtime.journal.journals import run_door"
-    program = f"{imports}; run_door(Path(sys.argv[1]))"
+    imports_text = "import sys; from pathlib import Path; from tests.runtime.journal.journals import run_door"
+    program = f"{imports_text}; run_door(Path(sys.argv[1]))"
     for seed in "12":
         environment = {"PYTHONHASHSEED": seed, "PYTHONPATH": str(ROOT)}
         subprocess.run([sys.executable, "-c", program, tmp_path / seed], env=environment, check=True)
@@ -235,97 +241,103 @@ def test_a_recovered_journal_equals_one_that_was_finished_then(tmp_path: Path) -
     run_door(tmp_path / "whole.mcap", loops=8)
     header, events = read(tmp_path / "whole.mcap")
     for count in (0, 1, 40, 300, len(events) - 1):
-        torn = Journal(tmp_path / "torn.mcap")
-        torn.begin(lambda: header)
+        torn_journal = Journal(tmp_path / "torn.mcap")
+        torn_journal.begin(lambda: header)
         for event in events[:count]:
-            torn.add(event)
-        dead = tmp_path / "dead.mcap"
-        dead.write_bytes(torn.path.read_bytes())  # the content for another process while the writer runs
-        torn.end()
+            torn_journal.add(event)
+        killed_path = tmp_path / "dead.mcap"
+        killed_path.write_bytes(torn_journal.path.read_bytes())  # what another process reads now
+        torn_journal.end()
 
-        recovery = recover(dead, tmp_path / "recovered.mcap")
+        recovery = recover(killed_path, tmp_path / "recovered.mcap")
         assert (recovery.messages, recovery.damage.is_torn, recovery.damage.unread) == (count + 1, True, [])
         assert (tmp_path / "recovered.mcap").read_bytes() == finished_after(events[:count], tmp_path / "again.mcap")
 
 
 def test_a_torn_journal_is_read_without_recovery(tmp_path: Path) -> None:
-    complete = run_door(tmp_path / "run.mcap").path
-    (tmp_path / "torn.mcap").write_bytes(complete.read_bytes()[:-1])
+    complete_path = run_door(tmp_path / "run.mcap").path
+    (tmp_path / "torn.mcap").write_bytes(complete_path.read_bytes()[:-1])
 
     with JournalReader(tmp_path / "torn.mcap") as reader:
-        assert list(reader.events()) == read(complete)[1]
+        assert list(reader.events()) == read(complete_path)[1]
         assert reader.damage.is_torn
 
 
 @drawn(share=st.floats(0.0, 1.0))
 @settings(max_examples=60)
-def test_a_journal_that_is_cut_anywhere_keeps_its_complete_chunks(complete: Complete, share: float) -> None:
-    content = complete.path.read_bytes()
-    cut = content[: int(share * len(content))]
-    torn = complete.path.with_name("cut.mcap")
-    torn.write_bytes(cut)
+def test_a_journal_that_is_cut_anywhere_keeps_its_complete_chunks(
+    complete_journal: CompleteJournal, share: float
+) -> None:
+    content = complete_journal.path.read_bytes()
+    cut_content = content[: int(share * len(content))]
+    torn_path = complete_journal.path.with_name("cut.mcap")
+    torn_path.write_bytes(cut_content)
     try:
-        with JournalReader(torn) as reader:
+        with JournalReader(torn_path) as reader:
             reader.header()
-            kept = list(reader.events())
+            kept_events = list(reader.events())
     except JournalError:
-        assert len(cut) < CHUNK_BYTES
+        assert len(cut_content) < CHUNK_BYTES
         return
-    assert kept == complete.events[: len(kept)]
-    assert len(kept) >= len(complete.events) * (len(cut) - 2 * CHUNK_BYTES) / len(content) - 1500
+    assert kept_events == complete_journal.events[: len(kept_events)]
+    assert len(kept_events) >= len(complete_journal.events) * (len(cut_content) - 2 * CHUNK_BYTES) / len(content) - 1500
 
 
 @drawn(place=st.floats(0.0, 1.0), byte=st.integers(0, 255))
 @settings(max_examples=80)
-def test_a_changed_byte_damages_its_chunk_only_and_never_crashes(complete: Complete, place: float, byte: int) -> None:
-    content = bytearray(complete.path.read_bytes())
+def test_a_changed_byte_damages_its_chunk_only_and_never_crashes(
+    complete_journal: CompleteJournal, place: float, byte: int
+) -> None:
+    content = bytearray(complete_journal.path.read_bytes())
     content[int(place * (len(content) - 1))] = byte
-    damaged = complete.path.with_name("damaged.mcap")
-    damaged.write_bytes(content)
-    everything = set(map(Event.as_json, complete.events))
+    damaged_path = complete_journal.path.with_name("damaged.mcap")
+    damaged_path.write_bytes(content)
+    all_events = set(map(Event.as_json, complete_journal.events))
     try:
-        with JournalReader(damaged) as reader:
+        with JournalReader(damaged_path) as reader:
             reader.header()
             events = set(map(Event.as_json, reader.events()))
     except JournalError:
         return
-    assert events <= everything
-    assert events == everything or reader.damage.unread or reader.damage.is_torn
+    assert events <= all_events
+    assert events == all_events or reader.damage.unread or reader.damage.is_torn
 
 
 @drawn(data=st.data(), edit=st.sampled_from(["change", "cut out", "put in"]))
 @settings(max_examples=150)
-def test_a_damaged_start_is_reported_and_never_misread(complete: Complete, data: st.DataObject, edit: str) -> None:
-    content = bytearray(complete.path.read_bytes()[:300_000])
+def test_a_damaged_start_is_reported_and_never_misread(
+    complete_journal: CompleteJournal, data: st.DataObject, edit: str
+) -> None:
+    content = bytearray(complete_journal.path.read_bytes()[:300_000])
     end = content.index(bytes([OPEN_CHUNK]) + CHUNK_BYTES.to_bytes(8, "little"))
-    at = data.draw(st.integers(0, end - 1))
+    position = data.draw(st.integers(0, end - 1))
     if edit == "change":
-        content[at] = data.draw(st.integers(0, 255))
+        content[position] = data.draw(st.integers(0, 255))
     elif edit == "cut out":
-        del content[at : at + data.draw(st.integers(1, 60))]
+        del content[position : position + data.draw(st.integers(1, 60))]
     else:
-        content[at:at] = data.draw(st.binary(min_size=1, max_size=60))
-    damaged = complete.path.with_name("start.mcap")
-    damaged.write_bytes(content)
+        content[position:position] = data.draw(st.binary(min_size=1, max_size=60))
+    damaged_path = complete_journal.path.with_name("start.mcap")
+    damaged_path.write_bytes(content)
     try:
-        with JournalReader(damaged) as reader:
+        with JournalReader(damaged_path) as reader:
             summary = reader.header().summary
     except JournalError:
         return
-    with JournalReader(complete.path) as reader:
+    with JournalReader(complete_journal.path) as reader:
         assert summary == reader.header().summary
 
 
 def test_an_unreadable_chunk_is_reported_with_the_lost_messages(long_run: Path, tmp_path: Path) -> None:
     content = bytearray(long_run.read_bytes())
-    second = [record for record in records(long_run) if isinstance(record, Chunk)][1]
-    at = bytes(content).index(second.data) + len(second.data) // 2
-    content[at] ^= 0xFF
+    second_chunk = [record for record in records(long_run) if isinstance(record, Chunk)][1]
+    position = bytes(content).index(second_chunk.data) + len(second_chunk.data) // 2
+    content[position] ^= 0xFF
     (tmp_path / "damaged.mcap").write_bytes(content)
 
     recovery = recover(tmp_path / "damaged.mcap", tmp_path / "recovered.mcap")
-    total = len(messages(long_run))
-    assert recovery.damage.lost == total - recovery.messages > 0
+    message_count = len(messages(long_run))
+    assert recovery.damage.lost == message_count - recovery.messages > 0
     assert "the chunk at byte" in recovery.damage.unread[0]
     assert len(messages(tmp_path / "recovered.mcap")) == recovery.messages
 
@@ -357,9 +369,9 @@ def test_an_event_that_is_larger_than_a_chunk_is_kept_at_once(tmp_path: Path) ->
 
 def test_the_region_of_the_open_chunk_is_empty_in_a_finished_journal(long_run: Path) -> None:
     content = long_run.read_bytes()
-    at = content.index(bytes([OPEN_CHUNK]) + CHUNK_BYTES.to_bytes(8, "little")) + 9
+    position = content.index(bytes([OPEN_CHUNK]) + CHUNK_BYTES.to_bytes(8, "little")) + 9
 
-    assert content[at : at + CHUNK_BYTES] == bytes(CHUNK_BYTES)
+    assert content[position : position + CHUNK_BYTES] == bytes(CHUNK_BYTES)
 
 
 # Begin and end of the writer
@@ -477,9 +489,9 @@ def test_numpy_numbers_are_written_as_numbers(tmp_path: Path) -> None:
         manager.decide("size", lambda: np.int64(3), max_age_s=np.float32(0.5), since_s=np.int32(9))
 
     assert journal.failure is None
-    commands = [content for topic, content, *_ in messages(journal.path) if topic == "/codra/input"]
-    assert commands[0]["evidence_s"] == [8.5]
-    assert (commands[1]["max_age_s"], commands[1]["since_s"], commands[2]["value"]) == (0.5, 9.0, "3.0")
+    inputs = [content for topic, content, *_ in messages(journal.path) if topic == "/codra/input"]
+    assert inputs[0]["evidence_s"] == [8.5]
+    assert (inputs[1]["max_age_s"], inputs[1]["since_s"], inputs[2]["value"]) == (0.5, 9.0, "3.0")
 
 
 def test_a_full_disk_ends_the_journal_and_not_the_run(tmp_path: Path) -> None:

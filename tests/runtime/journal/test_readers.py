@@ -38,22 +38,25 @@ def journals(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 
 
 def test_another_reader_of_mcap_finds_the_same_messages(journals: list[Path]) -> None:
-    """`small_mcap` shares no code with the library by which journals are written."""
+    """`small_mcap` shares no code with the library that writes journals."""
     for path in journals:
         with path.open("rb") as stream:
-            read = make_reader(stream).iter_messages(log_time_order=False)
-            theirs = sorted((channel.topic, note.log_time, note.sequence, note.data) for _, channel, note in read)
+            mcap_messages = make_reader(stream).iter_messages(log_time_order=False)
+            mcap_contents = sorted(
+                (channel.topic, message.log_time, message.sequence, message.data)
+                for _, channel, message in mcap_messages
+            )
         with path.open("rb") as stream:
-            others = [
-                (channel.topic, note.log_time, note.sequence, bytes(note.data))
-                for _, channel, note in small_mcap.read_message(stream)
+            small_mcap_contents = [
+                (channel.topic, message.log_time, message.sequence, bytes(message.data))
+                for _, channel, message in small_mcap.read_message(stream)
             ]
-        assert sorted(others) == theirs
-        assert len(theirs) > 300
+        assert sorted(small_mcap_contents) == mcap_contents
+        assert len(mcap_contents) > 300
 
 
 def test_every_message_matches_its_schema_which_knows_all_its_fields(journals: list[Path]) -> None:
-    counts: Counter[tuple[Kind, str]] = Counter()
+    event_counts: Counter[tuple[Kind, str]] = Counter()
     for path in journals:
         validators: dict[int, Any] = {}
         with path.open("rb") as stream:
@@ -65,9 +68,9 @@ def test_every_message_matches_its_schema_which_knows_all_its_fields(journals: l
                 validators[schema.id].validate(content)
                 assert set(content) <= set(validators[schema.id].schema["properties"])
                 if kind is not None:
-                    counts[kind, content["what"]] += 1
-    assert {kind for kind, _ in counts} == set(Kind) - {Kind.KNOWLEDGE, Kind.ADAPTATION}
-    assert len(counts) >= 30, "the runs must contain most kinds of events"
+                    event_counts[kind, content["what"]] += 1
+    assert {kind for kind, _ in event_counts} == set(Kind) - {Kind.KNOWLEDGE, Kind.ADAPTATION}
+    assert len(event_counts) >= 30, "the runs must contain most kinds of events"
 
 
 def test_every_kind_of_event_has_its_topic_and_no_two_share_one() -> None:
@@ -80,7 +83,7 @@ def test_every_kind_of_event_has_its_topic_and_no_two_share_one() -> None:
 
 
 def test_a_message_with_a_surplus_field_does_not_match_its_schema(tmp_path: Path) -> None:
-    """The schemas are closed: the check above can fail."""
+    """The schemas allow no further fields, so the check in the test above can fail."""
     run_door(tmp_path / "run.mcap", loops=1)
     with (tmp_path / "run.mcap").open("rb") as stream:
         for schema, _, message in make_reader(stream).iter_messages():

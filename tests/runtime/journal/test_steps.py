@@ -40,17 +40,17 @@ def test_time_does_not_pass_within_a_step_but_does_for_other_threads(wall: WallC
 def test_instants_of_steps_never_decrease(wall: WallClock) -> None:
     clock, instants = LockedClock(wall, threading.RLock()), list[float]()
 
-    def note() -> None:
+    def record_instant() -> None:
         instants.append(clock.now_s())
         clock.notify()
 
-    def body() -> None:
+    def run_steps() -> None:
         for _ in range(200):
             with clock:
-                note()
-                clock.call_at(clock.now_s() + 0.001, note)
+                record_instant()
+                clock.call_at(clock.now_s() + 0.001, record_instant)
 
-    threads = [threading.Thread(target=body) for _ in range(4)]
+    threads = [threading.Thread(target=run_steps) for _ in range(4)]
     for thread in threads:
         thread.start()
     for thread in threads:
@@ -62,29 +62,29 @@ def test_instants_of_steps_never_decrease(wall: WallClock) -> None:
 
 def test_an_event_on_time_happens_at_its_time_and_a_late_one_when_it_happens(wall: WallClock) -> None:
     clock, events = LockedClock(wall, threading.RLock()), list[tuple[str, float]]()
-    late: list[float] = []
-    clock.is_late = lambda: late.append(clock.now_s())
+    late_instants_s: list[float] = []
+    clock.on_late = lambda: late_instants_s.append(clock.now_s())
 
-    def note(name: str) -> None:
+    def record_event(name: str) -> None:
         events.append((name, clock.now_s()))
         clock.notify()
 
     start_s = wall.now_s()
     with clock:
-        clock.call_at(start_s + 0.2, lambda: note("punctual"))
+        clock.call_at(start_s + 0.2, lambda: record_event("punctual"))
     assert clock.wait_until(lambda: len(events) == 1, PATIENCE_S)
-    held = threading.Event()
-    wall.call_at(wall.now_s(), lambda: held.wait(PATIENCE_S))  # no other event happens meanwhile
+    release = threading.Event()
+    wall.call_at(wall.now_s(), lambda: release.wait(PATIENCE_S))  # no other event happens meanwhile
     with clock:
         due_s = clock.now_s() + 0.01
-        clock.call_at(due_s, lambda: note("late"))
+        clock.call_at(due_s, lambda: record_event("late"))
     wall.sleep(0.1)
-    held.set()
+    release.set()
     assert clock.wait_until(lambda: len(events) == 2, PATIENCE_S)
 
     assert events[1][1] > due_s + PUNCTUAL_S
-    assert late[-1] == events[1][1]
-    assert events[0][1] == start_s + 0.2 or late[0] == events[0][1]
+    assert late_instants_s[-1] == events[1][1]
+    assert events[0][1] == start_s + 0.2 or late_instants_s[0] == events[0][1]
 
 
 def test_events_of_one_instant_happen_in_the_order_in_which_they_were_scheduled() -> None:

@@ -26,7 +26,7 @@ YES = {"seen": True}
 
 
 def chains(number: int) -> ContextModel:
-    """Return chains of ten observers; each needs its predecessor, and the first a variable of the main execution."""
+    """Return chains of ten observers: each needs the one before it, and the first a variable of the main execution."""
     names = [f"c{chain}_{link}" for chain in range(number) for link in range(LINKS)]
     roots = [f"c{chain}" for chain in range(number)]
     needs = [f"c{chain}" if not link else f"c{chain}_{link - 1}" for chain in range(number) for link in range(LINKS)]
@@ -37,11 +37,11 @@ def chains(number: int) -> ContextModel:
 
 def calls(act: Callable[[], object]) -> int:
     """Return the number of calls of Python functions, counted by the interpreter."""
-    counted = 0
+    call_count = 0
 
     def count(_frame: object, what: str, _argument: object) -> None:
-        nonlocal counted
-        counted += what == "call"
+        nonlocal call_count
+        call_count += what == "call"
 
     before = sys.getprofile()
     sys.setprofile(count)
@@ -49,7 +49,7 @@ def calls(act: Callable[[], object]) -> int:
         act()
     finally:
         sys.setprofile(before)
-    return counted
+    return call_count
 
 
 @pytest.fixture(scope="module")
@@ -58,45 +58,45 @@ def clock() -> SimClock:
 
 
 @pytest.fixture(scope="module")
-def large(clock: SimClock) -> Iterator[Manager]:
+def large_manager(clock: SimClock) -> Iterator[Manager]:
     model = chains(CHAINS)
     with started(
         model, World({f"see_{entry.identifies[0]}": {"seen": True} for entry in model.observers}), clock
-    ) as made:
-        yield made
+    ) as manager:
+        yield manager
 
 
-def ticked(act: Callable[[], object], monkeypatch: pytest.MonkeyPatch) -> set[str]:
+def ticked_observers(act: Callable[[], object], monkeypatch: pytest.MonkeyPatch) -> set[str]:
     """Return the observers that are ticked during a call."""
     names: set[str] = set()
     tick = Forest._tick
 
-    def counted(self: Forest, observer_: Observer, now_s: float) -> list:
-        names.add(observer_.name)
-        return tick(self, observer_, now_s)
+    def count_tick(self: Forest, ticked_observer: Observer, now_s: float) -> list:
+        names.add(ticked_observer.name)
+        return tick(self, ticked_observer, now_s)
 
     with monkeypatch.context() as patch:
-        patch.setattr(Forest, "_tick", counted)
+        patch.setattr(Forest, "_tick", count_tick)
         act()
     return names
 
 
 def test_declaring_one_variable_of_ten_thousand_starts_and_ticks_what_it_needs(
-    large: Manager, clock: SimClock, monkeypatch: pytest.MonkeyPatch
+    large_manager: Manager, clock: SimClock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     chain = {f"o_c0_{link}" for link in range(LINKS)}
-    large.set("c0", True)
+    large_manager.set("c0", True)
 
-    touched = ticked(lambda: (large.declare(f"c0_{LAST}"), clock.sleep(0.5)), monkeypatch)
+    ticked_names = ticked_observers(lambda: (large_manager.declare(f"c0_{LAST}"), clock.sleep(0.5)), monkeypatch)
 
-    assert len(large._forest.observers) == OBSERVERS
-    assert touched == large.running() == chain
-    assert ticked(lambda: large.withdraw(f"c0_{LAST}"), monkeypatch) == chain
-    assert large.running() == set()
+    assert len(large_manager._forest.observers) == OBSERVERS
+    assert ticked_names == large_manager.running() == chain
+    assert ticked_observers(lambda: large_manager.withdraw(f"c0_{LAST}"), monkeypatch) == chain
+    assert large_manager.running() == set()
 
 
 def test_starting_and_stopping_take_no_more_steps_in_a_larger_forest_or_when_more_runs(
-    large: Manager, clock: SimClock
+    large_manager: Manager, clock: SimClock
 ) -> None:
     def there_and_back(manager: Manager) -> int:
         again = [calls(lambda: (manager.declare(f"c1_{LAST}"), manager.withdraw(f"c1_{LAST}"))) for _ in range(2)]
@@ -104,34 +104,34 @@ def test_starting_and_stopping_take_no_more_steps_in_a_larger_forest_or_when_mor
 
     with started(chains(2), World(), SimClock()) as small:
         in_small = there_and_back(small)
-    alone = there_and_back(large)
+    alone = there_and_back(large_manager)
     for chain in range(10, 300):
-        large.declare(f"c{chain}_{LAST}")
+        large_manager.declare(f"c{chain}_{LAST}")
     clock.sleep(0.5)
-    beside_others = there_and_back(large)
-    large.declare(f"c2_{LAST}")
+    beside_others = there_and_back(large_manager)
+    large_manager.declare(f"c2_{LAST}")
 
-    assert len(large.running()) == 291 * LINKS
+    assert len(large_manager.running()) == 291 * LINKS
     assert in_small == alone == beside_others
     assert in_small < 200 * LINKS
 
 
 def test_a_change_ticks_the_observers_that_read_it_and_a_confirmation_ticks_none(
-    large: Manager, clock: SimClock, monkeypatch: pytest.MonkeyPatch
+    large_manager: Manager, clock: SimClock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    large.declare(f"c3_{LAST}")
+    large_manager.declare(f"c3_{LAST}")
     clock.sleep(0.1)
 
-    assert ticked(lambda: (large.set("c3", True), clock.sleep(0.0)), monkeypatch) == {
+    assert ticked_observers(lambda: (large_manager.set("c3", True), clock.sleep(0.0)), monkeypatch) == {
         f"o_c3_{link}" for link in range(LINKS)
     }
-    assert ticked(lambda: (large.set("c3", True), clock.sleep(0.0)), monkeypatch) == set()
-    assert ticked(lambda: (large.set("c3", False), clock.sleep(0.0)), monkeypatch) == {"o_c3_0"}
+    assert ticked_observers(lambda: (large_manager.set("c3", True), clock.sleep(0.0)), monkeypatch) == set()
+    assert ticked_observers(lambda: (large_manager.set("c3", False), clock.sleep(0.0)), monkeypatch) == {"o_c3_0"}
 
 
-def test_no_work_is_done_while_no_event_is_due_and_no_value_changes(large: Manager, clock: SimClock) -> None:
+def test_no_work_is_done_while_no_event_is_due_and_no_value_changes(large_manager: Manager, clock: SimClock) -> None:
     clock.sleep(3.0)
-    large.set("c3", False)
+    large_manager.set("c3", False)
     clock.sleep(0.1)
 
     assert calls(lambda: clock.sleep(0.2)) < 10
@@ -156,8 +156,8 @@ def test_jobs_that_have_ended_leave_no_garbage_for_the_cyclic_collector() -> Non
         try:
             clock.sleep(200.0)
             jobs = manager.spent()["o_accepted"].jobs
-            kept = sum(isinstance(object_, JobRun) for object_ in gc.get_objects())
+            job_run_count = sum(isinstance(item, JobRun) for item in gc.get_objects())
         finally:
             gc.enable()
     assert jobs > 100
-    assert kept <= 4 * len(ways), "some are running, some were stuck"
+    assert job_run_count <= 4 * len(ways), "some are running, some were stuck"

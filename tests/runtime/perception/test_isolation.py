@@ -42,7 +42,7 @@ def eye(function: str, *, name: str = "eye", **settings: Any) -> Algorithm:
 
 
 def looking(*algorithms: Algorithm, **settings: Any) -> ContextModel:
-    """Return a model in which each algorithm identifies a variable: `a` for `eye`, else one with its name."""
+    """Return a model in which each algorithm identifies a variable: `a` for `eye`, otherwise one named like it."""
     looks = [(algorithm, "a" if algorithm.name == "eye" else algorithm.name) for algorithm in algorithms]
     model = forest(
         [given("x"), *(variable(name) for _, name in looks)],
@@ -140,7 +140,7 @@ SAME: dict[str, dict[str, Any]] = {
 @pytest.mark.parametrize("function", SAME)
 def test_in_simulated_time_a_process_and_a_thread_write_the_same_events(function: str) -> None:
     everything = {"camera": Camera(), "gain": np.int64(5), "given": True}
-    records = []
+    event_texts = []
     for way in WAYS:
         algorithm = eye(function, isolate=way, timeout_s=0.5, **SAME[function])
         handles = {name: everything[name] for name in algorithm.handles}
@@ -149,28 +149,28 @@ def test_in_simulated_time_a_process_and_a_thread_write_the_same_events(function
             text = manager.record.text()
         for values_ in values(manager):
             text = text.replace(f'"number": {values_["number"]}', "").replace(f'"pid": {values_["pid"]}', "")
-        records.append(text)
-    assert records[0] == records[1]
-    assert records[0].count('"started"') >= 6
+        event_texts.append(text)
+    assert event_texts[0] == event_texts[1]
+    assert event_texts[0].count('"started"') >= 6
 
 
 def test_a_run_with_processes_is_replayed_from_its_journal_without_them(tmp_path: Path, clock: WallClock) -> None:
     model = looking(eye("counts", timeout_s=0.4), eye("crashes", name="b"), eye("eats_a_core", name="c", timeout_s=0.3))
     with started(model, clock, record=Journal(tmp_path / "run.mcap")) as manager:
         wait(clock, lambda: all(len(events(manager, Kind.JOB, name)) >= 4 for name in ("eye", "b", "c")))
-    head, recorded = read(tmp_path / "run.mcap")
-    replayed = replay(head, recorded, model, ContextManager, None)
+    header, recorded_events = read(tmp_path / "run.mcap")
+    replayed = replay(header, recorded_events, model, ContextManager, None)
     assert replayed.difference is None
-    assert replayed.compared == sum(event.kind is not Kind.INPUT for event in recorded)
+    assert replayed.compared == sum(event.kind is not Kind.INPUT for event in recorded_events)
 
 
 def test_a_process_stays_from_one_job_to_the_next(clock: WallClock) -> None:
     with started(looking(eye("counts")), clock) as manager:
         wait(clock, lambda: len(values(manager)) >= 2)
-        pids = {returned["pid"] for returned in values(manager)}
+        pids = {result["pid"] for result in values(manager)}
         assert len(pids) == 1
         assert os.getpid() not in pids
-    assert [returned["number"] for returned in values(manager)][:2] == [1, 2]
+    assert [result["number"] for result in values(manager)][:2] == [1, 2]
     await_end(*pids)
 
 
@@ -333,7 +333,7 @@ REFUSED: dict[str, tuple[object, str]] = {
     "module": (np, "it is a module: give an object with methods, or let `call` name a class with `setup`"),
     "generator": ((number for number in ()), "it is a generator: give an object with methods, or"),
     "list": ([Camera()], "it is a list whose content cannot be copied: give an object with a method instead"),
-    "nothing": (object(), "it is a object without methods: give an object with one"),
+    "nothing": (object(), "it is a object without methods: give an object with a method"),
 }
 
 

@@ -28,9 +28,11 @@ class Desk:
         self.granted: list[str] = []
         self.tickets: dict[str, Ticket] = {}
 
-    def request(self, name: str, *slots: str, priority: float = 0.0, urgency: int = 0, lasts_s: float = 0.0) -> None:
+    def request(
+        self, name: str, *slots: str, priority: float = 0.0, urgency: int = 0, max_duration_s: float = 0.0
+    ) -> None:
         self.tickets[name] = self.slots.request(
-            slots, lambda: (priority, urgency), lambda: self.granted.append(name), lasts_s
+            slots, lambda: (priority, urgency), lambda: self.granted.append(name), max_duration_s
         )
 
     def release(self, *names: str) -> list[str]:
@@ -111,13 +113,13 @@ def test_a_request_that_left_the_queue_is_not_granted() -> None:
 @given(st.lists(st.tuples(st.sampled_from(["eye", "arm", "both"]), st.integers(0, 3), st.booleans()), max_size=40))
 def test_slots_never_run_out_or_multiply(requests: list[tuple[str, int, bool]]) -> None:
     desk = Desk({"eye": 1, "arm": 2})
-    for number, (what, priority, releases) in enumerate(requests):
+    for number, (what, priority, must_release) in enumerate(requests):
         desk.request(str(number), *(["eye", "arm"] if what == "both" else [what]), priority=priority)
-        if releases and desk.release():
+        if must_release and desk.release():
             desk.release(desk.granted[number % len(desk.granted)])
-        free = desk.slots.resources
-        assert 0 <= free["eye"] <= 1
-        assert 0 <= free["arm"] <= 2
+        free_slots = desk.slots.resources
+        assert 0 <= free_slots["eye"] <= 1
+        assert 0 <= free_slots["arm"] <= 2
     desk.release(*desk.tickets)
     assert desk.slots.resources == {"eye": 1, "arm": 2}
 
@@ -133,8 +135,8 @@ def test_the_slot_is_released_whenever_a_job_ends(how: str) -> None:
     def raises(_: object) -> object:
         raise ValueError
 
-    finds = {"raises": raises, "times out": takes(99, None)}
-    world = World({"eye": finds.get(how, takes(2.0, {"seen": True}))})
+    functions = {"raises": raises, "times out": takes(99, None)}
+    world = World({"eye": functions.get(how, takes(2.0, {"seen": True}))})
     model = forest(
         [variable("a")],
         observer("o", seen("eye", "a", slots=("one",), timeout_s=2.5, min_interval_s=99)),
@@ -194,15 +196,15 @@ def test_the_more_urgent_request_goes_first_among_equal_priorities() -> None:
 
 
 def test_priority_decides_until_the_oldest_request_could_wait_too_long() -> None:
-    """With two algorithms and a longest timeout of 3 s, no request waits for more than 6 s; others may pass for 3 s."""
+    """With two algorithms and timeouts of at most 3 s, a request waits for at most 6 s; others may pass it for 3 s."""
     desk = Desk({"eye": 1})
     desk.slots.expect(("eye",), 3.0)
     desk.slots.expect(("eye",), 2.0)
-    desk.request("low", "eye", priority=-1, lasts_s=2.0)
-    desk.request("high 0", "eye", priority=9, lasts_s=3.0)
+    desk.request("low", "eye", priority=-1, max_duration_s=2.0)
+    desk.request("high 0", "eye", priority=9, max_duration_s=3.0)
     for number in range(6):
         desk.clock.sleep(1.0)
-        desk.request(f"high {number + 1}", "eye", priority=9, lasts_s=3.0)
+        desk.request(f"high {number + 1}", "eye", priority=9, max_duration_s=3.0)
         desk.release(desk.granted[-1])
     assert desk.granted == ["high 0", "high 1", "high 2", "high 3", "low", "high 4", "high 5"]
 
@@ -213,9 +215,9 @@ def test_requests_do_not_age_while_the_main_execution_holds_the_slot() -> None:
         desk.slots.expect(("eye",), 3.0)
     desk.request("main", "eye", priority=MAIN_EXECUTION)
     desk.clock.sleep(0)
-    desk.request("low", "eye", priority=-1, lasts_s=3.0)
+    desk.request("low", "eye", priority=-1, max_duration_s=3.0)
     desk.clock.sleep(100.0)
-    desk.request("high", "eye", priority=9, lasts_s=3.0)
+    desk.request("high", "eye", priority=9, max_duration_s=3.0)
     assert desk.release("main")[-1] == "high"
 
 
@@ -223,7 +225,7 @@ NEEDS = ("waited for", "under way", "expected", "declared")
 
 
 def need(manager: Manager, variable: str, how: str, expected: list[str]) -> None:
-    """Let the main execution need a variable; the earlier `how` is in `NEEDS`, the sooner it needs the variable."""
+    """Let the main execution need a variable: sooner for a `how` that is earlier in `NEEDS`."""
     if how == "under way":
         manager.commands.begin(f"use_{variable}")
     elif how == "expected":
@@ -307,14 +309,18 @@ def compete(
         slots={"one": 1},
     )
     finds = {f"see_{name}": takes(load[2], {"seen": True}) for name, load in zip(names, loads, strict=True)}
-    clock, free, asked_s = SimClock(), FreeTime(), {}
+    clock, free_time, asked_s = SimClock(), FreeTime(), {}
     waits_s: dict[str, list[float]] = {name: [] for name in names}
     with started(model, World(finds), clock) as manager:
         request = manager._components.slots.request
 
-        def record_request(slots: Any, precedence: Any, grant: Callable[[], None], lasts_s: float = 0.0) -> Ticket:
-            free_s = free.at(clock.now_s())
-            return request(slots, precedence, lambda: (asked_s.update({clock.now_s(): free_s}), grant())[1], lasts_s)
+        def record_request(
+            slots: Any, precedence: Any, grant: Callable[[], None], max_duration_s: float = 0.0
+        ) -> Ticket:
+            free_s = free_time.at(clock.now_s())
+            return request(
+                slots, precedence, lambda: (asked_s.update({clock.now_s(): free_s}), grant())[1], max_duration_s
+            )
 
         manager._components.slots.request = record_request  # type: ignore[method-assign]
         for name in names:
@@ -323,15 +329,15 @@ def compete(
             pause_s, look_s = looks[int(clock.now_s()) % len(looks)]
             clock.sleep(pause_s)
             with manager.slot("one"):
-                free.stop(clock.now_s())
+                free_time.stop(clock.now_s())
                 clock.sleep(look_s)
-                free.go(clock.now_s())
+                free_time.go(clock.now_s())
         spent, events = manager.spent(), manager.record.of(Kind.JOB)
     for event in events:
         if event.what == "started":
-            waits_s[event.name.removeprefix("see_")].append(free.at(event.instant_s) - asked_s[event.instant_s])
+            waits_s[event.name.removeprefix("see_")].append(free_time.at(event.instant_s) - asked_s[event.instant_s])
     bound_s = len(loads) * max(timeout_s for *_, timeout_s in loads)
-    return Competition(spent, waits_s, free.taken_s, bound_s)
+    return Competition(spent, waits_s, free_time.taken_s, bound_s)
 
 
 class FreeTime:
@@ -363,25 +369,25 @@ def test_no_job_waits_longer_than_observers_times_the_longest_timeout(
 ) -> None:
     """Only the slot time that the main execution leaves free counts; the bound holds for all priorities."""
     looks = [(pause_s + 0.1, look_s) for pause_s, look_s in looks]
-    outcome = compete(loads, looks, for_s=120.0)
-    for waits_s in outcome.waits_s.values():
-        assert all(wait_s <= outcome.bound_s + 1e-6 for wait_s in waits_s)
+    competition = compete(loads, looks, for_s=120.0)
+    for waits_s in competition.waits_s.values():
+        assert all(wait_s <= competition.bound_s + 1e-6 for wait_s in waits_s)
 
 
 def test_no_observer_starves_when_six_share_a_slot_with_the_main_execution_for_an_hour() -> None:
     """The two observers of the highest priority could use all the slot time that the main execution leaves free."""
     loads = [(9, 0.1, 0.8, 2.0), (9, 0.1, 1.5, 2.0), (5, 0.5, 1.0, 2.0), (5, 2.0, 0.3, 2.0), (0, 1.0, 0.5, 2.0)]
     loads.append((0, 1.0, 9.0, 2.0))  # every job times out
-    outcome = compete(loads, [(4.0, 2.0)], for_s=3600.0)
+    competition = compete(loads, [(4.0, 2.0)], for_s=3600.0)
 
-    slot_s = sum(cost.slot_s for cost in outcome.spent.values())
-    assert 3590.0 <= slot_s + outcome.main_s <= 3610.0, "the slot is never idle"
-    assert outcome.main_s == 1070.0
-    for name, waits_s in outcome.waits_s.items():
-        assert max(waits_s) <= outcome.bound_s, name
-        assert outcome.spent[name].jobs >= 3600 / (2 * outcome.bound_s), name
-    means_s = [sum(waits) / len(waits) for waits in outcome.waits_s.values()]
+    slot_s = sum(cost.slot_s for cost in competition.spent.values())
+    assert 3590.0 <= slot_s + competition.main_s <= 3610.0, "the slot is never idle"
+    assert competition.main_s == 1070.0
+    for name, waits_s in competition.waits_s.items():
+        assert max(waits_s) <= competition.bound_s, name
+        assert competition.spent[name].jobs >= 3600 / (2 * competition.bound_s), name
+    means_s = [sum(waits) / len(waits) for waits in competition.waits_s.values()]
     assert max(means_s[:2]) < min(means_s[2:]) / 3
-    assert outcome.spent["v1"].slot_s > 2 * outcome.spent["v5"].slot_s, "though its jobs are shorter"
-    assert outcome.spent["v5"].failed >= outcome.spent["v5"].jobs - 1
-    assert outcome.spent["v0"].accepted >= outcome.spent["v0"].jobs - 1
+    assert competition.spent["v1"].slot_s > 2 * competition.spent["v5"].slot_s, "though its jobs are shorter"
+    assert competition.spent["v5"].failed >= competition.spent["v5"].jobs - 1
+    assert competition.spent["v0"].accepted >= competition.spent["v0"].jobs - 1

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from codra_dsl.logic import Value
-from codra_dsl.runtime.values.cell import FEWEST_KEPT, MOST_PINNED, Cell, Reading, Reason, UnknownValueError
+from codra_dsl.runtime.values.cell import MAX_PINNED_READINGS, MIN_READINGS, Cell, Reading, Reason, UnknownValueError
 
 
 def reading(evidence_s: float, content: Value | None = True, expires_s: float = math.inf) -> Reading[Value]:
@@ -77,7 +77,7 @@ def test_the_history_is_a_ring_that_drops_the_oldest_evidence(stamps: list[int],
 def test_a_short_history_is_still_long_enough_to_judge_evidence() -> None:
     cell = filled(*range(200), history=1)
     assert len(cell.history()) == 1
-    assert cell.complete_from_s == 200 - FEWEST_KEPT
+    assert cell.complete_from_s == 200 - MIN_READINGS
     assert cell.at(150.5).evidence_s == 150
 
 
@@ -104,9 +104,9 @@ def test_a_pin_keeps_the_reading_at_its_instant_and_all_later_ones() -> None:
 def test_a_pin_keeps_a_bounded_number_of_readings() -> None:
     cell = filled(0)
     cell.pin(0.5)
-    for stamp in range(1, MOST_PINNED + 500):
+    for stamp in range(1, MAX_PINNED_READINGS + 500):
         cell.write(reading(stamp))
-    assert len(cell.between(-1, math.inf)) == MOST_PINNED + 100
+    assert len(cell.between(-1, math.inf)) == MAX_PINNED_READINGS + 100
     assert cell.complete_from_s > 0.5
 
 

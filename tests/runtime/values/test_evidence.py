@@ -1,4 +1,4 @@
-"""Whether a condition held without a break, judged from histories."""
+"""Functions that return from histories whether a condition held without a break."""
 
 from __future__ import annotations
 

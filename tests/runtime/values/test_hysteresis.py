@@ -1,4 +1,4 @@
-"""Values without flicker: results between enter and leave, and values that several results must confirm."""
+"""Steady values: results between `enter` and `leave`, and values that several results must confirm."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ BAND = between(value("gap") > 6.0, value("gap") < 4.0)
 
 
 def gaps(*results: float | None) -> Any:
-    """Return an algorithm that returns these gaps one by one, and then always the last one."""
-    left = list(results)
-    return lambda _: {"gap": left.pop(0) if len(left) > 1 else left[0]}
+    """Return a perception function that returns these gaps one by one, and then always the last gap."""
+    remaining = list(results)
+    return lambda _: {"gap": remaining.pop(0) if len(remaining) > 1 else remaining[0]}
 
 
-def a_model(term: Term, *, when: Sequence[Term] = (), **settings: Any) -> Any:
+def make_model(term: Term, *, when: Sequence[Term] = (), **settings: Any) -> Any:
     look = Look(algorithm("look", GAP), {"open": term}, when)
     skills = [SkillModel(name="push", monitor=("open",), changes=("open",))]
     return forest([given("near"), variable("open", **settings)], observer("o", look), skills=skills)
 
 
 def states_after_looks(model: Any, *results: float | None) -> list[bool | Reason | None]:
-    """Return the value of the variable after each look, or the reason why it is unknown; one look a second."""
+    """Return the variable's value, or the reason why it is unknown, after each look; there is a look every second."""
     clock = SimClock()
     with started(model, World({"look": gaps(*results)}), clock) as manager:
         manager.declare("open")
@@ -49,28 +49,28 @@ def states_after_looks(model: Any, *results: float | None) -> list[bool | Reason
 
 
 def test_between_enter_and_leave_it_is_as_before() -> None:
-    assert states_after_looks(a_model(BAND), 7, 5, 3, 5, 4, 6, 6.1) == [True, True, False, False, False, False, True]
+    assert states_after_looks(make_model(BAND), 7, 5, 3, 5, 4, 6, 6.1) == [True, True, False, False, False, False, True]
 
 
 def test_between_enter_and_leave_it_is_unknown_before_any_value() -> None:
-    assert states_after_looks(a_model(BAND), 5, 5, 3, 5) == [Reason.REJECTED, Reason.REJECTED, False, False]
+    assert states_after_looks(make_model(BAND), 5, 5, 3, 5) == [Reason.REJECTED, Reason.REJECTED, False, False]
 
 
 def test_a_look_between_enter_and_leave_is_evidence_for_the_value_before() -> None:
     clock = SimClock()
-    with started(a_model(BAND, valid_for_s=2.5), World({"look": gaps(7, 5)}), clock) as manager:
+    with started(make_model(BAND, valid_for_s=2.5), World({"look": gaps(7, 5)}), clock) as manager:
         manager.declare("open")
         clock.sleep(20.3)
         assert (manager.get("open").value, manager.get("open").evidence_s) == (True, 20.0)
 
 
 def test_a_stale_value_does_not_count_as_the_value_before() -> None:
-    states = states_after_looks(a_model(BAND, valid_for_s=1.7), 7, None, None, 5, 3)
+    states = states_after_looks(make_model(BAND, valid_for_s=1.7), 7, None, None, 5, 3)
     assert states == [True, True, Reason.REJECTED, Reason.REJECTED, False]
 
 
 def test_a_result_without_the_value_is_not_between() -> None:
-    assert states_after_looks(a_model(BAND, when_unobservable="forget"), 7, 5, None, 5) == [
+    assert states_after_looks(make_model(BAND, when_unobservable="forget"), 7, 5, None, 5) == [
         True,
         True,
         Reason.REJECTED,
@@ -80,7 +80,7 @@ def test_a_result_without_the_value_is_not_between() -> None:
 
 def test_a_variable_that_a_skill_changed_has_no_value_before() -> None:
     clock = SimClock()
-    with started(a_model(BAND), World({"look": gaps(7, 7, 5)}), clock) as manager:
+    with started(make_model(BAND), World({"look": gaps(7, 7, 5)}), clock) as manager:
         manager.declare("open")
         clock.sleep(1.5)
         with manager.skill("push") as skill, skill.acting():
@@ -97,7 +97,7 @@ def test_a_variable_that_a_skill_changed_has_no_value_before() -> None:
 
 def test_one_result_of_two_needed_is_unconfirmed_with_the_count() -> None:
     clock = SimClock()
-    with started(a_model(confirmed(value("gap") > 6.0, 2, 3)), World({"look": gaps(7)}), clock) as manager:
+    with started(make_model(confirmed(value("gap") > 6.0, 2, 3)), World({"look": gaps(7)}), clock) as manager:
         manager.declare("open")
         clock.sleep(0.5)
         reading = manager.get("open")
@@ -114,40 +114,40 @@ def test_one_result_of_two_needed_is_unconfirmed_with_the_count() -> None:
 
 
 def test_a_value_needs_the_stated_number_of_the_last_results() -> None:
-    model = a_model(confirmed(value("gap") > 6.0, 2, 3))
+    model = make_model(confirmed(value("gap") > 6.0, 2, 3))
     unconfirmed = Reason.UNCONFIRMED
     assert states_after_looks(model, 7, 3, 7, 3, 3, 7, 7) == [unconfirmed, unconfirmed, True, False, False, False, True]
 
 
 def test_a_kept_value_stays_until_the_contrary_is_confirmed() -> None:
-    model = a_model(confirmed(value("gap") > 6.0, 3, 3))
+    model = make_model(confirmed(value("gap") > 6.0, 3, 3))
     assert states_after_looks(model, 7, 7, 7, 3, 3, 7, 3, 3, 3)[2:] == [True] * 6 + [False]
 
 
 def test_a_value_that_is_forgotten_stays_while_the_last_results_confirm_it() -> None:
-    model = a_model(confirmed(value("gap") > 6.0, 2, 3), when_unobservable="forget")
+    model = make_model(confirmed(value("gap") > 6.0, 2, 3), when_unobservable="forget")
     assert states_after_looks(model, 7, 7, 3, 7, 7)[1:] == [True, True, True, True]
 
 
 def test_a_value_that_is_forgotten_is_unconfirmed_once_too_few_results_agree() -> None:
-    model = a_model(confirmed(value("gap") > 6.0, 3, 3), when_unobservable="forget")
+    model = make_model(confirmed(value("gap") > 6.0, 3, 3), when_unobservable="forget")
     assert states_after_looks(model, 7, 7, 7, 3, 7)[2:] == [True, Reason.UNCONFIRMED, Reason.UNCONFIRMED]
 
 
 def test_a_kept_value_that_is_not_confirmed_again_goes_stale_and_is_then_unconfirmed() -> None:
-    model = a_model(confirmed(value("gap") > 6.0, 2, 2), valid_for_s=2.2)
+    model = make_model(confirmed(value("gap") > 6.0, 2, 2), valid_for_s=2.2)
     states = states_after_looks(model, 7, 7, 3, 7, 3, 7)
     assert states == [Reason.UNCONFIRMED, True, True, Reason.STALE, Reason.UNCONFIRMED, Reason.UNCONFIRMED]
 
 
 def test_rejected_results_do_not_count() -> None:
-    model = a_model(confirmed(value("gap") > 6.0, 2, 2))
+    model = make_model(confirmed(value("gap") > 6.0, 2, 2))
     assert states_after_looks(model, 7, None, 7)[-1] is True
 
 
 def test_evidence_from_before_an_action_does_not_confirm() -> None:
     clock = SimClock()
-    model = a_model(confirmed(value("gap") > 6.0, 2, 3))
+    model = make_model(confirmed(value("gap") > 6.0, 2, 3))
     with started(model, World({"look": gaps(7)}), clock) as manager:
         manager.declare("open")
         clock.sleep(2.5)
@@ -160,7 +160,7 @@ def test_evidence_from_before_an_action_does_not_confirm() -> None:
 
 def test_the_evidence_of_a_confirmed_value_starts_with_the_first_look_that_it_needs() -> None:
     clock = SimClock()
-    model = a_model(confirmed(value("gap") > 6.0, 2, 3))
+    model = make_model(confirmed(value("gap") > 6.0, 2, 3))
     with started(model, World({"look": takes(0.2, {"gap": 7.0})}), clock) as manager:
         manager.declare("open")
         assert manager.decide("open", lambda: False, since_s=0.5, wait_up_to_s=9.0) is True
@@ -169,7 +169,7 @@ def test_the_evidence_of_a_confirmed_value_starts_with_the_first_look_that_it_ne
 
 def test_results_from_before_the_observer_stopped_do_not_confirm() -> None:
     clock = SimClock()
-    model = a_model(confirmed(value("gap") > 6.0, 2, 3))
+    model = make_model(confirmed(value("gap") > 6.0, 2, 3))
     with started(model, World({"look": gaps(7)}), clock) as manager:
         manager.declare("open")
         clock.sleep(0.5)
@@ -181,7 +181,7 @@ def test_results_from_before_the_observer_stopped_do_not_confirm() -> None:
 
 def out_of_sight_for_a_while(**settings: Any) -> Reading[Any]:
     clock = SimClock()
-    model = a_model(confirmed(value("gap") > 6.0, 2, 3), when=[value("near")], **settings)
+    model = make_model(confirmed(value("gap") > 6.0, 2, 3), when=[value("near")], **settings)
     with started(model, World({"look": gaps(7)}), clock) as manager:
         manager.set("near", True)
         manager.declare("open")
@@ -204,22 +204,24 @@ def test_results_older_than_valid_for_do_not_confirm() -> None:
 
 
 @hypothesis_given(st.lists(st.booleans(), min_size=1, max_size=12), st.integers(1, 4), st.integers(0, 3))
-def test_a_value_is_known_only_if_enough_of_the_last_results_agree(results: list[bool], needed: int, more: int) -> None:
-    among = needed + more
-    model = a_model(confirmed(value("gap") > 6.0, needed, among), when_unobservable="forget")
+def test_a_value_is_known_only_if_enough_of_the_last_results_agree(
+    results: list[bool], needed: int, surplus: int
+) -> None:
+    among = needed + surplus
+    model = make_model(confirmed(value("gap") > 6.0, needed, among), when_unobservable="forget")
     states = states_after_looks(model, *(7.0 if result else 3.0 for result in results))
     for number, state in enumerate(states):
-        last = Counter(results[max(0, number + 1 - among) : number + 1])
+        last_counts = Counter(results[max(0, number + 1 - among) : number + 1])
         if isinstance(state, bool):
-            assert last[state] >= needed
+            assert last_counts[state] >= needed
         else:
             assert state is Reason.UNCONFIRMED
-            assert last[results[number]] < needed
+            assert last_counts[results[number]] < needed
 
 
 def test_the_reason_of_an_unconfirmed_variable_is_explained() -> None:
     clock = SimClock()
-    with started(a_model(confirmed(BAND, 2, 3)), World({"look": gaps(7)}), clock) as manager:
+    with started(make_model(confirmed(BAND, 2, 3)), World({"look": gaps(7)}), clock) as manager:
         manager.declare("open")
         clock.sleep(0.5)
         text = str(manager.why("open"))

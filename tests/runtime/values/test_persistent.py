@@ -1,4 +1,4 @@
-"""Persistent mappings: a version stays as it was, independent of later changes and of the thread that makes them."""
+"""Persistent mappings: a version stays as it was, whatever is changed later, in whichever thread."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ def test_every_version_stays_as_it_was_when_any_of_them_is_changed(
     changes: list[tuple[int, dict[int, int | None]]], asked: int
 ) -> None:
     versions: list[tuple[PersistentMap[int, int], dict[int, int]]] = [(PersistentMap(), {})]
-    for chosen, change in changes:
-        before, expected = versions[-1 if chosen % 3 else chosen % len(versions)]
+    for choice, change in changes:
+        before, expected = versions[-1 if choice % 3 else choice % len(versions)]
         after = {key: value for key, value in {**expected, **change}.items() if value is not None}
         versions.append((before.with_changes(change), after))
     first = asked % len(versions)
@@ -40,10 +40,10 @@ def test_an_old_version_is_read_after_thousands_of_changes(count: int, data: st.
     versions = [PersistentMap[int, int]()]
     for number in range(1, count + 1):
         versions.append(versions[-1].with_entry(number % 7, number))
-    at = data.draw(st.integers(0, count))
-    expected = {number % 7: number for number in range(1, at + 1)}
-    assert [versions[at].get(key) for key in range(7)] == [expected.get(key) for key in range(7)]
-    assert entries(versions[at]) == expected
+    position = data.draw(st.integers(0, count))
+    expected = {number % 7: number for number in range(1, position + 1)}
+    assert [versions[position].get(key) for key in range(7)] == [expected.get(key) for key in range(7)]
+    assert entries(versions[position]) == expected
 
 
 def test_removing_a_missing_key_returns_the_same_mapping() -> None:
@@ -74,19 +74,19 @@ class Key:
 def test_a_reader_of_a_mapping_during_its_change_gets_the_old_entries() -> None:
     keys = [Key(name) for name in "abc"]
     before = PersistentMap[Key, int]().with_changes({Key(name): 1 for name in "abc"})
-    seen: list[list[int | None]] = []
+    seen_values: list[list[int | None]] = []
     for key in keys:
-        key.turn = lambda: seen.append([before.get(Key(name)) for name in "abc"])
+        key.turn = lambda: seen_values.append([before.get(Key(name)) for name in "abc"])
     after = before.with_changes(dict.fromkeys(keys, 2))
-    assert len(seen) > len(keys)
-    assert all(values == [1, 1, 1] for values in seen)
+    assert len(seen_values) > len(keys)
+    assert all(values == [1, 1, 1] for values in seen_values)
     assert [after.get(Key(name)) for name in "abc"] == [2, 2, 2]
 
 
 def test_a_mapping_that_is_changed_during_a_read_returns_its_old_values() -> None:
-    held = PersistentMap[Key, int]().with_entry(Key("a"), 1)
-    newest = [held]
+    old_mapping = PersistentMap[Key, int]().with_entry(Key("a"), 1)
+    newest = [old_mapping]
     asked = Key("a")
     asked.turn = lambda: newest.append(newest[-1].with_entry(Key("a"), len(newest) + 1))
-    assert [held.get(asked) for _ in range(5)] == [1, 1, 1, 1, 1]
+    assert [old_mapping.get(asked) for _ in range(5)] == [1, 1, 1, 1, 1]
     assert newest[-1][Key("a")] == len(newest) > 5

@@ -58,17 +58,17 @@ def _skill(name: str, chance: random.Random) -> SkillModel:
 
 def _observers(chance: random.Random) -> Iterator[ObserverModel]:
     for name in NAMES:
-        needed = chance.sample(["near", *(other for other in NAMES if other != name)], chance.choice([0, 1, 1]))
-        algorithms = [f"look_{name}", f"feel_{name}"][: chance.choice([1, 1, 2])]
-        looks = [_look(algorithm_name, name, needed, chance) for algorithm_name in algorithms]
+        needed_names = chance.sample(["near", *(other for other in NAMES if other != name)], chance.choice([0, 1, 1]))
+        algorithm_names = [f"look_{name}", f"feel_{name}"][: chance.choice([1, 1, 2])]
+        looks = [_look(algorithm_name, name, needed_names, chance) for algorithm_name in algorithm_names]
         yield observer(f"o_{name}", *looks, period_s=chance.uniform(0.02, 0.2))
 
 
-def _look(algorithm_name: str, name: str, needed: list[str], chance: random.Random) -> Look:
+def _look(algorithm_name: str, name: str, needed_names: list[str], chance: random.Random) -> Look:
     high, low = value("gap") > 0.6, value("gap") < 0.4
-    plain, band = value("gap") > 0.5, between(high, low)
-    term = chance.choice([plain, band, confirmed(plain, 2, 3), confirmed(band, 2, 3)])
-    when = [_condition(need, chance) for need in needed]
+    simple_condition, band = value("gap") > 0.5, between(high, low)
+    term = chance.choice([simple_condition, band, confirmed(simple_condition, 2, 3), confirmed(band, 2, 3)])
+    when = [_condition(need, chance) for need in needed_names]
     slots = chance.choice([(), ("eye",)])
     return Look(
         algorithm(algorithm_name, RESULT_TYPES, timeout_s=0.1, slots=slots), {name: term}, when, [value("gap") < 0.95]
@@ -143,8 +143,8 @@ def test_known_values_are_valid_and_newer_than_the_last_change_and_the_run_repla
     path = tmp_path / "run.mcap"
     events = events_of_story(seed, Journal(path))
     assert events_of_story(seed) == events
-    head, kept = read(path)
-    assert replay(head, kept, situation(seed), ContextManager[str, str], None).difference is None
+    header, recorded_events = read(path)
+    assert replay(header, recorded_events, situation(seed), ContextManager[str, str], None).difference is None
 
 
 @pytest.mark.parametrize("seed", range(6))
