@@ -1,4 +1,4 @@
-"""The commands, and the behaviour that they share: exit codes, interruption, broken pipes, and never a traceback.
+"""The commands, and the behaviour that they share: exit codes, interruption, broken pipes, and no tracebacks.
 
 A command module imports its libraries inside its function, so that `codra --help` is fast.
 """
@@ -70,14 +70,14 @@ def _codra(
 
 
 def command_line() -> int:
-    """Run the command line and return its exit code; a closed pipe causes no error message."""
+    """Run the command line and return its exit code. A closed pipe gives no error message."""
     _replace_closed_streams()
     _escape_unencodable_characters()
     try:
         code = _run()
         sys.stdout.flush()
     except OSError as error:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # Python flushes it at exit
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # Python flushes standard output at exit
         if not isinstance(error, BrokenPipeError):
             print(f"codra: cannot write: {error.strerror}", file=sys.stderr)
         code = ExitCode.FAILED
@@ -93,7 +93,7 @@ def _run() -> int:
         raise
     except Exception as error:
         if isinstance(error, FileNotFoundError) and not _is_somewhere():
-            say("codra: the current folder does not exist any more: change to another one")
+            say("codra: the current folder does not exist any more: change to another folder")
             return ExitCode.USAGE
         if isinstance(error, OSError) and error.errno == errno.ENOSPC:
             raise
@@ -121,7 +121,7 @@ def _last_place(error: Exception) -> str:
 
 
 def _replace_closed_streams() -> None:
-    """Replace closed streams, for which Python has None, by streams that discard everything."""
+    """Replace each closed stream, which is None in Python, by a stream that discards everything."""
     if sys.stdout is None:
         sys.stdout = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115
     if sys.stderr is None:

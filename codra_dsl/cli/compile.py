@@ -1,4 +1,4 @@
-"""`codra compile`: specs to generated packages; with `--check`, whether the packages are up to date."""
+"""`codra compile`: generate packages from specs, or, with `--check`, report whether the packages are up to date."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ Out = Annotated[
         show_default=False,
     ),
 ]
-Check = Annotated[bool, typer.Option("--check", help="Write nothing; show how the output differs from the specs.")]
+Check = Annotated[bool, typer.Option("--check", help="Write nothing; show where the output is not up to date.")]
 
 
 def compile_command(
@@ -56,7 +56,7 @@ def compile_command(
     timings: ShowTimings = False,
     color: ColourOption = Colour.AUTO,
 ) -> None:
-    """Compile specs to packages of readable Python. Each has observers, the types of the context, and the graph."""
+    """Compile specs to readable Python packages, each with its observers, the types of the context, and the graph."""
     from codra_dsl.tooling.report.findings import visible_lines
     from codra_dsl.workspace.cache import cache_of
 
@@ -92,11 +92,11 @@ def _default_out(path: Path) -> Path:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Renewed:
-    """The result of renewing the output folder.
+    """The result of comparing or writing the output folder.
 
     Attributes:
-        diff: how it differs from the text that the specs define.
-        done: the changes that were made, in a sentence.
+        diff: the difference between the files in the folder and the output of the specs.
+        done: the number of files that were written and removed, as text.
     """
 
     diagnostics: tuple[Diagnostic, ...] = ()
@@ -107,7 +107,10 @@ class _Renewed:
 def _made(
     paths: list[Path], root: Path, folder: Path, *, check: bool, cache: Cache | None, timings: Timings
 ) -> tuple[Run, _Renewed]:
-    """Return a run and the state of the output; if nothing has changed, output included, an earlier run."""
+    """Compile the specs, and compare or write the output folder.
+
+    If neither the inputs nor the output have changed since an earlier run, return that run from the cache.
+    """
     from codra_dsl.generation.output import is_as_made
 
     run = None if cache is None else cache.recall()
@@ -130,7 +133,7 @@ def _renewed(compilation: Compilation, folder: Path, check: bool) -> _Renewed:
 
 
 def _compared(compilation: Compilation, folder: Path) -> _Renewed:
-    """Return how the output folder differs; nothing is written."""
+    """Return the difference between the output folder and the compiled files. Write nothing."""
     from codra_dsl.generation.output import freshness, stale
 
     compared = freshness(compilation.files, folder, compilation.covered)
@@ -150,7 +153,10 @@ def _written(compilation: Compilation, folder: Path) -> _Renewed:
 
 
 def _about_schema(run: Run, root: Path, check: bool) -> tuple[Diagnostic, ...]:
-    """Keep the project's copy of the schema, which its editors read, up to date; a project may have none."""
+    """Renew a stale copy of the schema in the project, or, if `check` is true, only report it as a finding.
+
+    Editors read this copy. A project without a copy gets none.
+    """
     from codra_dsl.language.project import has_stale_schema
 
     if not run.outputs or not has_stale_schema(root):
@@ -161,7 +167,7 @@ def _about_schema(run: Run, root: Path, check: bool) -> tuple[Diagnostic, ...]:
 
 
 def _in_root(diagnostic: Diagnostic, folder: Path, root: Path) -> Diagnostic:
-    """Return a finding about the output folder with its file relative to the root, not to the folder's parent."""
+    """Return a finding about the output folder, with its file relative to the root instead of the folder's parent."""
     from codra_dsl.language.diagnostics import Place
 
     around = folder.parent

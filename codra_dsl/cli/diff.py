@@ -1,4 +1,4 @@
-"""`codra diff`: review what a change of specs means for a robot and its programs."""
+"""`codra diff`: report what a change of specs means for a robot and its programs."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ Paths = Annotated[
     list[str] | None,
     typer.Argument(
         metavar="PATH",
-        help="A path below both versions.  [default: the path given as A or B; of two revisions, 'specs' or all]",
+        help="A path below both versions.  [default: the path given as A or B; for two revisions, 'specs' or all]",
         show_default=False,
     ),
 ]
@@ -82,7 +82,7 @@ Allow = Annotated[
     typer.Option(
         "--allow",
         metavar="CATEGORY[:ELEMENT]",
-        help="Accept these changes: they do not count for the verdict. Can be given several times.",
+        help="Accept these changes: they do not count for the verdict. The option may be repeated.",
         show_default=False,
     ),
 ]
@@ -101,7 +101,8 @@ def diff_command(
 ) -> None:
     """Report what a change of specs means for a robot.
 
-    Lists what is unobservable, slower, cyclic, of another type or less guarded in B than in A, and gives a verdict.
+    The report lists each change, such as a variable that is unobservable, slower or of another type in B, a cycle, or a
+    weaker guard. It ends with a verdict.
     """
     from codra_dsl.tooling.diff import review
     from codra_dsl.tooling.revisions import RevisionError
@@ -132,14 +133,14 @@ def diff_command(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Side:
-    """One version.
+    """One of the two versions.
 
     Attributes:
-        name: as given on the command line.
-        paths: the compared paths that exist.
-        root: the project's folder.
-        shown: the prefix of the paths of its files in the output.
-        folder: the root within the repository, for annotations on GitHub.
+        name: the version as given on the command line.
+        paths: the compared paths that exist in this version.
+        root: the folder to which the files of this version are relative.
+        shown: the text before each file name of this version in the output.
+        folder: the path of the root within the repository, for annotations on GitHub.
     """
 
     name: str
@@ -149,14 +150,14 @@ class _Side:
     folder: str
 
     def file(self, name: str) -> str:
-        """Return the name of a file as it is shown."""
+        """Return the name under which a file is shown."""
         return f"{self.shown}{name}"
 
 
 def _relative(path: str) -> PurePosixPath:
     relative = PurePosixPath(path)
     if relative.is_absolute() or not path:
-        raise typer.BadParameter(f"'{path}' must be relative: it is looked for below A and B", param_hint="PATH")
+        raise typer.BadParameter(f"'{path}' must be relative: it is looked up below A and B", param_hint="PATH")
     return relative
 
 
@@ -180,7 +181,11 @@ def _sides(names: tuple[str, str], wanted: Sequence[PurePosixPath], stack: ExitS
 
 
 def _default(names: tuple[str, str]) -> tuple[Path, Sequence[PurePosixPath]]:
-    """Return the folder and the paths in which two revisions are compared: the project's specs, else the project."""
+    """Return the project's folder, and the paths below it that are compared if both versions are revisions.
+
+    The only path is `specs` if one of the revisions has that folder. Otherwise there are no paths, and the entire
+    project is compared.
+    """
     from codra_dsl.language.project import project_of
     from codra_dsl.tooling.revisions import Repository
 
@@ -195,7 +200,7 @@ def _on_disk(name: str, path: Path, wanted: Sequence[PurePosixPath]) -> _Side:
     from codra_dsl.language.project import straight
 
     if wanted and not path.is_dir():
-        raise typer.BadParameter(f"'{name}' is a file: leave out the paths below it", param_hint="PATH")
+        raise typer.BadParameter(f"'{name}' is not a folder: remove the paths below it", param_hint="PATH")
     paths = [path / below for below in wanted] or [path]
     present = tuple(straight(candidate) for candidate in paths if candidate.exists())
     root = _root(present or (path,), Path("/"))
@@ -203,7 +208,7 @@ def _on_disk(name: str, path: Path, wanted: Sequence[PurePosixPath]) -> _Side:
 
 
 def _in_revision(name: str, here: Path, wanted: Sequence[PurePosixPath], stack: ExitStack) -> _Side:
-    """Return a revision. Its spec files are written to a folder that is removed when the stack is closed."""
+    """Return a revision as a side. Its spec files are in a folder, which is removed when the stack is closed."""
     from codra_dsl.language.project import project_of
     from codra_dsl.tooling.revisions import Repository
 
@@ -219,7 +224,7 @@ def _in_revision(name: str, here: Path, wanted: Sequence[PurePosixPath], stack: 
     extracted = [folder / _within(Path(os.path.normpath(path)), top) for path in paths]
     for path, kind in unread.items():
         if any((folder / path).is_relative_to(compared) for compared in extracted):
-            say(f"codra: {name}:{path} is {kind}: not read")
+            say(f"codra: {name}:{path} is not read, because it is {kind}")
     present = tuple(path for path in extracted if path.exists())
     root = _root(present, folder) if present else folder
     prefix = root.relative_to(folder).as_posix()
@@ -228,7 +233,7 @@ def _in_revision(name: str, here: Path, wanted: Sequence[PurePosixPath], stack: 
 
 
 def _folder(place: Path) -> Path:
-    """Return the folder that holds specs if there is no project; a path that does not exist counts as a file."""
+    """Return a folder itself, or the folder of a file. A path that does not exist counts as a file."""
     return place if place.is_dir() else place.parent
 
 
@@ -239,11 +244,13 @@ def _within(path: Path, top: Path) -> Path:
 
 
 def _root(paths: Sequence[Path], top: Path) -> Path:
-    """Return the folder to which the shown paths of a version are relative: the project's, else that of the files.
+    """Return the folder to which the files of a version are relative.
+
+    This is the folder of the project, or, without a project, the common folder of the compared paths.
 
     Args:
         paths: the compared paths.
-        top: the folder that the project must be in.
+        top: a project outside of this folder does not count.
     """
     from codra_dsl.language.project import project_of
 
@@ -302,7 +309,7 @@ def _by_file(errors: Sequence[Diagnostic]) -> Iterator[tuple[str, tuple[Diagnost
 
 
 def _report_errors(side: _Side, version: Version, colour: Colour) -> None:
-    """Write the errors of A to standard error; the review contains only those of B."""
+    """Write the errors of A to standard error. The review contains only the errors of B."""
     from codra_dsl.language.diagnostics import in_file_order
     from codra_dsl.tooling.report import findings
 
@@ -368,7 +375,7 @@ def _form(wanted: DiffFormat | None, output: Path | None) -> DiffFormat:
 
 
 def _annotate(review: Review, versions: Versions, folder: str, output: Path | None) -> None:
-    """Write annotations, and add the review as Markdown to the summary of the step."""
+    """Write the review as annotations, and add it as Markdown to the summary of the step."""
     from codra_dsl.tooling.report.changes import render_annotations, render_markdown
 
     write_result(render_annotations(review, folder), output)

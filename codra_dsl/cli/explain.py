@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class PageFormat(StrEnum):
-    """How pages are shown."""
+    """The formats of pages."""
 
     TEXT = "text"
     MARKDOWN = "markdown"
@@ -25,7 +25,7 @@ class PageFormat(StrEnum):
 Codes = Annotated[
     list[str] | None,
     typer.Argument(
-        metavar="CODE", help="Codes or names of findings, e.g. CDR2003 or unknown-key; without any, all are listed."
+        metavar="CODE", help="Codes or names of findings, e.g. CDR2003 or unknown-key.  [default: list all findings]"
     ),
 ]
 
@@ -50,7 +50,7 @@ def explain_command(
 
 
 def _pages(wanted: list[str]) -> Iterator[Page]:
-    """Yield the requested pages without duplicates; an unknown name is a usage error."""
+    """Yield the requested pages without duplicates. An unknown code or name is a usage error."""
     from codra_dsl.tooling.report.explain import all_rules, code_of, page_of
     from codra_dsl.tooling.report.findings import visible
     from codra_dsl.workspace.suppression.rules import nearest_code

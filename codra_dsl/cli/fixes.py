@@ -26,7 +26,7 @@ class Work:
 
     Attributes:
         requested: the files and folders on the command line, relative to the root.
-        plan: returns the findings, with some files changed.
+        plan: plans the specs. Its argument holds the new contents of files, which replace those on disk.
         data: the text from standard input; None if the specs are in files.
     """
 
@@ -36,7 +36,7 @@ class Work:
     data: bytes | None = None
 
     def texts(self, planned: Planned) -> dict[str, bytes]:
-        """Return the contents of the files that may be changed."""
+        """Return the contents of the files that fixes may change."""
         from codra_dsl.workspace.suppression import rewritable
 
         files = filter(self.may_change, planned.files)
@@ -49,7 +49,7 @@ class Work:
         return covers(self.requested, file)
 
     def fixable(self, diagnostics: Sequence[Diagnostic]) -> tuple[int, str]:
-        """Return how many findings can be fixed, and a hint which folder to name so that more can be fixed."""
+        """Return the number of findings that can be fixed, and a hint if another folder is needed to fix more."""
         from codra_dsl.language.diagnostics import is_safe
 
         fixes = [diagnostic.fix for diagnostic in diagnostics if diagnostic.fix is not None and is_safe(diagnostic)]
@@ -58,11 +58,11 @@ class Work:
         if not elsewhere:
             return len(files), ""
         folder = os.path.relpath(self.root / os.path.commonpath([*self.requested, *chain.from_iterable(elsewhere)]))
-        return len(files) - len(elsewhere), f"; {len(elsewhere)} more can be fixed if '{folder}' is named"
+        return len(files) - len(elsewhere), f"; {len(elsewhere)} more can be fixed if you lint '{folder}'"
 
 
 def work_on_files(paths: list[Path], timings: Timings) -> Work:
-    """Return the specs at or below some paths as work."""
+    """Return the specs at or below some paths, for linting."""
     from codra_dsl.language.project import relative
 
     paths = existing(paths)
@@ -77,7 +77,7 @@ def work_on_files(paths: list[Path], timings: Timings) -> Work:
 
 
 def work_on_standard_input(timings: Timings) -> Work:
-    """Return the spec from standard input as work."""
+    """Return the spec from standard input, for linting."""
     from codra_dsl.compiler import plan_text
     from codra_dsl.language.load.yaml.source import MAX_BYTES
 
@@ -96,10 +96,11 @@ class FixResult:
     """The result of fixing.
 
     Attributes:
-        planned: the findings afterwards.
-        diagnostics: the same, with findings about files that could not be written.
+        planned: the plans and findings after fixing.
+        diagnostics: the findings after fixing, with findings about files that could not be written.
         number: the number of findings that were fixed.
-        before: the previous contents of the files that change; `after`, their new contents.
+        before: the previous contents of the files that fixes may change.
+        after: the new contents of the files that have changed.
     """
 
     planned: Planned
@@ -116,9 +117,9 @@ class FixResult:
 
 
 def fix(work: Work, *, write: bool) -> FixResult:
-    """Fix specs; if `write` is true and they are files, write them.
+    """Fix specs. If `write` is true and the specs are in files, write the changed files.
 
-    The linted text is read once. A file that is saved in the meantime is neither edited incorrectly nor replaced.
+    Each file is read once, before linting. If somebody saves a file in the meantime, it is left unchanged.
     """
     from codra_dsl.language.load.yaml.source import MAX_BYTES
     from codra_dsl.workspace.suppression import fix_all, rewrite

@@ -32,14 +32,14 @@ if TYPE_CHECKING:
 
 if TYPE_CHECKING:
     FormatName = str
-else:  # Typer shows the members of an enum as choices; type checkers do not know enums with computed members
+else:  # typer shows the members of an enum as choices; type checkers do not support enums with computed members
     FormatName = StrEnum("FormatName", {name: name for name in FORMATS})
 
 GraphFormatOption = Annotated[
     FormatName | None,
     typer.Option(
         "--format",
-        help=f"How the graph is shown.  [default: by the ending of FILE, else {DEFAULT.name}]",
+        help=f"The format of the graph.  [default: chosen by the ending of FILE, else {DEFAULT.name}]",
         show_default=False,
     ),
 ]
@@ -49,13 +49,13 @@ SelectOption = Annotated[
         "--select",
         "-s",
         metavar="SELECTOR",
-        help="Only these nodes: x, +x, x+, 2+x+1, @x, kind:observer, 'a b' (any), 'a,b' (both), and * in names.",
+        help="Show only these nodes: x, +x, x+, 2+x+1, @x, kind:observer, 'a b' (either), 'a,b' (both); * in names.",
         show_default=False,
     ),
 ]
 ExcludeOption = Annotated[
     list[str] | None,
-    typer.Option("--exclude", metavar="SELECTOR", help="Without these nodes.", show_default=False),
+    typer.Option("--exclude", metavar="SELECTOR", help="Do not show these nodes.", show_default=False),
 ]
 
 
@@ -86,7 +86,7 @@ def graph_command(
 
 
 def _format_of(output: Path | None) -> GraphFormat:
-    """Return the format that the ending of a file name chooses; an unknown ending is a usage error."""
+    """Return the format for the ending of a file name. An unknown ending is a usage error."""
     if output is None or not output.suffix:
         return DEFAULT
     by_ending = formats_by_ending()
@@ -98,7 +98,10 @@ def _format_of(output: Path | None) -> GraphFormat:
 
 
 def _selected(graph: Graph, wanted: Sequence[str], unwanted: Sequence[str]) -> Graph:
-    """Return the part of a graph that selectors match; a selector without a match is a usage error."""
+    """Return the part of a graph that selectors match.
+
+    A selector is a usage error if it cannot be parsed, or has a name, pattern, kind or method that does not exist.
+    """
     from codra_dsl.tooling.selection import SelectorError, select
 
     if not wanted and not unwanted:

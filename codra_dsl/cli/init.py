@@ -1,4 +1,4 @@
-"""`codra init`: a new project, beside existing files."""
+"""`codra init`: create a new project. Existing files are kept."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Folder = Annotated[
 ]
 Name = Annotated[
     str | None,
-    typer.Option("--name", metavar="NAME", help="The spec's name.  [default: the folder's]", show_default=False),
+    typer.Option("--name", metavar="NAME", help="The spec's name.  [default: from the folder]", show_default=False),
 ]
 
 
@@ -54,7 +54,7 @@ def _refuse(taken: tuple[str, ...], folder: Path, name: str) -> None:
     say("codra: nothing was written, because these files exist already:")
     for path in taken:
         say(f"  {path}")
-    say(f"help: move them away, or start in a separate folder, such as: codra init {shlex.quote(str(folder / name))}")
+    say(f"help: move these files away, or start in another folder, e.g.: codra init {shlex.quote(str(folder / name))}")
     raise typer.Exit(ExitCode.FAILED)
 
 
@@ -72,7 +72,7 @@ def _next_commands(folder: Path, name: str) -> str:
 
 
 def _warn_of_repository(folder: Path) -> None:
-    """Warn about files that git tools read only at the root of a repository, if the project lies deeper."""
+    """Warn if the project is not at the root of its repository: some of its files are read only at the root."""
     start = folder.resolve()
     if (start / ".git").exists() or not any((above / ".git").exists() for above in start.parents):
         return

@@ -19,7 +19,7 @@ Target = Annotated[
     typer.Option(
         "--output",
         metavar="FILE",
-        help="The file to write.  [default: beside the journal, with .recovered in its name]",
+        help="The file to write.  [default: beside the journal, with .recovered in the file name]",
         show_default=False,
     ),
 ]
@@ -29,7 +29,7 @@ Kinds = Annotated[
     typer.Option(
         "--kind",
         metavar="KIND",
-        help="Only events of this kind, e.g. decision; may be repeated.  [default: all but input]",
+        help="Show only events of this kind, e.g. decision. The option may be repeated.  [default: all but input]",
         show_default=False,
     ),
 ]
@@ -38,7 +38,7 @@ About = Annotated[
     typer.Option(
         "--about",
         metavar="NAME",
-        help="Only events about this variable, observer or algorithm; may be repeated.",
+        help="Show only events about this variable, observer or algorithm. The option may be repeated.",
         show_default=False,
     ),
 ]
@@ -48,7 +48,7 @@ Whats = Annotated[
     typer.Option(
         "--what",
         metavar="WHAT",
-        help="Only events in which this happened, e.g. fell_back; may be repeated.",
+        help="Show only events in which this happened, e.g. fell_back. The option may be repeated.",
         show_default=False,
     ),
 ]
@@ -67,7 +67,7 @@ def _journal() -> None:
 
 @journal_commands.command("recover")
 def recover_command(file: JournalFile, *, output: Target = None) -> None:
-    """Write a complete journal with everything that a damaged one holds, and report losses; the damaged one is kept."""
+    """Write a complete journal with everything that a damaged journal holds, and report losses. FILE is kept."""
     from codra_dsl.runtime.journal.reader import JournalError
     from codra_dsl.runtime.journal.recovery import recover
 
@@ -88,7 +88,7 @@ def recover_command(file: JournalFile, *, output: Target = None) -> None:
 
 @journal_commands.command("show")
 def show_command(file: JournalFile, *, kind: Kinds = None, about: About = None, what: Whats = None) -> None:
-    """Print the events of a journal, one a line: instant, subject, what happened, and details."""
+    """Print the events of a journal, one per line: instant, kind, name, what happened, and details."""
     from codra_dsl.cli.journals import opened_journal, say_damage
     from codra_dsl.runtime.journal import Kind
 
@@ -131,12 +131,12 @@ def _report(recovery: Recovery) -> str:
     if not damage.is_torn and not damage.unread:
         lines.append("the journal was complete: nothing was lost")
     if damage.regained:
-        lines.append(f"{damage.regained} of them were not yet in a chunk")
+        lines.append(f"{damage.regained} of these messages were not yet in a chunk")
     lines.extend(f"cannot be read: {part}" for part in damage.unread)
     if damage.unread and damage.lost:
-        lines.append(f"lost: {damage.lost} messages between others")
+        lines.append(f"lost: {damage.lost} messages between readable ones")
     if recovery.is_live:
-        lines.append("its program is still writing it: this is its content so far")
+        lines.append("the program is still writing this journal: this is its content so far")
     elif damage.is_torn:
         lines.append("lost at the end: at most the message that was being written")
     return "\n  ".join(lines)

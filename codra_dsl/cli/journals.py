@@ -1,4 +1,4 @@
-"""Functions that the commands for journals share."""
+"""Functions that the commands share that read journals."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @contextmanager
 def opened_journal(path: Path) -> Iterator[JournalReader]:
-    """Open a journal; fail if it is not a journal or cannot be read."""
+    """Open a journal. If the file is not a journal or cannot be read, print a message and exit."""
     from codra_dsl.runtime.journal.reader import JournalError, JournalReader
 
     try:

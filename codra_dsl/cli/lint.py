@@ -1,4 +1,4 @@
-"""`codra lint`: all findings about some specs, and their safe fixes."""
+"""`codra lint`: report all findings about specs, and apply safe fixes."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 Fix = Annotated[
     bool,
-    typer.Option("--fix", help="Apply safe fixes, then show the rest; with -, write the text to standard output."),
+    typer.Option("--fix", help="Apply safe fixes, then show other findings; with -, write the text to standard output."),
 ]
 Diff = Annotated[bool, typer.Option("--diff", help="Show what --fix would change, and write nothing.")]
 
@@ -48,7 +48,7 @@ def lint_command(
     timings: ShowTimings = False,
     color: ColourOption = Colour.AUTO,
 ) -> None:
-    """Check specs. No code that they name is imported or run; only fixes, FILE and the cache are written."""
+    """Check specs. The code that they name is not imported or run. Only fixes, FILE and the cache are written."""
     from codra_dsl.cli.fixes import work_on_files, work_on_standard_input
     from codra_dsl.workspace.cache import cache_of
 
@@ -74,7 +74,7 @@ def lint_command(
 
 
 def _run(work: Work, cache: Cache | None) -> Run:
-    """Return the findings about the specs: those of an earlier run, if nothing has changed since."""
+    """Return the findings about the specs, from the cache if nothing has changed since an earlier run."""
     run = None if cache is None else cache.recall()
     if run is None:
         run = work.plan({}).as_run()
@@ -84,7 +84,7 @@ def _run(work: Work, cache: Cache | None) -> Run:
 
 
 def _show_diff(work: Work, output: Path | None) -> ExitCode:
-    """Show what would be fixed; if there is anything, the exit code is that of a failure, for use in CI."""
+    """Show the changes that fixes would make. If there are any, the exit code is that of a failure, for use in CI."""
     from codra_dsl.cli.fixes import fix
 
     result = fix(work, write=False)
@@ -96,7 +96,10 @@ def _show_diff(work: Work, output: Path | None) -> ExitCode:
 
 
 def _fix(work: Work, view: View, fail_on: FailOnOption, output: Path | None) -> ExitCode:
-    """Fix what can be fixed and show the rest: on standard error if standard output gets the fixed text."""
+    """Apply all safe fixes, and show the other findings.
+
+    For a text from standard input, standard output gets the fixed text, and standard error gets the findings.
+    """
     from codra_dsl.cli.fixes import fix
 
     result = fix(work, write=True)

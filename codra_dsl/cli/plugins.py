@@ -1,7 +1,7 @@
 """Commands and worlds of other distributions, found by their entry points.
 
-A command is a function that typer accepts, or a `typer.Typer`, in the entry-point group `codra.commands`. Plug-ins are
-listed without being imported.
+A command is a function that typer accepts, or a `typer.Typer`, in the entry-point group `codra.commands`. A world is a
+function in the group `codra.worlds`. Listing plug-ins does not import them.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ PAPERS = "codra-papers"
 
 
 def plugins(group: str) -> Mapping[str, EntryPoint]:
-    """Return the entry points of a group by name, sorted; of entry points with one name, the first on the path."""
+    """Return the entry points of a group by name, sorted. If several have one name, the first on the path counts."""
     by_name: dict[str, EntryPoint] = {}
     for entry_point in entry_points(group=group):
         by_name.setdefault(entry_point.name, entry_point)
@@ -35,7 +35,7 @@ def plugins(group: str) -> Mapping[str, EntryPoint]:
 
 
 def load_plugin(entry_point: EntryPoint) -> Any:
-    """Import a plug-in and return the object that its entry point names; on failure, print one line and exit."""
+    """Import a plug-in and return the object that its entry point names. If that fails, print one line and exit."""
     kind = "command" if entry_point.group == COMMANDS else "world"
     try:
         return entry_point.load()
@@ -50,15 +50,15 @@ def _origin(entry_point: EntryPoint) -> str:
 
 
 class PluginGroup(TyperGroup):
-    """The commands of `codra`: its own and those of other distributions. Its own ones cannot be replaced."""
+    """The commands of `codra` itself and of other distributions, which cannot replace a command of `codra` itself."""
 
     def list_commands(self, ctx: Context) -> list[str]:
-        """Return the names of all commands, its own first."""
+        """Return the names of all commands. The commands of `codra` itself are first."""
         own = super().list_commands(ctx)
         return [*own, *(name for name in plugins(COMMANDS) if name not in own)]
 
     def get_command(self, ctx: Context, cmd_name: str) -> Command | None:
-        """Return a command by its name; a command of another distribution is imported when it is run."""
+        """Return the command with a name. A command of another distribution is imported only when it is run."""
         own = super().get_command(ctx, cmd_name)
         if own is not None:
             return own
@@ -67,7 +67,7 @@ class PluginGroup(TyperGroup):
 
 
 class _PluginCommand(TyperCommand):
-    """A command of another distribution, which is imported as soon as its arguments are parsed."""
+    """A command of another distribution. It is imported when its arguments are parsed."""
 
     def __init__(self, entry_point: EntryPoint) -> None:
         super().__init__(entry_point.name, help=f"A command{_origin(entry_point)}.", rich_markup_mode=None)

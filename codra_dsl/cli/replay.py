@@ -29,7 +29,7 @@ Package = Annotated[
     typer.Option(
         "--package",
         metavar="DIR",
-        help="The compiled package.  [default: generated/NAME in the project root]",
+        help="The compiled package.  [default: generated/NAME in the project root, for a spec named NAME]",
         show_default=False,
     ),
 ]
@@ -43,7 +43,7 @@ Dsr = Annotated[
 ]
 UnitM = Annotated[
     float,
-    typer.Option("--dsr-unit-m", metavar="METRES", help="The unit of its translations, in metres.", min=0.0),
+    typer.Option("--dsr-unit-m", metavar="METRES", help="The unit of the DSR graph's translations, in metres.", min=0.0),
 ]
 Copy = Annotated[
     Path | None,
@@ -62,12 +62,12 @@ def replay_command(
     dsr_unit_m: UnitM = 0.001,
     journal: Copy = None,
 ) -> None:
-    """Derive variables and decisions again from evidence. They are compared with those of the journal."""
+    """Derive the variables and decisions of a run again from its evidence, and compare them with the journal."""
     from codra_dsl.cli.journals import opened_journal, say_damage
 
     existing([path for path in (file, package, spec, dsr) if path is not None])
     if package is not None and spec is not None:
-        raise typer.BadParameter("take either --package or --spec", param_hint="--spec")
+        raise typer.BadParameter("give either --package or --spec, not both", param_hint="--spec")
     if journal is not None and journal.resolve() == file.resolve():
         raise typer.BadParameter(f"'{journal}' is the journal itself", param_hint="--journal")
     with opened_journal(file) as reader:
@@ -163,8 +163,9 @@ def _run(
 def _default(header: RunHeader) -> Path:
     """Return the package that `codra compile` wrote for the spec that a journal names.
 
-    A replay runs the package, and the journal may come from anybody: so only an identifier selects a package, and only
-    one inside the project. A path in the journal, or a link that leads out of the project, is refused.
+    A replay runs the package, and the journal may come from anybody. Therefore the journal must give the name of its
+    spec as an identifier, and the package must be inside the project. A path in the journal, or a link that leads out
+    of the project, is refused.
     """
     from codra_dsl.language.project import root_of
 
@@ -174,10 +175,10 @@ def _default(header: RunHeader) -> Path:
     root = root_of(Path.cwd()).resolve()
     folder = root / "generated" / header.spec
     if not folder.resolve().is_relative_to(root):
-        message = f"the package '{folder}' is a link out of the project: use --package to run it"
+        message = f"the package '{folder}' is a link that leads out of the project: use --package to run this package"
         raise typer.BadParameter(message, param_hint="FILE")
     if not (folder / "manifest.json").is_file():
-        message = f"there is no package '{folder}' of '{header.spec}': give it with --package or --spec"
+        message = f"there is no package '{folder}' of '{header.spec}': use --package or --spec"
         raise typer.BadParameter(message, param_hint="FILE")
     return folder
 
@@ -208,7 +209,7 @@ def _say_versions(header: RunHeader, folder: Path) -> None:
     elif manifest.get("model") != header.model:
         say(f"codra: the package differs from the one that ran (model {header.model[:19]}...): results may differ")
     if header.codra != __version__:
-        say(f"codra: the run used codra {header.codra}, but this is {__version__}")
+        say(f"codra: the run used codra {header.codra}, but this is codra {__version__}")
 
 
 def _report(result: Replayed, header: RunHeader) -> str:
@@ -248,7 +249,7 @@ def _line(event: Event | None) -> str:
 
 
 def _for_variables(event: Event, summary: SpecSummary) -> str:
-    """Return the variables for which a job runs."""
+    """Return the text about the variables for which a job runs; empty for other events."""
     from codra_dsl.runtime.journal import Kind
 
     algorithm = summary.algorithms.get(event.name) if event.kind is Kind.JOB else None
@@ -256,7 +257,11 @@ def _for_variables(event: Event, summary: SpecSummary) -> str:
 
 
 def _place(event: Event, summary: SpecSummary) -> Place | None:
-    """Return the place in the spec of an event's cause: of the rule that gave a value, if there is one."""
+    """Return the place in the spec that explains an event.
+
+    If a rule of an algorithm gave the value of a variable, this is the place of the rule. Otherwise it is the place of
+    the element that the event is about.
+    """
     from codra_dsl.runtime.journal.schemas import place_of
 
     algorithm = summary.algorithms.get(event.details.get("source", ""))

@@ -25,7 +25,7 @@ WorldOption = Annotated[
     typer.Option(
         "--world",
         metavar="NAME",
-        help="The world to run it in; `codra run --world NAME --help` shows the options of that world.  "
+        help="The world in which the spec runs; `codra run --world NAME --help` shows the options of that world.  "
         "[default: lab, or the only world that is installed]",
         show_default=False,
         autocompletion=lambda: list(plugins(WORLDS)),
@@ -34,12 +34,12 @@ WorldOption = Annotated[
 Seed = Annotated[int, typer.Option("--seed", help="The seed of all random choices.")]
 Duration = Annotated[
     str | None,
-    typer.Option("--for", metavar="DURATION", help="The duration, e.g. '10 min'.  [default: the world's own]"),
+    typer.Option("--for", metavar="DURATION", help="The duration, e.g. '10 min'.  [default: the world decides]"),
 ]
-PaceOption = Annotated[Pace, typer.Option("--pace", help="How time passes: simulated and fast, or real.")]
+PaceOption = Annotated[Pace, typer.Option("--pace", help="How time passes: fast in simulated time, or in real time.")]
 Out = Annotated[
     Path | None,
-    typer.Option("--out", metavar="DIR", help="The folder for pictures and records.  [default: the world's own]"),
+    typer.Option("--out", metavar="DIR", help="The folder for pictures and records.  [default: the world decides]"),
 ]
 JournalOption = Annotated[
     Path | None,
@@ -53,7 +53,7 @@ class RunCommand(TyperCommand):
     """The command `run`, with the options of the world that its arguments name."""
 
     def make_context(self, info_name: str | None, args: list[str], parent: Context | None = None, **extra: Any) -> Any:
-        """Parse the arguments with the options of the world; without a world, with those that all worlds share."""
+        """Parse the arguments with the options of the world. Without a world, parse only the options of all worlds."""
         name = _world_in(args)
         entry_point = plugins(WORLDS).get(name or "")
         if name is None or entry_point is None:
@@ -62,7 +62,7 @@ class RunCommand(TyperCommand):
         try:
             return command.make_context(info_name, args, parent, **extra)
         except typer.TyperException as error:
-            if not hasattr(error, "possibilities"):  # an option that the command does not have
+            if not hasattr(error, "possibilities"):  # only the error for an unknown option has this attribute
                 raise
             option, near = getattr(error, "option_name", ""), getattr(error, "possibilities", None)
             help_ = f": did you mean {' or '.join(sorted(near))}?" if near else ""
@@ -81,13 +81,13 @@ def run_command(
     journal: JournalOption = None,
     color: ColourOption = Colour.AUTO,
 ) -> None:
-    """Run a spec in a simulated world and print the outcome, compared with the ground truth."""
+    """Run a spec in a simulated world and print the results, compared with the ground truth."""
     del spec, seed, for_, pace, out, journal, color  # without a world, the arguments are not used
     _refuse(world)
 
 
 def _refuse(world: str | None) -> NoReturn:
-    """Exit with an error, because the requested world is not installed or no world was chosen."""
+    """Exit with an error: no world is installed, no world was chosen, or the chosen world is not installed."""
     known = list(plugins(WORLDS))
     if not known:
         say(f"codra: 'run' needs a world, but no world is installed: pip install '{PAPERS}[lab,store]' adds two")
@@ -102,7 +102,7 @@ def _refuse(world: str | None) -> NoReturn:
 
 
 def _world_in(args: Sequence[str]) -> str | None:
-    """Return the world that the arguments name, else the default world; None if there is no default."""
+    """Return the name of the world in the arguments, or else of the default world; None if there is no default."""
     options = list(args[: args.index("--")] if "--" in args else args)
     for index, option in reversed(list(enumerate(options))):
         if option == "--world" and index + 1 < len(options):
@@ -114,7 +114,7 @@ def _world_in(args: Sequence[str]) -> str | None:
 
 
 def _with_options_of(world: World, name: str) -> Callable[..., None]:
-    """Return the command function for a world, with the options that all worlds share and those of the world."""
+    """Return the command function for a world. It has the options of all worlds, and those of this world."""
     _, *own = inspect.signature(world, eval_str=True).parameters.values()
     shared = inspect.signature(run_command, eval_str=True).parameters
     if taken := [parameter.name for parameter in own if parameter.name in shared]:
@@ -144,7 +144,7 @@ def _request(
     journal: Path | None,
     color: Colour,
 ) -> RunRequest:
-    """Return the run request of the command line, with the build plan of the spec."""
+    """Return the run that the command line requests, with the build plan of the spec."""
     duration_s = None if for_ is None else _duration_s(for_)
     (spec,) = existing([spec])
     root = common_root([spec])

@@ -1,4 +1,4 @@
-"""`codra sweep`: the outputs of a spec's rules over the range of an input, and the rule behind each switch."""
+"""`codra sweep`: show the outputs of a spec's rules over the range of an input, and the rule behind each switch."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class SweepFormat(StrEnum):
-    """How a sweep is shown."""
+    """The formats of a sweep."""
 
     TEXT = "text"
     JSON = "json"
@@ -36,14 +36,14 @@ Vary = Annotated[
         "--vary",
         metavar="NAME[=VALUES]",
         help="The input that is varied: 'x=0.3..6', 'x=0.3 m..600 cm', 'x=1,2,5', or 'x' for its complete range; "
-        "two of them give surfaces, as svg.  [default: list the inputs]",
+        "with two of these options, surfaces are drawn, as svg.  [default: list the inputs]",
         show_default=False,
     ),
 ]
 With = Annotated[
     list[str] | None,
     typer.Option(
-        "--with", metavar="NAME=VALUE", help="The value of another input; without it, unknown.", show_default=False
+        "--with", metavar="NAME=VALUE", help="The value of another input.  [default: unknown]", show_default=False
     ),
 ]
 Steps = Annotated[int, typer.Option("--steps", min=1, max=1000, help="The number of steps in a range.")]
@@ -52,13 +52,13 @@ Course = Annotated[
     typer.Option(
         "--course",
         metavar="NAME",
-        help="The course whose actions are weighed, if there are several.",
+        help="The course whose actions are weighed, if the spec has several courses.",
         show_default=False,
     ),
 ]
 FormatOption = Annotated[
     SweepFormat | None,
-    typer.Option("--format", help="How it is shown.  [default: by the ending of FILE, else text]", show_default=False),
+    typer.Option("--format", help="The format.  [default: from the ending of FILE, else text]", show_default=False),
 ]
 _MOST_VARIED = 2
 
@@ -74,13 +74,13 @@ def sweep_command(
     output: Output = None,
     color: ColourOption = Colour.AUTO,
 ) -> None:
-    """Vary the inputs of fuzzy rules: where the course switches, by which rule, and whether each metric is monotone."""
+    """Vary inputs of fuzzy rules: show where and by which rule the course switches, and if each metric is monotone."""
     chosen_format = format_ or _format_of(output)
     (spec,) = existing([spec])
     if len(vary or ()) > _MOST_VARIED:
-        raise typer.BadParameter(f"at most {_MOST_VARIED} inputs are varied at once", param_hint="--vary")
+        raise typer.BadParameter(f"at most {_MOST_VARIED} inputs can be varied at once", param_hint="--vary")
     if len(vary or ()) == _MOST_VARIED and chosen_format is not SweepFormat.SVG:
-        raise typer.BadParameter("two inputs are drawn: add --format svg, or vary one", param_hint="--vary")
+        raise typer.BadParameter("two inputs can only be drawn: add --format svg, or vary one", param_hint="--vary")
     root = common_root([spec])
     plan = one_plan(spec, root, color)
     from codra_dsl.integrations.inspection.sweeps import SweepError, subject
@@ -95,7 +95,7 @@ def sweep_command(
 
 
 def _format_of(output: Path | None) -> SweepFormat:
-    """Return the format that the ending of a file name chooses; an unknown ending is a usage error."""
+    """Return the format for the ending of a file name. An unknown ending is a usage error."""
     endings = {"": SweepFormat.TEXT, ".txt": SweepFormat.TEXT, ".json": SweepFormat.JSON, ".svg": SweepFormat.SVG}
     ending = "" if output is None else output.suffix.lower()
     if ending not in endings:
@@ -119,7 +119,7 @@ def _shown(
         raise typer.BadParameter(str(error), param_hint="--vary") from error
     for variable, _ in inputs:
         if known[variable.name] is not None or [other.name for other, _ in inputs].count(variable.name) > 1:
-            message = f"'{variable.name}' is varied: do not give it a second time"
+            message = f"'{variable.name}' is varied: give it only once, and not with --with"
             raise typer.BadParameter(message, param_hint="--vary")
     return (
         _drawn(subject, known, inputs, steps)

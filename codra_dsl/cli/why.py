@@ -1,4 +1,4 @@
-"""`codra why`: why a variable had its value, from the journal of a run."""
+"""`codra why`: explain from the journal of a run why a variable had its value."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class WhyFormat(StrEnum):
-    """How an explanation is shown."""
+    """The formats of an explanation."""
 
     TEXT = "text"
     JSON = "json"
@@ -49,7 +49,7 @@ At = Annotated[
         metavar="T",
         help="The instant: '31.5' or '31.5 s' on the run's clock, '+2 min' from its start, or, if the clock shows "
         "the time of day, '2030-01-31 03:12:05' in UTC.  "
-        "[default: the end, before observers stop]",
+        "[default: the end of the run, before observers stop]",
         show_default=False,
     ),
 ]
@@ -60,9 +60,9 @@ def why_command(
     *,
     journal: JournalOption,
     at: At = None,
-    format_: Annotated[WhyFormat, typer.Option("--format", help="How it is shown.")] = WhyFormat.TEXT,
+    format_: Annotated[WhyFormat, typer.Option("--format", help="The format of the explanation.")] = WhyFormat.TEXT,
 ) -> None:
-    """Explain why a variable had its value: from the value to its evidence, or from unknown to what was missing."""
+    """Explain why a variable had its value, back to its evidence, or why it was unknown, back to what was missing."""
     from codra_dsl.cli.journals import opened_journal, say_damage
     from codra_dsl.runtime.journal.checkpoints import Checkpoints
     from codra_dsl.runtime.why.values import instant
@@ -96,7 +96,7 @@ def _explained(header: RunHeader, past: Checkpoints, variable: str, at_s: float,
 
 
 def _check_variable(name: str, header: RunHeader) -> None:
-    """Refuse an undeclared variable, if there is no knowledge to which the name could belong."""
+    """Refuse the name of an undeclared variable, if the spec has no knowledge to which the name could belong."""
     if not header.summary.nodes and name not in header.summary.variables:
         near = difflib.get_close_matches(name, header.summary.variables, n=1)
         hint = f": did you mean '{near[0]}'?" if near else ""
@@ -112,7 +112,7 @@ def _json(explanation: Why) -> str:
 
 
 def _instant_s(text: str, header: RunHeader) -> float:
-    """Return the instant that the option gives."""
+    """Return the instant that the text of `--at` gives."""
     if text.startswith("+"):
         seconds_s = _seconds(text[1:].strip())
         at_s = None if seconds_s is None else header.start_s + seconds_s
@@ -136,7 +136,7 @@ def _seconds(text: str) -> float | None:
 
 
 def _time_of_day_s(text: str) -> float | None:
-    """Return the seconds from 1970 to a date and time, which is in UTC unless it has a time zone."""
+    """Return the seconds from 1970 to a date and time; None for another text. Without a time zone, UTC is meant."""
     from datetime import UTC, datetime
 
     try:

@@ -49,7 +49,7 @@ _WORDS = re.compile(rb"[^\s\[\],\"'/:{}#]+")
 
 
 class RevisionError(Exception):
-    """Raised when a revision cannot be read; the message has the cause and a fix."""
+    """Raised if a revision cannot be read. The message states the cause and how to fix it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +63,11 @@ class _Entry:
 
 @dataclass(frozen=True, slots=True)
 class Repository:
-    """A git repository, by its working folder, or by its own folder if it is bare."""
+    """A git repository.
+
+    Attributes:
+        top: the working folder of the repository; for a bare repository, the folder of the repository itself.
+    """
 
     top: Path
 
@@ -114,7 +118,7 @@ class Repository:
         """Return the files of the working folder that differ from the commit, or are new and not ignored.
 
         Args:
-            but: a folder that does not count.
+            but: a folder whose files are left out.
 
         Raises:
             RevisionError: if git reports an error.
@@ -144,10 +148,10 @@ class Repository:
             into: an empty folder that no other process writes to.
 
         Returns:
-            The symbolic links and submodules that were not read and may hold specs, each with its kind.
+            The paths of symbolic links and submodules that were not read but may hold specs, each with its kind.
 
         Raises:
-            RevisionError: if the revision has too many files, or some files are missing here.
+            RevisionError: if the revision has too many or too large files, or if some of its files are missing here.
         """
         entries = tuple(self._entries(commit))
         inside = [entry for entry in entries if entry.path.is_relative_to(below)]
@@ -206,7 +210,7 @@ class Repository:
             target = into / entry.path
             target.parent.mkdir(parents=True, exist_ok=True)
             target.write_bytes(data)
-        for entry in set(chosen) - set(small):  # a file that is too large as well, so that reading it reports this
+        for entry in set(chosen) - set(small):  # write an empty file of a size that is reported as too large
             target = into / entry.path
             target.parent.mkdir(parents=True, exist_ok=True)
             with target.open("wb") as stream:
@@ -256,7 +260,10 @@ def _blob(stream: IO[bytes]) -> bytes:
 
 
 def _included(files: Iterable[Path]) -> Iterator[bytes]:
-    """Yield the words of files that may include others: parts without a suffix of YAML, and files of trees."""
+    """Yield all words in the files that include parts or name files of trees.
+
+    Some of these words are names of files without a YAML suffix, which are read as well.
+    """
     for file in files:
         data = file.read_bytes()
         if b"codra" in data and (b"include" in data or b"trees" in data):

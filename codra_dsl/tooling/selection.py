@@ -5,9 +5,9 @@
     term      = [ "@" | [N] "+" ] names [ "+" [N] ]
     names     = pattern | METHOD ":" pattern
 
-`+x` is x with everything that it needs, `x+` is x with everything that needs it, `2+x` goes back only two steps, and
-`@x` is x with everything that needs it and everything that these need. A pattern is a name, and may contain `*`, `?`
-and `[...]`; a pattern with a `/` matches the complete id.
+`+x` selects x and everything that x needs, `x+` selects x and everything that needs x, and `2+x` goes back only two
+steps. `@x` selects x, everything that needs x, and everything that these nodes need. A pattern is a name, which may
+contain `*`, `?` and `[...]`. A pattern with a `/` is matched against complete ids.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ class Choice:
     """A node that can be selected.
 
     Attributes:
-        id: its complete name, with `/`.
-        label: its name for people.
-        file: the file that declares it.
-        use: the use of a template that created it, or an empty string.
+        id: the complete name of the node, with `/`.
+        label: the name for people.
+        file: the file that declares the node.
+        use: the use of a template that created the node; empty without one.
     """
 
     id: str
@@ -58,10 +58,10 @@ class Choices:
 
 
 class SelectorError(ValueError):
-    """A selector that cannot be parsed or matches no node.
+    """Raised for a selector that cannot be parsed, or that has a name, pattern, kind or method that does not exist.
 
     Attributes:
-        column: the position of the error in its text, from 1.
+        column: the position of the error in the selector, from 1.
     """
 
     def __init__(self, message: str, text: str, start: int, length: int = 1) -> None:
@@ -71,22 +71,22 @@ class SelectorError(ValueError):
         self._length = max(1, length)
 
     def __str__(self) -> str:
-        """Return the message with the selector below it and a mark below the error."""
+        """Return the message, the selector below the message, and a mark below the error."""
         shown = "".join(letter if letter.isprintable() else " " for letter in self._text)
         marks = " " * (self.column - 1) + "^" * self._length
         return f"{self.args[0]} (column {self.column})\n  {shown}\n  {marks}"
 
 
 def select(choices: Choices, wanted: Sequence[str], unwanted: Sequence[str] = ()) -> frozenset[str]:
-    """Return the ids of the nodes that any of some selectors matches, without those that others match.
+    """Return the ids of the nodes that at least one wanted selector and no unwanted selector matches.
 
     Args:
         choices: the graph.
-        wanted: selectors; without any, all nodes are selected.
-        unwanted: selectors.
+        wanted: selectors of nodes to keep; if there are none, all nodes are kept.
+        unwanted: selectors of nodes to remove.
 
     Raises:
-        SelectorError: if a selector cannot be parsed or matches no node.
+        SelectorError: if a selector cannot be parsed, or has a name, pattern, kind or method that does not exist.
     """
     search = _Search(choices)
     everything = frozenset(node.id for node in choices.nodes)
@@ -105,11 +105,13 @@ _GLOB = re.compile(r"[*?\[]")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Term:
-    """A part of a selector between commas; numbers are steps.
+    """A term of a selector.
 
     Attributes:
-        start: the position of its pattern in the selector.
-        around: whether the needs of all nodes that need it are included.
+        text: the complete selector.
+        start: the position of the term's pattern in the selector.
+        needs: the number of steps to the nodes that the matched nodes need; `needed_by` in the other direction.
+        around: whether all nodes that need the matched nodes, and everything that these need, are included.
     """
 
     text: str
@@ -158,7 +160,7 @@ def _term(text: str, start: int) -> _Term:
 
 
 def _steps(digits: str | None) -> int:
-    """Return the number of steps: none without a `+`, all steps with a `+` but no number."""
+    """Return the number of steps: 0 without a `+`, and all steps for a `+` without a number."""
     if digits is None:
         return 0
     return int(digits) if digits and len(digits) < len(str(_EVERY)) else _EVERY
@@ -212,7 +214,7 @@ class _Search:
     def _matching(
         self, term: _Term, keys: Iterable[tuple[str, str]], help: Callable[[_Term, Sequence[str]], str]
     ) -> frozenset[str]:
-        """Return the ids of the nodes whose key a pattern matches; a pattern without a match is an error."""
+        """Return the ids of the nodes whose key the pattern of a term matches. No match is an error."""
         pairs = list(keys)
         is_glob = _GLOB.search(term.pattern) is not None
         matches = frozenset(
@@ -250,7 +252,7 @@ def _one_of(given: str, allowed: Sequence[str]) -> str:
 
 
 def _within(neighbours: Mapping[str, Sequence[str]], start: frozenset[str], steps: int) -> frozenset[str]:
-    """Return the nodes that can be reached in a number of steps, the start included."""
+    """Return the start and the nodes that can be reached from it in at most `steps` steps."""
     reached, edge = set(start), start
     while edge and steps:
         edge = frozenset(other for name in edge for other in neighbours.get(name, ())) - reached

@@ -180,7 +180,7 @@ def test_parts_are_fixed_only_if_their_folder_was_named(project: Path) -> None:
     left = codra("lint", "--fix", "specs", cwd=project)
     named = codra("lint", "--fix", ".", cwd=project)
 
-    assert (left.returncode, left.stderr) == (1, b"fixed 0; 1 error left; 1 more can be fixed if '.' is named\n")
+    assert (left.returncode, left.stderr) == (1, b"fixed 0; 1 error left; 1 more can be fixed if you lint '.'\n")
     assert (named.returncode, named.stderr) == (0, b"fixed 1; no findings left\n")
     assert (project / "parts/window.yaml").read_bytes() == part.replace(b"contxt", b"context")
 

@@ -142,7 +142,7 @@ def test_all_conflicts_are_named_at_once_and_no_file_is_written(tmp_path: Path) 
         "  .gitignore",
         "  README.md",
         "  specs",
-        "help: move them away, or start in a separate folder, such as: codra init arm",
+        "help: move these files away, or start in another folder, e.g.: codra init arm",
     ]
     assert files(tmp_path) == before
     assert (tmp_path / "README.md").read_text() == "mine"
@@ -157,7 +157,7 @@ def test_the_suggested_folder_is_free(arguments: list[str], other: str, tmp_path
 
     done = codra("init", *arguments, cwd=folder)
 
-    assert done.stderr.splitlines()[-1].endswith(f"such as: codra init {other}")
+    assert done.stderr.splitlines()[-1].endswith(f"e.g.: codra init {other}")
     assert codra("init", other, cwd=folder).returncode == 0
 
 

@@ -61,5 +61,5 @@ def test_a_package_that_is_a_link_out_of_the_project_does_not_run(tmp_path: Path
     done = codra("replay", "run.mcap", cwd=project)
 
     assert done.returncode == 2
-    assert "is a link out of the project" in " ".join(done.stderr.replace("│", " ").split())
+    assert "is a link that leads out of the project" in " ".join(done.stderr.replace("│", " ").split())
     assert not (tmp_path / "mark").exists()

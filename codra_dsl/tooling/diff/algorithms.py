@@ -1,4 +1,4 @@
-"""Changes of perception algorithms: their functions, guards and identified variables, and what they wait for."""
+"""Changes of perception algorithms: their functions, guards and identified variables, and the time that they wait."""
 
 from __future__ import annotations
 
@@ -39,7 +39,10 @@ _OF_FUNCTION = frozenset({"parameters", "given", "returns", "uses"})
 
 
 def algorithms(scope: Scope, *_: Any) -> Iterator[Change]:
-    """Yield the changes of each algorithm that observers run in both versions, or that took the place of another."""
+    """Yield the changes of each algorithm that observers run in both versions.
+
+    For an algorithm that took the place of another one, yield only the changes of its observability preconditions.
+    """
     for name, new_name in scope.pair.algorithms.items():
         inner = _scope(scope, name, new_name)
         old, new = inner.values
@@ -55,7 +58,7 @@ def _scope(scope: Scope, name: str, new_name: str) -> Scope:
 
 
 def _successions(pair: Pair) -> Iterable[tuple[str, str]]:
-    """Return the first algorithms of variables that have other algorithms in B only."""
+    """Return the first algorithm in A and the first one in B of each variable that has lost all its algorithms of A."""
     replaced: dict[tuple[str, str], None] = {}
     for variable, before in pair.old.producers.items():
         after = pair.new.producers.get(variable, ())
@@ -89,7 +92,7 @@ def usages(scope: Scope, key: str, old: Sequence[Usage], new: Sequence[Usage]) -
 
 def _arguments(scope: Scope, key: str, old: list[str], new: list[str]) -> Iterator[Change]:
     if {*old} != {*new}:
-        message = f"the function gets other arguments by '{key}'"
+        message = f"the function gets other arguments from '{key}'"
         yield scope.change(Category.CONTRACT, key, message, ", ".join(old) or "none", ", ".join(new) or "none")
 
 
@@ -101,7 +104,7 @@ def result(new: Returned | None) -> Wording:
 
 
 def optional(scope: Scope, _: str, old: bool, new: bool) -> Iterator[Change]:
-    """Yield a change if a result may now be absent, or may no longer be absent; the key is that of the result."""
+    """Yield a change if a result may now be absent, or may no longer be absent. It is reported at the result itself."""
     yield from _OPTIONAL(scope, "", old, new)
 
 
@@ -109,7 +112,7 @@ def optional(scope: Scope, _: str, old: bool, new: bool) -> Iterator[Change]:
 
 
 def observability(scope: Scope, key: str, *_: Any) -> Iterator[Change]:
-    """Yield how `observable_when` and `given` have changed, taken together."""
+    """Yield a change if the guard that `observable_when` and `given` form together has changed."""
     guards = ([*_spelt_out(algorithm.observable_when), *_given(algorithm)] for algorithm in scope.values)
     yield from guard(_context_types)(scope, key, *guards)
 
@@ -124,7 +127,7 @@ def returned_types(scope: Scope, _: object) -> Types:
 
 
 def _spelt_out(conditions: Iterable[Condition]) -> Iterator[Condition]:
-    """Yield conditions in which names of pose questions are replaced by the questions."""
+    """Yield conditions with the comparisons of poses in place of the names of their variables."""
     for condition in conditions:
         yield replace(condition, tree=None if condition.tree is None else spelt_out(condition.tree))
 
@@ -135,7 +138,7 @@ def _given(algorithm: Algorithm) -> Iterator[Condition]:
 
 
 def _read(side: Side) -> Iterator[tuple[str, ValueType]]:
-    """Yield the type of each variable, and of the functions of poses in comparisons that are variables."""
+    """Yield the name and type of each variable, and of each function of poses that occurs in a pose condition."""
     for variable in side.variables.values():
         yield variable.name, variable.type
         for name in () if variable.pose_condition is None else names_in(variable.pose_condition.tree):
@@ -150,7 +153,7 @@ def _returned(algorithm: Algorithm) -> dict[str, ValueType]:
 
 
 def identified(scope: Scope, _: str, *by: Any) -> Iterator[Change]:
-    """Yield a change if the value of a variable is computed from the results or confirmed in another way."""
+    """Yield a change if the value of a variable is computed in another way, and one if it is confirmed otherwise."""
     old, new = scope.values
     if old.variable.name in scope.pair.one_sided:
         return
@@ -224,7 +227,11 @@ def _confirmation(before: tuple[int, int], after: tuple[int, int]) -> Wording:
 
 
 def _waiting(scope: Scope, name: str, new_name: str) -> Iterator[Change]:
-    """Yield a change if an algorithm waits longer or shorter than before; both times are those of one version."""
+    """Yield a change if an algorithm waits for variables that take longer, or less long, than those before.
+
+    To leave out changes of the variables' own times, both times are taken from one version: from B if the wait becomes
+    longer, from A if it becomes shorter.
+    """
     old, new = scope.pair.sides
     before, after = {*old.algorithms[name].waits_for}, {*new.algorithms[new_name].waits_for}
     was_s, now_s = _longest(before, new, old), _longest(after, new)
@@ -238,6 +245,9 @@ def _waiting(scope: Scope, name: str, new_name: str) -> Iterator[Change]:
 
 
 def _longest(names: Iterable[str], side: Side, other: Side | None = None) -> float:
-    """Return the longest time that one of some variables takes; for variables that a side lacks, the other's time."""
+    """Return the longest worst-case time of some variables in one version.
+
+    For a variable that this version does not have, the time of the other version counts.
+    """
     missing = {} if other is None else other.worst_s
     return max((side.worst_s.get(name, missing.get(name, 0.0)) for name in names), default=0.0)

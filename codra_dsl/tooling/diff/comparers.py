@@ -30,7 +30,10 @@ def elsewhere(*_: Any) -> Iterator[Change]:
 
 
 def inline(scope: Scope, _: str, old: Any, new: Any) -> Iterator[Change]:
-    """Yield the changes of a nested value whose keys are written in the element itself, if it is of one class."""
+    """Yield the changes of a nested value whose keys are written in the element itself.
+
+    If the values have different classes, yield nothing.
+    """
     if is_nested(old, new):
         yield from scope.inner("", old, new).changes()
 
@@ -46,7 +49,7 @@ def ordered(
     show: Callable[[Any], str] = text_of,
     rank: Callable[[Any], Any] = lambda value: value,
 ) -> Comparer:
-    """Return the comparer of values that grow or shrink."""
+    """Return the comparer of values with an order: `more` is reported for a larger value, `less` for a smaller one."""
 
     def compare(scope: Scope, key: str, old: Any, new: Any) -> Iterator[Change]:
         if rank(old) != rank(new):
@@ -57,7 +60,7 @@ def ordered(
 
 
 def grows(more: Category, less: Category) -> Comparer:
-    """Return the comparer of durations and numbers; None is compared for equality only."""
+    """Return the comparer of durations and numbers. If one value is None, they are only compared for equality."""
 
     def compare(scope: Scope, key: str, old: Any, new: Any) -> Iterator[Change]:
         if old is None or new is None:
@@ -72,10 +75,10 @@ def grows(more: Category, less: Category) -> Comparer:
 
 
 def names(lost: Wording, gained: Wording) -> Comparer:
-    """Return the comparer of lists that have no order, of names or of conditions that are compared one by one.
+    """Return the comparer of lists without an order, of names or of conditions, which are compared one by one.
 
-    If `{}` is in the messages, the list is one of variables: those that only one version has are not reported, since
-    the variables themselves are reported, and the others replace `{}`.
+    If the messages contain `{}`, the list is one of variables, and `{}` stands for the variables that were lost or
+    gained. Variables that only one version has are left out, because they are reported themselves.
     """
 
     def compare(scope: Scope, key: str, old: Any, new: Any) -> Iterator[Change]:
@@ -114,7 +117,7 @@ def value_type(
             (narrowed, part, f"has lost {noun}", comparable and lost),
             (widened, part, f"has new {noun}", comparable and gained),
         ):
-            if applies:  # all of the type of an entry, e.g. of an attribute, is reported under the key of the entry
+            if applies:  # a changed type of an entry, such as an attribute, is reported under the key of the entry
                 yield scope.change(category, "" if scope.path else changed, message, text_of(old), text_of(new))
         yield from scope.inner(key, old, new).changes()
 
@@ -126,7 +129,7 @@ def _unit(declared: ValueType) -> Unit:
 
 
 def _lost_and_gained(old: ValueType, new: ValueType) -> tuple[bool, bool]:
-    """Return whether a type has lost values, and whether it has gained some; units of one dimension are converted."""
+    """Return whether a type has lost values, and whether it has gained values. Ranges are compared in one unit."""
     if old.kind is Kind.ENUM:
         return not {*old.values} <= {*new.values}, not {*new.values} <= {*old.values}
     (low, high), (new_low, new_high) = _extent(old), _extent(new)
@@ -144,16 +147,16 @@ def _extent(declared: ValueType) -> tuple[Fraction | float, Fraction | float]:
 
 
 def writers(scope: Scope, key: str, old: Sequence[Writer], new: Sequence[Writer]) -> Iterator[Change]:
-    """Yield the changes of who may write a type, an edge or an attribute, by its `source` and by `owns` of agents."""
+    """Yield the changes of the writers of a type, an edge or an attribute, which `source` and `owns` of agents name."""
     element, value = scope.elements[1], scope.values[1]
-    if old or new or not scope.path:  # else the attribute has the writers of its type or edge
+    if old or new or not scope.path:  # an attribute without sources has the writers of its type or edge
         section = "types" if isinstance(element, NodeType) else "edges"
         knowledge_element = KnowledgeElement(section, element.name, value.name if scope.path else "")
         yield from _writers(scope, key, *(side.world.writers(knowledge_element) for side in scope.pair.sides))
 
 
 def writers_of_variable(scope: Scope, key: str, old: Sequence[Reference], new: Sequence[Reference]) -> Iterator[Change]:
-    """Yield the changes of who may write a variable, by its `source` and by `owns` of agents."""
+    """Yield the changes of the writers of a variable, which its `source` and `owns` of agents name."""
     sources = ([source for source in side if source.name != "observer"] for side in (old, new))
     yield from _writers(scope, key, *map(_as_writers, sources), no_writer="observers only")
     name = scope.values[1].name
@@ -170,7 +173,7 @@ def writers_of_variable(scope: Scope, key: str, old: Sequence[Reference], new: S
 
 
 def requesters(scope: Scope, key: str, old: Sequence[Reference], new: Sequence[Reference]) -> Iterator[Change]:
-    """Yield the changes of who may request a task."""
+    """Yield the changes of the agents that may request a task."""
     yield from _writers(scope, key, _as_writers(old), _as_writers(new))
 
 
@@ -194,7 +197,7 @@ def _writers(
 
 
 def _by_priority(several: Sequence[Writer], common: set[str]) -> list[list[str]]:
-    """Return the common writers in groups of one priority, the highest first."""
+    """Return the common writers in groups of equal priority. The group with the highest priority is first."""
     priorities = {writer.name: writer.priority or 0 for writer in several if writer.name in common}
     return [
         sorted(name for name, other in priorities.items() if other == priority)
@@ -223,5 +226,5 @@ def guard(types_of: Callable[[Scope, Sequence[Condition]], Types]) -> Comparer:
 
 
 def _not_in(trees: Sequence[Node], conditions: Sequence[Condition], types: Types) -> list[Condition]:
-    """Return the conditions that are not equal to any of some other conditions."""
+    """Return the conditions that are equal to none of some trees."""
     return [one for one in conditions if one.tree and not any(equal(one.tree, tree, types) for tree in trees)]

@@ -1,7 +1,7 @@
-"""The comparison of guards, conditions and values by meaning, as far as `check` can decide it.
+"""The comparison of guards, conditions and values by meaning, as far as `check` can decide.
 
-A guard is a list of conditions that must all be certainly true. One guard is reported to follow from another only if
-that is certain; if it cannot be decided, the relation is `OTHER`.
+A guard is a list of conditions that must all be certainly true. A guard counts as following from another guard only if
+this is certain. If it cannot be decided, the relation is `OTHER`.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class Relation(StrEnum):
 def relation(old: Sequence[Node], new: Sequence[Node], types: Types) -> Relation:
     """Return how a guard has changed.
 
-    A condition that is a path, or has a name without a type, is compared by its text only.
+    A condition that is a path, or that has a name without a type, is compared only by its text.
 
     Args:
         old: the conditions before.
@@ -69,13 +69,16 @@ def normal_text(node: Node) -> str:
 
 
 def equal(one: Node, other: Node, types: Types) -> bool:
-    """Return whether two conditions have the same value, true, false or unknown, in every case."""
+    """Return whether two conditions always have the same value (true, false or unknown)."""
     contrary = Not(operand=one, start=0, end=0), Not(operand=other, start=0, end=0)
     return all(relation([before], [after], types) is Relation.SAME for before, after in ((one, other), contrary))
 
 
 def same_choice(one: Sequence[tuple[str, Node]], other: Sequence[tuple[str, Node]], types: Types) -> bool:
-    """Return whether two lists of cases always choose the same member: that of the first condition that holds."""
+    """Return whether two lists of cases always choose the same member.
+
+    The chosen member is that of the first condition that holds.
+    """
     choices = _choices(one), _choices(other)
     guards = ([_any(side, member) for side in choices] for member in {**choices[0], **choices[1]})
     return all(relation([before], [after], types) is Relation.SAME for before, after in guards)
@@ -96,7 +99,7 @@ def _any(choices: Mapping[str, list[Node]], member: str) -> Node:
 
 
 def same_value(one: Node, other: Node, types: Types) -> bool:
-    """Return whether two numbers, texts or members are known in the same cases, and are then the same."""
+    """Return whether two numbers, texts or members are known in the same cases, and are then equal."""
     if to_text(one) == to_text(other):
         return True
     if isinstance(one, Choice) and isinstance(other, Choice) and equal(one.condition, other.condition, types):
@@ -112,7 +115,7 @@ def _equals(one: Node, other: Node) -> Node:
 
 
 def either(old: Mapping[str, ValueType], new: Mapping[str, ValueType]) -> Types:
-    """Return for each name a type that holds its values in both versions; None if there is no such type."""
+    """Return for each name a type that contains its values in both versions; None if there is no such type."""
     return {name: _joined(old.get(name), new.get(name)) for name in dict.fromkeys((*old, *new))}
 
 
@@ -131,7 +134,10 @@ def _joined(old: ValueType | None, new: ValueType | None) -> Type | None:
 
 
 def _joined_ranges(one: Type, other: Type) -> tuple[float, float] | None:
-    """Return the smallest range, in the unit of the first, that holds both."""
+    """Return the smallest range that contains the ranges of both types, in the unit of the first type.
+
+    Return None if one of the types has no range, or if their units have different dimensions.
+    """
     if one.range is None or other.range is None or one.unit.dimension != other.unit.dimension:
         return None
     factor = in_base(1, one.unit)

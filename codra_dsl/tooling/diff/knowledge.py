@@ -21,7 +21,7 @@ _VALID_FOR = grows(Category.WEAKER, Category.STRONGER)
 _MOTION = differs(message="poses are kept or extrapolated in another way", show=hidden)
 _POSE = differs(message="the starting pose has changed", show=hidden)
 _WAKES = names(
-    (Category.GUARD_CHANGED, "some conditions wake it no longer"), (Category.WIDENED, "more conditions wake it")
+    (Category.GUARD_CHANGED, "some conditions no longer wake it"), (Category.WIDENED, "more conditions wake it")
 )
 TERMS = unordered("the terms have changed")
 
@@ -30,7 +30,10 @@ TERMS = unordered("the terms have changed")
 
 
 def monitored(scope: Scope, key: str, old: Sequence[Expectation], new: Sequence[Expectation]) -> Iterator[Change]:
-    """Yield the changes of monitored variables and expectations; those of one variable and kind pair in their order."""
+    """Yield the changes of monitored variables and expectations.
+
+    Expectations of the same variable and kind are paired in their order.
+    """
     yield from _MONITORED(scope, key, *([expectation.variable for expectation in side] for side in (old, new)))
     before, after = _by_subject(old), _by_subject(new)
     for subject in dict.fromkeys((*before, *after)):
@@ -60,7 +63,7 @@ def _expectation(scope: Scope, key: str, old: Expectation | None, new: Expectati
 
 
 def _relation(pair: Pair, old: Expectation, new: Expectation) -> Relation:
-    """Return how an expectation has changed, by its time and its condition."""
+    """Return how an expectation has changed, from the changes of its time and of its condition."""
     name = new.variable.name
     types = either(*({name: side.variables[name].type} for side in pair.sides))
     trees = [one.condition.tree for one in (old, new) if one.condition and one.condition.tree]
@@ -83,18 +86,21 @@ def _text(expectation: Expectation | None) -> str:
 
 
 def agents(scope: Scope, key: str, old: Sequence[Agent], new: Sequence[Agent]) -> Iterator[Change]:
-    """Yield the changes of agents; without knowledge, agents are only sources of variables."""
+    """Yield the changes of agents. Without knowledge, yield nothing: then agents are only sources of variables."""
     if has_knowledge(scope):
         yield from elements("agent", "agent")(scope, key, old, new)
 
 
 def has_knowledge(scope: Scope) -> bool:
-    """Return whether one of the versions has knowledge; then agents name variables with their nodes."""
+    """Return whether one of the versions has knowledge. If so, agents refer to a variable by its node and its name."""
     return any(side.spec.knows for side in scope.pair.sides)
 
 
 def motion(scope: Scope, key: str, old: Motion | None, new: Motion | None) -> Iterator[Change]:
-    """Yield changes of how poses are kept and how long they are valid; conditions on poses are known equally long."""
+    """Yield the changes of how poses are kept and of how long they are valid.
+
+    Conditions on poses are known as long as the poses are valid.
+    """
     if old is not None and new is not None:
         yield from _VALID_FOR(scope, "valid_for", old.valid_s, new.valid_s)
         yield from _MOTION(scope, key, replace(old, valid_for_s=new.valid_for_s), new)
@@ -102,7 +108,7 @@ def motion(scope: Scope, key: str, old: Motion | None, new: Motion | None) -> It
 
 
 def wakes(scope: Scope, key: str, old: Sequence[Condition], new: Sequence[Condition]) -> Iterator[Change]:
-    """Yield a change if other conditions wake an agent; without `wakes` it is always active."""
+    """Yield a change if other conditions wake an agent. An agent without `wakes` is always active."""
     if old and new:
         yield from _WAKES(scope, key, old, new)
     elif new:
@@ -124,7 +130,10 @@ def rule_types(scope: Scope, conditions: Sequence[Condition]) -> Types:
 
 
 def terms(scope: Scope, key: str, *values: Any) -> Iterator[Change]:
-    """Yield a change if a variable has other terms; a derived variable has the terms of its metric or action."""
+    """Yield a change if a variable has other terms.
+
+    The terms of a derived variable are those of its metric or action, and are reported there.
+    """
     if not scope.values[1].is_derived:
         yield from TERMS(scope, key, *values)
 

@@ -1,4 +1,4 @@
-"""Changes that follow from the build plan: of observers, of shared handles and slots, and of modules of the package."""
+"""Changes that follow from the build plan: of observers, of handles and slots, and of modules of the package."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _SLOTS = ordered(
     show=lambda share: f"{share[0]} for {share[1] or 'any number'}",
     rank=lambda share: 1.0 if share[1] is None else max(1.0, share[0] / share[1]),
 )
-"""Compares (number of algorithms, slots) by the number of algorithms for each slot, at least 1."""
+"""Compares pairs of the number of algorithms and the number of slots by the algorithms for each slot, at least 1."""
 
 _SECTIONS_OF_MODULES = ("variables", "trees", "skills")
 
@@ -47,7 +47,10 @@ def _predecessors(pair: Pair, tree: Tree) -> tuple[Tree, ...]:
 
 
 def _stated(side: Side, tree: Tree) -> Any:
-    """Return the entry for a tree in `observers`, else its first algorithm; the places of changes are taken from it."""
+    """Return the element that gives the places of an observer's changes.
+
+    This is its entry in `observers`, or else its first algorithm.
+    """
     settings = (setting for setting in side.spec.observers if setting.name == tree.name)
     return next(settings, tree.branches[0].algorithm.algorithm)
 
@@ -61,14 +64,14 @@ def _renamed(scope: Scope, before: tuple[Tree, ...], tree: Tree) -> Iterator[Cha
 
 
 def _priority(scope: Scope, old: Tree, tree: Tree) -> Iterator[Change]:
-    """Yield a change if an observer with a changed priority gets a slot in another order than other observers."""
+    """Yield a change if a new priority of an observer changes the order in which it and others get a slot."""
     slots, passed = _slots_of(tree) & _slots_of(old), []
     for other in scope.pair.new.plan.forest if old.priority != tree.priority else ():
         rivals = () if other is tree else _predecessors(scope.pair, other)
         if rivals and slots & _slots_of(other) & _slots_of(rivals[0]):
             passed += [other.name] if _order(old, rivals[0]) != _order(tree, other) else []
     if passed:
-        message = f"takes a slot in another order than {', '.join(sorted(passed))}"
+        message = f"the order in which it and {', '.join(sorted(passed))} take a slot has changed"
         yield scope.change(Category.SLOWER, "priority", message, str(old.priority), str(tree.priority))
 
 
@@ -97,7 +100,7 @@ def resources(scope: Scope, key: str, old: Any, new: Any) -> Iterator[Change]:
 
 
 def layout(scope: Scope) -> Iterator[Change]:
-    """Yield the elements that are in another module of the generated package, one change for each pair of modules."""
+    """Yield the moves of elements to other modules of the generated package: one change for each pair of modules."""
     moved: dict[tuple[str, str], list[str]] = {}
     old, new = map(_modules, scope.pair.sides)
     for element, module in old.items():

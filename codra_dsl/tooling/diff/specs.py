@@ -73,7 +73,7 @@ def _element(broken: Broken, error: Diagnostic) -> str:
 
 
 def _repaired(broken: Broken, after: Version) -> Iterator[Change]:
-    """Yield a change if a spec with errors in A is repaired or removed; remaining errors are reported for B."""
+    """Yield a change if a spec with errors in A is repaired or removed. If it has errors in B, these are reported."""
     plan = next((plan for plan in after.plans if _is_of(broken, plan)), None)
     if plan is not None:
         message = "it had errors and has none now: there is nothing to compare with"
@@ -88,7 +88,7 @@ def _is_of(broken: Broken, plan: BuildPlan) -> bool:
 
 
 def _with_errors(name: str | None, file: str, among: Iterable[Broken]) -> Broken | None:
-    """Return the spec with errors that has the name of a spec, else the spec without a name in its file."""
+    """Return the spec with errors that has a name, or else, if one of the names is unknown, the one in a file."""
     named = (broken for broken in among if name is not None and broken.name == name)
     nameless = (broken for broken in among if broken.file == file and (broken.name is None or name is None))
     return next(chain(named, nameless), None)

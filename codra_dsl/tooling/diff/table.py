@@ -1,7 +1,7 @@
 """The category and wording of a change, for each field of the model.
 
-Only fields with a category or wording of their own are listed; `walk` compares all others by default. `elsewhere` marks
-the fields that are taken into account by the comparer of another field, or that make no difference.
+Only fields with a category or wording of their own are listed. All other fields are compared by default, see `walk`.
+`elsewhere` marks a field that the comparer of another field takes into account, or that makes no difference.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ FIELDS: Table = {
         "observers": observers,
         "resources": resources,
         "agents": knowledge.agents,
-        # Specs are compared after their parts and templates were put together.
+        # Specs are compared with their parts included and their templates expanded.
         **dict.fromkeys(("file", "files", "modules", "uses", "templates"), elsewhere),
     },
     model.Variable: {

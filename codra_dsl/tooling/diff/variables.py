@@ -1,4 +1,4 @@
-"""Changes of context-variables that concern more than one field: their algorithms, and names in the package."""
+"""Changes of context-variables that concern more than one field: their algorithms, and names in generated packages."""
 
 from __future__ import annotations
 
@@ -21,7 +21,11 @@ def variables(scope: Scope, key: str, old: Sequence[Variable], new: Sequence[Var
 
 
 def _successor(pair: Pair, old: Variable) -> str | None:
-    """Return the new variable of the same type that the same algorithm identifies, or that has a similar name."""
+    """Return the new variable that is probably a removed variable under a new name.
+
+    It has the same type, and one of the same algorithms identifies it. If the removed variable has no algorithm that is
+    also in B, it is a variable with a similar name that no algorithm identifies.
+    """
     same_type = [name for name in sorted(pair.gained) if pair.new.variables[name].type == old.type]
     algorithms = {pair.algorithms.get(name) for name in pair.old.producers.get(old.name, ())} - {None}
     identified = [name for name in same_type if algorithms & {*pair.new.producers.get(name, ())}]
@@ -31,7 +35,10 @@ def _successor(pair: Pair, old: Variable) -> str | None:
 
 
 def _producers(scope: Scope) -> Iterator[Change]:
-    """Yield changes of the algorithms that identify variables; a new order is reported once for all its variables."""
+    """Yield changes of the algorithms that identify variables.
+
+    If several variables have the same algorithms, and only the order has changed, this is reported once.
+    """
     pair, orders = scope.pair, set[tuple[str, ...]]()
     for name in pair.old.variables:
         before = [pair.algorithms.get(old, f"-{old}") for old in pair.old.producers.get(name, ())]
@@ -73,7 +80,7 @@ def _first_producer(side: Side, name: str) -> Any:
 
 
 def enum_types(side: Side) -> dict[str, tuple[str, ...]]:
-    """Return the enum variables by the name of their type in the generated package."""
+    """Return the names of the enum variables. The key is the name of their type in the generated package."""
     groups: dict[tuple[str, ...], list[str]] = {}
     for variable in side.variables.values():
         if variable.type.kind is Kind.ENUM:
@@ -90,7 +97,7 @@ def enum_types(side: Side) -> dict[str, tuple[str, ...]]:
 
 
 def _aliases(scope: Scope) -> Iterator[Change]:
-    """Yield the names of enum types that the generated package no longer has."""
+    """Yield a change for each enum type whose name the generated package no longer has."""
     old, new = scope.pair.sides
     present = enum_types(new)
     for alias, names in enum_types(old).items():

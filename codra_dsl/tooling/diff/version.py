@@ -19,7 +19,7 @@ class Broken:
     """A spec with errors, even if there is a plan for it.
 
     Attributes:
-        name: the name of the spec; None if it could not be read.
+        name: the name of the spec; None if the spec could not be read.
         errors: the findings that prevent compilation.
     """
 
@@ -74,7 +74,7 @@ class Side:
 
     @cached_property
     def producers(self) -> Mapping[str, tuple[str, ...]]:
-        """Return for each variable the algorithms that identify it and that observers run, by rank."""
+        """Return for each variable the algorithms that identify it, by rank, without those that no observer runs."""
         run = {
             variable: tuple(name for name in names if name in self.algorithms)
             for variable, names in self.plan.checked.producers.items()
@@ -83,12 +83,12 @@ class Side:
 
     @cached_property
     def worst_s(self) -> Mapping[str, float]:
-        """Return for each variable that observers identify the worst time from declared to known."""
+        """Return the worst time from declared to known, for each variable that observers identify."""
         times_s = worst_cases(self.plan.checked)
         return {name: times_s[name] for name in self.producers if name in times_s}
 
     def users(self, resource: str, access: Access) -> tuple[str, ...]:
-        """Return the algorithms that read a resource or take its slots."""
+        """Return the algorithms that use a resource with some access: that read it, or that take its slots."""
         return tuple(
             name
             for name, checked in self.algorithms.items()
@@ -101,7 +101,7 @@ class Pair:
     """Both versions of a spec.
 
     Attributes:
-        algorithms: the algorithms that are in both versions; their names in B by their names in A.
+        algorithms: the algorithms that are in both versions. The key is the name in A, the value is the name in B.
     """
 
     old: Side
@@ -120,7 +120,7 @@ class Pair:
 
     @property
     def one_sided(self) -> frozenset[str]:
-        """Return the variables that only one version has; they are reported as removed or added and not further."""
+        """Return the variables that only one version has. They are reported only as removed or added."""
         return frozenset(self.new.variables.keys() ^ self.old.variables.keys())
 
     def id(self, kind: str, name: str) -> str:
@@ -129,9 +129,9 @@ class Pair:
 
 
 def paired(old: BuildPlan, new: BuildPlan) -> Pair:
-    """Return both versions of a spec.
+    """Return both versions of a spec as a pair.
 
-    Algorithms are paired by name, else by the function that they call and the variables that they identify.
+    Algorithms are paired by name, or else by the function that they call and the variables that they identify.
     """
     sides = Side(plan=old), Side(plan=new)
     before, after = (side.algorithms for side in sides)
@@ -150,7 +150,7 @@ def _identity(checked: CheckedAlgorithm) -> tuple[str, frozenset[str]]:
 
 
 def seconds(duration_s: float | None) -> str:
-    """Return a duration as specs write it; empty for none."""
+    """Return a duration as specs write it; empty for None."""
     if duration_s is None:
         return ""
     return "forever" if duration_s == float("inf") else f"{duration_s:.10g} s"

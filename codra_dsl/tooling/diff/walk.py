@@ -2,7 +2,7 @@
 
 Every field is compared. A table gives comparers for the fields whose changes have a category or wording of their own.
 A field that is not in the table is compared by default: nested values field by field, entries by name, and everything
-else for equality. So a new field of the model is reported without an edit here.
+else for equality. Therefore changes of a new field of the model are reported without an edit here.
 """
 
 from __future__ import annotations
@@ -35,18 +35,19 @@ _KEYS = {
     "variable": "set",
     "within": "in",
 }
-"""The keys of fields that are not named after their key; only messages and places need them."""
+"""The key in the spec of each field whose name differs from its key. Messages and places use these keys."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scope:
-    """Two values of one class in A and B, and the element that they belong to.
+    """Two values of one class, from the versions A and B of a spec, and the element that contains the values.
 
     Attributes:
         table: the comparers by class and field.
-        id: the element in changes, e.g. `lab/context/centrifuge_open`; the name of the spec for the spec itself.
-        elements: the element in A and in B, None in the version that does not have it. They give the places of keys.
-        values: the elements themselves, or values in them.
+        id: the identifier of the element in a `Change`, e.g. `lab/context/centrifuge_open`. The identifier of the spec
+            itself is its name.
+        elements: the element in A and in B; None for a version without this element. They give the places of keys.
+        values: the elements themselves, or values inside the elements.
         path: the key of the values within the element; empty for the element itself.
     """
 
@@ -58,7 +59,7 @@ class Scope:
     path: str = ""
 
     def changes(self, skip: frozenset[str] = frozenset()) -> Iterator[Change]:
-        """Yield the changes of all fields but some."""
+        """Yield the changes of all fields except those in `skip`."""
         new = self.values[1]
         classes = (cls for cls in reversed(type(new).__mro__) if cls in self.table)
         comparers = {name: compare for cls in classes for name, compare in self.table[cls].items()}
@@ -74,11 +75,11 @@ class Scope:
         return replace(self, id=self.pair.id(kind, name), elements=(old, new), values=(old, new))
 
     def inner(self, key: str, old: Any, new: Any) -> Scope:
-        """Return the scope of two values in these."""
+        """Return the scope of two values that are inside the values of this scope."""
         return replace(self, values=(old, new), path=self.key(key))
 
     def key(self, key: str) -> str:
-        """Return a key of these values within the element."""
+        """Return the path from the element to a key of the values, with dots."""
         return ".".join(filter(None, (self.path, key)))
 
     def change(
@@ -91,7 +92,16 @@ class Scope:
         *,
         at: tuple[Any, Any] = (None, None),
     ) -> Change:
-        """Return a change of a key; its places are those of `at`, else those of the key."""
+        """Return a change of a key.
+
+        Args:
+            category: the category of the change.
+            key: the key within the values of this scope.
+            message: what the change means.
+            was: the text or value in A.
+            now: the text or value in B.
+            at: the changed part in A and in B, which gives the place; if a part is None, the key gives the place.
+        """
         key = self.key(key)
         before, after = (self._place(index, key) if part is None else part.place for index, part in enumerate(at))
         return Change(
@@ -106,7 +116,7 @@ class Scope:
         )
 
     def _place(self, index: int, key: str) -> Place | None:
-        """Return the place of a key, else of the value that has the key, else of the element."""
+        """Return the place of a key in one version, or else the nearest known place around the key."""
         element, value = self.elements[index], self.values[index]
         if element is None:
             return None
@@ -118,7 +128,7 @@ class Scope:
 
 
 Comparer = Callable[[Scope, str, Any, Any], Iterator[Change]]
-"""Yields the changes of a field, given the scope, its key, and its values in A and in B."""
+"""Yields the changes of a field. The arguments are the scope, the key of the field, and its values in A and in B."""
 
 Table = Mapping[type, Mapping[str, Comparer]]
 Wording = tuple[Category, str]
@@ -135,9 +145,10 @@ def differs(
 
     Args:
         category: the category of the change, or a function that gives it.
-        message: its message, with `{}` for the key.
-        show: gives the text that is shown of a value; by default, of two lists only entries that differ are shown.
-        value: gives the part of a value that is compared.
+        message: the message of the change; `{}` stands for the key.
+        show: returns the text of a value; then both values are shown whole. Without it, of two lists only the entries
+            that differ are shown, or all entries if only their order differs.
+        value: returns the part of a value that is compared.
     """
 
     def compare(scope: Scope, key: str, old: Any, new: Any) -> Iterator[Change]:
@@ -151,12 +162,15 @@ def differs(
 
 
 def unordered(message: str) -> Comparer:
-    """Return the comparer of entries that have no order and are compared together."""
+    """Return the comparer of lists whose entries have no order and are compared all together."""
     return differs(message=message, value=lambda several: frozenset(map(plain, several)))
 
 
 def _not_in(one: Any, other: Any) -> Any:
-    """Return the entries of `other` that `one` does not have; all entries if only the order differs."""
+    """Return the entries of `other` that `one` does not have, or all entries if only the order differs.
+
+    A value that is not a list is returned whole.
+    """
     if not isinstance(one, tuple) or not isinstance(other, tuple):
         return other
     known = {*map(plain, one)}
@@ -180,8 +194,10 @@ def elements(
 
     Args:
         kind: the kind in the identifiers of the elements.
-        noun: the kind in messages, by default the same; if it is empty, removed and added elements are not reported.
-        successor: gives the element that a removed one looks like under a new name; by default one of a similar name.
+        noun: the word for an element in messages, by default the kind; if it is empty, removed and added elements are
+            not reported.
+        successor: returns the name of the new element that is probably a removed element under a new name; by default
+            the new element with a similar name.
     """
     noun = kind if noun is None else noun
 
@@ -203,7 +219,7 @@ def elements(
 
 
 def gone(noun: str, similar: str | None) -> str:
-    """Return the message for a removed element, with the new one that looks like it."""
+    """Return the message for a removed element. `similar` names the new element that is probably the same element."""
     return f"the {noun} is gone" + ("" if similar is None else f"; '{similar}' looks like its new name")
 
 
@@ -211,8 +227,9 @@ def entries(noun: str, wording: Callable[[Any], Wording] | None = None) -> Compa
     """Return the comparer of entries of an element, which are paired by name.
 
     Args:
-        noun: the entry in messages; if it is empty, removed and added entries are not reported.
-        wording: gives the report for an entry that only one version has, from the entry in B, with `{}` for its name.
+        noun: the word for an entry in messages; if it is empty, removed and added entries are not reported.
+        wording: returns the category and the message for an entry that only one version has. Its argument is the entry
+            in B, or None if only A has the entry. `{}` in the message stands for the name of the entry.
     """
 
     def compare(scope: Scope, key: str, old: Any, new: Any) -> Iterator[Change]:
@@ -229,19 +246,19 @@ def entries(noun: str, wording: Callable[[Any], Wording] | None = None) -> Compa
 
 
 def by_name(old: Iterable[Any], new: Iterable[Any]) -> Iterator[tuple[str, Any, Any]]:
-    """Yield each name with the entries of that name in A and in B, None where there is no such entry."""
+    """Yield each name, with the entries of this name in A and in B; None for a version without such an entry."""
     before, after = ({_name(entry): entry for entry in side} for side in (old, new))
     for name in dict.fromkeys((*before, *after)):
         yield name, before.get(name), after.get(name)
 
 
 def is_nested(old: Any, new: Any) -> bool:
-    """Return whether two values are of one class and are compared field by field."""
+    """Return whether two values have the same class and are compared field by field."""
     return type(old) is type(new) and is_dataclass(new) and not isinstance(new, _LEAVES)
 
 
 def plain(value: Any) -> Any:
-    """Return a hashable value that is equal for values that differ only in places and in how conditions are written."""
+    """Return a hashable form of a value, without places and without the way in which conditions are written."""
     match value:
         case Place():
             return None
@@ -297,7 +314,7 @@ def _key(name: str) -> str:
 
 
 def _name(entry: Any) -> str:
-    """Return the name of an entry, else the name of the first value that it refers to; empty without a name."""
+    """Return the name of an entry, or else the name of its first field value that has a name; empty without a name."""
     values = (entry, *(getattr(entry, field.name) for field in fields(entry)))
     names = (value.name for value in values if isinstance(getattr(value, "name", None), str))
     return next(names, "")

@@ -1,6 +1,6 @@
 """Reviews as text for people, as one line per change, as Markdown, as annotations on GitHub, and as JSON.
 
-Text from specs is escaped, so that no terminal, Markdown or workflow command is executed.
+Text from specs is escaped, so that no command for a terminal or a workflow is executed, and no Markdown is interpreted.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from codra_dsl.tooling.report.findings import PLAIN, Palette, as_json, as_markdo
 from codra_dsl.tooling.report.github import render_github
 
 ShownFile = Callable[[str], str]
-"""Returns the name under which a file is shown; the name of a file in a revision contains the revision."""
+"""Returns the name under which a file is shown. For a file in a revision, this name contains the revision."""
 
 _ALLOWED = "allowed"
 _MAX_ROWS = 200
@@ -26,8 +26,10 @@ class Versions:
     """The compared versions.
 
     Attributes:
-        before: the name of A on the command line; `after` is that of B.
-        file_before: returns the name of a file of A as it is shown; `file_after` that of a file of B.
+        before: the name of A on the command line.
+        after: the name of B on the command line.
+        file_before: returns the name under which a file of A is shown.
+        file_after: returns the name under which a file of B is shown.
     """
 
     before: str
@@ -69,7 +71,7 @@ def render_markdown(review: Review, versions: Versions) -> str:
 
 
 def render_annotations(review: Review, folder: str = "") -> str:
-    """Return a review as workflow commands of GitHub; compatible and allowed changes are lines of the log.
+    """Return a review as workflow commands of GitHub. Compatible and allowed changes are only lines of the log.
 
     Args:
         review: the review.

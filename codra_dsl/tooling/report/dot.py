@@ -37,7 +37,7 @@ _DRAWN = re.compile(
     re.DOTALL,
 )
 _SMALLEST = 0.85
-"""The smallest scale to which a picture shrinks with its window, so that labels stay legible."""
+"""The smallest scale to which a picture shrinks with its window. At this scale, labels are still legible."""
 
 
 MAX_QUICK = 1500
@@ -45,7 +45,7 @@ MAX_QUICK = 1500
 
 
 class DrawingError(Exception):
-    """A picture cannot be drawn on this machine; the message states what to do."""
+    """Raised if a picture cannot be drawn on this machine. The message states what to do."""
 
 
 _INSTALL_HINT = (
@@ -55,13 +55,13 @@ _INSTALL_HINT = (
 
 
 def render_dot(graph: Graph) -> str:
-    """Return the graph in Graphviz's language, with the nodes and edges of the JSON and their `kind`."""
+    """Return the graph in Graphviz's language, with the same nodes and edges as in JSON, and with their `kind`."""
     nodes = (_node(element, _text(label_of(element))) for element in graph.elements)
     return _digraph([*nodes, *(_arrow(link, link.source, link.target) for link in graph.links)])
 
 
 def render_svg(graph: Graph) -> str:
-    """Return the graph as a picture with a legend; with several specs, each has a frame.
+    """Return the graph as a picture with a legend. If there are several specs, each has a frame.
 
     Raises:
         DrawingError: if Graphviz is not installed or cannot draw.
@@ -70,9 +70,9 @@ def render_svg(graph: Graph) -> str:
 
 
 def drawing(graph: Graph) -> str:
-    """Return the same picture for a page with its own style: only the `svg` element, without legend and title.
+    """Return the picture for a page with its own style: only the `svg` element, without legend and title.
 
-    Node number n of the graph has the id `n` with its number, and edge number n has `e` with its number.
+    Nodes and edges are numbered from 0. The drawing of node number 3 has the id `n3`, that of edge number 3 has `e3`.
 
     Raises:
         DrawingError: if Graphviz is not installed or cannot draw.
@@ -147,7 +147,7 @@ def _arrow(link: Link, source: str, target: str, **more: str) -> str:
     if more:
         attributes["class"] = link.kind.value
     if link.kind is EdgeKind.FEEDBACK:
-        attributes["constraint"] = "false"  # it closes a cycle, which has no left and right
+        attributes["constraint"] = "false"  # the edge closes a cycle, in which no node is left of another
     return f"{_quoted(source)} -> {_quoted(target)} {_attributes(attributes)};"
 
 
@@ -217,7 +217,7 @@ _COLUMN = 440
 
 
 def _with_legend(drawn: re.Match[str], graph: Graph) -> str:
-    """Return a picture with its legend below; it shrinks with its window as long as it stays legible."""
+    """Return a picture with its legend below. The picture shrinks with its window, but not below a legible size."""
     rows = list(_rows(graph))
     height = int(drawn["height"]) + 20 + _ROW * max((row for _, row, _ in rows), default=0) + _ROW
     width = max(int(drawn["width"]), 16 + _COLUMN * (1 + max((column for column, _, _ in rows), default=0)))
@@ -235,7 +235,7 @@ def _with_legend(drawn: re.Match[str], graph: Graph) -> str:
 
 
 def _rows(graph: Graph) -> Iterator[tuple[int, int, str]]:
-    """Yield column, row and drawing of each entry of the legend, which shows only kinds that the picture has."""
+    """Yield column, row and drawing of each entry of the legend. It has only the kinds that occur in the picture."""
     boxes = [_sample(NODES[kind], NODES[kind].meaning) for kind in nodes_of(graph)]
     observed = [element.observer for element in graph.elements if element.observer]
     if len(observed) > len(set(observed)):

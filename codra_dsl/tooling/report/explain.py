@@ -1,4 +1,4 @@
-"""Pages about kinds of findings: the consequence for a robot, a spec that has it, and the same spec corrected."""
+"""Pages about kinds of findings: what each means for a robot, a spec with this finding, and the corrected spec."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ FAMILIES: Mapping[str, str] = {
     "CDR7": "Context quality",
     "CDR79": "Comments that silence findings",
 }
-"""The families of codes by prefix; the longest prefix counts."""
+"""The families of codes by prefix. For each code, the longest prefix counts."""
 
 _INDENT = "  "
 
@@ -80,7 +80,7 @@ def all_pages() -> Iterator[Page]:
 
 
 def code_of(name: str) -> str | None:
-    """Return the code with this name, or the code of the rule with this name, ignoring case."""
+    """Return the code that is spelled like the argument, or the code of the rule with this name. Case is ignored."""
     if name.upper() in all_rules():
         return name.upper()
     return next((code for code, rule in all_rules().items() if rule.name == name.casefold()), None)
@@ -108,7 +108,7 @@ def as_text(page: Page) -> str:
 
 
 def _head_of_block(fence: str) -> list[str]:
-    """Return the heading of a block that is not the spec itself."""
+    """Return the heading of a block, or nothing for the block with the spec itself."""
     file = re.search(r"file=(\S+)", fence)
     if file is not None:
         return [f"{file[1]}:"]
@@ -136,7 +136,7 @@ def list_as_text(pages: Iterable[Page]) -> str:
 
 
 def list_as_markdown(pages: Iterable[Page], folder: str = "") -> str:
-    """Return a list of pages as tables of Markdown, one for each family; with a folder, codes are links into it."""
+    """Return a list of pages as Markdown tables, one for each family. With a folder, codes are links to its pages."""
     families = (
         f"## {family}\n\n| code | name | severity | in one sentence |\n| --- | --- | --- | --- |\n"
         + "".join(_row(page, folder) for page in members)

@@ -1,7 +1,6 @@
 """Findings as text for people, one line per finding for editors, and JSON for tools.
 
-Text from a spec is only shown: characters that a terminal would interpret as a command are replaced by a replacement
-character.
+A replacement character replaces each character of a spec's text that a terminal would interpret as a command.
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ from dataclasses import dataclass
 from codra_dsl.language.diagnostics import Diagnostic, Fix, Place, Related, Severity, Span
 
 Sources = Callable[[str], str | None]
-"""Return the text of a file by its path in findings, or None if it is not available."""
+"""Returns the text of a file, or None if the file is not available. The argument is the file's path in findings."""
 
 _TAB = "    "
 _REPLACEMENT = "\N{REPLACEMENT CHARACTER}"
@@ -52,18 +51,18 @@ COLOURED = Palette(
 
 
 def render_full(diagnostics: Iterable[Diagnostic], sources: Sources, palette: Palette = PLAIN) -> str:
-    """Return findings with the lines that they are about, a caret below the error, and the help."""
+    """Return each finding with the line that it is about, carets below the error, and the help."""
     lines = _Lines(sources)
     return "\n".join("\n".join(_full(diagnostic, lines, palette)) + "\n" for diagnostic in diagnostics)
 
 
 def render_concise(diagnostics: Iterable[Diagnostic], palette: Palette = PLAIN) -> str:
-    """Return findings, one a line: place, severity, code, message, help, and where templates are used."""
+    """Return one line per finding: place, severity, code, message, help, and places where templates are used."""
     return "".join(f"{_headline(diagnostic, palette)}{_in_brackets(help(diagnostic))}\n" for diagnostic in diagnostics)
 
 
 def render_json(diagnostics: Iterable[Diagnostic]) -> str:
-    """Return findings as JSON, one object a line; lines and columns are 1-based, columns count code points."""
+    """Return findings as JSON, with one object per line. Lines and columns begin at 1; columns count code points."""
     lines = []
     for diagnostic, number in numbered(diagnostics):
         fingerprint = diagnostic.fingerprint if number == 1 else f"{diagnostic.fingerprint}:{number}"
@@ -72,7 +71,7 @@ def render_json(diagnostics: Iterable[Diagnostic]) -> str:
 
 
 def numbered(diagnostics: Iterable[Diagnostic]) -> Iterator[tuple[Diagnostic, int]]:
-    """Yield each finding with its number, from 1 on, among those of the run with the same fingerprint."""
+    """Yield each finding with its number, from 1 on, among the findings with the same fingerprint."""
     seen: Counter[str] = Counter()
     for diagnostic in diagnostics:
         seen[diagnostic.fingerprint] += 1
@@ -80,7 +79,7 @@ def numbered(diagnostics: Iterable[Diagnostic]) -> Iterator[tuple[Diagnostic, in
 
 
 def as_json(value: object, indent: int | None = None) -> str:
-    """Return JSON in ASCII; half a surrogate pair, which a JSON parser may reject, is replaced.
+    """Return a value as JSON in ASCII. Half a surrogate pair, which a JSON parser may reject, is replaced.
 
     The result contains no command of GitHub's runner, which may read it in a log.
     """
@@ -90,7 +89,7 @@ def as_json(value: object, indent: int | None = None) -> str:
 
 
 def help(diagnostic: Diagnostic) -> str:
-    """Return in one line how to fix a finding and, for a finding in a template, the use that causes it."""
+    """Return on one line how to fix a finding and, for a finding in a template, the place of a use that causes it."""
     uses = list(
         dict.fromkeys(case.place.use for case in (diagnostic, *diagnostic.per_use) if case.place.use is not None)
     )
@@ -99,7 +98,10 @@ def help(diagnostic: Diagnostic) -> str:
 
 
 def related_places(diagnostic: Diagnostic) -> tuple[Related, ...]:
-    """Return all other places of a finding: those that it names, and the uses of the templates that contain these."""
+    """Return all places of a finding except its main place.
+
+    These are the places that it names. For the main place and each of these, the use of its template is added, if any.
+    """
     named = [(diagnostic.place, ""), *((related.place, related.message) for related in diagnostic.related)]
     places: list[Related] = []
     for place, message in named:
@@ -190,7 +192,7 @@ class _Lines:
 
 
 def _marked(line: str, span: Span) -> tuple[str, int, int]:
-    """Return a line as it is shown, the columns before its marked part, and the columns of that part (1 or more)."""
+    """Return a line as shown, the number of columns before its marked part, and the number of marked columns (>= 1)."""
     first = min(span.column - 1, len(line))
     last = len(line) if span.end_line > span.line else min(span.end_column - 1, len(line))
     start = max(0, first - _MARGIN) if len(line) > _WIDEST else 0
@@ -203,8 +205,8 @@ def _marked(line: str, span: Span) -> tuple[str, int, int]:
 
 
 def visible(text: str) -> str:
-    """Return text in a form for one line: tabs as blanks, without control, format and surrogate characters."""
-    if text.isprintable():  # nearly every text, and a look at each character of a large report takes seconds
+    """Return text for one line, with blanks for tabs and replacements for control, format and surrogate characters."""
+    if text.isprintable():  # true for nearly every text; to check each character of a large report would take seconds
         return text
     return "".join(_TAB if letter == "\t" else letter if letter.isprintable() else _REPLACEMENT for letter in text)
 
@@ -215,7 +217,7 @@ def as_markdown(text: str) -> str:
 
 
 def visible_lines(text: str) -> str:
-    """Return text in a form that can be shown, line by line."""
+    """Return text of several lines, each as `visible` returns it."""
     return "\n".join(map(visible, text.split("\n")))
 
 

@@ -1,7 +1,8 @@
 """Findings for GitHub Actions: annotations, the log, and the summary of the step.
 
 GitHub shows ten errors and ten warnings of a step and silently drops the rest. Therefore only the most severe findings
-become annotations, one more annotation states the number of the others, and the log and the summary have all.
+become annotations, and one more annotation states the number of the others. The log has all findings, and so has the
+summary, up to its largest size.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from codra_dsl.tooling.report.findings import as_markdown, help, related_places,
 MAX_ANNOTATIONS = 10
 """The number of annotations of one severity that GitHub shows for a step."""
 MAX_SUMMARY_BYTES = 512 * 1024
-"""The largest part of a step's summary that findings use; GitHub rejects a summary of more than 1 MiB."""
+"""The maximum size of findings in the summary of a step. GitHub rejects a summary of more than 1 MiB."""
 
 _COMMAND = "::"
 _BEGINS_A_COMMAND = re.compile(r"^(?=[^\S\n]*::)", re.MULTILINE)
@@ -25,10 +26,10 @@ _PROPERTY = _DATA | {":": "%3A", ",": "%2C"}
 
 
 def render_github(diagnostics: Iterable[Diagnostic], folder: str = "") -> str:
-    """Return findings as workflow commands, then all of them one a line.
+    """Return findings as workflow commands, then all findings with one line each.
 
     Args:
-        diagnostics: in file order.
+        diagnostics: the findings, in file order.
         folder: the path of the files' root within the repository, with `/`.
     """
     findings = tuple(diagnostics)
@@ -42,7 +43,7 @@ def render_github(diagnostics: Iterable[Diagnostic], folder: str = "") -> str:
 def without_commands(text: str) -> str:
     """Return text in which the runner recognises no line as a command.
 
-    A line is a command if it begins with `::`, after blanks, or contains `##[`.
+    A line is a command if it begins with `::`, also after blanks, or if it contains `##[`.
     """
     return _BEGINS_A_COMMAND.sub("./", text.replace("##[", "## ["))
 
@@ -73,7 +74,7 @@ def _annotation(diagnostic: Diagnostic, folder: str) -> str:
 
 
 def _place(span: Span, folder: str) -> dict[str, str]:
-    """Return the place of an annotation; GitHub accepts columns only within one line."""
+    """Return the place of an annotation. It has columns only if it is within one line, as GitHub requires."""
     if span.file == _STANDARD_INPUT:
         return {}
     file = visible(f"{folder}/{span.file}" if folder else span.file)

@@ -1,8 +1,8 @@
 """Findings as a test report, for the CI systems that read JUnit's XML.
 
-The report is one suite with a test for each file, which fails if the file has a finding that counts as a failure. So a
-file keeps its test from run to run, and a report is never empty. The suite itself is the root element: both the common
-schema (the one of the Apache Ant tasks) and `colcon test-result` expect that.
+The report is one suite with one test for each file. The test fails if the file has a finding that counts as a failure.
+So a file keeps its test from run to run, and a report is never empty. The suite itself is the root element: both the
+common schema (the one of the Apache Ant tasks) and `colcon test-result` expect this.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ def render_junit(
     """Return findings as XML in ASCII.
 
     Args:
-        diagnostics: in file order.
+        diagnostics: the findings, in file order.
         files: the files that were examined, with or without findings.
-        sources: returns the lines that findings are about.
-        is_failure: whether a finding fails the test of its file; the others are in the suite's output.
+        sources: returns the texts of files, for the lines that findings are about.
+        is_failure: returns whether a finding fails the test of its file; other findings are in the suite's output.
         suite: the command that examined the files; the name of the suite and of the class of its tests.
     """
     findings = tuple(diagnostics)

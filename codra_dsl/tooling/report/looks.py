@@ -12,7 +12,7 @@ from codra_dsl.tooling.report.graphs import Element, Graph
 
 
 class Shown(StrEnum):
-    """The kinds that a picture distinguishes: the kinds of node, and variables that no observer identifies."""
+    """The kinds that a picture distinguishes: the kinds of nodes, and in addition variables without an observer."""
 
     CONTEXT = "context"
     GIVEN = "given"
@@ -35,8 +35,8 @@ class NodeLook:
     """The look of a node.
 
     Attributes:
-        shape: the name of its shape in Graphviz.
-        meaning: its meaning, in words.
+        shape: the name of the shape in Graphviz.
+        meaning: the meaning of the node, in words.
     """
 
     shape: str
@@ -109,12 +109,12 @@ WORST_CASE = "the longest time from declared to known"
 
 
 def shown(element: Element) -> Shown:
-    """Return the kind as which a picture shows an element."""
+    """Return the kind of an element in pictures."""
     return Shown.GIVEN if element.is_given else Shown(element.kind.value)
 
 
 def label_of(element: Element) -> str:
-    """Return the label of an element on one line, or its name if the label has no visible characters."""
+    """Return the label of an element on one line; if the label has no visible characters, return the name."""
     return visible(element.label).strip() or element.name
 
 
@@ -128,12 +128,12 @@ def _seconds(duration_s: float) -> str:
 
 
 def nodes_of(graph: Graph) -> tuple[Shown, ...]:
-    """Return the kinds of node that a graph has, in the order of the legend."""
+    """Return the kinds of nodes that a graph has, in the order of the legend."""
     present = {shown(element) for element in graph.elements}
     return tuple(kind for kind in NODES if kind in present)
 
 
 def edges_of(graph: Graph) -> tuple[EdgeKind, ...]:
-    """Return the kinds of edge that a graph has, in the order of the legend."""
+    """Return the kinds of edges that a graph has, in the order of the legend."""
     present = {link.kind for link in graph.links}
     return tuple(kind for kind in EDGES if kind in present)

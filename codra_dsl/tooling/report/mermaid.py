@@ -1,7 +1,7 @@
 """The dependency graph as a Mermaid flowchart, for pages that draw Mermaid.
 
-Renderers of Mermaid refuse long texts and many edges. A larger graph is condensed to a box for each use of a template
-and each file. So all of it is shown, and `--select` shows parts in full.
+Renderers of Mermaid refuse long texts and many edges. A larger graph is condensed to one box for each use of a template
+and for each file. So the entire graph is shown, and `--select` shows parts of it in full.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ from codra_dsl.tooling.report.looks import (
 from codra_dsl.tooling.report.overview import Overview, overview
 
 MAX_EDGES = 499
-"""Mermaid refuses more (`maxEdges`)."""
+"""The largest number of edges that Mermaid draws by default (`maxEdges`)."""
 
 MAX_LETTERS = 50_000
-"""Mermaid refuses more (`maxTextSize`)."""
+"""The largest number of letters that Mermaid draws by default (`maxTextSize`)."""
 
 _SHAPES: Mapping[Shown, tuple[str, str]] = {
     Shown.CONTEXT: ("(", ")"),
@@ -71,8 +71,8 @@ class Flowchart:
     """A graph as a Mermaid flowchart.
 
     Attributes:
-        is_complete: whether it shows every element of the graph.
-        edges: the number of its edges.
+        is_complete: whether the flowchart shows every element of the graph.
+        edges: the number of edges in the flowchart.
     """
 
     text: str
@@ -81,12 +81,12 @@ class Flowchart:
 
     @property
     def fits(self) -> bool:
-        """Return whether Mermaid draws it with its default limits."""
+        """Return whether Mermaid draws the flowchart with its default limits."""
         return self.edges <= MAX_EDGES and len(self.text) <= MAX_LETTERS
 
 
 def flowchart(graph: Graph) -> Flowchart:
-    """Return the graph as a flowchart: complete if Mermaid draws that, else condensed."""
+    """Return the graph as a flowchart: complete if Mermaid draws the complete graph, otherwise condensed."""
     complete = Flowchart(text=_chart(graph), is_complete=True, edges=len(graph.links) + len(edges_of(graph)))
     if complete.fits:
         return complete
@@ -111,7 +111,7 @@ def _chart(graph: Graph) -> str:
 
 
 def _groups(elements: Iterable[Element], numbers: Mapping[str, int]) -> Iterator[str]:
-    """Yield all elements, those of a use of a template in a subgraph."""
+    """Yield all elements. The elements of a use of a template are in a subgraph."""
     groups: dict[str, list[str]] = {}
     for element in elements:
         groups.setdefault(element.use, []).append(_node(element, numbers[element.id]))
@@ -131,7 +131,7 @@ def _node(element: Element, number: int) -> str:
 
 
 def _text(label: str) -> str:
-    """Return text that Mermaid shows unchanged: all characters except letters and digits as codes."""
+    """Return text that Mermaid shows unchanged: codes replace all characters but letters, digits, `_` and blanks."""
     return "".join(letter if letter.isalnum() or letter in "_ " else f"#{ord(letter)};" for letter in label)
 
 
@@ -158,11 +158,11 @@ def _link_style(kind: EdgeKind, kinds: Sequence[EdgeKind]) -> str:
 
 
 def _condensed(condensed: Overview) -> str:
-    """Return a flowchart with a box for each use and file."""
+    """Return a flowchart of boxes."""
     lines = [
         "flowchart LR",
-        "%% Too large for Mermaid: each box has all nodes that a use of a template, a file or an observer declares,",
-        "%% and each arrow leads to an element from one that it needs. `codra graph --select` shows a part in full.",
+        "%% Too large for Mermaid: each box has all nodes of a use of a template, of a file or of an observer.",
+        "%% Each arrow leads from a box to a box that needs it. `codra graph --select` shows a part in full.",
     ]
     for spec in condensed.specs:
         inside = [

@@ -1,4 +1,4 @@
-"""A condensed graph, for graphs that are too large for a picture: a box for each use of a template and each file."""
+"""A condensed form of graphs that are too large for a picture: one box for each use of a template and for each file."""
 
 from __future__ import annotations
 
@@ -28,7 +28,8 @@ class Overview:
     """A graph of boxes.
 
     Attributes:
-        arrows: the number of links between two boxes, by the numbers of the needed box and of the one that needs it.
+        arrows: the number of links between two boxes. The key has the number of the needed box, then the number of the
+            box that needs it.
     """
 
     specs: tuple[str, ...]
@@ -37,7 +38,10 @@ class Overview:
 
 
 def overview(graph: Graph) -> Overview:
-    """Return a graph condensed by uses and files; within one file, by observers."""
+    """Return a graph condensed to a box for each use of a template and for each file.
+
+    If this gives only one box, each observer has a box instead, and so has each element without an observer.
+    """
     if len({_module(element) for element in graph.elements}) > 1:
         return _condensed(graph, _module)
     return _condensed(graph, _observer)

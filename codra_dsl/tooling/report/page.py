@@ -1,7 +1,7 @@
-"""The dependency graph as one page: a single file for any browser that needs no network.
+"""The dependency graph as a page for a browser: a single file that needs no network.
 
-The template escapes all text. Text from a spec is data in the page and is never run. The page's security policy allows
-only its own script, by its digest.
+The template escapes all text. Text from a spec is data in the page and is never run. The security policy of the page
+contains the digest of the page's own script, and allows only this script to run.
 """
 
 from __future__ import annotations
@@ -52,7 +52,10 @@ def _environment() -> Environment:
 
 
 def _drawing(graph: Graph) -> str:
-    """Return Graphviz's drawing, or nothing if Graphviz is slow or missing: then the page lays out the graph itself."""
+    """Return Graphviz's drawing; empty if the graph is too large for Graphviz, or if Graphviz is missing.
+
+    Without a drawing, the page lays out the graph itself.
+    """
     if len(graph.elements) > MAX_QUICK:
         return ""
     try:

@@ -1,6 +1,6 @@
 """Findings in the Static Analysis Results Interchange Format (SARIF 2.1.0, an OASIS standard), for code scanning.
 
-Where the standard leaves a choice, the output follows what GitHub's code scanning accepts, and its limits.
+Where the standard leaves a choice, the output has the form that GitHub's code scanning accepts, within its limits.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ _CYCLES = "CDR51"
 _FINGERPRINT = "codraFinding/v1"
 
 MAX_RESULTS = 25_000
-"""The maximum number of results in a run; GitHub rejects a run with more."""
+"""The maximum number of results in a run. GitHub rejects a run with more results."""
 MAX_RELATED = 100
-"""The number of related locations of a result that GitHub keeps; it rejects a result with more than 1,000."""
+"""The number of related locations of a result that GitHub keeps. It rejects a result with more than 1,000."""
 MAX_STEPS = 1_000
-"""The number of locations of a code flow that GitHub keeps; it rejects a result with more than 10,000."""
+"""The number of locations of a code flow that GitHub keeps. It rejects a result with more than 10,000."""
 _MAX_LINKS = 5
 _MAX_DESCRIPTION = 1024
 
@@ -40,7 +40,7 @@ def render_sarif(diagnostics: Iterable[Diagnostic], folder: str = "") -> str:
     """Return findings as one run of SARIF.
 
     Args:
-        diagnostics: in file order, which distinguishes findings with equal fingerprints.
+        diagnostics: the findings, in file order. The order distinguishes findings with equal fingerprints.
         folder: the path of the files' root within the repository, with `/`.
     """
     findings = tuple(diagnostics)
@@ -63,7 +63,7 @@ def render_sarif(diagnostics: Iterable[Diagnostic], folder: str = "") -> str:
 
 
 def _most_severe(diagnostics: tuple[Diagnostic, ...]) -> tuple[Diagnostic, ...]:
-    """Return as many findings as GitHub accepts, errors before warnings."""
+    """Return all findings, or, if GitHub does not accept so many, as many as possible, errors before warnings."""
     if len(diagnostics) <= MAX_RESULTS:
         return diagnostics
     return tuple(sorted(diagnostics, key=lambda diagnostic: diagnostic.severity is not Severity.ERROR)[:MAX_RESULTS])
@@ -144,7 +144,7 @@ def _message(diagnostic: Diagnostic, linked: Sequence[Related]) -> str:
 
 
 def _sentence(text: str) -> str:
-    """Return text without links that ends as a sentence: where space is short, only one sentence is shown."""
+    """Return text as a sentence without links. Where space is short, only the first sentence of a text is shown."""
     shown = visible(text).replace("](", "] (")
     return shown if shown.endswith((".", "!", "?")) else f"{shown}."
 
@@ -199,7 +199,7 @@ class _Places:
 
 
 def _uri(path: str) -> str:
-    """Return a relative reference; bytes of a file name that are not valid text are kept."""
+    """Return a path as a relative reference. Bytes of a file name that are not valid text are kept."""
     return quote(_NO_FILE_BYTE.sub("\N{REPLACEMENT CHARACTER}", path), safe="/", errors="surrogateescape")
 
 

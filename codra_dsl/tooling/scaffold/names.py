@@ -1,4 +1,4 @@
-"""The name of a new project, which its spec, its generated package and the modules beside it share."""
+"""The name of a new project. The spec, the generated package and the project's own modules get this name."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ _OUTSIDE = re.compile(r"[^A-Za-z0-9]+")
 
 
 class ImproperNameError(ValueError):
-    """A name that no spec may have; the message states the reason and how to fix it."""
+    """Raised for a name that no spec may have. The message states the reason and how to fix it."""
 
 
 def require_name(name: str) -> str:
-    """Return a name unchanged, if a spec may have it.
+    """Return a name unchanged if a spec may have this name.
 
     Raises:
-        ImproperNameError: if no spec may have it.
+        ImproperNameError: if no spec may have this name.
     """
     if not is_identifier(name):
         better = _near(name)
@@ -45,7 +45,7 @@ _EXAMPLE = "--name gripper"
 
 
 def _near(name: str) -> str | None:
-    """Return a name that a spec may have and that is similar to this one, or None."""
+    """Return a similar name that a spec may have, or None."""
     near = _OUTSIDE.sub("_", name).strip("_") if name.isascii() else ""
     return next((candidate for candidate in (near, f"{near}_robot") if near and is_identifier(candidate)), None)
 
@@ -60,5 +60,5 @@ def _reason(name: str) -> str:
     return (
         "is a literal"
         if name in ("true", "false", "null")
-        else ("is not a name: names have only letters A to Z, digits and '_', and begin with a letter")
+        else ("is not a name: a name has only letters A to Z, digits and '_', and begins with a letter")
     )
