@@ -229,7 +229,7 @@ def fails(diagnostics: Sequence[Diagnostic], fail_on: FailOn) -> bool:
 
 
 def failing(wanted: FailOn | None, settings: Severity) -> FailOn:
-    """Return the least severity that makes a command fail: the requested one, or else that in the project's settings."""
+    """Return the least severity that makes a command fail: the requested one, or else that of the settings."""
     return FailOn(settings.value) if wanted is None else wanted
 
 

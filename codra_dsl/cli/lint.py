@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 Fix = Annotated[
     bool,
-    typer.Option("--fix", help="Apply safe fixes, then show other findings; with -, write the text to standard output."),
+    typer.Option("--fix", help="Apply safe fixes, then show the rest; with -, write the text to standard output."),
 ]
 Diff = Annotated[bool, typer.Option("--diff", help="Show what --fix would change, and write nothing.")]
 

@@ -43,7 +43,9 @@ Dsr = Annotated[
 ]
 UnitM = Annotated[
     float,
-    typer.Option("--dsr-unit-m", metavar="METRES", help="The unit of the DSR graph's translations, in metres.", min=0.0),
+    typer.Option(
+        "--dsr-unit-m", metavar="METRES", help="The unit of translations in the DSR file, in metres.", min=0.0
+    ),
 ]
 Copy = Annotated[
     Path | None,

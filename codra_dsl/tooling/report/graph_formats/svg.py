@@ -15,7 +15,7 @@ def _render(graph: Graph, say: Say) -> str:
     from codra_dsl.tooling.report.dot import MAX_QUICK, render_svg
 
     if len(graph.elements) > MAX_QUICK:
-        say(f"drawing {len(graph.elements)} nodes may take minutes: --select draws only a part, --format html is faster")
+        say(f"drawing {len(graph.elements)} nodes may take minutes: --select draws a part, --format html is faster")
     return render_svg(graph)
 
 
