@@ -13,15 +13,15 @@ from codra_dsl.cli.console import (
     ExitCode,
     Format,
     View,
-    asked_format,
+    choose_fail_limit,
+    choose_format,
     common_root,
-    counted,
+    counts_text,
     existing,
-    failing,
-    fails,
-    for_log,
-    measuring,
+    is_failure,
+    make_timings,
     say,
+    text_for_log,
     write_result,
 )
 from codra_dsl.cli.options import ColourOption, FailOnOption, FindingsFormat, NoCache, Output, ShowTimings, Specs
@@ -63,25 +63,25 @@ def compile_command(
     paths = existing(paths)
     root = common_root(paths)
     folder = (out if out is not None else _default_out(paths[0])).absolute()
-    measured = measuring(timings)
+    measured = make_timings(timings)
     cache = None if no_cache or timings else cache_of(root, "compile", paths)
     run, renewed = _made(paths, root, folder, check=check, cache=cache, timings=measured)
-    limit = failing(fail_on, run.fail_on)
-    view = View(root=root, format=asked_format(format_, output), colour=color, fail_on=limit, title="codra compile")
+    limit = choose_fail_limit(fail_on, run.fail_on)
+    view = View(root=root, format=choose_format(format_, output), colour=color, fail_on=limit, title="codra compile")
     about_output = (_in_root(diagnostic, folder, root) for diagnostic in renewed.diagnostics)
     findings = (*run.diagnostics, *about_output, *_about_schema(run, root, check))
     with measured.stage("show"):
         view.show(findings, run.specs, output)
     if view.format is Format.FULL:
-        write_result(for_log(visible_lines(renewed.diff)))
+        write_result(text_for_log(visible_lines(renewed.diff)))
     if findings:
-        say(counted(findings))
+        say(counts_text(findings))
         view.point_to_pages(findings)
     if renewed.done:
         say(renewed.done)
     if timings:
         say(measured.table())
-    raise typer.Exit(ExitCode.FAILED if not run.outputs or fails(findings, limit) else ExitCode.CLEAN)
+    raise typer.Exit(ExitCode.FAILED if not run.outputs or is_failure(findings, limit) else ExitCode.CLEAN)
 
 
 def _default_out(path: Path) -> Path:

@@ -67,7 +67,7 @@ class FailOn(StrEnum):
 
 
 STANDARD_INPUT = "-"
-_PIECE = 1 << 15
+_PIECE_BYTES = 1 << 15
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -102,7 +102,7 @@ class View:
         if self.format is Format.GITHUB:
             from codra_dsl.tooling.report.github import render_summary
 
-            append_to_summary(render_summary(diagnostics, f"{self.title}: {counted(diagnostics)}"))
+            append_to_summary(render_summary(diagnostics, f"{self.title}: {counts_text(diagnostics)}"))
 
     def rendered(self, diagnostics: Sequence[Diagnostic], stream: TextIO, files: Iterable[str] = ()) -> str:
         """Return findings in the requested format; the stream decides whether they have colours."""
@@ -140,8 +140,8 @@ class View:
 
         palette = findings.COLOURED if is_coloured(self.colour, stream) else findings.PLAIN
         if self.format is Format.CONCISE:
-            return for_log(findings.render_concise(diagnostics, palette))
-        return for_log(findings.render_full(diagnostics, self._source, palette))
+            return text_for_log(findings.render_concise(diagnostics, palette))
+        return text_for_log(findings.render_full(diagnostics, self._source, palette))
 
     def _as_tests(self, diagnostics: Sequence[Diagnostic], files: Iterable[str]) -> str:
         from codra_dsl.tooling.report.junit import render_junit
@@ -150,7 +150,7 @@ class View:
             diagnostics,
             files,
             self._source,
-            is_failure=lambda diagnostic: fails([diagnostic], self.fail_on),
+            is_failure=lambda diagnostic: is_failure([diagnostic], self.fail_on),
             suite=self.title.replace(" ", "."),
         )
 
@@ -164,7 +164,7 @@ class View:
             return None
 
 
-def asked_format(wanted: Format | None, output: Path | None = None) -> Format:
+def choose_format(wanted: Format | None, output: Path | None = None) -> Format:
     """Return the requested format of findings, or else the default format.
 
     The default is `github` if GitHub Actions logs standard output and there is no output file; otherwise it is `full`.
@@ -174,7 +174,7 @@ def asked_format(wanted: Format | None, output: Path | None = None) -> Format:
     return Format.GITHUB if output is None and _in_github_actions() else Format.FULL
 
 
-def for_log(text: str) -> str:
+def text_for_log(text: str) -> str:
     """Return a text for standard output. In GitHub Actions, replace what the runner would recognise as a command."""
     if not _in_github_actions():
         return text
@@ -221,19 +221,19 @@ def is_coloured(colour: Colour, stream: TextIO) -> bool:
     return stream.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
 
 
-def fails(diagnostics: Sequence[Diagnostic], fail_on: FailOn) -> bool:
+def is_failure(diagnostics: Sequence[Diagnostic], fail_on: FailOn) -> bool:
     """Return whether findings make a command fail."""
     from codra_dsl.language.diagnostics import has_errors
 
     return has_errors(diagnostics) or (fail_on is FailOn.WARNING and bool(diagnostics))
 
 
-def failing(wanted: FailOn | None, settings: Severity) -> FailOn:
+def choose_fail_limit(wanted: FailOn | None, settings: Severity) -> FailOn:
     """Return the least severity that makes a command fail: the requested one, or else that of the settings."""
     return FailOn(settings.value) if wanted is None else wanted
 
 
-def measuring(wanted: bool) -> Timings:
+def make_timings(wanted: bool) -> Timings:
     """Return the timings of a command. They measure nothing unless they are wanted."""
     import time
 
@@ -242,7 +242,7 @@ def measuring(wanted: bool) -> Timings:
     return Timings(time.perf_counter) if wanted else UNTIMED  # noqa: TID251  passed on as an argument
 
 
-def counted(diagnostics: Sequence[Diagnostic]) -> str:
+def counts_text(diagnostics: Sequence[Diagnostic]) -> str:
     """Return the numbers of errors and warnings as text."""
     from codra_dsl.language.diagnostics import has_errors
 
@@ -268,8 +268,8 @@ def write_result(result: str | bytes, output: Path | None = None) -> None:
             return
         sys.stdout.flush()
         # Write in pieces: with PYTHONUNBUFFERED, a single write to a closed pipe would be cut off without an error.
-        for start in range(0, len(data), _PIECE):
-            sys.stdout.buffer.write(data[start : start + _PIECE])
+        for start in range(0, len(data), _PIECE_BYTES):
+            sys.stdout.buffer.write(data[start : start + _PIECE_BYTES])
         sys.stdout.buffer.flush()
     except BrokenPipeError:
         raise
@@ -321,7 +321,7 @@ def one_plan(path: Path, root: Path, colour: Colour) -> BuildPlan:
     planned = plan_paths([path], root)
     if planned.diagnostics:
         write_result(View(root=root, format=Format.FULL, colour=colour).rendered(planned.diagnostics, sys.stdout))
-        say(counted(planned.diagnostics))
+        say(counts_text(planned.diagnostics))
     if len(planned.plans) > 1:
         raise typer.BadParameter(f"'{path}' has {len(planned.plans)} specs: choose one of them", param_hint="SPEC")
     if not planned.plans:

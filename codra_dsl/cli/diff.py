@@ -28,7 +28,7 @@ from codra_dsl.cli.options import ColourOption, Output
 if TYPE_CHECKING:
     from codra_dsl.language.diagnostics import Diagnostic, Span
     from codra_dsl.language.model import Spec
-    from codra_dsl.tooling.diff import Broken, Change, Review, Verdict, Version
+    from codra_dsl.tooling.diff import BrokenSpec, Change, Review, Verdict, Version
     from codra_dsl.tooling.report.changes import Versions
 
 _SPECS = "specs"
@@ -267,7 +267,7 @@ def _root(paths: Sequence[Path], top: Path) -> Path:
 def _version(side: _Side) -> Version:
     from codra_dsl.compiler import plan_paths
     from codra_dsl.language.diagnostics import has_errors
-    from codra_dsl.tooling.diff import Broken, Version
+    from codra_dsl.tooling.diff import BrokenSpec, Version
 
     if not side.paths:
         return Version()
@@ -278,25 +278,25 @@ def _version(side: _Side) -> Version:
     sound = {plan.checked.spec.file for plan in plans}
     broken = list(_broken(side, [file for file in planned.specs if file not in sound], errors))
     broken += [
-        Broken(name=plan.name, file=plan.checked.spec.file, errors=own)
+        BrokenSpec(name=plan.name, file=plan.checked.spec.file, errors=own)
         for plan in plans
         if (own := _about(plan.checked.spec, errors))
     ]
     assigned = {id(error) for spec in broken for error in spec.errors}
     rest = [error for error in errors if id(error) not in assigned]
-    return Version(plans=plans, broken=(*broken, *(Broken(name=None, file=f, errors=e) for f, e in _by_file(rest))))
+    return Version(plans=plans, broken=(*broken, *(BrokenSpec(name=None, file=f, errors=e) for f, e in _by_file(rest))))
 
 
-def _broken(side: _Side, files: Sequence[str], errors: Sequence[Diagnostic]) -> Iterator[Broken]:
+def _broken(side: _Side, files: Sequence[str], errors: Sequence[Diagnostic]) -> Iterator[BrokenSpec]:
     from codra_dsl.language.load import load_spec
-    from codra_dsl.tooling.diff import Broken
+    from codra_dsl.tooling.diff import BrokenSpec
 
     for file in files:
         spec, _ = load_spec(side.root / file, side.root)
         own = (
             tuple(error for error in errors if error.place.span.file == file) if spec is None else _about(spec, errors)
         )
-        yield Broken(name=None if spec is None else spec.name, file=file, errors=own)
+        yield BrokenSpec(name=None if spec is None else spec.name, file=file, errors=own)
 
 
 def _about(spec: Spec, errors: Sequence[Diagnostic]) -> tuple[Diagnostic, ...]:

@@ -52,7 +52,7 @@ def explain_command(
 def _pages(wanted: list[str]) -> Iterator[Page]:
     """Yield the requested pages without duplicates. An unknown code or name is a usage error."""
     from codra_dsl.tooling.report.explain import all_rules, code_of, page_of
-    from codra_dsl.tooling.report.findings import visible
+    from codra_dsl.tooling.report.findings import visible_text
     from codra_dsl.workspace.suppression.rules import nearest_code
 
     for code in dict.fromkeys(code_of(name) or name for name in wanted):
@@ -60,5 +60,5 @@ def _pages(wanted: list[str]) -> Iterator[Page]:
         if page is None:
             near = nearest_code(code)
             help = f"did you mean {near} ({all_rules()[near].name})?" if near else "'codra explain' lists all"
-            raise typer.BadParameter(f"there is no finding '{visible(code)}': {help}", param_hint="CODE")
+            raise typer.BadParameter(f"there is no finding '{visible_text(code)}': {help}", param_hint="CODE")
         yield page

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Work:
+class LintInput:
     """The specs to lint.
 
     Attributes:
@@ -61,7 +61,7 @@ class Work:
         return len(files) - len(elsewhere), f"; {len(elsewhere)} more can be fixed if you lint '{folder}'"
 
 
-def work_on_files(paths: list[Path], timings: Timings) -> Work:
+def input_from_files(paths: list[Path], timings: Timings) -> LintInput:
     """Return the specs at or below some paths, for linting."""
     from codra_dsl.language.project import relative
 
@@ -73,17 +73,17 @@ def work_on_files(paths: list[Path], timings: Timings) -> Work:
 
         return plan_paths(paths, root, texts, timings)
 
-    return Work(root=root, requested=tuple(relative(path, root) for path in paths), plan=plan)
+    return LintInput(root=root, requested=tuple(relative(path, root) for path in paths), plan=plan)
 
 
-def work_on_standard_input(timings: Timings) -> Work:
+def input_from_standard_input(timings: Timings) -> LintInput:
     """Return the spec from standard input, for linting."""
     from codra_dsl.compiler import plan_text
     from codra_dsl.language.load.yaml.source import MAX_BYTES
 
     root = common_root([Path.cwd()])
     data = sys.stdin.buffer.read(MAX_BYTES + 1)
-    return Work(
+    return LintInput(
         root=root,
         requested=(STANDARD_INPUT,),
         plan=lambda texts: plan_text(texts.get(STANDARD_INPUT, data), STANDARD_INPUT, root, timings),
@@ -116,7 +116,7 @@ class FixResult:
         return "".join(unified(self.before[file], after, file) for file, after in sorted(self.after.items()))
 
 
-def fix(work: Work, *, write: bool) -> FixResult:
+def fix(work: LintInput, *, write: bool) -> FixResult:
     """Fix specs. If `write` is true and the specs are in files, write the changed files.
 
     Each file is read once, before linting. If somebody saves a file in the meantime, it is left unchanged.

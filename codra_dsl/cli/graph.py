@@ -17,9 +17,9 @@ from codra_dsl.cli.console import (
     Format,
     View,
     common_root,
-    counted,
+    counts_text,
     existing,
-    fails,
+    is_failure,
     say,
     write_result,
 )
@@ -78,8 +78,8 @@ def graph_command(
     planned = plan_paths(paths, root)
     if planned.diagnostics:
         view = View(root=root, format=Format.FULL, colour=color)
-        say(f"{view.rendered(planned.diagnostics, sys.stderr)}{counted(planned.diagnostics)}")
-    if fails(planned.diagnostics, FailOn.ERROR):
+        say(f"{view.rendered(planned.diagnostics, sys.stderr)}{counts_text(planned.diagnostics)}")
+    if is_failure(planned.diagnostics, FailOn.ERROR):
         raise typer.Exit(ExitCode.FAILED)
     graph = _selected(graph_of(planned.plans), select or (), exclude or ())
     write_result(_rendered(graph, graph_format), output)

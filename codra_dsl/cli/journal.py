@@ -89,7 +89,7 @@ def recover_command(file: JournalFile, *, output: Target = None) -> None:
 @journal_commands.command("show")
 def show_command(file: JournalFile, *, kind: Kinds = None, about: About = None, what: Whats = None) -> None:
     """Print the events of a journal, one per line: instant, kind, name, what happened, and details."""
-    from codra_dsl.cli.journals import opened_journal, say_damage
+    from codra_dsl.cli.journals import open_journal, report_damage
     from codra_dsl.runtime.journal import Kind
 
     existing([file])
@@ -98,7 +98,7 @@ def show_command(file: JournalFile, *, kind: Kinds = None, about: About = None, 
     if unknown is not None:
         raise typer.BadParameter(f"'{unknown}' is not a kind; choose from {', '.join(names)}", param_hint="--kind")
     wanted = frozenset(kind or (name for name in names if name != Kind.INPUT))
-    with opened_journal(file) as reader:
+    with open_journal(file) as reader:
         end_s, lines = reader.header().start_s, list[str]()
         for event in reader.events():
             end_s = event.instant_s
@@ -112,7 +112,7 @@ def show_command(file: JournalFile, *, kind: Kinds = None, about: About = None, 
                 write_result("".join(lines))
                 lines.clear()
         write_result("".join(lines))
-        say_damage(reader, end_s)
+        report_damage(reader, end_s)
 
 
 def _line(event: Event) -> str:

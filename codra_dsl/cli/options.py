@@ -52,7 +52,7 @@ ShowTimings = Annotated[
 ColourOption = Annotated[Colour, typer.Option("--color", help="When to colour; NO_COLOR is respected.")]
 
 
-def _writable(output: Path | None) -> Path | None:
+def _check_writable(output: Path | None) -> Path | None:
     """Refuse a path that cannot be written, before any work is done.
 
     An existing YAML file is refused as well, because it may be a spec, which would be overwritten.
@@ -73,6 +73,6 @@ def _writable(output: Path | None) -> Path | None:
 Output = Annotated[
     Path | None,
     typer.Option(
-        "--output", metavar="FILE", help="Write the result to this file.", show_default=False, callback=_writable
+        "--output", metavar="FILE", help="Write the result to this file.", show_default=False, callback=_check_writable
     ),
 ]

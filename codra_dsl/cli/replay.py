@@ -65,16 +65,16 @@ def replay_command(
     journal: Copy = None,
 ) -> None:
     """Derive the variables and decisions of a run again from its evidence, and compare them with the journal."""
-    from codra_dsl.cli.journals import opened_journal, say_damage
+    from codra_dsl.cli.journals import open_journal, report_damage
 
     existing([path for path in (file, package, spec, dsr) if path is not None])
     if package is not None and spec is not None:
         raise typer.BadParameter("give either --package or --spec, not both", param_hint="--spec")
     if journal is not None and journal.resolve() == file.resolve():
         raise typer.BadParameter(f"'{journal}' is the journal itself", param_hint="--journal")
-    with opened_journal(file) as reader:
+    with open_journal(file) as reader:
         header, events = reader.header(), tuple(reader.events())
-        say_damage(reader, events[-1].instant_s if events else header.start_s)
+        report_damage(reader, events[-1].instant_s if events else header.start_s)
     begin = _as_declared if dsr is None else partial(_begun_with, dsr, dsr_unit_m)
     result = _replayed(header, events, package, spec, begin, journal)
     write_result(_report(result, header))

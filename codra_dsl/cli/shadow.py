@@ -29,13 +29,13 @@ def shadow_command(
     format_: Annotated[ShadowFormat, typer.Option("--format", help="The format of the report.")] = ShadowFormat.TEXT,
 ) -> None:
     """Report how often context agreed with the robot's own perception, in decisions with `shadow=True`."""
-    from codra_dsl.cli.journals import opened_journal, say_damage
+    from codra_dsl.cli.journals import open_journal, report_damage
     from codra_dsl.runtime.context.shadow import shadow_report
 
     existing([file])
-    with opened_journal(file) as reader:
+    with open_journal(file) as reader:
         events = tuple(reader.events())
-        say_damage(reader, events[-1].instant_s if events else reader.header().start_s)
+        report_damage(reader, events[-1].instant_s if events else reader.header().start_s)
     try:
         report = shadow_report(events)
     except (ValueError, LookupError, TypeError, AttributeError) as error:

@@ -63,17 +63,17 @@ def why_command(
     format_: Annotated[WhyFormat, typer.Option("--format", help="The format of the explanation.")] = WhyFormat.TEXT,
 ) -> None:
     """Explain why a variable had its value, back to its evidence, or why it was unknown, back to what was missing."""
-    from codra_dsl.cli.journals import opened_journal, say_damage
+    from codra_dsl.cli.journals import open_journal, report_damage
     from codra_dsl.runtime.journal.checkpoints import Checkpoints
     from codra_dsl.runtime.why.values import instant
 
     existing([journal])
-    with opened_journal(journal) as reader:
+    with open_journal(journal) as reader:
         header = reader.header()
         at_s = None if at is None else _instant_s(at, header)
         past = Checkpoints(reader, math.inf if at_s is None else at_s)
         end_s = header.start_s if past.end_s is None else past.end_s
-        say_damage(reader, end_s)
+        report_damage(reader, end_s)
         if at_s is not None and not header.start_s <= at_s <= end_s:
             message = f"the journal holds {instant(header.start_s)} to {instant(end_s)}, not {instant(at_s)}"
             raise typer.BadParameter(message, param_hint="--at")

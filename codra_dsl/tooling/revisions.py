@@ -32,7 +32,7 @@ _GIT = (
     *("-c", "core.fsmonitor=false", "-c", f"core.hooksPath={os.devnull}"),
 )
 # Inherited variables could point git at another repository, or let it start a program.
-_CLEAN = {
+_SAFE_VARIABLES = {
     "GIT_ALLOW_PROTOCOL": "none",
     "GIT_NO_LAZY_FETCH": "1",
     "GIT_OPTIONAL_LOCKS": "0",
@@ -42,9 +42,9 @@ _CLEAN = {
 _SUFFIXES = (".yaml", ".yml")
 _FILE_MODES = ("100644", "100755")
 _SUBMODULE_MODE = "160000"
-_NOT_READ = {"120000": "a symbolic link", _SUBMODULE_MODE: "a submodule"}
-_INCOMPLETE = "some files of the revision are missing here: fetch them (git fetch --refetch --no-filter)"
-_STEPS = re.compile(r"[~^].*")
+_KIND_OF_UNREAD_MODE = {"120000": "a symbolic link", _SUBMODULE_MODE: "a submodule"}
+_INCOMPLETE_MESSAGE = "some files of the revision are missing here: fetch them (git fetch --refetch --no-filter)"
+_ANCESTOR_STEPS = re.compile(r"[~^].*")
 _WORDS = re.compile(rb"[^\s\[\],\"'/:{}#]+")
 
 
@@ -79,8 +79,8 @@ class Repository:
             RevisionError: if the path is not in a repository.
         """
         folder = next(parent for parent in (path, *path.parents) if parent.is_dir())
-        is_bare = _run(("rev-parse", "--is-bare-repository"), folder).stdout == b"true\n"
-        done = _run(("rev-parse", "--absolute-git-dir" if is_bare else "--show-toplevel"), folder)
+        is_bare = _run_git(("rev-parse", "--is-bare-repository"), folder).stdout == b"true\n"
+        done = _run_git(("rev-parse", "--absolute-git-dir" if is_bare else "--show-toplevel"), folder)
         if done.returncode != 0:
             reason = os.fsdecode(done.stderr).strip().removeprefix("fatal: ").split("\n")[0]
             trust = f"; if you trust it: git config --global --add safe.directory {shlex.quote(str(folder))}"
@@ -107,12 +107,12 @@ class Repository:
         return commit
 
     def _verified(self, name: str) -> str | None:
-        done = _run(("rev-parse", "--verify", "--quiet", "--end-of-options", f"{name}^{{commit}}"), self.top)
+        done = _run_git(("rev-parse", "--verify", "--quiet", "--end-of-options", f"{name}^{{commit}}"), self.top)
         return done.stdout.decode().strip() if name and done.returncode == 0 else None
 
     def holds(self, commit: str, path: PurePath) -> bool:
         """Return whether a commit has a file or folder."""
-        return _run(("cat-file", "-e", f"{commit}:{path.as_posix()}"), self.top).returncode == 0
+        return _run_git(("cat-file", "-e", f"{commit}:{path.as_posix()}"), self.top).returncode == 0
 
     def changed(self, but: Path) -> Sequence[PurePosixPath]:
         """Return the files of the working folder that differ from the commit, or are new and not ignored.
@@ -124,7 +124,7 @@ class Repository:
             RevisionError: if git reports an error.
         """
         options = ("--porcelain", "-z", "--no-renames", "--untracked-files=all", "--ignore-submodules=dirty")
-        done = _run((*self._without_filters(), "status", *options), self.top)
+        done = _run_git((*self._without_filters(), "status", *options), self.top)
         if done.returncode != 0:
             raise RevisionError(f"git cannot list the changed files of '{self.top}'")
         paths = (PurePosixPath(os.fsdecode(line[3:])) for line in done.stdout.split(b"\0") if line)
@@ -132,7 +132,7 @@ class Repository:
 
     def _without_filters(self) -> Iterator[str]:
         """Yield settings that disable the filters that the repository configures."""
-        done = _run(("config", "--null", "--name-only", "--get-regexp", r"^filter\."), self.top)
+        done = _run_git(("config", "--null", "--name-only", "--get-regexp", r"^filter\."), self.top)
         for name in dict.fromkeys(os.fsdecode(done.stdout).split("\0")):
             if name.endswith((".clean", ".process")):
                 yield from ("-c", f"{name}=")
@@ -161,17 +161,18 @@ class Repository:
         ]
         wanted += [entry for entry in inside if entry.path.name == SETTINGS and entry.path.parent != below]
         written = self._write(dict.fromkeys(wanted), into)
-        named = set(_included(into / entry.path for entry in written))
+        named = set(_words_in_including_files(into / entry.path for entry in written))
         others = [entry for entry in inside if entry.mode in _FILE_MODES and os.fsencode(entry.path.name) in named]
         self._write(dict.fromkeys(entry for entry in others if entry not in written), into)
         return {
-            entry.path: _NOT_READ[entry.mode]
+            entry.path: _KIND_OF_UNREAD_MODE[entry.mode]
             for entry in inside
-            if entry.mode in _NOT_READ and (entry.path.name.endswith(_SUFFIXES) or entry.mode == _SUBMODULE_MODE)
+            if entry.mode in _KIND_OF_UNREAD_MODE
+            and (entry.path.name.endswith(_SUFFIXES) or entry.mode == _SUBMODULE_MODE)
         }
 
     def _help(self, name: str) -> str:
-        start = _STEPS.sub("", name)
+        start = _ANCESTOR_STEPS.sub("", name)
         is_too_far = start != name and self._verified(start) is not None
         if self._is_shallow() and (is_too_far or self._near(name) is None):
             return "this clone is shallow: fetch the revision first, for example with git fetch --unshallow"
@@ -181,18 +182,18 @@ class Repository:
         return f"did you mean '{near}'?" if near else "name a file, a folder, a branch, a tag or a commit"
 
     def _near(self, name: str) -> str | None:
-        done = _run(("for-each-ref", "--format=%(refname:short)"), self.top)
+        done = _run_git(("for-each-ref", "--format=%(refname:short)"), self.top)
         names = ["HEAD", *os.fsdecode(done.stdout).split()]
         remote = next((branch for branch in sorted(names) if branch.endswith(f"/{name}")), None)
         return remote or suggest(name, names)
 
     def _is_shallow(self) -> bool:
-        return _run(("rev-parse", "--is-shallow-repository"), self.top).stdout.strip() == b"true"
+        return _run_git(("rev-parse", "--is-shallow-repository"), self.top).stdout.strip() == b"true"
 
     def _entries(self, commit: str) -> Iterator[_Entry]:
-        done = _run(("ls-tree", "-r", "-z", "--full-tree", commit), self.top)
+        done = _run_git(("ls-tree", "-r", "-z", "--full-tree", commit), self.top)
         if done.returncode != 0:
-            raise RevisionError(_INCOMPLETE)
+            raise RevisionError(_INCOMPLETE_MESSAGE)
         for line in done.stdout.split(b"\0"):
             head, _, name = line.partition(b"\t")
             fields = head.decode().split()
@@ -219,10 +220,10 @@ class Repository:
 
     def _sizes(self, entries: Sequence[_Entry]) -> dict[_Entry, int]:
         names = "".join(f"{entry.object_name}\n" for entry in entries)
-        done = _run(("cat-file", "--batch-check=%(objectsize)"), self.top, names.encode())
+        done = _run_git(("cat-file", "--batch-check=%(objectsize)"), self.top, names.encode())
         sizes = done.stdout.split(b"\n")[: len(entries)]
         if not all(size.isdigit() for size in sizes):
-            raise RevisionError(_INCOMPLETE)
+            raise RevisionError(_INCOMPLETE_MESSAGE)
         return {entry: int(size) for entry, size in zip(entries, sizes, strict=True)}
 
     def _blobs(self, object_names: Sequence[str]) -> Iterator[bytes]:
@@ -253,13 +254,13 @@ class Repository:
 def _blob(stream: IO[bytes]) -> bytes:
     fields = stream.readline().split()
     if len(fields) != 3 or fields[1] != b"blob":
-        raise RevisionError(_INCOMPLETE)
+        raise RevisionError(_INCOMPLETE_MESSAGE)
     size = int(fields[2])
     data = stream.read(size + 1)
     return data[:size]
 
 
-def _included(files: Iterable[Path]) -> Iterator[bytes]:
+def _words_in_including_files(files: Iterable[Path]) -> Iterator[bytes]:
     """Yield all words in the files that include parts or name files of trees.
 
     Some of these words are names of files without a YAML suffix, which are read as well.
@@ -270,7 +271,7 @@ def _included(files: Iterable[Path]) -> Iterator[bytes]:
             yield from _WORDS.findall(data)
 
 
-def _run(arguments: Sequence[str], folder: Path, text: bytes = b"") -> subprocess.CompletedProcess[bytes]:
+def _run_git(arguments: Sequence[str], folder: Path, text: bytes = b"") -> subprocess.CompletedProcess[bytes]:
     try:
         return subprocess.run(
             (*_GIT, *arguments),
@@ -287,4 +288,4 @@ def _run(arguments: Sequence[str], folder: Path, text: bytes = b"") -> subproces
 
 
 def _environment() -> dict[str, str]:
-    return {name: value for name, value in os.environ.items() if not name.startswith("GIT_")} | _CLEAN
+    return {name: value for name, value in os.environ.items() if not name.startswith("GIT_")} | _SAFE_VARIABLES

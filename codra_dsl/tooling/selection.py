@@ -94,7 +94,7 @@ def select(choices: Choices, wanted: Sequence[str], unwanted: Sequence[str] = ()
     return chosen.difference(*map(search.matches, unwanted))
 
 
-_EVERY = 10**9
+_ALL_STEPS = 10**9
 """More steps than any graph has."""
 
 _TERM = re.compile(
@@ -153,17 +153,17 @@ def _term(text: str, start: int) -> _Term:
         start=at,
         method=match["method"],
         pattern=match["pattern"],
-        needs=_steps(match["needs"]),
-        needed_by=_steps(match["by"]),
+        needs=_step_count(match["needs"]),
+        needed_by=_step_count(match["by"]),
         around=match["around"] is not None,
     )
 
 
-def _steps(digits: str | None) -> int:
+def _step_count(digits: str | None) -> int:
     """Return the number of steps: 0 without a `+`, and all steps for a `+` without a number."""
     if digits is None:
         return 0
-    return int(digits) if digits and len(digits) < len(str(_EVERY)) else _EVERY
+    return int(digits) if digits and len(digits) < len(str(_ALL_STEPS)) else _ALL_STEPS
 
 
 class _Search:
@@ -190,8 +190,10 @@ class _Search:
     def _extended(self, term: _Term) -> frozenset[str]:
         named = self._by_name(term) if term.method is None else self._method(term, term.method)(term)
         if term.around:
-            return _within(self._needs, _within(self._needed_by, named, _EVERY), _EVERY)
-        return _within(self._needs, named, term.needs) | _within(self._needed_by, named, term.needed_by)
+            return _reachable_nodes(self._needs, _reachable_nodes(self._needed_by, named, _ALL_STEPS), _ALL_STEPS)
+        return _reachable_nodes(self._needs, named, term.needs) | _reachable_nodes(
+            self._needed_by, named, term.needed_by
+        )
 
     def _by_name(self, term: _Term) -> frozenset[str]:
         is_id = "/" in term.pattern
@@ -201,7 +203,7 @@ class _Search:
     def _by_kind(self, term: _Term) -> frozenset[str]:
         kinds = self._choices.kinds
         if not any(fnmatchcase(kind, term.pattern) for kind in kinds):
-            raise term.error(f"there is no kind {term.pattern!r}: {_one_of(term.pattern, kinds)}")
+            raise term.error(f"there is no kind {term.pattern!r}: {_choice_text(term.pattern, kinds)}")
         return frozenset(node.id for node in self._choices.nodes if fnmatchcase(node.kind, term.pattern))
 
     def _by_file(self, term: _Term) -> frozenset[str]:
@@ -241,17 +243,17 @@ class _Search:
 
     def _method(self, term: _Term, name: str) -> Callable[[_Term], frozenset[str]]:
         if name not in self._methods:
-            message = f"there is no method {name!r}: {_one_of(name, tuple(self._methods))}"
+            message = f"there is no method {name!r}: {_choice_text(name, tuple(self._methods))}"
             raise SelectorError(message, term.text, term.start - len(name) - 1, len(name))
         return self._methods[name]
 
 
-def _one_of(given: str, allowed: Sequence[str]) -> str:
+def _choice_text(given: str, allowed: Sequence[str]) -> str:
     near = suggest(given, allowed)
     return f"did you mean '{near}'?" if near else f"choose from {', '.join(allowed)}"
 
 
-def _within(neighbours: Mapping[str, Sequence[str]], start: frozenset[str], steps: int) -> frozenset[str]:
+def _reachable_nodes(neighbours: Mapping[str, Sequence[str]], start: frozenset[str], steps: int) -> frozenset[str]:
     """Return the start and the nodes that can be reached from it in at most `steps` steps."""
     reached, edge = set(start), start
     while edge and steps:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from codra_dsl.cli.fixes import fix, work_on_files
+from codra_dsl.cli.fixes import fix, input_from_files
 from codra_dsl.compiler import Planned
 from codra_dsl.language.load.yaml.source import MAX_BYTES
 from codra_dsl.workspace.timings import UNTIMED
@@ -112,7 +112,7 @@ def test_the_mode_of_a_file_is_preserved(project: Path) -> None:
 def test_a_file_that_is_saved_while_codra_looks_for_fixes_is_not_lost(project: Path) -> None:
     path = project / "specs/door.yaml"
     looks = 0
-    work = work_on_files([project / "specs"], UNTIMED)
+    work = input_from_files([project / "specs"], UNTIMED)
 
     def plan(texts: Mapping[str, bytes]) -> Planned:
         nonlocal looks
@@ -132,7 +132,7 @@ def test_a_file_that_is_saved_while_codra_looks_for_fixes_is_not_lost(project: P
 
 def test_if_one_of_two_files_is_refused_the_other_one_counts(project: Path) -> None:
     (project / "specs/gate.yaml").write_bytes(SPEC.replace(b"name: door", b"name: gate"))
-    work = work_on_files([project / "specs"], UNTIMED)
+    work = input_from_files([project / "specs"], UNTIMED)
 
     def plan(texts: Mapping[str, bytes]) -> Planned:
         if texts:

@@ -10,14 +10,14 @@ from codra_dsl.language.diagnostics import suggest
 from codra_dsl.language.model import Kind, Variable
 from codra_dsl.tooling.diff.changes import Category, Change
 from codra_dsl.tooling.diff.version import Pair, Side
-from codra_dsl.tooling.diff.walk import Scope, Wording, elements
+from codra_dsl.tooling.diff.walk import Scope, Wording, element_comparer
 
 
-def variables(scope: Scope, key: str, old: Sequence[Variable], new: Sequence[Variable]) -> Iterator[Change]:
+def compare_variables(scope: Scope, key: str, old: Sequence[Variable], new: Sequence[Variable]) -> Iterator[Change]:
     """Yield the changes of all variables."""
-    yield from elements("context", "context-variable", _successor)(scope, key, old, new)
-    yield from _producers(scope)
-    yield from _aliases(scope)
+    yield from element_comparer("context", "context-variable", _successor)(scope, key, old, new)
+    yield from _compare_producers(scope)
+    yield from _compare_aliases(scope)
 
 
 def _successor(pair: Pair, old: Variable) -> str | None:
@@ -34,7 +34,7 @@ def _successor(pair: Pair, old: Variable) -> str | None:
     return suggest(old.name, [name for name in same_type if not algorithms and name not in pair.new.producers])
 
 
-def _producers(scope: Scope) -> Iterator[Change]:
+def _compare_producers(scope: Scope) -> Iterator[Change]:
     """Yield changes of the algorithms that identify variables.
 
     If several variables have the same algorithms, and only the order has changed, this is reported once.
@@ -48,13 +48,13 @@ def _producers(scope: Scope) -> Iterator[Change]:
             continue
         if is_order:
             orders.add(after)
-        category, message = _of_producers(before, [*after])
+        category, message = _producers_wording(before, [*after])
         was, now = (", ".join(one.removeprefix("-") for one in side) or "no algorithm" for side in (before, after))
         first = (_first_producer(side, name) for side in pair.sides)
         yield scope.element("context", name, *first).change(category, "", message, was, now)
 
 
-def _of_producers(before: list[str], after: list[str]) -> Wording:
+def _producers_wording(before: list[str], after: list[str]) -> Wording:
     kept = [name for name in after if name in before]
     if not before:
         return Category.OBSERVABLE, "an observer identifies it now"
@@ -79,7 +79,7 @@ def _first_producer(side: Side, name: str) -> Any:
 # Names in the generated package
 
 
-def enum_types(side: Side) -> dict[str, tuple[str, ...]]:
+def names_by_enum_type(side: Side) -> dict[str, tuple[str, ...]]:
     """Return the names of the enum variables. The key is the name of their type in the generated package."""
     groups: dict[tuple[str, ...], list[str]] = {}
     for variable in side.variables.values():
@@ -96,11 +96,11 @@ def enum_types(side: Side) -> dict[str, tuple[str, ...]]:
     return types
 
 
-def _aliases(scope: Scope) -> Iterator[Change]:
+def _compare_aliases(scope: Scope) -> Iterator[Change]:
     """Yield a change for each enum type whose name the generated package no longer has."""
     old, new = scope.pair.sides
-    present = enum_types(new)
-    for alias, names in enum_types(old).items():
+    present = names_by_enum_type(new)
+    for alias, names in names_by_enum_type(old).items():
         enums = [name for name in names if name in new.variables and new.variables[name].type.kind is Kind.ENUM]
         if alias not in present and enums:
             now = next(other for other, named in present.items() if enums[0] in named)

@@ -15,7 +15,7 @@ from codra_dsl.language.model import Access, Spec, Variable
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Broken:
+class BrokenSpec:
     """A spec with errors, even if there is a plan for it.
 
     Attributes:
@@ -38,7 +38,7 @@ class Version:
     """
 
     plans: tuple[BuildPlan, ...] = ()
-    broken: tuple[Broken, ...] = ()
+    broken: tuple[BrokenSpec, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -128,7 +128,7 @@ class Pair:
         return f"{self.new.spec.name}/{kind}/{name}"
 
 
-def paired(old: BuildPlan, new: BuildPlan) -> Pair:
+def make_pair(old: BuildPlan, new: BuildPlan) -> Pair:
     """Return both versions of a spec as a pair.
 
     Algorithms are paired by name, or else by the function that they call and the variables that they identify.
@@ -149,7 +149,7 @@ def _identity(checked: CheckedAlgorithm) -> tuple[str, frozenset[str]]:
     return checked.algorithm.call, frozenset(variable for variable, _ in checked.identifies)
 
 
-def seconds(duration_s: float | None) -> str:
+def duration_text(duration_s: float | None) -> str:
     """Return a duration as specs write it; empty for None."""
     if duration_s is None:
         return ""

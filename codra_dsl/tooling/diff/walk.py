@@ -17,12 +17,12 @@ from codra_dsl.language.expression import Node
 from codra_dsl.language.model import Condition, FuzzyTerm, Phrase, Reference, Spec, ValueType
 from codra_dsl.tooling.diff.changes import Category, Change
 from codra_dsl.tooling.diff.guards import normal_text
-from codra_dsl.tooling.diff.version import Pair, seconds
+from codra_dsl.tooling.diff.version import Pair, duration_text
 
-_LEAVES = (Reference, Condition, Place, Node)
+_LEAF_CLASSES = (Reference, Condition, Place, Node)
 """Dataclasses that are compared as one value."""
 
-_KEYS = {
+_KEY_OF_FIELD = {
     "method": "inference",
     "node": "of",
     "origin": "from",
@@ -67,8 +67,10 @@ class Scope:
             if field.compare and field.name not in skip:
                 before, after = (getattr(value, field.name) for value in self.values)
                 is_time = field.name.endswith("_s") and float in {type(before), type(after)}
-                compare = comparers.get(field.name, differs(show=seconds) if is_time else by_default)
-                yield from compare(self, _key(field.name), before, after)
+                compare = comparers.get(
+                    field.name, equality_comparer(show=duration_text) if is_time else compare_by_default
+                )
+                yield from compare(self, _key_of_field(field.name), before, after)
 
     def element(self, kind: str, name: str, old: Any, new: Any) -> Scope:
         """Return the scope of an element of the spec."""
@@ -135,7 +137,7 @@ Wording = tuple[Category, str]
 """The category and the message of a change."""
 
 
-def differs(
+def equality_comparer(
     category: Category | Callable[[Scope], Category] = Category.REDEFINED,
     message: str = "'{}' has changed",
     show: Callable[[Any], str] | None = None,
@@ -152,42 +154,46 @@ def differs(
     """
 
     def compare(scope: Scope, key: str, old: Any, new: Any) -> Iterator[Change]:
-        before, after = map(value or plain, (old, new))
+        before, after = map(value or plain_value, (old, new))
         if before != after:
             decided = category if isinstance(category, Category) else category(scope)
-            shown = (old, new) if show else (_not_in(new, old), _not_in(old, new))
+            shown = (old, new) if show else (_entries_not_in(new, old), _entries_not_in(old, new))
             yield scope.change(decided, key, message.format(key), *map(show or text_of, shown))
 
     return compare
 
 
-def unordered(message: str) -> Comparer:
+def set_comparer(message: str) -> Comparer:
     """Return the comparer of lists whose entries have no order and are compared all together."""
-    return differs(message=message, value=lambda several: frozenset(map(plain, several)))
+    return equality_comparer(message=message, value=lambda several: frozenset(map(plain_value, several)))
 
 
-def _not_in(one: Any, other: Any) -> Any:
+def _entries_not_in(one: Any, other: Any) -> Any:
     """Return the entries of `other` that `one` does not have, or all entries if only the order differs.
 
     A value that is not a list is returned whole.
     """
     if not isinstance(one, tuple) or not isinstance(other, tuple):
         return other
-    known = {*map(plain, one)}
-    return tuple(entry for entry in other if plain(entry) not in known) or (other if len(one) == len(other) else ())
+    known = {*map(plain_value, one)}
+    return tuple(entry for entry in other if plain_value(entry) not in known) or (
+        other if len(one) == len(other) else ()
+    )
 
 
-def by_default(scope: Scope, key: str, old: Any, new: Any) -> Iterator[Change]:
+def compare_by_default(scope: Scope, key: str, old: Any, new: Any) -> Iterator[Change]:
     """Yield the changes of a field that is not in the table."""
     if is_nested(old, new):
         yield from scope.inner(key, old, new).changes()
     elif _has_names(old) and _has_names(new):
-        yield from (elements(key) if isinstance(scope.values[1], Spec) else entries("entry"))(scope, key, old, new)
+        yield from (element_comparer(key) if isinstance(scope.values[1], Spec) else entry_comparer("entry"))(
+            scope, key, old, new
+        )
     else:
-        yield from differs()(scope, key, old, new)
+        yield from equality_comparer()(scope, key, old, new)
 
 
-def elements(
+def element_comparer(
     kind: str, noun: str | None = None, successor: Callable[[Pair, Any], str | None] | None = None
 ) -> Comparer:
     """Return the comparer of the elements in a section of the spec, which are paired by name.
@@ -202,7 +208,7 @@ def elements(
     noun = kind if noun is None else noun
 
     def compare(scope: Scope, _: str, old: Any, new: Any) -> Iterator[Change]:
-        for name, before, after in by_name(old, new):
+        for name, before, after in pair_by_name(old, new):
             inner = scope.element(kind, name, before, after)
             if before and after:
                 yield from inner.changes()
@@ -213,17 +219,17 @@ def elements(
             else:
                 gained = sorted({element.name for element in new} - {element.name for element in old})
                 similar = successor(scope.pair, before) if successor else suggest(name, gained)
-                yield inner.change(Category.REMOVED, "", gone(noun, similar))
+                yield inner.change(Category.REMOVED, "", removal_message(noun, similar))
 
     return compare
 
 
-def gone(noun: str, similar: str | None) -> str:
+def removal_message(noun: str, similar: str | None) -> str:
     """Return the message for a removed element. `similar` names the new element that is probably the same element."""
     return f"the {noun} is gone" + ("" if similar is None else f"; '{similar}' looks like its new name")
 
 
-def entries(noun: str, wording: Callable[[Any], Wording] | None = None) -> Comparer:
+def entry_comparer(noun: str, wording: Callable[[Any], Wording] | None = None) -> Comparer:
     """Return the comparer of entries of an element, which are paired by name.
 
     Args:
@@ -233,7 +239,7 @@ def entries(noun: str, wording: Callable[[Any], Wording] | None = None) -> Compa
     """
 
     def compare(scope: Scope, key: str, old: Any, new: Any) -> Iterator[Change]:
-        for name, before, after in by_name(old, new):
+        for name, before, after in pair_by_name(old, new):
             usual = (Category.ADDED, f"new {noun} '{{}}'") if after else (Category.REMOVED, f"{noun} '{{}}' is gone")
             if before and after:
                 yield from scope.inner(f"{key}.{name}", before, after).changes()
@@ -245,19 +251,19 @@ def entries(noun: str, wording: Callable[[Any], Wording] | None = None) -> Compa
     return compare
 
 
-def by_name(old: Iterable[Any], new: Iterable[Any]) -> Iterator[tuple[str, Any, Any]]:
+def pair_by_name(old: Iterable[Any], new: Iterable[Any]) -> Iterator[tuple[str, Any, Any]]:
     """Yield each name, with the entries of this name in A and in B; None for a version without such an entry."""
-    before, after = ({_name(entry): entry for entry in side} for side in (old, new))
+    before, after = ({_name_of(entry): entry for entry in side} for side in (old, new))
     for name in dict.fromkeys((*before, *after)):
         yield name, before.get(name), after.get(name)
 
 
 def is_nested(old: Any, new: Any) -> bool:
     """Return whether two values have the same class and are compared field by field."""
-    return type(old) is type(new) and is_dataclass(new) and not isinstance(new, _LEAVES)
+    return type(old) is type(new) and is_dataclass(new) and not isinstance(new, _LEAF_CLASSES)
 
 
-def plain(value: Any) -> Any:
+def plain_value(value: Any) -> Any:
     """Return a hashable form of a value, without places and without the way in which conditions are written."""
     match value:
         case Place():
@@ -267,11 +273,11 @@ def plain(value: Any) -> Any:
         case Node():
             return normal_text(value)
         case Mapping():
-            return frozenset((name, plain(entry)) for name, entry in value.items())
+            return frozenset((name, plain_value(entry)) for name, entry in value.items())
         case tuple():
-            return tuple(map(plain, value))
+            return tuple(map(plain_value, value))
         case _ if is_dataclass(value):
-            return tuple(plain(getattr(value, field.name)) for field in fields(value) if field.compare)
+            return tuple(plain_value(getattr(value, field.name)) for field in fields(value) if field.compare)
     return value
 
 
@@ -297,7 +303,10 @@ def text_of(value: Any) -> str:
         case _ if is_dataclass(value):
             shown = ((field.name, getattr(value, field.name)) for field in fields(value))
             texts = (
-                (_key(name), seconds(part) if name.endswith("_s") and isinstance(part, float) else text_of(part))
+                (
+                    _key_of_field(name),
+                    duration_text(part) if name.endswith("_s") and isinstance(part, float) else text_of(part),
+                )
                 for name, part in shown
             )
             return f"({', '.join(f'{key}: {text}' for key, text in texts if text)})"
@@ -308,12 +317,12 @@ def text_of(value: Any) -> str:
     return str(value)
 
 
-def _key(name: str) -> str:
+def _key_of_field(name: str) -> str:
     """Return the key of a field."""
-    return _KEYS.get(name) or name.removeprefix("is_").removesuffix("_s")
+    return _KEY_OF_FIELD.get(name) or name.removeprefix("is_").removesuffix("_s")
 
 
-def _name(entry: Any) -> str:
+def _name_of(entry: Any) -> str:
     """Return the name of an entry, or else the name of its first field value that has a name; empty without a name."""
     values = (entry, *(getattr(entry, field.name) for field in fields(entry)))
     names = (value.name for value in values if isinstance(getattr(value, "name", None), str))
@@ -322,5 +331,5 @@ def _name(entry: Any) -> str:
 
 def _has_names(value: Any) -> bool:
     return isinstance(value, tuple) and all(
-        is_dataclass(entry) and not isinstance(entry, _LEAVES) and hasattr(entry, "name") for entry in value
+        is_dataclass(entry) and not isinstance(entry, _LEAF_CLASSES) and hasattr(entry, "name") for entry in value
     )

@@ -19,12 +19,12 @@ Sources = Callable[[str], str | None]
 
 _TAB = "    "
 _REPLACEMENT = "\N{REPLACEMENT CHARACTER}"
-_CROPPED = "..."
-_WIDEST = 200
+_ELLIPSIS = "..."
+_MAX_WIDTH = 200
 _MARGIN = 60
-_WIDE = ("W", "F")
-_MARKUP = str.maketrans({letter: f"\\{letter}" for letter in "\\`*_{}[]()<>#!|~&$:@^="})
-_HALF_A_PAIR = re.compile("[\ud800-\udfff]")
+_WIDE_CATEGORIES = ("W", "F")
+_MARKUP_ESCAPES = str.maketrans({letter: f"\\{letter}" for letter in "\\`*_{}[]()<>#!|~&$:@^="})
+_LONE_SURROGATE = re.compile("[\ud800-\udfff]")
 _NOT_ASCII = re.compile("[^\x00-\x7f]+")
 
 
@@ -53,24 +53,26 @@ COLOURED = Palette(
 def render_full(diagnostics: Iterable[Diagnostic], sources: Sources, palette: Palette = PLAIN) -> str:
     """Return each finding with the line that it is about, carets below the error, and the help."""
     lines = _Lines(sources)
-    return "\n".join("\n".join(_full(diagnostic, lines, palette)) + "\n" for diagnostic in diagnostics)
+    return "\n".join("\n".join(_full_lines(diagnostic, lines, palette)) + "\n" for diagnostic in diagnostics)
 
 
 def render_concise(diagnostics: Iterable[Diagnostic], palette: Palette = PLAIN) -> str:
     """Return one line per finding: place, severity, code, message, help, and places where templates are used."""
-    return "".join(f"{_headline(diagnostic, palette)}{_in_brackets(help(diagnostic))}\n" for diagnostic in diagnostics)
+    return "".join(
+        f"{_headline(diagnostic, palette)}{_in_brackets(help_text(diagnostic))}\n" for diagnostic in diagnostics
+    )
 
 
 def render_json(diagnostics: Iterable[Diagnostic]) -> str:
     """Return findings as JSON, with one object per line. Lines and columns begin at 1; columns count code points."""
     lines = []
-    for diagnostic, number in numbered(diagnostics):
+    for diagnostic, number in number_findings(diagnostics):
         fingerprint = diagnostic.fingerprint if number == 1 else f"{diagnostic.fingerprint}:{number}"
-        lines.append(as_json({**_object(diagnostic), "fingerprint": fingerprint}) + "\n")
+        lines.append(as_json({**_finding_object(diagnostic), "fingerprint": fingerprint}) + "\n")
     return "".join(lines)
 
 
-def numbered(diagnostics: Iterable[Diagnostic]) -> Iterator[tuple[Diagnostic, int]]:
+def number_findings(diagnostics: Iterable[Diagnostic]) -> Iterator[tuple[Diagnostic, int]]:
     """Yield each finding with its number, from 1 on, among the findings with the same fingerprint."""
     seen: Counter[str] = Counter()
     for diagnostic in diagnostics:
@@ -83,12 +85,12 @@ def as_json(value: object, indent: int | None = None) -> str:
 
     The result contains no command of GitHub's runner, which may read it in a log.
     """
-    text = _HALF_A_PAIR.sub(_REPLACEMENT, json.dumps(value, ensure_ascii=False, indent=indent))
+    text = _LONE_SURROGATE.sub(_REPLACEMENT, json.dumps(value, ensure_ascii=False, indent=indent))
     text = text.replace("##[", r"##\u005b")
     return _NOT_ASCII.sub(lambda letters: json.dumps(letters[0])[1:-1], text)  # outside strings JSON is ASCII
 
 
-def help(diagnostic: Diagnostic) -> str:
+def help_text(diagnostic: Diagnostic) -> str:
     """Return on one line how to fix a finding and, for a finding in a template, the place of a use that causes it."""
     uses = list(
         dict.fromkeys(case.place.use for case in (diagnostic, *diagnostic.per_use) if case.place.use is not None)
@@ -110,39 +112,39 @@ def related_places(diagnostic: Diagnostic) -> tuple[Related, ...]:
     return tuple(dict.fromkeys(places))
 
 
-def _full(diagnostic: Diagnostic, lines: _Lines, palette: Palette) -> list[str]:
+def _full_lines(diagnostic: Diagnostic, lines: _Lines, palette: Palette) -> list[str]:
     line = lines.at(diagnostic.place.span)
     shown = [_headline(diagnostic, palette)]
-    help_ = f"{palette.help}help: {visible(diagnostic.help)}{palette.end}" if diagnostic.help else ""
+    help_ = f"{palette.help}help: {visible_text(diagnostic.help)}{palette.end}" if diagnostic.help else ""
     width = len(str(diagnostic.place.span.line))
     bar = f"{palette.gutter}{'':{width}} |{palette.end}"
     if line is not None:
-        text, before, marked = _marked(line, diagnostic.place.span)
+        text, before, marked = _mark_line(line, diagnostic.place.span)
         number = f"{palette.gutter}{diagnostic.place.span.line} |{palette.end}"
         caret = f"{palette.of(diagnostic.severity)}{'^' * marked}{palette.end}"
         shown += [bar, f"{number} {text}".rstrip(), f"{bar} {' ' * before}{caret} {help_}".rstrip()]
     elif help_:
         shown.append(f"{'':{width}} {help_}")
-    notes = ((shown_place(related.place.span), visible(related.message)) for related in related_places(diagnostic))
+    notes = ((shown_place(related.place.span), visible_text(related.message)) for related in related_places(diagnostic))
     return shown + [f"{'':{width}} {palette.gutter}={palette.end} {place}: {message}" for place, message in notes]
 
 
 def _headline(diagnostic: Diagnostic, palette: Palette) -> str:
     place = f"{palette.place}{shown_place(diagnostic.place.span)}{palette.end}"
     kind = f"{palette.of(diagnostic.severity)}{diagnostic.severity}[{diagnostic.code}]{palette.end}"
-    return f"{place}: {kind}: {visible(diagnostic.message)}"
+    return f"{place}: {kind}: {visible_text(diagnostic.message)}"
 
 
 def shown_place(span: Span) -> str:
     """Return file, line and column as findings show them."""
-    return f"{visible(span.file)}:{span.line}:{span.column}"
+    return f"{visible_text(span.file)}:{span.line}:{span.column}"
 
 
 def _in_brackets(text: str) -> str:
-    return f" ({visible(text)})" if text else ""
+    return f" ({visible_text(text)})" if text else ""
 
 
-def _object(diagnostic: Diagnostic) -> dict[str, object]:
+def _finding_object(diagnostic: Diagnostic) -> dict[str, object]:
     related = [{"message": note.message, **range_of(note.place.span)} for note in related_places(diagnostic)]
     return {
         "code": diagnostic.code,
@@ -153,11 +155,11 @@ def _object(diagnostic: Diagnostic) -> dict[str, object]:
         "path": diagnostic.path,
         "help": diagnostic.help,
         "related": related,
-        "fix": _fix(diagnostic.fix),
+        "fix": _fix_object(diagnostic.fix),
     }
 
 
-def _fix(fix: Fix | None) -> dict[str, object] | None:
+def _fix_object(fix: Fix | None) -> dict[str, object] | None:
     if fix is None:
         return None
     edits = [{**range_of(edit.span), "text": edit.text} for edit in fix.edits]
@@ -191,20 +193,20 @@ class _Lines:
         return lines[span.line - 1] if 0 < span.line <= len(lines) else None
 
 
-def _marked(line: str, span: Span) -> tuple[str, int, int]:
+def _mark_line(line: str, span: Span) -> tuple[str, int, int]:
     """Return a line as shown, the number of columns before its marked part, and the number of marked columns (>= 1)."""
     first = min(span.column - 1, len(line))
     last = len(line) if span.end_line > span.line else min(span.end_column - 1, len(line))
-    start = max(0, first - _MARGIN) if len(line) > _WIDEST else 0
-    cropped = _CROPPED if start else ""
-    before, part, after = line[start:first], line[first:last], line[max(first, last) : start + _WIDEST]
-    ended = _CROPPED if len(line) > start + _WIDEST else ""
-    part = part[: _WIDEST - _MARGIN]
-    text = cropped + visible(before) + visible(part) + visible(after) + ended
-    return text, len(cropped) + _columns(before), max(1, _columns(part))
+    start = max(0, first - _MARGIN) if len(line) > _MAX_WIDTH else 0
+    cropped = _ELLIPSIS if start else ""
+    before, part, after = line[start:first], line[first:last], line[max(first, last) : start + _MAX_WIDTH]
+    ended = _ELLIPSIS if len(line) > start + _MAX_WIDTH else ""
+    part = part[: _MAX_WIDTH - _MARGIN]
+    text = cropped + visible_text(before) + visible_text(part) + visible_text(after) + ended
+    return text, len(cropped) + _column_count(before), max(1, _column_count(part))
 
 
-def visible(text: str) -> str:
+def visible_text(text: str) -> str:
     """Return text for one line, with blanks for tabs and replacements for control, format and surrogate characters."""
     if text.isprintable():  # true for nearly every text; to check each character of a large report would take seconds
         return text
@@ -213,20 +215,20 @@ def visible(text: str) -> str:
 
 def as_markdown(text: str) -> str:
     """Return text as Markdown that shows it unchanged."""
-    return visible(text).translate(_MARKUP)
+    return visible_text(text).translate(_MARKUP_ESCAPES)
 
 
 def visible_lines(text: str) -> str:
-    """Return text of several lines, each as `visible` returns it."""
-    return "\n".join(map(visible, text.split("\n")))
+    """Return text of several lines, each as `visible_text` returns it."""
+    return "\n".join(map(visible_text, text.split("\n")))
 
 
-def _columns(text: str) -> int:
+def _column_count(text: str) -> int:
     """Return the number of terminal columns that a text takes."""
-    return sum(_column(letter) for letter in visible(text))
+    return sum(_column_width(letter) for letter in visible_text(text))
 
 
-def _column(letter: str) -> int:
+def _column_width(letter: str) -> int:
     if unicodedata.combining(letter):
         return 0
-    return 2 if unicodedata.east_asian_width(letter) in _WIDE else 1
+    return 2 if unicodedata.east_asian_width(letter) in _WIDE_CATEGORIES else 1

@@ -11,7 +11,14 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 
 from codra_dsl.language.diagnostics import Diagnostic, Severity, Span
-from codra_dsl.tooling.report.findings import as_markdown, help, related_places, render_concise, shown_place, visible
+from codra_dsl.tooling.report.findings import (
+    as_markdown,
+    help_text,
+    related_places,
+    render_concise,
+    shown_place,
+    visible_text,
+)
 
 MAX_ANNOTATIONS = 10
 """The number of annotations of one severity that GitHub shows for a step."""
@@ -19,7 +26,7 @@ MAX_SUMMARY_BYTES = 512 * 1024
 """The maximum size of findings in the summary of a step. GitHub rejects a summary of more than 1 MiB."""
 
 _COMMAND = "::"
-_BEGINS_A_COMMAND = re.compile(r"^(?=[^\S\n]*::)", re.MULTILINE)
+_COMMAND_START = re.compile(r"^(?=[^\S\n]*::)", re.MULTILINE)
 _STANDARD_INPUT = "-"
 _DATA = {"%": "%25", "\r": "%0D", "\n": "%0A"}
 _PROPERTY = _DATA | {":": "%3A", ",": "%2C"}
@@ -33,10 +40,12 @@ def render_github(diagnostics: Iterable[Diagnostic], folder: str = "") -> str:
         folder: the path of the files' root within the repository, with `/`.
     """
     findings = tuple(diagnostics)
-    annotated = [diagnostic for severity in Severity for diagnostic in _of(findings, severity)[:MAX_ANNOTATIONS]]
+    annotated = [
+        diagnostic for severity in Severity for diagnostic in _with_severity(findings, severity)[:MAX_ANNOTATIONS]
+    ]
     commands = [_annotation(diagnostic, folder) for diagnostic in annotated]
     if len(annotated) < len(findings):
-        commands.append(_rest(findings, annotated))
+        commands.append(_rest_notice(findings, annotated))
     return "".join(f"{command}\n" for command in commands) + without_commands(render_concise(findings))
 
 
@@ -45,7 +54,7 @@ def without_commands(text: str) -> str:
 
     A line is a command if it begins with `::`, also after blanks, or if it contains `##[`.
     """
-    return _BEGINS_A_COMMAND.sub("./", text.replace("##[", "## ["))
+    return _COMMAND_START.sub("./", text.replace("##[", "## ["))
 
 
 def render_summary(diagnostics: Sequence[Diagnostic], title: str) -> str:
@@ -69,45 +78,50 @@ def render_summary(diagnostics: Sequence[Diagnostic], title: str) -> str:
 def _annotation(diagnostic: Diagnostic, folder: str) -> str:
     lines = [diagnostic.message, *([f"help: {diagnostic.help}"] if diagnostic.help else [])]
     lines += [f"{shown_place(related.place.span)}: {related.message}" for related in related_places(diagnostic)]
-    properties = _place(diagnostic.place.span, folder) | {"title": f"{diagnostic.code} {diagnostic.rule.name}"}
-    return _command(diagnostic.severity.value, properties, "\n".join(map(visible, lines)))
+    properties = _place_properties(diagnostic.place.span, folder) | {
+        "title": f"{diagnostic.code} {diagnostic.rule.name}"
+    }
+    return _command(diagnostic.severity.value, properties, "\n".join(map(visible_text, lines)))
 
 
-def _place(span: Span, folder: str) -> dict[str, str]:
+def _place_properties(span: Span, folder: str) -> dict[str, str]:
     """Return the place of an annotation. It has columns only if it is within one line, as GitHub requires."""
     if span.file == _STANDARD_INPUT:
         return {}
-    file = visible(f"{folder}/{span.file}" if folder else span.file)
+    file = visible_text(f"{folder}/{span.file}" if folder else span.file)
     place = {"file": file, "line": str(span.line), "endLine": str(span.end_line)}
     if span.line == span.end_line:
         place |= {"col": str(span.column), "endColumn": str(span.end_column)}
     return place
 
 
-def _rest(findings: Sequence[Diagnostic], annotated: Sequence[Diagnostic]) -> str:
-    hidden = [(severity, len(_of(findings, severity)) - len(_of(annotated, severity))) for severity in Severity]
+def _rest_notice(findings: Sequence[Diagnostic], annotated: Sequence[Diagnostic]) -> str:
+    hidden = [
+        (severity, len(_with_severity(findings, severity)) - len(_with_severity(annotated, severity)))
+        for severity in Severity
+    ]
     counts = " and ".join(
         f"{number} more {severity.value}{'s' * (number > 1)}" for severity, number in hidden if number
     )
     return _command("notice", {"title": "codra"}, f"{counts}: see the log or the summary of this step")
 
 
-def _of(diagnostics: Iterable[Diagnostic], severity: Severity) -> list[Diagnostic]:
+def _with_severity(diagnostics: Iterable[Diagnostic], severity: Severity) -> list[Diagnostic]:
     return [diagnostic for diagnostic in diagnostics if diagnostic.severity is severity]
 
 
 def _command(name: str, properties: Mapping[str, str], message: str) -> str:
-    text = ",".join(f"{key}={_escaped(value, _PROPERTY)}" for key, value in properties.items())
-    return f"{_COMMAND}{name} {text}{_COMMAND}{_escaped(message, _DATA)}"
+    text = ",".join(f"{key}={_escape(value, _PROPERTY)}" for key, value in properties.items())
+    return f"{_COMMAND}{name} {text}{_COMMAND}{_escape(message, _DATA)}"
 
 
-def _escaped(text: str, escapes: Mapping[str, str]) -> str:
+def _escape(text: str, escapes: Mapping[str, str]) -> str:
     return text.translate({ord(letter): escape for letter, escape in escapes.items()})
 
 
 def _row(diagnostic: Diagnostic) -> str:
     span = diagnostic.place.span
     place = f"{as_markdown(span.file)}:{span.line}:{span.column}"
-    more = help(diagnostic)
+    more = help_text(diagnostic)
     help_ = f" *({as_markdown(more)})*" if more else ""
     return f"| {place} | {diagnostic.severity.value} {diagnostic.code} | {as_markdown(diagnostic.message)}{help_} |\n"

@@ -12,9 +12,9 @@ from collections.abc import Callable, Iterable, Sequence
 from xml.etree import ElementTree
 
 from codra_dsl.language.diagnostics import Diagnostic
-from codra_dsl.tooling.report.findings import Sources, render_concise, render_full, visible
+from codra_dsl.tooling.report.findings import Sources, render_concise, render_full, visible_text
 
-_BEGINS_A_COMMAND = re.compile(r"^(\s*):(?=:)", re.MULTILINE)
+_COMMAND_START = re.compile(r"^(\s*):(?=:)", re.MULTILINE)
 _FIXED_INSTANT = "1970-01-01T00:00:00"  # the schema requires one; equal findings give equal bytes
 _FIXED_HOST = "localhost"
 _FIXED_TIME_S = "0"
@@ -42,7 +42,7 @@ def render_junit(
     for diagnostic in findings:
         failures.setdefault(diagnostic.place.span.file, []).extend([diagnostic] if is_failure(diagnostic) else [])
     others = [diagnostic for diagnostic in findings if not is_failure(diagnostic)]
-    root = _suite(suite, tests=len(failures), failures=sum(map(bool, failures.values())))
+    root = _suite_element(suite, tests=len(failures), failures=sum(map(bool, failures.values())))
     ElementTree.SubElement(root, "properties")
     for file, failing in sorted(failures.items()):
         _add_test(root, suite, file, failing, sources)
@@ -55,10 +55,10 @@ def render_junit(
 
 def _without_commands(text: str) -> str:
     """Return equivalent XML without commands of GitHub's runner, which may read it in a log."""
-    return _BEGINS_A_COMMAND.sub(r"\1&#58;", text.replace("##[", "##&#91;"))
+    return _COMMAND_START.sub(r"\1&#58;", text.replace("##[", "##&#91;"))
 
 
-def _suite(name: str, *, tests: int, failures: int) -> ElementTree.Element:
+def _suite_element(name: str, *, tests: int, failures: int) -> ElementTree.Element:
     counts = {"tests": str(tests), "failures": str(failures), "errors": "0", "skipped": "0"}
     ran = {"time": _FIXED_TIME_S, "timestamp": _FIXED_INSTANT, "hostname": _FIXED_HOST}
     return ElementTree.Element("testsuite", {"name": name} | counts | ran)
@@ -67,10 +67,10 @@ def _suite(name: str, *, tests: int, failures: int) -> ElementTree.Element:
 def _add_test(
     root: ElementTree.Element, suite: str, file: str, failing: Sequence[Diagnostic], sources: Sources
 ) -> None:
-    attributes = {"classname": suite, "name": visible(file), "time": _FIXED_TIME_S}
+    attributes = {"classname": suite, "name": visible_text(file), "time": _FIXED_TIME_S}
     test = ElementTree.SubElement(root, "testcase", attributes)
     if failing:
         first, others = failing[0], len(failing) - 1
         more = f" (and {others} more)" if others else ""
-        attributes = {"type": first.code, "message": f"{visible(first.message)}{more}"}
+        attributes = {"type": first.code, "message": f"{visible_text(first.message)}{more}"}
         ElementTree.SubElement(test, "failure", attributes).text = f"\n{render_full(failing, sources)}"

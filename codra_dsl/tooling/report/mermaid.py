@@ -15,12 +15,12 @@ from codra_dsl.tooling.report.looks import (
     EDGES,
     NODES,
     WORST_CASE,
-    Shown,
+    ShownKind,
     edges_of,
     label_of,
     latency_of,
     nodes_of,
-    shown,
+    shown_kind,
 )
 from codra_dsl.tooling.report.overview import Overview, overview
 
@@ -30,21 +30,21 @@ MAX_EDGES = 499
 MAX_LETTERS = 50_000
 """The largest number of letters that Mermaid draws by default (`maxTextSize`)."""
 
-_SHAPES: Mapping[Shown, tuple[str, str]] = {
-    Shown.CONTEXT: ("(", ")"),
-    Shown.GIVEN: ("(", ")"),
-    Shown.PERCEPTION: ("[", "]"),
-    Shown.OBSERVER: ("{{", "}}"),
-    Shown.SKILL: ("([", "])"),
-    Shown.AGENT: ("[/", "\\]"),
-    Shown.TYPE: ("(", ")"),
-    Shown.EDGE: ("((", "))"),
-    Shown.TASK: ("[[", "]]"),
-    Shown.METRIC: ("[", "]"),
-    Shown.ACTION: ("([", "])"),
-    Shown.ADAPTATION: ("{", "}"),
-    Shown.TREE: ("[(", ")]"),
-    Shown.LOOP: ("(((", ")))"),
+_SHAPES: Mapping[ShownKind, tuple[str, str]] = {
+    ShownKind.CONTEXT: ("(", ")"),
+    ShownKind.GIVEN: ("(", ")"),
+    ShownKind.PERCEPTION: ("[", "]"),
+    ShownKind.OBSERVER: ("{{", "}}"),
+    ShownKind.SKILL: ("([", "])"),
+    ShownKind.AGENT: ("[/", "\\]"),
+    ShownKind.TYPE: ("(", ")"),
+    ShownKind.EDGE: ("((", "))"),
+    ShownKind.TASK: ("[[", "]]"),
+    ShownKind.METRIC: ("[", "]"),
+    ShownKind.ACTION: ("([", "])"),
+    ShownKind.ADAPTATION: ("{", "}"),
+    ShownKind.TREE: ("[(", ")]"),
+    ShownKind.LOOP: ("(((", ")))"),
 }
 _ARROWS: Mapping[EdgeKind, str] = {
     EdgeKind.REQUIRES: "-->",
@@ -91,14 +91,14 @@ def flowchart(graph: Graph) -> Flowchart:
     if complete.fits:
         return complete
     boxes = overview(graph)
-    return Flowchart(text=_condensed(boxes), is_complete=False, edges=len(boxes.arrows))
+    return Flowchart(text=_overview_chart(boxes), is_complete=False, edges=len(boxes.arrows))
 
 
 def _chart(graph: Graph) -> str:
     numbers = {element.id: number for number, element in enumerate(graph.elements)}
     lines = ["flowchart LR"]
     for spec in graph.specs:
-        inside = [*_groups([element for element in graph.elements if element.spec == spec], numbers)]
+        inside = [*_element_lines([element for element in graph.elements if element.spec == spec], numbers)]
         lines += _subgraph(f"spec_{spec}", spec, inside) if len(graph.specs) > 1 else inside
     for link in graph.links:
         need, user = link.flow
@@ -110,7 +110,7 @@ def _chart(graph: Graph) -> str:
     return "\n  ".join(lines) + "\n"
 
 
-def _groups(elements: Iterable[Element], numbers: Mapping[str, int]) -> Iterator[str]:
+def _element_lines(elements: Iterable[Element], numbers: Mapping[str, int]) -> Iterator[str]:
     """Yield all elements. The elements of a use of a template are in a subgraph."""
     groups: dict[str, list[str]] = {}
     for element in elements:
@@ -121,16 +121,16 @@ def _groups(elements: Iterable[Element], numbers: Mapping[str, int]) -> Iterator
 
 
 def _subgraph(name: str, label: str, lines: Iterable[str]) -> list[str]:
-    return [f'subgraph {name}["{_text(label)}"]', *(f"  {line}" for line in lines), "end"]
+    return [f'subgraph {name}["{_escape_label(label)}"]', *(f"  {line}" for line in lines), "end"]
 
 
 def _node(element: Element, number: int) -> str:
-    opening, closing = _SHAPES[shown(element)]
-    label = "<br/>".join(filter(None, [_text(label_of(element)), latency_of(element)]))
-    return f'n{number}{opening}"{label}"{closing}:::{shown(element)}'
+    opening, closing = _SHAPES[shown_kind(element)]
+    label = "<br/>".join(filter(None, [_escape_label(label_of(element)), latency_of(element)]))
+    return f'n{number}{opening}"{label}"{closing}:::{shown_kind(element)}'
 
 
-def _text(label: str) -> str:
+def _escape_label(label: str) -> str:
     """Return text that Mermaid shows unchanged: codes replace all characters but letters, digits, `_` and blanks."""
     return "".join(letter if letter.isalnum() or letter in "_ " else f"#{ord(letter)};" for letter in label)
 
@@ -139,15 +139,15 @@ def _legend(graph: Graph) -> list[str]:
     """Return the legend: for each kind of arrow, an arrow from A to B with its meaning."""
     lines = []
     for number, kind in enumerate(edges_of(graph)):
-        sentence = _text(EDGES[kind].sentence)
+        sentence = _escape_label(EDGES[kind].sentence)
         lines.append(f'a{number}(("A")) {_ARROWS[kind]}|"{sentence}"| b{number}(("B"))')
-    lines += (f'k_{kind}["{_text(NODES[kind].meaning)}"]:::{kind}' for kind in nodes_of(graph))
+    lines += (f'k_{kind}["{_escape_label(NODES[kind].meaning)}"]:::{kind}' for kind in nodes_of(graph))
     if any(latency_of(element) for element in graph.elements):
-        lines.append(f'worst_case["≤ 1 s{_text(": " + WORST_CASE)}"]:::plain')
+        lines.append(f'worst_case["≤ 1 s{_escape_label(": " + WORST_CASE)}"]:::plain')
     return _subgraph("legend", "how to read it", lines)
 
 
-def _style(kind: Shown) -> str:
+def _style(kind: ShownKind) -> str:
     dashes = ",stroke-dasharray:4 2" if "dashed" in NODES[kind].style else ""
     return f"classDef {kind} fill:{NODES[kind].fill},stroke:#333333,color:#000000{dashes}"
 
@@ -157,7 +157,7 @@ def _link_style(kind: EdgeKind, kinds: Sequence[EdgeKind]) -> str:
     return f"linkStyle {numbers} stroke:{EDGES[kind].colour}"
 
 
-def _condensed(condensed: Overview) -> str:
+def _overview_chart(condensed: Overview) -> str:
     """Return a flowchart of boxes."""
     lines = [
         "flowchart LR",
@@ -166,7 +166,7 @@ def _condensed(condensed: Overview) -> str:
     ]
     for spec in condensed.specs:
         inside = [
-            f'b{number}["{_text(box.label)}<br/>{box.count} node{"" if box.count == 1 else "s"}"]'
+            f'b{number}["{_escape_label(box.label)}<br/>{box.count} node{"" if box.count == 1 else "s"}"]'
             for number, box in enumerate(condensed.boxes)
             if box.spec == spec
         ]

@@ -42,23 +42,23 @@ def overview(graph: Graph) -> Overview:
 
     If this gives only one box, each observer has a box instead, and so has each element without an observer.
     """
-    if len({_module(element) for element in graph.elements}) > 1:
-        return _condensed(graph, _module)
-    return _condensed(graph, _observer)
+    if len({_module_key(element) for element in graph.elements}) > 1:
+        return _condense(graph, _module_key)
+    return _condense(graph, _observer_key)
 
 
 _Key = tuple[str, str]
 
 
-def _module(element: Element) -> _Key:
+def _module_key(element: Element) -> _Key:
     return element.spec, element.group
 
 
-def _observer(element: Element) -> _Key:
+def _observer_key(element: Element) -> _Key:
     return element.spec, (element.observer or element.id).rpartition("/")[2]
 
 
-def _condensed(graph: Graph, key_of: Callable[[Element], _Key]) -> Overview:
+def _condense(graph: Graph, key_of: Callable[[Element], _Key]) -> Overview:
     counts = Counter(map(key_of, graph.elements))
     numbers = {key: number for number, key in enumerate(counts)}
     box_of = {element.id: numbers[key_of(element)] for element in graph.elements}

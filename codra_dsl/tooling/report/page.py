@@ -14,10 +14,19 @@ from importlib.resources import files
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from codra_dsl.tooling.report.dot import MAX_QUICK, DrawingError, drawing
-from codra_dsl.tooling.report.findings import visible
+from codra_dsl.tooling.report.dot import MAX_QUICK_NODES, DrawingError, drawing
+from codra_dsl.tooling.report.findings import visible_text
 from codra_dsl.tooling.report.graphs import Element, Graph
-from codra_dsl.tooling.report.looks import EDGES, NODES, WORST_CASE, edges_of, label_of, latency_of, nodes_of, shown
+from codra_dsl.tooling.report.looks import (
+    EDGES,
+    NODES,
+    WORST_CASE,
+    edges_of,
+    label_of,
+    latency_of,
+    nodes_of,
+    shown_kind,
+)
 
 
 def render_html(graph: Graph) -> str:
@@ -56,7 +65,7 @@ def _drawing(graph: Graph) -> str:
 
     Without a drawing, the page lays out the graph itself.
     """
-    if len(graph.elements) > MAX_QUICK:
+    if len(graph.elements) > MAX_QUICK_NODES:
         return ""
     try:
         return drawing(graph)
@@ -89,23 +98,23 @@ _FACTS = {
 }
 
 
-def _fact(value: object) -> object:
+def _fact_text(value: object) -> object:
     return ", ".join(map(str, value)) if isinstance(value, list) else value
 
 
 def _node(element: Element) -> Mapping[str, object]:
-    facts = {_FACTS[name]: _fact(value) for name, value in element.about.items() if name in _FACTS and value != []}
+    facts = {_FACTS[name]: _fact_text(value) for name, value in element.about.items() if name in _FACTS and value != []}
     if "Looks every" in facts:
         facts["Looks every"] = f"{facts['Looks every']:g} s"
     return {
         "id": element.id,
-        "kind": shown(element).value,
+        "kind": shown_kind(element).value,
         "name": element.name,
         "label": label_of(element),
         "spec": element.spec,
         "group": element.group,
         "place": f"{element.file}:{element.line}",
-        "description": visible(element.description),
+        "description": visible_text(element.description),
         "worst_case_s": element.worst_case_s,
         "latency": latency_of(element),
         "facts": facts,

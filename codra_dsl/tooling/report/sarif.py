@@ -13,7 +13,7 @@ from urllib.parse import quote
 from codra_dsl import __version__
 from codra_dsl.language.diagnostics import Diagnostic, Edit, Fix, Place, Related, Rule, Severity, Span
 from codra_dsl.tooling.report.explain import Page, as_text, family_of, page_of
-from codra_dsl.tooling.report.findings import as_json, numbered, related_places, visible
+from codra_dsl.tooling.report.findings import as_json, number_findings, related_places, visible_text
 
 _SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json"
 _ROOT = "%SRCROOT%"
@@ -29,8 +29,8 @@ MAX_STEPS = 1_000
 _MAX_LINKS = 5
 _MAX_DESCRIPTION = 1024
 
-_NO_FILE_BYTE = re.compile("[\ud800-\udc7f\udd00-\udfff]")
-_NO_WORD = re.compile(r"\W+")
+_INVALID_SURROGATE = re.compile("[\ud800-\udc7f\udd00-\udfff]")
+_NON_WORD = re.compile(r"\W+")
 _LINK_LETTERS = re.compile(r"([\\\[\]])")
 
 _Object = dict[str, object]
@@ -49,7 +49,8 @@ def render_sarif(diagnostics: Iterable[Diagnostic], folder: str = "") -> str:
     numbers = {code: number for number, code in enumerate(rules)}
     places = _Places(folder)
     results = [
-        _result(diagnostic, numbers[diagnostic.code], occurrence, places) for diagnostic, occurrence in numbered(kept)
+        _result(diagnostic, numbers[diagnostic.code], occurrence, places)
+        for diagnostic, occurrence in number_findings(kept)
     ]
     driver = {"name": "codra", "version": __version__, "rules": [_rule(rule) for rule in rules.values()]}
     run = {
@@ -105,7 +106,7 @@ def _page(code: str) -> Page | None:
 
 
 def _tag(code: str) -> str:
-    return _NO_WORD.sub("-", family_of(code).lower())
+    return _NON_WORD.sub("-", family_of(code).lower())
 
 
 # ---------------------------------------------------------------------------------------------------- results
@@ -116,7 +117,7 @@ def _result(diagnostic: Diagnostic, rule_index: int, occurrence: int, places: _P
     flows = _flows(diagnostic, places)
     location: _Object = {"physicalLocation": places.at(diagnostic.place.span)}
     if diagnostic.path:
-        location["logicalLocations"] = [{"fullyQualifiedName": visible(diagnostic.path)}]
+        location["logicalLocations"] = [{"fullyQualifiedName": visible_text(diagnostic.path)}]
     optional = {
         "relatedLocations": [places.noted(note, number) for number, note in enumerate(related, start=1)],
         "codeFlows": flows,
@@ -138,19 +139,19 @@ def _message(diagnostic: Diagnostic, linked: Sequence[Related]) -> str:
     sentences = [_sentence(diagnostic.message)]
     sentences += [_sentence(f"Help: {diagnostic.help}")] if diagnostic.help else []
     if linked:
-        links = (f"[{_linked(related.message)}]({number})" for number, related in enumerate(linked, start=1))
+        links = (f"[{_link_text(related.message)}]({number})" for number, related in enumerate(linked, start=1))
         sentences.append(f"See: {', '.join(links)}.")
     return " ".join(sentences)
 
 
 def _sentence(text: str) -> str:
     """Return text as a sentence without links. Where space is short, only the first sentence of a text is shown."""
-    shown = visible(text).replace("](", "] (")
+    shown = visible_text(text).replace("](", "] (")
     return shown if shown.endswith((".", "!", "?")) else f"{shown}."
 
 
-def _linked(text: str) -> str:
-    return _LINK_LETTERS.sub(r"\\\1", visible(text))
+def _link_text(text: str) -> str:
+    return _LINK_LETTERS.sub(r"\\\1", visible_text(text))
 
 
 def _flows(diagnostic: Diagnostic, places: _Places) -> list[_Object]:
@@ -200,7 +201,7 @@ class _Places:
 
 def _uri(path: str) -> str:
     """Return a path as a relative reference. Bytes of a file name that are not valid text are kept."""
-    return quote(_NO_FILE_BYTE.sub("\N{REPLACEMENT CHARACTER}", path), safe="/", errors="surrogateescape")
+    return quote(_INVALID_SURROGATE.sub("\N{REPLACEMENT CHARACTER}", path), safe="/", errors="surrogateescape")
 
 
 def _region(span: Span) -> _Object:

@@ -65,7 +65,7 @@ def conflicts(paths: Iterable[str], folder: Path) -> tuple[str, ...]:
 
     These are paths of new files that exist already, and links or files at the paths of their folders.
     """
-    return tuple(sorted({taken for path in paths for taken in _taken(path, folder)}))
+    return tuple(sorted({taken for path in paths for taken in _conflicting_paths(path, folder)}))
 
 
 def write_new(texts: Mapping[str, str], folder: Path) -> None:
@@ -87,7 +87,7 @@ def write_new(texts: Mapping[str, str], folder: Path) -> None:
         raise
 
 
-def _taken(path: str, folder: Path) -> Iterator[str]:
+def _conflicting_paths(path: str, folder: Path) -> Iterator[str]:
     for parent in reversed(PurePosixPath(path).parents):
         existing = folder / parent
         if parent.name and os.path.lexists(existing) and (existing.is_symlink() or not existing.is_dir()):

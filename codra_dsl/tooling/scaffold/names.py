@@ -9,7 +9,7 @@ from codra_dsl.language.expression import FUNCTIONS
 from codra_dsl.language.expression.tokens import shown
 from codra_dsl.language.load.yaml.names import MAX_NAME, is_identifier
 
-_OUTSIDE = re.compile(r"[^A-Za-z0-9]+")
+_OTHER_CHARACTERS = re.compile(r"[^A-Za-z0-9]+")
 
 
 class ImproperNameError(ValueError):
@@ -23,7 +23,7 @@ def require_name(name: str) -> str:
         ImproperNameError: if no spec may have this name.
     """
     if not is_identifier(name):
-        better = _near(name)
+        better = _similar_name(name)
         help = f"write {better}" if better else f"for example {_EXAMPLE}"
         raise ImproperNameError(f"{shown(name)} {_reason(name)}: {help}")
     return name
@@ -35,7 +35,7 @@ def name_from_folder(folder: str) -> str:
     Raises:
         ImproperNameError: if the folder's name gives no valid name.
     """
-    name = _near(folder)
+    name = _similar_name(folder)
     if name is None:
         raise ImproperNameError(f"the folder's name {shown(folder)} gives no name: add --name, for example {_EXAMPLE}")
     return name
@@ -44,9 +44,9 @@ def name_from_folder(folder: str) -> str:
 _EXAMPLE = "--name gripper"
 
 
-def _near(name: str) -> str | None:
+def _similar_name(name: str) -> str | None:
     """Return a similar name that a spec may have, or None."""
-    near = _OUTSIDE.sub("_", name).strip("_") if name.isascii() else ""
+    near = _OTHER_CHARACTERS.sub("_", name).strip("_") if name.isascii() else ""
     return next((candidate for candidate in (near, f"{near}_robot") if near and is_identifier(candidate)), None)
 
 

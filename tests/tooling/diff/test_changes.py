@@ -10,8 +10,8 @@ import pytest
 from codra_dsl.compiler import plan_text
 from codra_dsl.generation.emit import emit
 from codra_dsl.language.diagnostics import Diagnostic, Place, Rule, Severity, Span, has_errors
-from codra_dsl.tooling.diff import Broken, Category, Level, Review, Verdict, Version, review
-from codra_dsl.tooling.diff.variables import enum_types
+from codra_dsl.tooling.diff import BrokenSpec, Category, Level, Review, Verdict, Version, review
+from codra_dsl.tooling.diff.variables import names_by_enum_type
 from codra_dsl.tooling.diff.version import Side
 from tests.tooling.diff.versions import planned, reviewed
 
@@ -191,8 +191,8 @@ def test_the_names_of_enums_are_those_of_the_generated_package(name: str) -> Non
         if isinstance(target, ast.Name)
     }
 
-    assert set(enum_types(Side(plan=planned_spec))) <= bound
-    assert (name == "kitchen") is bool(enum_types(Side(plan=planned_spec)))
+    assert set(names_by_enum_type(Side(plan=planned_spec))) <= bound
+    assert (name == "kitchen") is bool(names_by_enum_type(Side(plan=planned_spec)))
 
 
 def test_a_spec_under_a_new_name_is_recognised_in_the_message() -> None:
@@ -244,11 +244,11 @@ def test_a_reversed_comparison_has_the_opposite_categories() -> None:
     )
 
 
-def broken(name: str | None, code: str = "CDR4101") -> Broken:
+def broken(name: str | None, code: str = "CDR4101") -> BrokenSpec:
     rule = Rule(code=code, name="x", severity=Severity.ERROR)
     place = Place(Span("spec.yaml", 3, 1, 3, 2))
     error = Diagnostic(rule=rule, message="wrong", place=place, path="perception.feel.accept_when", help="x")
-    return Broken(name=name, file="spec.yaml", errors=(error,))
+    return BrokenSpec(name=name, file="spec.yaml", errors=(error,))
 
 
 @pytest.mark.parametrize(

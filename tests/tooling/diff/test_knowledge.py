@@ -8,7 +8,7 @@ import pytest
 
 from codra_dsl.compiler import plan_text
 from codra_dsl.language.diagnostics import has_errors
-from codra_dsl.tooling.diff import Broken, Level, Review, Version, review
+from codra_dsl.tooling.diff import BrokenSpec, Level, Review, Version, review
 from codra_dsl.tooling.diff.changes import Category
 from tests.tooling.diff.versions import planned, reviewed
 
@@ -174,7 +174,7 @@ def test_the_first_node_of_a_spec_is_added() -> None:
 def test_an_error_in_knowledge_is_reported_at_its_element() -> None:
     text = BASE.replace("by: container_detection", "by: container_detectoin")
     findings = plan_text(text, "spec.yaml", ROOT / "tests").diagnostics
-    broken = Broken(
+    broken = BrokenSpec(
         name="picking_up", file="spec.yaml", errors=tuple(error for error in findings if has_errors([error]))
     )
 

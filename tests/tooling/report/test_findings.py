@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from codra_dsl.language.diagnostics import Applicability, Diagnostic, Edit, Fix, Place, Related, Rule, Severity, Span
-from codra_dsl.tooling.report.findings import COLOURED, render_concise, render_full, render_json, visible
+from codra_dsl.tooling.report.findings import COLOURED, render_concise, render_full, render_json, visible_text
 from tests.tooling.report.hostile import hostile_findings
 
 UNKNOWN_KEY = Rule(code="CDR2003", name="unknown-key", severity=Severity.ERROR)
@@ -237,4 +237,4 @@ def test_text_of_a_spec_cannot_control_a_terminal(text: str) -> None:
 
     for shown in (render_full([finding], lambda _: text.replace("\n", " ")), render_concise([finding])):
         assert all(letter.isprintable() for letter in shown.replace("\n", ""))
-    assert all(letter.isprintable() for letter in visible(text))
+    assert all(letter.isprintable() for letter in visible_text(text))
