@@ -98,13 +98,13 @@ class View:
             files: the files that were examined, with or without findings.
             output: the file to write; None for standard output.
         """
-        write_result(self.rendered(diagnostics, sys.stdout, files), output)
+        write_result(self.render(diagnostics, sys.stdout, files), output)
         if self.format is Format.GITHUB:
             from codra_dsl.tooling.report.github import render_summary
 
             append_to_summary(render_summary(diagnostics, f"{self.title}: {counts_text(diagnostics)}"))
 
-    def rendered(self, diagnostics: Sequence[Diagnostic], stream: TextIO, files: Iterable[str] = ()) -> str:
+    def render(self, diagnostics: Sequence[Diagnostic], stream: TextIO, files: Iterable[str] = ()) -> str:
         """Return findings in the requested format; the stream decides whether they have colours."""
         match self.format:
             case Format.JSON:
@@ -120,11 +120,11 @@ class View:
 
                 return render_github(diagnostics, folder_in_repository(self.root))
             case Format.JUNIT:
-                return self._as_tests(diagnostics, files)
+                return self._render_junit(diagnostics, files)
             case _:
-                return self._as_text(diagnostics, stream)
+                return self._render_text(diagnostics, stream)
 
-    def point_to_pages(self, diagnostics: Sequence[Diagnostic]) -> None:
+    def point_to_page(self, diagnostics: Sequence[Diagnostic]) -> None:
         """Show the command for the page about the first error, or else about the first finding.
 
         This is shown only in the format `full`, if standard error is a terminal.
@@ -135,26 +135,26 @@ class View:
             first = next((diagnostic for diagnostic in diagnostics if has_errors([diagnostic])), diagnostics[0])
             say(f"more about it: codra explain {first.code}")
 
-    def _as_text(self, diagnostics: Sequence[Diagnostic], stream: TextIO) -> str:
+    def _render_text(self, diagnostics: Sequence[Diagnostic], stream: TextIO) -> str:
         from codra_dsl.tooling.report import findings
 
         palette = findings.COLOURED if is_coloured(self.colour, stream) else findings.PLAIN
         if self.format is Format.CONCISE:
             return text_for_log(findings.render_concise(diagnostics, palette))
-        return text_for_log(findings.render_full(diagnostics, self._source, palette))
+        return text_for_log(findings.render_full(diagnostics, self._text_of_file, palette))
 
-    def _as_tests(self, diagnostics: Sequence[Diagnostic], files: Iterable[str]) -> str:
+    def _render_junit(self, diagnostics: Sequence[Diagnostic], files: Iterable[str]) -> str:
         from codra_dsl.tooling.report.junit import render_junit
 
         return render_junit(
             diagnostics,
             files,
-            self._source,
+            self._text_of_file,
             is_failure=lambda diagnostic: is_failure([diagnostic], self.fail_on),
             suite=self.title.replace(" ", "."),
         )
 
-    def _source(self, file: str) -> str | None:
+    def _text_of_file(self, file: str) -> str | None:
         if file == STANDARD_INPUT:
             return self.text
         path = self.root / file
@@ -164,13 +164,13 @@ class View:
             return None
 
 
-def choose_format(wanted: Format | None, output: Path | None = None) -> Format:
+def choose_format(requested_format: Format | None, output: Path | None = None) -> Format:
     """Return the requested format of findings, or else the default format.
 
     The default is `github` if GitHub Actions logs standard output and there is no output file; otherwise it is `full`.
     """
-    if wanted is not None:
-        return wanted
+    if requested_format is not None:
+        return requested_format
     return Format.GITHUB if output is None and _in_github_actions() else Format.FULL
 
 
@@ -228,18 +228,18 @@ def is_failure(diagnostics: Sequence[Diagnostic], fail_on: FailOn) -> bool:
     return has_errors(diagnostics) or (fail_on is FailOn.WARNING and bool(diagnostics))
 
 
-def choose_fail_limit(wanted: FailOn | None, settings: Severity) -> FailOn:
+def choose_fail_limit(requested_limit: FailOn | None, setting: Severity) -> FailOn:
     """Return the least severity that makes a command fail: the requested one, or else that of the settings."""
-    return FailOn(settings.value) if wanted is None else wanted
+    return FailOn(setting.value) if requested_limit is None else requested_limit
 
 
-def make_timings(wanted: bool) -> Timings:
+def make_timings(is_wanted: bool) -> Timings:
     """Return the timings of a command. They measure nothing unless they are wanted."""
     import time
 
     from codra_dsl.workspace.timings import UNTIMED, Timings
 
-    return Timings(time.perf_counter) if wanted else UNTIMED  # noqa: TID251  passed on as an argument
+    return Timings(time.perf_counter) if is_wanted else UNTIMED  # noqa: TID251  passed on as an argument
 
 
 def counts_text(diagnostics: Sequence[Diagnostic]) -> str:
@@ -248,8 +248,8 @@ def counts_text(diagnostics: Sequence[Diagnostic]) -> str:
 
     errors = sum(has_errors([diagnostic]) for diagnostic in diagnostics)
     numbers = ((errors, "error"), (len(diagnostics) - errors, "warning"))
-    counts = [f"{number} {noun}{'' if number == 1 else 's'}" for number, noun in numbers if number]
-    return ", ".join(counts) or "no findings"
+    count_texts = [f"{number} {noun}{'' if number == 1 else 's'}" for number, noun in numbers if number]
+    return ", ".join(count_texts) or "no findings"
 
 
 def say(text: str) -> None:
@@ -285,18 +285,18 @@ def existing(paths: Iterable[Path]) -> list[Path]:
     """Return paths without `..`. A path that does not exist or cannot be reached is a usage error."""
     from codra_dsl.language.project import straight
 
-    checked: list[Path] = []
+    checked_paths: list[Path] = []
     for path in paths:
         try:
             path.stat()
-            checked.append(straight(path))
+            checked_paths.append(straight(path))
         except FileNotFoundError as error:
-            alone = ": standard input cannot be combined with other paths" if path == Path(STANDARD_INPUT) else ""
-            raise typer.BadParameter(f"'{path}' does not exist{alone}", param_hint="PATH") from error
+            hint = ": standard input cannot be combined with other paths" if path == Path(STANDARD_INPUT) else ""
+            raise typer.BadParameter(f"'{path}' does not exist{hint}", param_hint="PATH") from error
         except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or "the path is not valid"
             raise typer.BadParameter(f"'{path}' cannot be reached: {reason}", param_hint="PATH") from error
-    return checked
+    return checked_paths
 
 
 def common_root(paths: Sequence[Path]) -> Path:
@@ -305,8 +305,8 @@ def common_root(paths: Sequence[Path]) -> Path:
 
     roots = sorted({root_of(path) for path in paths})
     if len(roots) > 1:
-        named = ", ".join(map(str, roots))
-        message = f"the specs belong to several projects ({named}): run the command for one project at a time"
+        roots_text = ", ".join(map(str, roots))
+        message = f"the specs belong to several projects ({roots_text}): run the command for one project at a time"
         raise typer.BadParameter(message, param_hint="PATH")
     return roots[0]
 
@@ -320,7 +320,7 @@ def one_plan(path: Path, root: Path, colour: Colour) -> BuildPlan:
 
     planned = plan_paths([path], root)
     if planned.diagnostics:
-        write_result(View(root=root, format=Format.FULL, colour=colour).rendered(planned.diagnostics, sys.stdout))
+        write_result(View(root=root, format=Format.FULL, colour=colour).render(planned.diagnostics, sys.stdout))
         say(counts_text(planned.diagnostics))
     if len(planned.plans) > 1:
         raise typer.BadParameter(f"'{path}' has {len(planned.plans)} specs: choose one of them", param_hint="SPEC")

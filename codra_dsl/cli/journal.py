@@ -83,7 +83,7 @@ def recover_command(file: JournalFile, *, output: Target = None) -> None:
     except OSError as error:
         say(f"codra: cannot read '{file}' or write '{target}': {error.strerror or error}")
         raise typer.Exit(ExitCode.FAILED) from error
-    write_result(f"{target}: {_report(recovery)}\n")
+    write_result(f"{target}: {_recovery_text(recovery)}\n")
 
 
 @journal_commands.command("show")
@@ -93,21 +93,23 @@ def show_command(file: JournalFile, *, kind: Kinds = None, about: About = None, 
     from codra_dsl.runtime.journal import Kind
 
     existing([file])
-    names = [str(event_kind) for event_kind in Kind]
-    unknown = next((name for name in kind or () if name not in names), None)
-    if unknown is not None:
-        raise typer.BadParameter(f"'{unknown}' is not a kind; choose from {', '.join(names)}", param_hint="--kind")
-    wanted = frozenset(kind or (name for name in names if name != Kind.INPUT))
+    kind_names = [str(event_kind) for event_kind in Kind]
+    unknown_kind = next((name for name in kind or () if name not in kind_names), None)
+    if unknown_kind is not None:
+        raise typer.BadParameter(
+            f"'{unknown_kind}' is not a kind; choose from {', '.join(kind_names)}", param_hint="--kind"
+        )
+    wanted_kinds = frozenset(kind or (name for name in kind_names if name != Kind.INPUT))
     with open_journal(file) as reader:
         end_s, lines = reader.header().start_s, list[str]()
         for event in reader.events():
             end_s = event.instant_s
             if (
-                event.kind in wanted
+                event.kind in wanted_kinds
                 and event.name in (about or (event.name,))
                 and event.what in (what or (event.what,))
             ):
-                lines.append(_line(event))
+                lines.append(_event_text(event))
             if len(lines) == _LINES_AT_ONCE:
                 write_result("".join(lines))
                 lines.clear()
@@ -115,7 +117,7 @@ def show_command(file: JournalFile, *, kind: Kinds = None, about: About = None, 
         report_damage(reader, end_s)
 
 
-def _line(event: Event) -> str:
+def _event_text(event: Event) -> str:
     from codra_dsl.runtime.journal.encoding import json_text
     from codra_dsl.runtime.why.values import instant
 
@@ -123,7 +125,7 @@ def _line(event: Event) -> str:
     return f"{instant(event.instant_s)}  {event.kind} {event.name} {event.what}  {json_text(details)}\n"
 
 
-def _report(recovery: Recovery) -> str:
+def _recovery_text(recovery: Recovery) -> str:
     from codra_dsl.runtime.why.values import instant
 
     damage = recovery.damage

@@ -52,66 +52,71 @@ def lint_command(
     from codra_dsl.cli.fixes import input_from_files, input_from_standard_input
     from codra_dsl.workspace.cache import cache_of
 
-    measured = make_timings(timings)
+    stage_timings = make_timings(timings)
     is_text = paths == [Path(STANDARD_INPUT)]
-    work = input_from_standard_input(measured) if is_text else input_from_files(paths, measured)
-    text = None if work.data is None else work.data.decode("utf-8", errors="replace")
-    view = View(root=work.root, format=choose_format(format_, output), colour=color, text=text, title="codra lint")
+    lint_input = input_from_standard_input(stage_timings) if is_text else input_from_files(paths, stage_timings)
+    text = None if lint_input.data is None else lint_input.data.decode("utf-8", errors="replace")
+    view = View(
+        root=lint_input.root, format=choose_format(format_, output), colour=color, text=text, title="codra lint"
+    )
     if diff:
-        raise typer.Exit(_show_diff(work, output))
+        raise typer.Exit(_show_diff(lint_input, output))
     if fix:
-        raise typer.Exit(_fix(work, view, fail_on, output))
-    run = _run(work, None if no_cache or timings or is_text else cache_of(work.root, "lint", paths))
-    limit = choose_fail_limit(fail_on, run.fail_on)
-    with measured.stage("show"):
-        replace(view, fail_on=limit).show(run.diagnostics, run.specs, output)
-    number, more = work.fixable(run.diagnostics)
-    say(f"{counts_text(run.diagnostics)}{f'; --fix can fix {number}' if number else ''}{more}")
+        raise typer.Exit(_apply_fixes(lint_input, view, fail_on, output))
+    cache = None if no_cache or timings or is_text else cache_of(lint_input.root, "lint", paths)
+    run = _lint_or_recall(lint_input, cache)
+    fail_limit = choose_fail_limit(fail_on, run.fail_on)
+    with stage_timings.stage("show"):
+        replace(view, fail_on=fail_limit).show(run.diagnostics, run.specs, output)
+    fixable_count, hint = lint_input.count_fixable(run.diagnostics)
+    say(f"{counts_text(run.diagnostics)}{f'; --fix can fix {fixable_count}' if fixable_count else ''}{hint}")
     if timings:
-        say(measured.table())
-    view.point_to_pages(run.diagnostics)
-    raise typer.Exit(ExitCode.FAILED if is_failure(run.diagnostics, limit) else ExitCode.CLEAN)
+        say(stage_timings.table())
+    view.point_to_page(run.diagnostics)
+    raise typer.Exit(ExitCode.FAILED if is_failure(run.diagnostics, fail_limit) else ExitCode.CLEAN)
 
 
-def _run(work: LintInput, cache: Cache | None) -> Run:
+def _lint_or_recall(lint_input: LintInput, cache: Cache | None) -> Run:
     """Return the findings about the specs, from the cache if nothing has changed since an earlier run."""
     run = None if cache is None else cache.recall()
     if run is None:
-        run = work.plan({}).as_run()
+        run = lint_input.plan({}).as_run()
         if cache is not None:
             cache.remember(run)
     return run
 
 
-def _show_diff(work: LintInput, output: Path | None) -> ExitCode:
+def _show_diff(lint_input: LintInput, output: Path | None) -> ExitCode:
     """Show the changes that fixes would make. If there are any, the exit code is that of a failure, for use in CI."""
     from codra_dsl.cli.fixes import fix
 
-    result = fix(work, write=False)
+    result = fix(lint_input, write=False)
     diff = result.diff()
-    shown = diff if output is not None else text_for_log(diff)
-    write_result(shown.encode(), output)  # a patch is bytes, independent of the terminal's encoding
-    say(f"would fix {result.number}; {counts_text(result.diagnostics)} left{work.fixable(result.diagnostics)[1]}")
+    patch_text = diff if output is not None else text_for_log(diff)
+    write_result(patch_text.encode(), output)  # a patch is bytes, independent of the terminal's encoding
+    _, hint = lint_input.count_fixable(result.diagnostics)
+    say(f"would fix {result.fixed_count}; {counts_text(result.diagnostics)} left{hint}")
     return ExitCode.FAILED if diff else ExitCode.CLEAN
 
 
-def _fix(work: LintInput, view: View, fail_on: FailOnOption, output: Path | None) -> ExitCode:
+def _apply_fixes(lint_input: LintInput, view: View, fail_on: FailOnOption, output: Path | None) -> ExitCode:
     """Apply all safe fixes, and show the other findings.
 
     For a text from standard input, standard output gets the fixed text, and standard error gets the findings.
     """
     from codra_dsl.cli.fixes import fix
 
-    result = fix(work, write=True)
-    findings, limit = result.diagnostics, choose_fail_limit(fail_on, result.planned.settings.fail_on)
-    view = replace(view, fail_on=limit)
-    if work.data is None:
+    result = fix(lint_input, write=True)
+    findings, fail_limit = result.diagnostics, choose_fail_limit(fail_on, result.planned.settings.fail_on)
+    view = replace(view, fail_on=fail_limit)
+    if lint_input.data is None:
         view.show(findings, result.planned.specs, output)
     else:
-        data = result.after.get(STANDARD_INPUT, work.data)
+        data = result.after.get(STANDARD_INPUT, lint_input.data)
         write_result(data, output)
-        left = replace(view, text=data.decode("utf-8", errors="replace")).rendered(findings, sys.stderr)
-        sys.stderr.write(left)
-    say(f"fixed {result.number}; {counts_text(findings)} left{work.fixable(findings)[1]}")
-    view.point_to_pages(findings)
-    return ExitCode.FAILED if is_failure(findings, limit) else ExitCode.CLEAN
+        findings_text = replace(view, text=data.decode("utf-8", errors="replace")).render(findings, sys.stderr)
+        sys.stderr.write(findings_text)
+    _, hint = lint_input.count_fixable(findings)
+    say(f"fixed {result.fixed_count}; {counts_text(findings)} left{hint}")
+    view.point_to_page(findings)
+    return ExitCode.FAILED if is_failure(findings, fail_limit) else ExitCode.CLEAN

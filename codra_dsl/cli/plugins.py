@@ -28,10 +28,10 @@ PAPERS = "codra-papers"
 
 def plugins(group: str) -> Mapping[str, EntryPoint]:
     """Return the entry points of a group by name, sorted. If several have one name, the first on the path counts."""
-    by_name: dict[str, EntryPoint] = {}
+    entry_points_by_name: dict[str, EntryPoint] = {}
     for entry_point in entry_points(group=group):
-        by_name.setdefault(entry_point.name, entry_point)
-    return dict(sorted(by_name.items()))
+        entry_points_by_name.setdefault(entry_point.name, entry_point)
+    return dict(sorted(entry_points_by_name.items()))
 
 
 def load_plugin(entry_point: EntryPoint) -> Any:
@@ -54,14 +54,14 @@ class PluginGroup(TyperGroup):
 
     def list_commands(self, ctx: Context) -> list[str]:
         """Return the names of all commands. The commands of `codra` itself are first."""
-        own = super().list_commands(ctx)
-        return [*own, *(name for name in plugins(COMMANDS) if name not in own)]
+        own_names = super().list_commands(ctx)
+        return [*own_names, *(name for name in plugins(COMMANDS) if name not in own_names)]
 
     def get_command(self, ctx: Context, cmd_name: str) -> Command | None:
         """Return the command with a name. A command of another distribution is imported only when it is run."""
-        own = super().get_command(ctx, cmd_name)
-        if own is not None:
-            return own
+        own_command = super().get_command(ctx, cmd_name)
+        if own_command is not None:
+            return own_command
         entry_point = plugins(COMMANDS).get(cmd_name)
         return None if entry_point is None else _PluginCommand(entry_point)
 
@@ -79,10 +79,10 @@ class _PluginCommand(TyperCommand):
         return command.make_context(info_name, args, parent, **extra)
 
 
-def command_of(declared: Any, name: str, cls: type[TyperCommand] = TyperCommand) -> Command:
+def command_of(plugin: Any, name: str, cls: type[TyperCommand] = TyperCommand) -> Command:
     """Return the command that a function, or a `typer.Typer`, declares."""
-    if isinstance(declared, typer.Typer):
-        return get_command(declared)
+    if isinstance(plugin, typer.Typer):
+        return get_command(plugin)
     app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
-    app.command(name, cls=cls)(declared)
+    app.command(name, cls=cls)(plugin)
     return get_command(app)

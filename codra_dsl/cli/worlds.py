@@ -51,18 +51,18 @@ class Progress:
     """Shows the simulated time of a run on a terminal; elsewhere it shows nothing."""
 
     def __init__(self) -> None:
-        self._is_shown = sys.stderr.isatty()
-        self._shown_s = 0.0
+        self._is_terminal = sys.stderr.isatty()
+        self._last_shown_s = 0.0
 
     def __call__(self, now_s: float) -> None:
         """Show an instant, unless the last shown instant is less than 10 s of simulated time earlier."""
-        if self._is_shown and now_s - self._shown_s >= _PROGRESS_EVERY_S:
-            self._shown_s = now_s
+        if self._is_terminal and now_s - self._last_shown_s >= _PROGRESS_EVERY_S:
+            self._last_shown_s = now_s
             print(f"\r{now_s:8.0f} s", end="", file=sys.stderr, flush=True)
 
     def clear(self) -> None:
         """Move the cursor to the start of the line, so that the results overwrite the instant."""
-        if self._is_shown:
+        if self._is_terminal:
             print("\r", end="", file=sys.stderr)
 
 

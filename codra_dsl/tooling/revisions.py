@@ -80,13 +80,13 @@ class Repository:
         """
         folder = next(parent for parent in (path, *path.parents) if parent.is_dir())
         is_bare = _run_git(("rev-parse", "--is-bare-repository"), folder).stdout == b"true\n"
-        done = _run_git(("rev-parse", "--absolute-git-dir" if is_bare else "--show-toplevel"), folder)
-        if done.returncode != 0:
-            reason = os.fsdecode(done.stderr).strip().removeprefix("fatal: ").split("\n")[0]
-            trust = f"; if you trust it: git config --global --add safe.directory {shlex.quote(str(folder))}"
-            reason += trust if "dubious ownership" in reason else ""
+        git_result = _run_git(("rev-parse", "--absolute-git-dir" if is_bare else "--show-toplevel"), folder)
+        if git_result.returncode != 0:
+            reason = os.fsdecode(git_result.stderr).strip().removeprefix("fatal: ").split("\n")[0]
+            trust_hint = f"; if you trust it: git config --global --add safe.directory {shlex.quote(str(folder))}"
+            reason += trust_hint if "dubious ownership" in reason else ""
             raise RevisionError(f"no git repository can be read at '{folder}': {reason}")
-        return Repository(Path(os.fsdecode(done.stdout).rstrip("\n")))
+        return Repository(Path(os.fsdecode(git_result.stdout).rstrip("\n")))
 
     def commit(self, name: str) -> str:
         """Return the object name of a revision's commit.
@@ -100,15 +100,15 @@ class Repository:
             raise RevisionError(f"'{name}' is a range: give both ends, '{re.sub('[.]{2,3}', ' ', name)}'")
         if ":" in name:
             raise RevisionError(f"'{name}' is not a revision: give the path after both versions")
-        commit = self._verified(name)
+        commit = self._verify(name)
         if commit is None:
-            help_ = self._help(name)
-            raise RevisionError(f"'{name}' is neither a path here nor a revision of '{self.top.name}' ({help_})")
+            hint = self._help(name)
+            raise RevisionError(f"'{name}' is neither a path here nor a revision of '{self.top.name}' ({hint})")
         return commit
 
-    def _verified(self, name: str) -> str | None:
-        done = _run_git(("rev-parse", "--verify", "--quiet", "--end-of-options", f"{name}^{{commit}}"), self.top)
-        return done.stdout.decode().strip() if name and done.returncode == 0 else None
+    def _verify(self, name: str) -> str | None:
+        git_result = _run_git(("rev-parse", "--verify", "--quiet", "--end-of-options", f"{name}^{{commit}}"), self.top)
+        return git_result.stdout.decode().strip() if name and git_result.returncode == 0 else None
 
     def holds(self, commit: str, path: PurePath) -> bool:
         """Return whether a commit has a file or folder."""
@@ -124,16 +124,16 @@ class Repository:
             RevisionError: if git reports an error.
         """
         options = ("--porcelain", "-z", "--no-renames", "--untracked-files=all", "--ignore-submodules=dirty")
-        done = _run_git((*self._without_filters(), "status", *options), self.top)
-        if done.returncode != 0:
+        git_result = _run_git((*self._without_filters(), "status", *options), self.top)
+        if git_result.returncode != 0:
             raise RevisionError(f"git cannot list the changed files of '{self.top}'")
-        paths = (PurePosixPath(os.fsdecode(line[3:])) for line in done.stdout.split(b"\0") if line)
+        paths = (PurePosixPath(os.fsdecode(line[3:])) for line in git_result.stdout.split(b"\0") if line)
         return [path for path in paths if not (self.top / path).is_relative_to(but)]
 
     def _without_filters(self) -> Iterator[str]:
         """Yield settings that disable the filters that the repository configures."""
-        done = _run_git(("config", "--null", "--name-only", "--get-regexp", r"^filter\."), self.top)
-        for name in dict.fromkeys(os.fsdecode(done.stdout).split("\0")):
+        git_result = _run_git(("config", "--null", "--name-only", "--get-regexp", r"^filter\."), self.top)
+        for name in dict.fromkeys(os.fsdecode(git_result.stdout).split("\0")):
             if name.endswith((".clean", ".process")):
                 yield from ("-c", f"{name}=")
             elif name.endswith(".required"):
@@ -154,47 +154,57 @@ class Repository:
             RevisionError: if the revision has too many or too large files, or if some of its files are missing here.
         """
         entries = tuple(self._entries(commit))
-        inside = [entry for entry in entries if entry.path.is_relative_to(below)]
-        wanted = [entry for entry in inside if entry.mode in _FILE_MODES and entry.path.name.endswith(_SUFFIXES)]
-        wanted += [
+        inner_entries = [entry for entry in entries if entry.path.is_relative_to(below)]
+        wanted_entries = [
+            entry for entry in inner_entries if entry.mode in _FILE_MODES and entry.path.name.endswith(_SUFFIXES)
+        ]
+        wanted_entries += [
             entry for entry in entries if entry.path.name == SETTINGS and below.is_relative_to(entry.path.parent)
         ]
-        wanted += [entry for entry in inside if entry.path.name == SETTINGS and entry.path.parent != below]
-        written = self._write(dict.fromkeys(wanted), into)
-        named = set(_words_in_including_files(into / entry.path for entry in written))
-        others = [entry for entry in inside if entry.mode in _FILE_MODES and os.fsencode(entry.path.name) in named]
-        self._write(dict.fromkeys(entry for entry in others if entry not in written), into)
+        wanted_entries += [
+            entry for entry in inner_entries if entry.path.name == SETTINGS and entry.path.parent != below
+        ]
+        written_entries = self._write(dict.fromkeys(wanted_entries), into)
+        named_files = set(_words_in_including_files(into / entry.path for entry in written_entries))
+        named_entries = [
+            entry
+            for entry in inner_entries
+            if entry.mode in _FILE_MODES and os.fsencode(entry.path.name) in named_files
+        ]
+        self._write(dict.fromkeys(entry for entry in named_entries if entry not in written_entries), into)
         return {
             entry.path: _KIND_OF_UNREAD_MODE[entry.mode]
-            for entry in inside
+            for entry in inner_entries
             if entry.mode in _KIND_OF_UNREAD_MODE
             and (entry.path.name.endswith(_SUFFIXES) or entry.mode == _SUBMODULE_MODE)
         }
 
     def _help(self, name: str) -> str:
-        start = _ANCESTOR_STEPS.sub("", name)
-        is_too_far = start != name and self._verified(start) is not None
-        if self._is_shallow() and (is_too_far or self._near(name) is None):
+        base_name = _ANCESTOR_STEPS.sub("", name)
+        is_too_far = base_name != name and self._verify(base_name) is not None
+        if self._is_shallow() and (is_too_far or self._similar_name(name) is None):
             return "this clone is shallow: fetch the revision first, for example with git fetch --unshallow"
         if is_too_far:
-            return f"'{start}' is a revision, but has no '{name.removeprefix(start)}'"
-        near = self._near(name)
-        return f"did you mean '{near}'?" if near else "name a file, a folder, a branch, a tag or a commit"
+            return f"'{base_name}' is a revision, but has no '{name.removeprefix(base_name)}'"
+        similar_name = self._similar_name(name)
+        return (
+            f"did you mean '{similar_name}'?" if similar_name else "name a file, a folder, a branch, a tag or a commit"
+        )
 
-    def _near(self, name: str) -> str | None:
-        done = _run_git(("for-each-ref", "--format=%(refname:short)"), self.top)
-        names = ["HEAD", *os.fsdecode(done.stdout).split()]
-        remote = next((branch for branch in sorted(names) if branch.endswith(f"/{name}")), None)
-        return remote or suggest(name, names)
+    def _similar_name(self, name: str) -> str | None:
+        git_result = _run_git(("for-each-ref", "--format=%(refname:short)"), self.top)
+        names = ["HEAD", *os.fsdecode(git_result.stdout).split()]
+        remote_branch = next((branch for branch in sorted(names) if branch.endswith(f"/{name}")), None)
+        return remote_branch or suggest(name, names)
 
     def _is_shallow(self) -> bool:
         return _run_git(("rev-parse", "--is-shallow-repository"), self.top).stdout.strip() == b"true"
 
     def _entries(self, commit: str) -> Iterator[_Entry]:
-        done = _run_git(("ls-tree", "-r", "-z", "--full-tree", commit), self.top)
-        if done.returncode != 0:
+        git_result = _run_git(("ls-tree", "-r", "-z", "--full-tree", commit), self.top)
+        if git_result.returncode != 0:
             raise RevisionError(_INCOMPLETE_MESSAGE)
-        for line in done.stdout.split(b"\0"):
+        for line in git_result.stdout.split(b"\0"):
             head, _, name = line.partition(b"\t")
             fields = head.decode().split()
             path = PurePosixPath(os.fsdecode(name))
@@ -202,26 +212,28 @@ class Repository:
                 yield _Entry(fields[0], fields[2], path)
 
     def _write(self, entries: Iterable[_Entry], into: Path) -> tuple[_Entry, ...]:
-        chosen = tuple(entry for entry in entries if entry.mode in _FILE_MODES)
-        sizes = self._sizes(chosen) if len(chosen) <= MAX_FILES else None
+        file_entries = tuple(entry for entry in entries if entry.mode in _FILE_MODES)
+        sizes = self._sizes(file_entries) if len(file_entries) <= MAX_FILES else None
         if sizes is None or sum(min(size, MAX_FILE_BYTES) for size in sizes.values()) > MAX_TOTAL_BYTES:
             raise RevisionError("too much YAML to compare: give the specs that matter as PATH")
-        small = [entry for entry in chosen if sizes[entry] <= MAX_FILE_BYTES]
-        for entry, data in zip(small, self._blobs([entry.object_name for entry in small]), strict=True):
+        small_entries = [entry for entry in file_entries if sizes[entry] <= MAX_FILE_BYTES]
+        for entry, data in zip(small_entries, self._blobs([entry.object_name for entry in small_entries]), strict=True):
             target = into / entry.path
             target.parent.mkdir(parents=True, exist_ok=True)
             target.write_bytes(data)
-        for entry in set(chosen) - set(small):  # write an empty file of a size that is reported as too large
+        for entry in set(file_entries) - set(
+            small_entries
+        ):  # write an empty file of a size that is reported as too large
             target = into / entry.path
             target.parent.mkdir(parents=True, exist_ok=True)
             with target.open("wb") as stream:
                 stream.truncate(MAX_FILE_BYTES + 1)
-        return chosen
+        return file_entries
 
     def _sizes(self, entries: Sequence[_Entry]) -> dict[_Entry, int]:
         names = "".join(f"{entry.object_name}\n" for entry in entries)
-        done = _run_git(("cat-file", "--batch-check=%(objectsize)"), self.top, names.encode())
-        sizes = done.stdout.split(b"\n")[: len(entries)]
+        git_result = _run_git(("cat-file", "--batch-check=%(objectsize)"), self.top, names.encode())
+        sizes = git_result.stdout.split(b"\n")[: len(entries)]
         if not all(size.isdigit() for size in sizes):
             raise RevisionError(_INCOMPLETE_MESSAGE)
         return {entry: int(size) for entry, size in zip(entries, sizes, strict=True)}

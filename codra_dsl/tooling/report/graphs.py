@@ -88,13 +88,13 @@ class Graph:
 
     Attributes:
         specs: the names of the specs.
-        absent: names that are declared, but are not elements because no decision needs them.
+        absent_names: names that are declared, but are not elements because no decision needs them.
     """
 
     specs: tuple[str, ...]
     elements: tuple[Element, ...]
     links: tuple[Link, ...]
-    absent: frozenset[str] = frozenset()
+    absent_names: frozenset[str] = frozenset()
 
     def part(self, ids: Collection[str]) -> Graph:
         """Return the graph of the elements with some ids, with all links between these elements."""
@@ -118,7 +118,9 @@ class Graph:
             for element in self.elements
         )
         kinds = tuple(kind.value for kind in NodeKind)
-        return Choices(nodes=tuple(nodes), edges=[link.flow for link in self.links], kinds=kinds, absent=self.absent)
+        return Choices(
+            nodes=tuple(nodes), edges=[link.flow for link in self.links], kinds=kinds, absent_names=self.absent_names
+        )
 
 
 def graph_of(plans: Sequence[BuildPlan]) -> Graph:
@@ -132,7 +134,7 @@ def graph_of(plans: Sequence[BuildPlan]) -> Graph:
         specs=tuple(plan.name for plan in plans),
         elements=elements,
         links=tuple(links),
-        absent=declared - {element.name for element in elements},
+        absent_names=declared - {element.name for element in elements},
     )
 
 
@@ -149,12 +151,12 @@ def _node_object(element: Element) -> dict[str, object]:
 
 
 def _elements(plan: BuildPlan) -> Iterator[Element]:
-    where, bounds = dict(places(plan)), worst_cases(plan.checked)
+    place_of, worst_cases_s = dict(places(plan)), worst_cases(plan.checked)
     groups, uses = _groups(plan)
     observers = _observers(plan)
     for node, about in graph_nodes(plan):
         name = node_id(plan, node)
-        span = where[name].span
+        span = place_of[name].span
         is_variable = node.kind is NodeKind.CONTEXT
         yield Element(
             id=name,
@@ -169,7 +171,7 @@ def _elements(plan: BuildPlan) -> Iterator[Element]:
             file=span.file,
             line=span.line,
             description=plan.checked.variables[node.name].description if is_variable else "",
-            worst_case_s=bounds.get(node.name) if is_variable else None,
+            worst_case_s=worst_cases_s.get(node.name) if is_variable else None,
         )
 
 
@@ -178,16 +180,16 @@ def _groups(plan: BuildPlan) -> tuple[Mapping[Node, str], Mapping[str, str]]:
     trees = {tree.name: tree for tree in plan.forest}
     groups: dict[Node, str] = {}
     for module in plan.modules:
-        made = [trees[name] for name in module.trees]
+        module_trees = [trees[name] for name in module.trees]
         nodes = [Node(NodeKind.CONTEXT, name) for name in module.variables]
-        nodes += [Node(NodeKind.OBSERVER, tree.name) for tree in made]
-        nodes += [Node(NodeKind.PERCEPTION, branch.name) for tree in made for branch in tree.branches]
+        nodes += [Node(NodeKind.OBSERVER, tree.name) for tree in module_trees]
+        nodes += [Node(NodeKind.PERCEPTION, branch.name) for tree in module_trees for branch in tree.branches]
         nodes += [Node(NodeKind.SKILL, name) for name in module.skills]
         groups |= dict.fromkeys(nodes, module.name)
-    taken = entry_names(plan.checked.spec)
+    taken_names = entry_names(plan.checked.spec)
     for node, _ in graph_nodes(plan):
         if node not in groups:  # a node of knowledge or of loops: these have other modules
-            groups[node] = module_name(_origin(plan, node), taken)
+            groups[node] = module_name(_origin(plan, node), taken_names)
     return groups, {module.name: module.use.instance for module in plan.modules if module.use is not None}
 
 

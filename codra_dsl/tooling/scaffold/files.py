@@ -50,13 +50,13 @@ def requirement_from(origin: str | None) -> str:
     Args:
         origin: the text of `direct_url.json`, in which pip records the origin of some packages; None without this file.
     """
-    recorded = json.loads(origin) if origin else {}
-    url = recorded.get("url", "")
+    record = json.loads(origin) if origin else {}
+    url = record.get("url", "")
     if not url.startswith(("https://", "ssh://")):
         return f"{_PACKAGE}=={__version__}"
-    vcs = recorded.get("vcs_info")
+    vcs = record.get("vcs_info")
     address = f"{vcs['vcs']}+{url}@{vcs['commit_id']}" if vcs else url
-    below = f"#subdirectory={recorded['subdirectory']}" if recorded.get("subdirectory") else ""
+    below = f"#subdirectory={record['subdirectory']}" if record.get("subdirectory") else ""
     return f"{_PACKAGE} @ {address}{below}"
 
 
@@ -65,7 +65,7 @@ def conflicts(paths: Iterable[str], folder: Path) -> tuple[str, ...]:
 
     These are paths of new files that exist already, and links or files at the paths of their folders.
     """
-    return tuple(sorted({taken for path in paths for taken in _conflicting_paths(path, folder)}))
+    return tuple(sorted({conflicting_path for path in paths for conflicting_path in _conflicting_paths(path, folder)}))
 
 
 def write_new(texts: Mapping[str, str], folder: Path) -> None:
@@ -82,15 +82,19 @@ def write_new(texts: Mapping[str, str], folder: Path) -> None:
                 created.append(folder / path)
                 file.write(text)
     except BaseException:
-        for written in reversed(created):
-            written.rmdir() if written.is_dir() else written.unlink()
+        for created_path in reversed(created):
+            created_path.rmdir() if created_path.is_dir() else created_path.unlink()
         raise
 
 
 def _conflicting_paths(path: str, folder: Path) -> Iterator[str]:
     for parent in reversed(PurePosixPath(path).parents):
-        existing = folder / parent
-        if parent.name and os.path.lexists(existing) and (existing.is_symlink() or not existing.is_dir()):
+        existing_path = folder / parent
+        if (
+            parent.name
+            and os.path.lexists(existing_path)
+            and (existing_path.is_symlink() or not existing_path.is_dir())
+        ):
             yield parent.as_posix()
             return
     if os.path.lexists(folder / path):

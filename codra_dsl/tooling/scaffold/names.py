@@ -23,9 +23,9 @@ def require_name(name: str) -> str:
         ImproperNameError: if no spec may have this name.
     """
     if not is_identifier(name):
-        better = _similar_name(name)
-        help = f"write {better}" if better else f"for example {_EXAMPLE}"
-        raise ImproperNameError(f"{shown(name)} {_reason(name)}: {help}")
+        similar_name = _similar_name(name)
+        hint = f"write {similar_name}" if similar_name else f"for example {_EXAMPLE}"
+        raise ImproperNameError(f"{shown(name)} {_reason(name)}: {hint}")
     return name
 
 
@@ -46,8 +46,15 @@ _EXAMPLE = "--name gripper"
 
 def _similar_name(name: str) -> str | None:
     """Return a similar name that a spec may have, or None."""
-    near = _OTHER_CHARACTERS.sub("_", name).strip("_") if name.isascii() else ""
-    return next((candidate for candidate in (near, f"{near}_robot") if near and is_identifier(candidate)), None)
+    similar_name = _OTHER_CHARACTERS.sub("_", name).strip("_") if name.isascii() else ""
+    return next(
+        (
+            candidate
+            for candidate in (similar_name, f"{similar_name}_robot")
+            if similar_name and is_identifier(candidate)
+        ),
+        None,
+    )
 
 
 def _reason(name: str) -> str:
