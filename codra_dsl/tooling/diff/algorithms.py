@@ -33,7 +33,7 @@ from codra_dsl.tooling.diff.version import Pair, Side, duration_text
 from codra_dsl.tooling.diff.walk import Scope, Wording, entry_comparer, equality_comparer, text_of
 
 _LENGTH_TYPE = ValueType(kind=Kind.FLOAT, unit="m", range=(0.0, math.inf))
-_LITERALS_COMPARER = equality_comparer(Category.PERCEIVED_OTHERWISE, "gets another value", value=frozenset)
+_LITERALS_COMPARER = equality_comparer(Category.PERCEIVED_OTHERWISE, "gets another value", compared_part=frozenset)
 _OPTIONAL_COMPARER = order_comparer(
     (Category.EASED, "is optional now"), (Category.CONTRACT, "is no longer optional"), show_nothing
 )
@@ -46,10 +46,10 @@ def compare_algorithms(scope: Scope, *_: Any) -> Iterator[Change]:
     For an algorithm that took the place of another one, yield only the changes of its observability preconditions.
     """
     for name, new_name in scope.pair.algorithms.items():
-        inner = _algorithm_scope(scope, name, new_name)
-        old, new = inner.values
-        yield from inner.changes(skip=_FUNCTION_FIELDS if old.call != new.call else frozenset())
-        yield from _compare_waiting(inner, name, new_name)
+        nested_scope = _algorithm_scope(scope, name, new_name)
+        old, new = nested_scope.values
+        yield from nested_scope.changes(skip=_FUNCTION_FIELDS if old.call != new.call else frozenset())
+        yield from _compare_waiting(nested_scope, name, new_name)
     for name, new_name in _replacements(scope.pair):
         yield from compare_observability(_algorithm_scope(scope, name, new_name), "observable_when")
 
@@ -61,12 +61,12 @@ def _algorithm_scope(scope: Scope, name: str, new_name: str) -> Scope:
 
 def _replacements(pair: Pair) -> Iterable[tuple[str, str]]:
     """Return the first algorithm in A and the first one in B of each variable that has lost all its algorithms of A."""
-    replaced: dict[tuple[str, str], None] = {}
-    for variable, before in pair.old.producers.items():
-        after = pair.new.producers.get(variable, ())
-        if after and not {pair.algorithms.get(name) for name in before} & {*after}:
-            replaced[before[0], after[0]] = None
-    return replaced
+    replacements: dict[tuple[str, str], None] = {}
+    for variable, old_names in pair.old.producers.items():
+        new_names = pair.new.producers.get(variable, ())
+        if new_names and not {pair.algorithms.get(name) for name in old_names} & {*new_names}:
+            replacements[old_names[0], new_names[0]] = None
+    return replacements
 
 
 # Arguments of the function
@@ -92,10 +92,12 @@ def compare_usages(scope: Scope, key: str, old: Sequence[Usage], new: Sequence[U
     yield from entry_comparer("")(scope, key, old, new)
 
 
-def _compare_arguments(scope: Scope, key: str, old: list[str], new: list[str]) -> Iterator[Change]:
-    if {*old} != {*new}:
+def _compare_arguments(scope: Scope, key: str, old_arguments: list[str], new_arguments: list[str]) -> Iterator[Change]:
+    if {*old_arguments} != {*new_arguments}:
         message = f"the function gets other arguments from '{key}'"
-        yield scope.change(Category.CONTRACT, key, message, ", ".join(old) or "none", ", ".join(new) or "none")
+        yield scope.change(
+            Category.CONTRACT, key, message, ", ".join(old_arguments) or "none", ", ".join(new_arguments) or "none"
+        )
 
 
 def result_wording(new: Returned | None) -> Wording:
@@ -192,11 +194,11 @@ def _is_same_value(
     old: Condition | Members | Hysteresis, new: Condition | Members | Hysteresis, types: Types, kind: Kind
 ) -> bool:
     if isinstance(old, Members) and isinstance(new, Members):
-        chosen, now = ([(member.name, _tree_of(case)) for member, case in by.cases] for by in (old, new))
-        return is_same_choice(chosen, now, types)
+        old_cases, new_cases = ([(member.name, _tree_of(case)) for member, case in by.cases] for by in (old, new))
+        return is_same_choice(old_cases, new_cases, types)
     before, after = _trees_of(old), _trees_of(new)
-    same = partial(is_equal if kind is Kind.BOOL else is_same_value, types=types)
-    return len(before) == len(after) > 0 and all(starmap(same, zip(before, after, strict=True)))
+    is_same = partial(is_equal if kind is Kind.BOOL else is_same_value, types=types)
+    return len(before) == len(after) > 0 and all(starmap(is_same, zip(before, after, strict=True)))
 
 
 def _trees_of(by: Condition | Members | Hysteresis) -> tuple[Node, ...]:
@@ -260,5 +262,5 @@ def _longest_time_s(names: Iterable[str], side: Side, other: Side | None = None)
 
     For a variable that this version does not have, the time of the other version counts.
     """
-    missing = {} if other is None else other.worst_s
-    return max((side.worst_s.get(name, missing.get(name, 0.0)) for name in names), default=0.0)
+    other_times_s = {} if other is None else other.worst_s
+    return max((side.worst_s.get(name, other_times_s.get(name, 0.0)) for name in names), default=0.0)

@@ -84,18 +84,18 @@ def name_comparer(lost: Wording, gained: Wording) -> Comparer:
     def compare(scope: Scope, key: str, old: Any, new: Any) -> Iterator[Change]:
         before, after = ({plain_value(entry): text_of(entry) for entry in side} for side in (old, new))
         for (category, message), side, other in ((lost, before, after), (gained, after, before)):
-            changed = {text for entry, text in side.items() if entry not in other}
-            if "{}" not in message and changed:
+            changed_texts = {text for entry, text in side.items() if entry not in other}
+            if "{}" not in message and changed_texts:
                 yield scope.change(category, key, message, text_of(old), text_of(new))
-            elif changed - scope.pair.one_sided:
-                yield scope.change(category, key, message.format(quote_names(changed - scope.pair.one_sided)))
+            elif changed_texts - scope.pair.one_sided:
+                yield scope.change(category, key, message.format(quote_names(changed_texts - scope.pair.one_sided)))
 
     return compare
 
 
-def quote_names(several: Iterable[str]) -> str:
+def quote_names(names: Iterable[str]) -> str:
     """Return names as messages list them."""
-    return ", ".join(f"'{name}'" for name in sorted(several))
+    return ", ".join(f"'{name}'" for name in sorted(names))
 
 
 # Types
@@ -110,12 +110,12 @@ def type_comparer(
         units = _unit_of(old), _unit_of(new)
         part, noun = ("values", "members") if old.kind is Kind.ENUM else ("range", "values")
         lost, gained = _lost_and_gained(old, new)
-        comparable = old.kind is new.kind and units[0].dimension == units[1].dimension
+        is_comparable = old.kind is new.kind and units[0].dimension == units[1].dimension
         for category, changed, message, applies in (
             (retyped, "type", "has another type", old.kind is not new.kind),
             (retyped, "unit", "has another unit", old.kind is new.kind and units[0] != units[1]),
-            (narrowed, part, f"has lost {noun}", comparable and lost),
-            (widened, part, f"has new {noun}", comparable and gained),
+            (narrowed, part, f"has lost {noun}", is_comparable and lost),
+            (widened, part, f"has new {noun}", is_comparable and gained),
         ):
             if applies:  # a changed type of an entry, such as an attribute, is reported under the key of the entry
                 yield scope.change(category, "" if scope.path else changed, message, text_of(old), text_of(new))
@@ -165,15 +165,15 @@ def compare_variable_writers(
     yield from _compare_writer_lists(scope, key, *map(_make_writers, sources), no_writer="observers only")
     name = scope.values[1].name
     if all(name in side.world.variables for side in scope.pair.sides):
-        owners = (
+        owners_by_side = (
             [
                 writer
                 for writer in side.world.writers(KnowledgeElement("context", name))
-                if writer.name not in map(text_of, stated)
+                if writer.name not in map(text_of, own_sources)
             ]
-            for side, stated in zip(scope.pair.sides, (old, new), strict=True)
+            for side, own_sources in zip(scope.pair.sides, (old, new), strict=True)
         )
-        yield from _compare_writer_lists(scope, "owns", *owners)
+        yield from _compare_writer_lists(scope, "owns", *owners_by_side)
 
 
 def compare_requesters(scope: Scope, key: str, old: Sequence[Reference], new: Sequence[Reference]) -> Iterator[Change]:
@@ -190,23 +190,23 @@ def _compare_writer_lists(
 ) -> Iterator[Change]:
     before, after = ([writer.name for writer in side] for side in (old, new))
     lost, gained = sorted({*before} - {*after}), sorted({*after} - {*before})
-    common = {*before} & {*after}
+    common_names = {*before} & {*after}
     for category, message, applies in (
         (Category.UNWRITABLE, f"{', '.join(lost)} may not write it any more", lost),
         (Category.WIDENED, f"{', '.join(gained)} may write it as well", gained),
         (
             Category.REDEFINED,
             "its writers have another order",
-            _names_by_priority(old, common) != _names_by_priority(new, common),
+            _names_by_priority(old, common_names) != _names_by_priority(new, common_names),
         ),
     ):
         if applies:
             yield scope.change(category, key, message, *(", ".join(side) or no_writer for side in (before, after)))
 
 
-def _names_by_priority(several: Sequence[Writer], common: set[str]) -> list[list[str]]:
+def _names_by_priority(writers: Sequence[Writer], common_names: set[str]) -> list[list[str]]:
     """Return the common writers in groups of equal priority. The group with the highest priority is first."""
-    priorities = {writer.name: writer.priority or 0 for writer in several if writer.name in common}
+    priorities = {writer.name: writer.priority or 0 for writer in writers if writer.name in common_names}
     return [
         sorted(name for name, other in priorities.items() if other == priority)
         for priority in sorted({*priorities.values()}, reverse=True)
@@ -222,17 +222,21 @@ def guard_comparer(types_of: Callable[[Scope, Sequence[Condition]], Types]) -> C
     def compare(scope: Scope, key: str, old: Sequence[Condition], new: Sequence[Condition]) -> Iterator[Change]:
         types = types_of(scope, (*old, *new))
         before, after = ([condition.tree for condition in side if condition.tree] for side in (old, new))
-        decided = relation(before, after, types)
-        if decided is not Relation.SAME:
-            category, message = GUARD_WORDINGS[decided]
+        guard_relation = relation(before, after, types)
+        if guard_relation is not Relation.SAME:
+            category, message = GUARD_WORDINGS[guard_relation]
             lost, gained = _conditions_not_in(after, old, types), _conditions_not_in(before, new, types)
             texts = (" and ".join(f"'{one.text}'" for one in side) or "no such condition" for side in (lost, gained))
-            first = next(iter(lost), None), next(iter(gained), None)
-            yield scope.change(category, key, f"'{key}' {message}", *texts, at=first)
+            first_conditions = next(iter(lost), None), next(iter(gained), None)
+            yield scope.change(category, key, f"'{key}' {message}", *texts, parts=first_conditions)
 
     return compare
 
 
 def _conditions_not_in(trees: Sequence[Node], conditions: Sequence[Condition], types: Types) -> list[Condition]:
     """Return the conditions that are equal to none of some trees."""
-    return [one for one in conditions if one.tree and not any(is_equal(one.tree, tree, types) for tree in trees)]
+    return [
+        condition
+        for condition in conditions
+        if condition.tree and not any(is_equal(condition.tree, tree, types) for tree in trees)
+    ]

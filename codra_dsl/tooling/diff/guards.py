@@ -40,11 +40,13 @@ def relation(old: Sequence[Node], new: Sequence[Node], types: Types) -> Relation
     lost, gained = before.keys() - after.keys(), after.keys() - before.keys()
     if not lost and not gained:
         return Relation.SAME
-    opaque = {text for text, tree in (before | after).items() if not _is_typed(tree, types)}
-    if opaque & (lost | gained):
+    untyped_texts = {text for text, tree in (before | after).items() if not _is_typed(tree, types)}
+    if untyped_texts & (lost | gained):
         holds_after, held_before = not gained, not lost
     else:
-        known_before, known_after = ([side[text] for text in side if text not in opaque] for side in (before, after))
+        known_before, known_after = (
+            [side[text] for text in side if text not in untyped_texts] for side in (before, after)
+        )
         holds_after = implies(known_before, [after[text] for text in after if text in gained], types)
         held_before = implies(known_after, [before[text] for text in before if text in lost], types)
     if holds_after:
@@ -70,8 +72,8 @@ def normal_text(node: Node) -> str:
 
 def is_equal(one: Node, other: Node, types: Types) -> bool:
     """Return whether two conditions always have the same value (true, false or unknown)."""
-    contrary = Not(operand=one, start=0, end=0), Not(operand=other, start=0, end=0)
-    return all(relation([before], [after], types) is Relation.SAME for before, after in ((one, other), contrary))
+    negations = Not(operand=one, start=0, end=0), Not(operand=other, start=0, end=0)
+    return all(relation([before], [after], types) is Relation.SAME for before, after in ((one, other), negations))
 
 
 def is_same_choice(one: Sequence[tuple[str, Node]], other: Sequence[tuple[str, Node]], types: Types) -> bool:
@@ -106,8 +108,8 @@ def is_same_value(one: Node, other: Node, types: Types) -> bool:
         return is_same_value(one.then, other.then, types) and is_same_value(one.otherwise, other.otherwise, types)
     if any(types.get(name) is None for name in names_of([one, other])):
         return False
-    both = _equality(one, other)
-    return all(implies([_equality(node, node)], [both], types) for node in (one, other))
+    equality = _equality(one, other)
+    return all(implies([_equality(node, node)], [equality], types) for node in (one, other))
 
 
 def _equality(one: Node, other: Node) -> Node:
@@ -120,10 +122,10 @@ def joined_types(old: Mapping[str, ValueType], new: Mapping[str, ValueType]) -> 
 
 
 def _joined_type(old: ValueType | None, new: ValueType | None) -> Type | None:
-    types = [known for side in (old, new) if side is not None and (known := declared_type(side)) is not None]
-    if len(types) < 2:
-        return types[0] if types else None
-    one, other = types
+    known_types = [known for side in (old, new) if side is not None and (known := declared_type(side)) is not None]
+    if len(known_types) < 2:
+        return known_types[0] if known_types else None
+    one, other = known_types
     if one.numeric and other.numeric:
         is_int = one.kind is other.kind is Kind.INT and one.unit == other.unit
         return replace(one, kind=Kind.INT if is_int else Kind.FLOAT, range=_joined_range(one, other))
@@ -141,6 +143,6 @@ def _joined_range(one: Type, other: Type) -> tuple[float, float] | None:
     if one.range is None or other.range is None or one.unit.dimension != other.unit.dimension:
         return None
     factor = in_base(1, one.unit)
-    same = one.unit == other.unit
-    low, high = (end if same else float(in_base(end, other.unit) / factor) for end in other.range)
+    is_same_unit = one.unit == other.unit
+    low, high = (end if is_same_unit else float(in_base(end, other.unit) / factor) for end in other.range)
     return min(one.range[0], low), max(one.range[1], high)

@@ -55,13 +55,13 @@ def _expectations_by_subject(monitor: Iterable[Expectation]) -> dict[tuple[str, 
 def _compare_expectation(scope: Scope, key: str, old: Expectation | None, new: Expectation | None) -> Iterator[Change]:
     if old is None or new is None:
         category, verb = (Category.WEAKER, "is no longer expected") if old else (Category.STRONGER, "is expected now")
-        yield scope.change(category, key, f"{_expectation_text(old or new)} {verb}", at=(old, new))
+        yield scope.change(category, key, f"{_expectation_text(old or new)} {verb}", parts=(old, new))
         return
-    decided = _expectation_relation(scope.pair, old, new)
-    if decided is not Relation.SAME:
-        category, message = GUARD_WORDINGS[decided]
+    guard_relation = _expectation_relation(scope.pair, old, new)
+    if guard_relation is not Relation.SAME:
+        category, message = GUARD_WORDINGS[guard_relation]
         yield scope.change(
-            category, key, f"an expectation {message}", _expectation_text(old), _expectation_text(new), at=(old, new)
+            category, key, f"an expectation {message}", _expectation_text(old), _expectation_text(new), parts=(old, new)
         )
     yield from scope.inner(key, old, new).changes()
 
@@ -70,13 +70,17 @@ def _expectation_relation(pair: Pair, old: Expectation, new: Expectation) -> Rel
     """Return how an expectation has changed, from the changes of its time and of its condition."""
     name = new.variable.name
     types = joined_types(*({name: side.variables[name].type} for side in pair.sides))
-    trees = [one.condition.tree for one in (old, new) if one.condition and one.condition.tree]
-    by_condition = relation(trees[:1], trees[1:], types) if len(trees) == 2 else Relation.SAME
-    before_s, after_s = (float("inf") if one.within_s is None else one.within_s for one in (old, new))
+    trees = [
+        expectation.condition.tree for expectation in (old, new) if expectation.condition and expectation.condition.tree
+    ]
+    condition_relation = relation(trees[:1], trees[1:], types) if len(trees) == 2 else Relation.SAME
+    before_s, after_s = (
+        float("inf") if expectation.within_s is None else expectation.within_s for expectation in (old, new)
+    )
     if before_s == after_s:
-        return by_condition
-    by_time = Relation.WEAKER if after_s > before_s else Relation.STRONGER
-    return by_time if by_condition in (Relation.SAME, by_time) else Relation.OTHER
+        return condition_relation
+    time_relation = Relation.WEAKER if after_s > before_s else Relation.STRONGER
+    return time_relation if condition_relation in (Relation.SAME, time_relation) else Relation.OTHER
 
 
 def _expectation_text(expectation: Expectation | None) -> str:

@@ -60,22 +60,25 @@ def _element_with_places(side: Side, tree: Tree) -> Any:
 
 
 def _compare_names(scope: Scope, before: tuple[Tree, ...], tree: Tree) -> Iterator[Change]:
-    names, first = [old.name for old in before], before[0].branches[0].name
-    by_algorithm = names == [first] and scope.pair.algorithms.get(first) == tree.branches[0].name == tree.name
-    if names != [tree.name] and not by_algorithm:
+    names, first_algorithm = [old.name for old in before], before[0].branches[0].name
+    is_named_after_algorithm = (
+        names == [first_algorithm] and scope.pair.algorithms.get(first_algorithm) == tree.branches[0].name == tree.name
+    )
+    if names != [tree.name] and not is_named_after_algorithm:
         message = "has another name" if len(names) == 1 else "observers are joined"
         yield scope.change(Category.RENAMED, "name", message, ", ".join(names), tree.name)
 
 
 def _compare_priority(scope: Scope, old: Tree, tree: Tree) -> Iterator[Change]:
     """Yield a change if a new priority of an observer changes the order in which it and others get a slot."""
-    slots, passed = _slots_of(tree) & _slots_of(old), []
+    slots, reordered_names = _slots_of(tree) & _slots_of(old), []
     for other in scope.pair.new.plan.forest if old.priority != tree.priority else ():
-        rivals = () if other is tree else _predecessors(scope.pair, other)
-        if rivals and slots & _slots_of(other) & _slots_of(rivals[0]):
-            passed += [other.name] if _priority_order(old, rivals[0]) != _priority_order(tree, other) else []
-    if passed:
-        message = f"the order in which it and {', '.join(sorted(passed))} take a slot has changed"
+        predecessors = () if other is tree else _predecessors(scope.pair, other)
+        if predecessors and slots & _slots_of(other) & _slots_of(predecessors[0]):
+            is_reordered = _priority_order(old, predecessors[0]) != _priority_order(tree, other)
+            reordered_names += [other.name] if is_reordered else []
+    if reordered_names:
+        message = f"the order in which it and {', '.join(sorted(reordered_names))} take a slot has changed"
         yield scope.change(Category.SLOWER, "priority", message, str(old.priority), str(tree.priority))
 
 
@@ -105,12 +108,12 @@ def compare_resources(scope: Scope, key: str, old: Any, new: Any) -> Iterator[Ch
 
 def compare_layout(scope: Scope) -> Iterator[Change]:
     """Yield the moves of elements to other modules of the generated package: one change for each pair of modules."""
-    moved: dict[tuple[str, str], list[str]] = {}
+    moves: dict[tuple[str, str], list[str]] = {}
     old, new = map(_module_of_elements, scope.pair.sides)
     for element, module in old.items():
         if element in new and new[element] != module:
-            moved.setdefault((module, new[element]), []).append(element[1])
-    for modules, names in sorted(moved.items()):
+            moves.setdefault((module, new[element]), []).append(element[1])
+    for modules, names in sorted(moves.items()):
         message = f"{', '.join(names)} {'is' if len(names) == 1 else 'are'} in another module"
         yield scope.change(Category.LAYOUT, "", message, *modules)
 

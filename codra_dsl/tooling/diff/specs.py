@@ -27,8 +27,8 @@ def review(before: Version, after: Version) -> Review:
             changes += _compare_spec(pair)
             latencies += _latencies(pair)
         elif _find_broken_spec(name, old.checked.spec.file, after.broken) is None:
-            similar = suggest(name, sorted(new_plans.keys() - old_plans.keys()))
-            changes.append(_removal(name, old.checked.spec.place, similar))
+            similar_name = suggest(name, sorted(new_plans.keys() - old_plans.keys()))
+            changes.append(_removal(name, old.checked.spec.place, similar_name))
     for broken in after.broken:
         changes += _error_changes(broken)
     for broken in before.broken:
@@ -55,8 +55,8 @@ def _latencies(pair: Pair) -> Iterator[Latency]:
             yield Latency(element=pair.id("context", name), before_s=before_s, after_s=after_s)
 
 
-def _removal(name: str, place: Place | None, similar: str | None = None) -> Change:
-    return Change(category=Category.REMOVED, element=name, message=removal_message("spec", similar), before=place)
+def _removal(name: str, place: Place | None, similar_name: str | None = None) -> Change:
+    return Change(category=Category.REMOVED, element=name, message=removal_message("spec", similar_name), before=place)
 
 
 def _error_changes(broken: BrokenSpec) -> Iterator[Change]:
@@ -87,8 +87,10 @@ def _is_of(broken: BrokenSpec, plan: BuildPlan) -> bool:
     return plan.name == broken.name or (broken.name is None and plan.checked.spec.file == broken.file)
 
 
-def _find_broken_spec(name: str | None, file: str, among: Iterable[BrokenSpec]) -> BrokenSpec | None:
+def _find_broken_spec(name: str | None, file: str, broken_specs: Iterable[BrokenSpec]) -> BrokenSpec | None:
     """Return the spec with errors that has a name, or else, if one of the names is unknown, the one in a file."""
-    named = (broken for broken in among if name is not None and broken.name == name)
-    nameless = (broken for broken in among if broken.file == file and (broken.name is None or name is None))
-    return next(chain(named, nameless), None)
+    named_specs = (broken for broken in broken_specs if name is not None and broken.name == name)
+    nameless_specs = (
+        broken for broken in broken_specs if broken.file == file and (broken.name is None or name is None)
+    )
+    return next(chain(named_specs, nameless_specs), None)

@@ -75,11 +75,11 @@ class Side:
     @cached_property
     def producers(self) -> Mapping[str, tuple[str, ...]]:
         """Return for each variable the algorithms that identify it, by rank, without those that no observer runs."""
-        run = {
+        run_producers = {
             variable: tuple(name for name in names if name in self.algorithms)
             for variable, names in self.plan.checked.producers.items()
         }
-        return {variable: names for variable, names in run.items() if names}
+        return {variable: names for variable, names in run_producers.items() if names}
 
     @cached_property
     def worst_s(self) -> Mapping[str, float]:
@@ -136,12 +136,12 @@ def make_pair(old: BuildPlan, new: BuildPlan) -> Pair:
     sides = Side(plan=old), Side(plan=new)
     before, after = (side.algorithms for side in sides)
     pairs = {name: name for name in before if name in after}
-    unpaired = {name: _identity(checked) for name, checked in after.items() if name not in before}
+    unpaired_identities = {name: _identity(checked) for name, checked in after.items() if name not in before}
     for name, checked in before.items():
-        same = [other for other, identity in unpaired.items() if identity == _identity(checked)]
-        if name not in pairs and len(same) == 1:
-            pairs[name] = same[0]
-            del unpaired[same[0]]
+        matching_names = [other for other, identity in unpaired_identities.items() if identity == _identity(checked)]
+        if name not in pairs and len(matching_names) == 1:
+            pairs[name] = matching_names[0]
+            del unpaired_identities[matching_names[0]]
     return Pair(old=sides[0], new=sides[1], algorithms=pairs)
 
 

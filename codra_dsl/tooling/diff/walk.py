@@ -92,7 +92,7 @@ class Scope:
         was: str | None = None,
         now: str | None = None,
         *,
-        at: tuple[Any, Any] = (None, None),
+        parts: tuple[Any, Any] = (None, None),
     ) -> Change:
         """Return a change of a key.
 
@@ -102,10 +102,10 @@ class Scope:
             message: what the change means.
             was: the text or value in A.
             now: the text or value in B.
-            at: the changed part in A and in B, which gives the place; if a part is None, the key gives the place.
+            parts: the changed part in A and in B, which gives the place; if a part is None, the key gives the place.
         """
         key = self.key(key)
-        before, after = (self._place(index, key) if part is None else part.place for index, part in enumerate(at))
+        before, after = (self._place(index, key) if part is None else part.place for index, part in enumerate(parts))
         return Change(
             category=category,
             element=self.id,
@@ -124,8 +124,8 @@ class Scope:
             return None
         holders = (element, *(getattr(element, field.name) for field in fields(element)))
         places = ChainMap(*(holder.places for holder in holders if hasattr(holder, "places")))
-        own = getattr(value, "place", None) if self.path else None
-        place: Place = places.get(key) or own or places.get(key.partition(".")[0]) or element.place
+        value_place = getattr(value, "place", None) if self.path else None
+        place: Place = places.get(key) or value_place or places.get(key.partition(".")[0]) or element.place
         return place
 
 
@@ -141,7 +141,7 @@ def equality_comparer(
     category: Category | Callable[[Scope], Category] = Category.REDEFINED,
     message: str = "'{}' has changed",
     show: Callable[[Any], str] | None = None,
-    value: Callable[[Any], object] | None = None,
+    compared_part: Callable[[Any], object] | None = None,
 ) -> Comparer:
     """Return the comparer of values that are only compared for equality.
 
@@ -150,22 +150,22 @@ def equality_comparer(
         message: the message of the change; `{}` stands for the key.
         show: returns the text of a value; then both values are shown whole. Without it, of two lists only the entries
             that differ are shown, or all entries if only their order differs.
-        value: returns the part of a value that is compared.
+        compared_part: returns the part of a value that is compared.
     """
 
     def compare(scope: Scope, key: str, old: Any, new: Any) -> Iterator[Change]:
-        before, after = map(value or plain_value, (old, new))
+        before, after = map(compared_part or plain_value, (old, new))
         if before != after:
-            decided = category if isinstance(category, Category) else category(scope)
-            shown = (old, new) if show else (_entries_not_in(new, old), _entries_not_in(old, new))
-            yield scope.change(decided, key, message.format(key), *map(show or text_of, shown))
+            decided_category = category if isinstance(category, Category) else category(scope)
+            shown_values = (old, new) if show else (_entries_not_in(new, old), _entries_not_in(old, new))
+            yield scope.change(decided_category, key, message.format(key), *map(show or text_of, shown_values))
 
     return compare
 
 
 def set_comparer(message: str) -> Comparer:
     """Return the comparer of lists whose entries have no order and are compared all together."""
-    return equality_comparer(message=message, value=lambda several: frozenset(map(plain_value, several)))
+    return equality_comparer(message=message, compared_part=lambda entries: frozenset(map(plain_value, entries)))
 
 
 def _entries_not_in(one: Any, other: Any) -> Any:
@@ -175,8 +175,8 @@ def _entries_not_in(one: Any, other: Any) -> Any:
     """
     if not isinstance(one, tuple) or not isinstance(other, tuple):
         return other
-    known = {*map(plain_value, one)}
-    return tuple(entry for entry in other if plain_value(entry) not in known) or (
+    known_entries = {*map(plain_value, one)}
+    return tuple(entry for entry in other if plain_value(entry) not in known_entries) or (
         other if len(one) == len(other) else ()
     )
 
@@ -194,7 +194,7 @@ def compare_by_default(scope: Scope, key: str, old: Any, new: Any) -> Iterator[C
 
 
 def element_comparer(
-    kind: str, noun: str | None = None, successor: Callable[[Pair, Any], str | None] | None = None
+    kind: str, noun: str | None = None, find_successor: Callable[[Pair, Any], str | None] | None = None
 ) -> Comparer:
     """Return the comparer of the elements in a section of the spec, which are paired by name.
 
@@ -202,8 +202,8 @@ def element_comparer(
         kind: the kind in the identifiers of the elements.
         noun: the word for an element in messages, by default the kind; if it is empty, removed and added elements are
             not reported.
-        successor: returns the name of the new element that is probably a removed element under a new name; by default
-            the new element with a similar name.
+        find_successor: returns the name of the new element that is probably a removed element under a new name; by
+            default, that is the new element with a similar name.
     """
     noun = kind if noun is None else noun
 
@@ -217,34 +217,34 @@ def element_comparer(
             elif after:
                 yield inner.change(Category.ADDED, "", f"new {noun}")
             else:
-                gained = sorted({element.name for element in new} - {element.name for element in old})
-                similar = successor(scope.pair, before) if successor else suggest(name, gained)
-                yield inner.change(Category.REMOVED, "", removal_message(noun, similar))
+                gained_names = sorted({element.name for element in new} - {element.name for element in old})
+                similar_name = find_successor(scope.pair, before) if find_successor else suggest(name, gained_names)
+                yield inner.change(Category.REMOVED, "", removal_message(noun, similar_name))
 
     return compare
 
 
-def removal_message(noun: str, similar: str | None) -> str:
+def removal_message(noun: str, similar_name: str | None) -> str:
     """Return the message for a removed element. `similar` names the new element that is probably the same element."""
-    return f"the {noun} is gone" + ("" if similar is None else f"; '{similar}' looks like its new name")
+    return f"the {noun} is gone" + ("" if similar_name is None else f"; '{similar_name}' looks like its new name")
 
 
-def entry_comparer(noun: str, wording: Callable[[Any], Wording] | None = None) -> Comparer:
+def entry_comparer(noun: str, make_wording: Callable[[Any], Wording] | None = None) -> Comparer:
     """Return the comparer of entries of an element, which are paired by name.
 
     Args:
         noun: the word for an entry in messages; if it is empty, removed and added entries are not reported.
-        wording: returns the category and the message for an entry that only one version has. Its argument is the entry
-            in B, or None if only A has the entry. `{}` in the message stands for the name of the entry.
+        make_wording: returns the category and the message for an entry that only one version has. Its argument is the
+            entry in B, or None if only A has the entry. `{}` in the message stands for the name of the entry.
     """
 
     def compare(scope: Scope, key: str, old: Any, new: Any) -> Iterator[Change]:
         for name, before, after in pair_by_name(old, new):
-            usual = (Category.ADDED, f"new {noun} '{{}}'") if after else (Category.REMOVED, f"{noun} '{{}}' is gone")
+            default = (Category.ADDED, f"new {noun} '{{}}'") if after else (Category.REMOVED, f"{noun} '{{}}' is gone")
             if before and after:
                 yield from scope.inner(f"{key}.{name}", before, after).changes()
             elif noun:
-                category, message = wording(after) if wording else usual
+                category, message = make_wording(after) if make_wording else default
                 types = (text_of(getattr(entry, "type", None)) for entry in (before, after))
                 yield scope.change(category, f"{key}.{name}", message.format(name), *types)
 
@@ -291,9 +291,9 @@ def text_of(value: Any) -> str:
         case Condition() | Phrase():
             return value.text
         case ValueType():
-            unit = "" if value.unit is None else f" in {value.unit}"
-            ends = "" if value.range is None else f" from {value.range[0]:g} to {value.range[1]:g}"
-            return f"{value.kind}{unit}{ends}{f' of {text_of(value.values)}' if value.values else ''}"
+            unit_text = "" if value.unit is None else f" in {value.unit}"
+            range_text = "" if value.range is None else f" from {value.range[0]:g} to {value.range[1]:g}"
+            return f"{value.kind}{unit_text}{range_text}{f' of {text_of(value.values)}' if value.values else ''}"
         case None | Place() | Mapping():
             return ""
         case tuple():
@@ -301,13 +301,13 @@ def text_of(value: Any) -> str:
                 ": ".join(map(text_of, entry)) if isinstance(entry, tuple) else text_of(entry) for entry in value
             )
         case _ if is_dataclass(value):
-            shown = ((field.name, getattr(value, field.name)) for field in fields(value))
+            named_parts = ((field.name, getattr(value, field.name)) for field in fields(value))
             texts = (
                 (
                     _key_of_field(name),
                     duration_text(part) if name.endswith("_s") and isinstance(part, float) else text_of(part),
                 )
-                for name, part in shown
+                for name, part in named_parts
             )
             return f"({', '.join(f'{key}: {text}' for key, text in texts if text)})"
         case bool():

@@ -53,8 +53,8 @@ def render_concise(review: Review, versions: Versions, palette: Palette = PLAIN)
 
 def render_markdown(review: Review, versions: Versions) -> str:
     """Return a review as Markdown, for a comment on a pull request."""
-    named = f"{as_markdown(versions.before)} → {as_markdown(versions.after)}"
-    lines = [f"### codra diff: {review.verdict}", "", f"{named}: {_counts_text(review) or 'no difference'}", ""]
+    names_text = f"{as_markdown(versions.before)} → {as_markdown(versions.after)}"
+    lines = [f"### codra diff: {review.verdict}", "", f"{names_text}: {_counts_text(review) or 'no difference'}", ""]
     for level in Level:
         rows = [change for change in review.changes if change.level is level]
         if rows:
@@ -77,11 +77,13 @@ def render_annotations(review: Review, folder: str = "") -> str:
         review: the review.
         folder: the folder of the project within the repository.
     """
-    judged = (change for change in review.changes if change.level is not Level.COMPATIBLE and not change.allowed)
-    commands = render_github([_finding_of(change) for change in judged], folder)
-    plain = Versions(before="", after="", file_before=str, file_after=str)
-    rest = (change for change in review.changes if change.level is Level.COMPATIBLE or change.allowed)
-    log = "".join(f"./{_change_line(change, plain, PLAIN)}\n" for change in rest)
+    annotated_changes = (
+        change for change in review.changes if change.level is not Level.COMPATIBLE and not change.allowed
+    )
+    commands = render_github([_finding_of(change) for change in annotated_changes], folder)
+    plain_versions = Versions(before="", after="", file_before=str, file_after=str)
+    other_changes = (change for change in review.changes if change.level is Level.COMPATIBLE or change.allowed)
+    log = "".join(f"./{_change_line(change, plain_versions, PLAIN)}\n" for change in other_changes)
     return f"{commands}{log}{_verdict_line(review)}\n"
 
 
@@ -117,8 +119,8 @@ def _paragraph_lines(change: Change, versions: Versions, palette: Palette) -> It
 
 def _change_line(change: Change, versions: Versions, palette: Palette) -> str:
     place = _place_of_change(change, versions)
-    where = f"{palette.place}{place}{palette.end}: " if place else ""
-    return f"{where}{_headline(change, palette)}: {visible_text(change.element)}: {visible_text(change.text)}"
+    place_text = f"{palette.place}{place}{palette.end}: " if place else ""
+    return f"{place_text}{_headline(change, palette)}: {visible_text(change.element)}: {visible_text(change.text)}"
 
 
 def _headline(change: Change, palette: Palette) -> str:
@@ -129,15 +131,15 @@ def _headline(change: Change, palette: Palette) -> str:
 
 
 def _place_of_change(change: Change, versions: Versions) -> str:
-    after = _place_text(change.after, versions.file_after)
-    return after or _place_text(change.before, versions.file_before)
+    place_after = _place_text(change.after, versions.file_after)
+    return place_after or _place_text(change.before, versions.file_before)
 
 
 def _place_text(place: Place | None, file: ShownFile) -> str:
     if place is None:
         return ""
-    used = "" if place.use is None else f" (used in {visible_text(file(place.use.file))}:{place.use.line})"
-    return f"{shown_place(replace(place.span, file=file(place.span.file)))}{used}"
+    use_text = "" if place.use is None else f" (used in {visible_text(file(place.use.file))}:{place.use.line})"
+    return f"{shown_place(replace(place.span, file=file(place.span.file)))}{use_text}"
 
 
 def _latency_lines(latencies: Sequence[Latency]) -> Iterator[str]:

@@ -77,10 +77,10 @@ def drawing(graph: Graph) -> str:
     Raises:
         DrawingError: if Graphviz is not installed or cannot draw.
     """
-    drawn = _parse_picture(_draw(_picture_text(graph)))
-    size = f'viewBox="0 0 {drawn["width"]} {drawn["height"]}"'
-    inside = re.sub(r"<!--.*?-->\s*|<title>.*?</title>\s*", "", drawn["inside"], flags=re.DOTALL)
-    return f'<svg {size} xmlns="http://www.w3.org/2000/svg">{inside}</svg>'
+    picture = _parse_picture(_draw(_picture_text(graph)))
+    size = f'viewBox="0 0 {picture["width"]} {picture["height"]}"'
+    content = re.sub(r"<!--.*?-->\s*|<title>.*?</title>\s*", "", picture["inside"], flags=re.DOTALL)
+    return f'<svg {size} xmlns="http://www.w3.org/2000/svg">{content}</svg>'
 
 
 def _picture_text(graph: Graph) -> str:
@@ -89,8 +89,8 @@ def _picture_text(graph: Graph) -> str:
     numbers = {element.id: number for number, element in enumerate(graph.elements)}
     for spec in graph.specs:
         elements = [element for element in graph.elements if element.spec == spec]
-        inside = list(_frames(elements, numbers))
-        lines += _frame_lines(spec, inside) if len(graph.specs) > 1 else inside
+        inner_lines = list(_frames(elements, numbers))
+        lines += _frame_lines(spec, inner_lines) if len(graph.specs) > 1 else inner_lines
     edges = (_arrow(link, *link.flow, id=f"e{number}") for number, link in enumerate(graph.links))
     return _digraph([*lines, *edges])
 
@@ -156,17 +156,17 @@ def _frames(elements: Iterable[Element], numbers: Mapping[str, int]) -> Iterator
     frames: dict[str, list[Element]] = {}
     for element in elements:
         frames.setdefault(element.observer, []).append(element)
-    for observer, inside in frames.items():
-        lines = [_numbered_node(element, numbers[element.id]) for element in inside]
-        if not observer or len(inside) == 1:
+    for observer, frame_elements in frames.items():
+        lines = [_numbered_node(element, numbers[element.id]) for element in frame_elements]
+        if not observer or len(frame_elements) == 1:
             yield from lines
             continue
         yield f"subgraph {_quote(f'cluster {observer}')} {{"
         yield '  graph [label="", style="rounded,filled", fillcolor="#f7f7f7", color="#bbbbbb", class="frame"];'
         yield from (f"  {line}" for line in lines)
-        made = [element for element in inside if element.kind is NodeKind.CONTEXT]
-        makers = [element for element in inside if element.kind is not NodeKind.CONTEXT]
-        yield from (_side_by_side(side) for side in (makers, made) if side)
+        variables = [element for element in frame_elements if element.kind is NodeKind.CONTEXT]
+        producers = [element for element in frame_elements if element.kind is not NodeKind.CONTEXT]
+        yield from (_side_by_side(side) for side in (producers, variables) if side)
         yield "}"
 
 
@@ -216,20 +216,21 @@ _SAMPLE_PX = 64
 _COLUMN_PX = 440
 
 
-def _with_legend(drawn: re.Match[str], graph: Graph) -> str:
+def _with_legend(picture: re.Match[str], graph: Graph) -> str:
     """Return a picture with its legend below. The picture shrinks with its window, but not below a legible size."""
     rows = list(_rows(graph))
-    height = int(drawn["height"]) + 20 + _ROW_PX * max((row for _, row, _ in rows), default=0) + _ROW_PX
-    width = max(int(drawn["width"]), 16 + _COLUMN_PX * (1 + max((column for column, _, _ in rows), default=0)))
+    top = int(picture["height"]) + 20
+    height = top + _ROW_PX * max((row for _, row, _ in rows), default=0) + _ROW_PX
+    width = max(int(picture["width"]), 16 + _COLUMN_PX * (1 + max((column for column, _, _ in rows), default=0)))
     size = f'width="100%" style="min-width: {width * _SMALLEST_SCALE:.0f}pt; max-width: {width}pt; height: auto"'
     legend = "".join(
-        f'<g transform="translate({16 + _COLUMN_PX * column} {int(drawn["height"]) + 20 + _ROW_PX * row})">{text}</g>\n'
+        f'<g transform="translate({16 + _COLUMN_PX * column} {top + _ROW_PX * row})">{text}</g>\n'
         for column, row, text in rows
     )
     return (
         '<?xml version="1.0" encoding="UTF-8" standalone="no"?>\n'
-        f'<svg {size} viewBox="0 0 {width} {height}"{drawn["rest"]}>\n'
-        f'<rect width="{width}" height="{height}" fill="white"/>\n{drawn["inside"]}'
+        f'<svg {size} viewBox="0 0 {width} {height}"{picture["rest"]}>\n'
+        f'<rect width="{width}" height="{height}" fill="white"/>\n{picture["inside"]}'
         f'<g class="legend" font-family="{_FONT}" font-size="{_LABEL_PT}">\n{legend}</g>\n</svg>\n'
     )
 

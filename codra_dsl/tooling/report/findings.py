@@ -93,10 +93,12 @@ def as_json(value: object, indent: int | None = None) -> str:
 def help_text(diagnostic: Diagnostic) -> str:
     """Return on one line how to fix a finding and, for a finding in a template, the place of a use that causes it."""
     uses = list(
-        dict.fromkeys(case.place.use for case in (diagnostic, *diagnostic.per_use) if case.place.use is not None)
+        dict.fromkeys(
+            finding.place.use for finding in (diagnostic, *diagnostic.per_use) if finding.place.use is not None
+        )
     )
-    used = [f"used at {shown_place(uses[0])}{f' and {len(uses) - 1} more' if uses[1:] else ''}"] if uses else []
-    return "; ".join([*([diagnostic.help] if diagnostic.help else []), *used])
+    use_texts = [f"used at {shown_place(uses[0])}{f' and {len(uses) - 1} more' if uses[1:] else ''}"] if uses else []
+    return "; ".join([*([diagnostic.help] if diagnostic.help else []), *use_texts])
 
 
 def related_places(diagnostic: Diagnostic) -> tuple[Related, ...]:
@@ -104,9 +106,9 @@ def related_places(diagnostic: Diagnostic) -> tuple[Related, ...]:
 
     These are the places that it names. For the main place and each of these, the use of its template is added, if any.
     """
-    named = [(diagnostic.place, ""), *((related.place, related.message) for related in diagnostic.related)]
+    named_places = [(diagnostic.place, ""), *((related.place, related.message) for related in diagnostic.related)]
     places: list[Related] = []
-    for place, message in named:
+    for place, message in named_places:
         places += [Related(message, Place(place.span))] if message else []
         places += [Related("used here", Place(place.use))] if place.use is not None else []
     return tuple(dict.fromkeys(places))
@@ -114,19 +116,23 @@ def related_places(diagnostic: Diagnostic) -> tuple[Related, ...]:
 
 def _full_lines(diagnostic: Diagnostic, lines: _Lines, palette: Palette) -> list[str]:
     line = lines.at(diagnostic.place.span)
-    shown = [_headline(diagnostic, palette)]
+    text_lines = [_headline(diagnostic, palette)]
     help_ = f"{palette.help}help: {visible_text(diagnostic.help)}{palette.end}" if diagnostic.help else ""
     width = len(str(diagnostic.place.span.line))
-    bar = f"{palette.gutter}{'':{width}} |{palette.end}"
+    margin = f"{palette.gutter}{'':{width}} |{palette.end}"
     if line is not None:
-        text, before, marked = _mark_line(line, diagnostic.place.span)
+        text, columns_before, marked_columns = _mark_line(line, diagnostic.place.span)
         number = f"{palette.gutter}{diagnostic.place.span.line} |{palette.end}"
-        caret = f"{palette.of(diagnostic.severity)}{'^' * marked}{palette.end}"
-        shown += [bar, f"{number} {text}".rstrip(), f"{bar} {' ' * before}{caret} {help_}".rstrip()]
+        caret = f"{palette.of(diagnostic.severity)}{'^' * marked_columns}{palette.end}"
+        text_lines += [margin, f"{number} {text}".rstrip(), f"{margin} {' ' * columns_before}{caret} {help_}".rstrip()]
     elif help_:
-        shown.append(f"{'':{width}} {help_}")
-    notes = ((shown_place(related.place.span), visible_text(related.message)) for related in related_places(diagnostic))
-    return shown + [f"{'':{width}} {palette.gutter}={palette.end} {place}: {message}" for place, message in notes]
+        text_lines.append(f"{'':{width}} {help_}")
+    related_texts = (
+        (shown_place(related.place.span), visible_text(related.message)) for related in related_places(diagnostic)
+    )
+    return text_lines + [
+        f"{'':{width}} {palette.gutter}={palette.end} {place}: {message}" for place, message in related_texts
+    ]
 
 
 def _headline(diagnostic: Diagnostic, palette: Palette) -> str:
@@ -145,7 +151,10 @@ def _in_brackets(text: str) -> str:
 
 
 def _finding_object(diagnostic: Diagnostic) -> dict[str, object]:
-    related = [{"message": note.message, **range_of(note.place.span)} for note in related_places(diagnostic)]
+    related = [
+        {"message": related_place.message, **range_of(related_place.place.span)}
+        for related_place in related_places(diagnostic)
+    ]
     return {
         "code": diagnostic.code,
         "name": diagnostic.rule.name,
@@ -182,14 +191,14 @@ class _Lines:
 
     def __init__(self, sources: Sources) -> None:
         self._sources = sources
-        self._files: dict[str, list[str]] = {}
+        self._lines_of_files: dict[str, list[str]] = {}
 
     def at(self, span: Span) -> str | None:
         """Return the first line of a span."""
-        if span.file not in self._files:
+        if span.file not in self._lines_of_files:
             text = self._sources(span.file)
-            self._files[span.file] = [] if text is None else text.replace("\r\n", "\n").split("\n")
-        lines = self._files[span.file]
+            self._lines_of_files[span.file] = [] if text is None else text.replace("\r\n", "\n").split("\n")
+        lines = self._lines_of_files[span.file]
         return lines[span.line - 1] if 0 < span.line <= len(lines) else None
 
 
@@ -198,12 +207,12 @@ def _mark_line(line: str, span: Span) -> tuple[str, int, int]:
     first = min(span.column - 1, len(line))
     last = len(line) if span.end_line > span.line else min(span.end_column - 1, len(line))
     start = max(0, first - _MARGIN) if len(line) > _MAX_WIDTH else 0
-    cropped = _ELLIPSIS if start else ""
+    left_mark = _ELLIPSIS if start else ""
     before, part, after = line[start:first], line[first:last], line[max(first, last) : start + _MAX_WIDTH]
-    ended = _ELLIPSIS if len(line) > start + _MAX_WIDTH else ""
+    right_mark = _ELLIPSIS if len(line) > start + _MAX_WIDTH else ""
     part = part[: _MAX_WIDTH - _MARGIN]
-    text = cropped + visible_text(before) + visible_text(part) + visible_text(after) + ended
-    return text, len(cropped) + _column_count(before), max(1, _column_count(part))
+    text = left_mark + visible_text(before) + visible_text(part) + visible_text(after) + right_mark
+    return text, len(left_mark) + _column_count(before), max(1, _column_count(part))
 
 
 def visible_text(text: str) -> str:

@@ -40,12 +40,12 @@ def render_github(diagnostics: Iterable[Diagnostic], folder: str = "") -> str:
         folder: the path of the files' root within the repository, with `/`.
     """
     findings = tuple(diagnostics)
-    annotated = [
+    annotated_findings = [
         diagnostic for severity in Severity for diagnostic in _with_severity(findings, severity)[:MAX_ANNOTATIONS]
     ]
-    commands = [_annotation(diagnostic, folder) for diagnostic in annotated]
-    if len(annotated) < len(findings):
-        commands.append(_rest_notice(findings, annotated))
+    commands = [_annotation(diagnostic, folder) for diagnostic in annotated_findings]
+    if len(annotated_findings) < len(findings):
+        commands.append(_rest_notice(findings, annotated_findings))
     return "".join(f"{command}\n" for command in commands) + without_commands(render_concise(findings))
 
 
@@ -62,16 +62,16 @@ def render_summary(diagnostics: Sequence[Diagnostic], title: str) -> str:
     if not diagnostics:
         return ""
     lines = [f"\n### {as_markdown(title)}\n\n", "| place | finding | message |\n", "| --- | --- | --- |\n"]
-    size, shown = 0, 0
+    size, row_count = 0, 0
     for diagnostic in diagnostics:
         row = _row(diagnostic)
         size += len(row.encode())
         if size > MAX_SUMMARY_BYTES:
             break
         lines.append(row)
-        shown += 1
-    if shown < len(diagnostics):
-        lines.append(f"\nand {len(diagnostics) - shown} more: see the log\n")
+        row_count += 1
+    if row_count < len(diagnostics):
+        lines.append(f"\nand {len(diagnostics) - row_count} more: see the log\n")
     return "".join(lines)
 
 
@@ -95,15 +95,15 @@ def _place_properties(span: Span, folder: str) -> dict[str, str]:
     return place
 
 
-def _rest_notice(findings: Sequence[Diagnostic], annotated: Sequence[Diagnostic]) -> str:
-    hidden = [
-        (severity, len(_with_severity(findings, severity)) - len(_with_severity(annotated, severity)))
+def _rest_notice(findings: Sequence[Diagnostic], annotated_findings: Sequence[Diagnostic]) -> str:
+    hidden_counts = [
+        (severity, len(_with_severity(findings, severity)) - len(_with_severity(annotated_findings, severity)))
         for severity in Severity
     ]
-    counts = " and ".join(
-        f"{number} more {severity.value}{'s' * (number > 1)}" for severity, number in hidden if number
+    counts_text = " and ".join(
+        f"{number} more {severity.value}{'s' * (number > 1)}" for severity, number in hidden_counts if number
     )
-    return _command("notice", {"title": "codra"}, f"{counts}: see the log or the summary of this step")
+    return _command("notice", {"title": "codra"}, f"{counts_text}: see the log or the summary of this step")
 
 
 def _with_severity(diagnostics: Iterable[Diagnostic], severity: Severity) -> list[Diagnostic]:

@@ -44,8 +44,8 @@ def render_junit(
     others = [diagnostic for diagnostic in findings if not is_failure(diagnostic)]
     root = _suite_element(suite, tests=len(failures), failures=sum(map(bool, failures.values())))
     ElementTree.SubElement(root, "properties")
-    for file, failing in sorted(failures.items()):
-        _add_test(root, suite, file, failing, sources)
+    for file, file_findings in sorted(failures.items()):
+        _add_test(root, suite, file, file_findings, sources)
     ElementTree.SubElement(root, "system-out").text = render_concise(others)
     ElementTree.SubElement(root, "system-err")
     ElementTree.indent(root)
@@ -60,17 +60,17 @@ def _without_commands(text: str) -> str:
 
 def _suite_element(name: str, *, tests: int, failures: int) -> ElementTree.Element:
     counts = {"tests": str(tests), "failures": str(failures), "errors": "0", "skipped": "0"}
-    ran = {"time": _FIXED_TIME_S, "timestamp": _FIXED_INSTANT, "hostname": _FIXED_HOST}
-    return ElementTree.Element("testsuite", {"name": name} | counts | ran)
+    fixed_attributes = {"time": _FIXED_TIME_S, "timestamp": _FIXED_INSTANT, "hostname": _FIXED_HOST}
+    return ElementTree.Element("testsuite", {"name": name} | counts | fixed_attributes)
 
 
 def _add_test(
-    root: ElementTree.Element, suite: str, file: str, failing: Sequence[Diagnostic], sources: Sources
+    root: ElementTree.Element, suite: str, file: str, file_findings: Sequence[Diagnostic], sources: Sources
 ) -> None:
     attributes = {"classname": suite, "name": visible_text(file), "time": _FIXED_TIME_S}
     test = ElementTree.SubElement(root, "testcase", attributes)
-    if failing:
-        first, others = failing[0], len(failing) - 1
-        more = f" (and {others} more)" if others else ""
-        attributes = {"type": first.code, "message": f"{visible_text(first.message)}{more}"}
-        ElementTree.SubElement(test, "failure", attributes).text = f"\n{render_full(failing, sources)}"
+    if file_findings:
+        first, others = file_findings[0], len(file_findings) - 1
+        others_text = f" (and {others} more)" if others else ""
+        attributes = {"type": first.code, "message": f"{visible_text(first.message)}{others_text}"}
+        ElementTree.SubElement(test, "failure", attributes).text = f"\n{render_full(file_findings, sources)}"

@@ -129,11 +129,11 @@ def _seconds_text(duration_s: float) -> str:
 
 def nodes_of(graph: Graph) -> tuple[ShownKind, ...]:
     """Return the kinds of nodes that a graph has, in the order of the legend."""
-    present = {shown_kind(element) for element in graph.elements}
-    return tuple(kind for kind in NODES if kind in present)
+    present_kinds = {shown_kind(element) for element in graph.elements}
+    return tuple(kind for kind in NODES if kind in present_kinds)
 
 
 def edges_of(graph: Graph) -> tuple[EdgeKind, ...]:
     """Return the kinds of edges that a graph has, in the order of the legend."""
-    present = {link.kind for link in graph.links}
-    return tuple(kind for kind in EDGES if kind in present)
+    present_kinds = {link.kind for link in graph.links}
+    return tuple(kind for kind in EDGES if kind in present_kinds)

@@ -87,9 +87,9 @@ class Flowchart:
 
 def flowchart(graph: Graph) -> Flowchart:
     """Return the graph as a flowchart: complete if Mermaid draws the complete graph, otherwise condensed."""
-    complete = Flowchart(text=_chart(graph), is_complete=True, edges=len(graph.links) + len(edges_of(graph)))
-    if complete.fits:
-        return complete
+    complete_chart = Flowchart(text=_chart(graph), is_complete=True, edges=len(graph.links) + len(edges_of(graph)))
+    if complete_chart.fits:
+        return complete_chart
     boxes = overview(graph)
     return Flowchart(text=_overview_chart(boxes), is_complete=False, edges=len(boxes.arrows))
 
@@ -98,8 +98,8 @@ def _chart(graph: Graph) -> str:
     numbers = {element.id: number for number, element in enumerate(graph.elements)}
     lines = ["flowchart LR"]
     for spec in graph.specs:
-        inside = [*_element_lines([element for element in graph.elements if element.spec == spec], numbers)]
-        lines += _subgraph(f"spec_{spec}", spec, inside) if len(graph.specs) > 1 else inside
+        inner_lines = [*_element_lines([element for element in graph.elements if element.spec == spec], numbers)]
+        lines += _subgraph(f"spec_{spec}", spec, inner_lines) if len(graph.specs) > 1 else inner_lines
     for link in graph.links:
         need, user = link.flow
         lines.append(f"n{numbers[need]} {_ARROWS[link.kind]} n{numbers[user]}")
@@ -157,19 +157,19 @@ def _link_style(kind: EdgeKind, kinds: Sequence[EdgeKind]) -> str:
     return f"linkStyle {numbers} stroke:{EDGES[kind].colour}"
 
 
-def _overview_chart(condensed: Overview) -> str:
+def _overview_chart(overview_graph: Overview) -> str:
     """Return a flowchart of boxes."""
     lines = [
         "flowchart LR",
         "%% Too large for Mermaid: each box has all nodes of a use of a template, of a file or of an observer.",
         "%% Each arrow leads from a box to a box that needs it. `codra graph --select` shows a part in full.",
     ]
-    for spec in condensed.specs:
-        inside = [
+    for spec in overview_graph.specs:
+        inner_lines = [
             f'b{number}["{_escape_label(box.label)}<br/>{box.count} node{"" if box.count == 1 else "s"}"]'
-            for number, box in enumerate(condensed.boxes)
+            for number, box in enumerate(overview_graph.boxes)
             if box.spec == spec
         ]
-        lines += _subgraph(f"spec_{spec}", spec, inside) if len(condensed.specs) > 1 else inside
-    lines += (f"b{need} --> b{user}" for need, user in condensed.arrows)
+        lines += _subgraph(f"spec_{spec}", spec, inner_lines) if len(overview_graph.specs) > 1 else inner_lines
+    lines += (f"b{need} --> b{user}" for need, user in overview_graph.arrows)
     return "\n  ".join(lines) + "\n"
