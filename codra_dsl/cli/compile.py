@@ -127,13 +127,9 @@ def _compile_or_recall(
     if cache is not None:
         cache.remember(run)
     with timings.stage("write"):
-        return run, _compare_or_write(compilation, folder, check)
-
-
-def _compare_or_write(compilation: Compilation, folder: Path, check: bool) -> _OutputResult:
-    if not compilation.files:
-        return _OutputResult()
-    return _compare_output(compilation, folder) if check else _write_output(compilation, folder)
+        if not compilation.files:
+            return run, _OutputResult()
+        return run, _compare_output(compilation, folder) if check else _write_output(compilation, folder)
 
 
 def _compare_output(compilation: Compilation, folder: Path) -> _OutputResult:

@@ -26,7 +26,7 @@ from codra_dsl.cli.console import (
 from codra_dsl.cli.options import ColourOption, Output
 
 if TYPE_CHECKING:
-    from codra_dsl.language.diagnostics import Diagnostic, Span
+    from codra_dsl.language.diagnostics import Diagnostic
     from codra_dsl.language.model import Spec
     from codra_dsl.tooling.diff import BrokenSpec, Change, Review, Verdict, Version
     from codra_dsl.tooling.report.changes import Versions
@@ -119,7 +119,7 @@ def diff_command(
         result = review(versions[0], versions[1])
     result = replace(result, changes=tuple(_with_allowance(change, allow_options) for change in result.changes))
     _report_unused_options(allow_options, result)
-    diff_format, versions_in_report = _choose_format(format_, output), _shown_names(sides)
+    diff_format, versions_in_report = _choose_format(format_, output), _versions_of(sides)
     if diff_format is DiffFormat.GITHUB:
         _annotate(result, versions_in_report, sides[1].folder, output)
     else:
@@ -333,14 +333,12 @@ def _report_errors(side: _Side, version: Version, colour: Colour) -> None:
     errors = in_file_order(error for broken in version.broken for error in broken.errors)
     if errors:
         palette = findings.COLOURED if is_coloured(colour, sys.stderr) else findings.PLAIN
-        shown_errors = [replace(error, place=replace(error.place, span=_shown_span(side, error))) for error in errors]
-        say(
-            f"{findings.render_concise(shown_errors, palette)}{side.name} has errors: unreadable parts are not compared"
-        )
-
-
-def _shown_span(side: _Side, error: Diagnostic) -> Span:
-    return replace(error.place.span, file=side.file(error.place.span.file))
+        spans = [replace(error.place.span, file=side.file(error.place.span.file)) for error in errors]
+        shown_errors = [
+            replace(error, place=replace(error.place, span=span)) for error, span in zip(errors, spans, strict=True)
+        ]
+        text = findings.render_concise(shown_errors, palette)
+        say(f"{text}{side.name} has errors: unreadable parts are not compared")
 
 
 # The verdict
@@ -383,7 +381,7 @@ def _fails(verdict: Verdict, fail_on: FailOnVerdict) -> bool:
     return verdict is Verdict.BREAKING or (fail_on is FailOnVerdict.CAUTION and verdict is Verdict.CAUTION)
 
 
-def _shown_names(sides: tuple[_Side, _Side]) -> Versions:
+def _versions_of(sides: tuple[_Side, _Side]) -> Versions:
     from codra_dsl.tooling.report.changes import Versions
 
     before, after = sides

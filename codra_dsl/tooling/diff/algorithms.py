@@ -56,7 +56,7 @@ def compare_algorithms(scope: Scope, *_: Any) -> Iterator[Change]:
 
 def _algorithm_scope(scope: Scope, name: str, new_name: str) -> Scope:
     old, new = scope.pair.old.algorithms[name], scope.pair.new.algorithms[new_name]
-    return scope.element("perception", new_name, old.algorithm, new.algorithm)
+    return scope.element_scope("perception", new_name, old.algorithm, new.algorithm)
 
 
 def _replacements(pair: Pair) -> Iterable[tuple[str, str]]:
@@ -95,7 +95,7 @@ def compare_usages(scope: Scope, key: str, old: Sequence[Usage], new: Sequence[U
 def _compare_arguments(scope: Scope, key: str, old_arguments: list[str], new_arguments: list[str]) -> Iterator[Change]:
     if {*old_arguments} != {*new_arguments}:
         message = f"the function gets other arguments from '{key}'"
-        yield scope.change(
+        yield scope.make_change(
             Category.CONTRACT, key, message, ", ".join(old_arguments) or "none", ", ".join(new_arguments) or "none"
         )
 
@@ -165,7 +165,7 @@ def compare_identification(scope: Scope, _: str, *by: Any) -> Iterator[Change]:
     if old.variable.name in scope.pair.one_sided:
         return
     if not _is_same_identification(scope, old, new):
-        yield scope.change(
+        yield scope.make_change(
             Category.REDEFINED,
             "",
             "the value is computed in another way",
@@ -175,7 +175,7 @@ def compare_identification(scope: Scope, _: str, *by: Any) -> Iterator[Change]:
     before, after = map(_confirm_counts, by)
     if before != after:
         category, message = _confirmation_wording(before, after)
-        yield scope.change(category, "", message, *(f"{count} of {total}" for count, total in (before, after)))
+        yield scope.make_change(category, "", message, *(f"{count} of {total}" for count, total in (before, after)))
     yield from compare_inline(scope, "", *by)
 
 
@@ -250,11 +250,11 @@ def _compare_waiting(scope: Scope, name: str, new_name: str) -> Iterator[Change]
     was_s, now_s = _longest_time_s(before, new, old), _longest_time_s(after, new)
     if now_s > was_s:
         message = f"waits for {quote_names(after - before) or 'none'}, which takes longer"
-        yield scope.change(Category.SLOWER, "observable_when", message, duration_text(was_s), duration_text(now_s))
+        yield scope.make_change(Category.SLOWER, "observable_when", message, duration_text(was_s), duration_text(now_s))
     was_s, now_s = _longest_time_s(before, old), _longest_time_s(after, old, new)
     if now_s < was_s:
         message = f"no longer waits for {quote_names(before - after) or 'none'}"
-        yield scope.change(Category.FASTER, "observable_when", message, duration_text(was_s), duration_text(now_s))
+        yield scope.make_change(Category.FASTER, "observable_when", message, duration_text(was_s), duration_text(now_s))
 
 
 def _longest_time_s(names: Iterable[str], side: Side, other: Side | None = None) -> float:

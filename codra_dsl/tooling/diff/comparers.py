@@ -35,7 +35,7 @@ def compare_inline(scope: Scope, _: str, old: Any, new: Any) -> Iterator[Change]
     If the values have different classes, yield nothing.
     """
     if is_nested(old, new):
-        yield from scope.inner("", old, new).changes()
+        yield from scope.inner_scope("", old, new).changes()
 
 
 def show_nothing(_: object) -> str:
@@ -54,7 +54,7 @@ def order_comparer(
     def compare(scope: Scope, key: str, old: Any, new: Any) -> Iterator[Change]:
         if rank(old) != rank(new):
             category, message = more if rank(new) > rank(old) else less
-            yield scope.change(category, key, message, show(old), show(new))
+            yield scope.make_change(category, key, message, show(old), show(new))
 
     return compare
 
@@ -86,9 +86,11 @@ def name_comparer(lost: Wording, gained: Wording) -> Comparer:
         for (category, message), side, other in ((lost, before, after), (gained, after, before)):
             changed_texts = {text for entry, text in side.items() if entry not in other}
             if "{}" not in message and changed_texts:
-                yield scope.change(category, key, message, text_of(old), text_of(new))
+                yield scope.make_change(category, key, message, text_of(old), text_of(new))
             elif changed_texts - scope.pair.one_sided:
-                yield scope.change(category, key, message.format(quote_names(changed_texts - scope.pair.one_sided)))
+                yield scope.make_change(
+                    category, key, message.format(quote_names(changed_texts - scope.pair.one_sided))
+                )
 
     return compare
 
@@ -118,8 +120,8 @@ def type_comparer(
             (widened, part, f"has new {noun}", is_comparable and gained),
         ):
             if applies:  # a changed type of an entry, such as an attribute, is reported under the key of the entry
-                yield scope.change(category, "" if scope.path else changed, message, text_of(old), text_of(new))
-        yield from scope.inner(key, old, new).changes()
+                yield scope.make_change(category, "" if scope.path else changed, message, text_of(old), text_of(new))
+        yield from scope.inner_scope(key, old, new).changes()
 
     return compare
 
@@ -153,7 +155,7 @@ def compare_writers(scope: Scope, key: str, old: Sequence[Writer], new: Sequence
         section = "types" if isinstance(element, NodeType) else "edges"
         knowledge_element = KnowledgeElement(section, element.name, value.name if scope.path else "")
         yield from _compare_writer_lists(
-            scope, key, *(side.world.writers(knowledge_element) for side in scope.pair.sides)
+            scope, key, *(side.declared_graph.writers(knowledge_element) for side in scope.pair.sides)
         )
 
 
@@ -164,11 +166,11 @@ def compare_variable_writers(
     sources = ([source for source in side if source.name != "observer"] for side in (old, new))
     yield from _compare_writer_lists(scope, key, *map(_make_writers, sources), no_writer="observers only")
     name = scope.values[1].name
-    if all(name in side.world.variables for side in scope.pair.sides):
+    if all(name in side.declared_graph.variables for side in scope.pair.sides):
         owners_by_side = (
             [
                 writer
-                for writer in side.world.writers(KnowledgeElement("context", name))
+                for writer in side.declared_graph.writers(KnowledgeElement("context", name))
                 if writer.name not in map(text_of, own_sources)
             ]
             for side, own_sources in zip(scope.pair.sides, (old, new), strict=True)
@@ -201,7 +203,7 @@ def _compare_writer_lists(
         ),
     ):
         if applies:
-            yield scope.change(category, key, message, *(", ".join(side) or no_writer for side in (before, after)))
+            yield scope.make_change(category, key, message, *(", ".join(side) or no_writer for side in (before, after)))
 
 
 def _names_by_priority(writers: Sequence[Writer], common_names: set[str]) -> list[list[str]]:
@@ -228,7 +230,7 @@ def guard_comparer(types_of: Callable[[Scope, Sequence[Condition]], Types]) -> C
             lost, gained = _conditions_not_in(after, old, types), _conditions_not_in(before, new, types)
             texts = (" and ".join(f"'{one.text}'" for one in side) or "no such condition" for side in (lost, gained))
             first_conditions = next(iter(lost), None), next(iter(gained), None)
-            yield scope.change(category, key, f"'{key}' {message}", *texts, parts=first_conditions)
+            yield scope.make_change(category, key, f"'{key}' {message}", *texts, parts=first_conditions)
 
     return compare
 

@@ -82,7 +82,11 @@ def is_same_choice(one: Sequence[tuple[str, Node]], other: Sequence[tuple[str, N
     The chosen member is that of the first condition that holds.
     """
     choices = _conditions_by_member(one), _conditions_by_member(other)
-    guards = ([_any(side, member) for side in choices] for member in {**choices[0], **choices[1]})
+    members = {**choices[0], **choices[1]}
+    guards = (
+        [Or(operands=tuple(side.get(member, ())), start=0, end=0) for side in choices]  # any of its conditions
+        for member in members
+    )
     return all(relation([before], [after], types) is Relation.SAME for before, after in guards)
 
 
@@ -94,10 +98,6 @@ def _conditions_by_member(cases: Iterable[tuple[str, Node]]) -> Mapping[str, lis
         choices.setdefault(member, []).append(And(operands=(*before, condition), start=0, end=0))
         before = (*before, Not(operand=condition, start=0, end=0))
     return choices
-
-
-def _any(choices: Mapping[str, list[Node]], member: str) -> Node:
-    return Or(operands=tuple(choices.get(member, ())), start=0, end=0)
 
 
 def is_same_value(one: Node, other: Node, types: Types) -> bool:

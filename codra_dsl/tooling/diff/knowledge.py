@@ -55,15 +55,15 @@ def _expectations_by_subject(monitor: Iterable[Expectation]) -> dict[tuple[str, 
 def _compare_expectation(scope: Scope, key: str, old: Expectation | None, new: Expectation | None) -> Iterator[Change]:
     if old is None or new is None:
         category, verb = (Category.WEAKER, "is no longer expected") if old else (Category.STRONGER, "is expected now")
-        yield scope.change(category, key, f"{_expectation_text(old or new)} {verb}", parts=(old, new))
+        yield scope.make_change(category, key, f"{_expectation_text(old or new)} {verb}", parts=(old, new))
         return
     guard_relation = _expectation_relation(scope.pair, old, new)
     if guard_relation is not Relation.SAME:
         category, message = GUARD_WORDINGS[guard_relation]
-        yield scope.change(
+        yield scope.make_change(
             category, key, f"an expectation {message}", _expectation_text(old), _expectation_text(new), parts=(old, new)
         )
-    yield from scope.inner(key, old, new).changes()
+    yield from scope.inner_scope(key, old, new).changes()
 
 
 def _expectation_relation(pair: Pair, old: Expectation, new: Expectation) -> Relation:
@@ -120,16 +120,16 @@ def compare_wakes(scope: Scope, key: str, old: Sequence[Condition], new: Sequenc
     if old and new:
         yield from _WAKES_COMPARER(scope, key, old, new)
     elif new:
-        yield scope.change(Category.GUARD_CHANGED, key, "is only active once it is woken")
+        yield scope.make_change(Category.GUARD_CHANGED, key, "is only active once it is woken")
     elif old:
-        yield scope.change(Category.WIDENED, key, "is always active")
+        yield scope.make_change(Category.WIDENED, key, "is always active")
 
 
 def rule_types(scope: Scope, conditions: Sequence[Condition]) -> Types:
     """Return the types of the names in patterns; None for a name that has another type in B."""
     types: dict[str, Type | None] = {}
     for name in {name.name for condition in conditions if condition.tree for name in names_in(condition.tree)}:
-        before, after = (side.world.read_type(name) for side in scope.pair.sides)
+        before, after = (side.declared_graph.read_type(name) for side in scope.pair.sides)
         types[name] = before if before == after else None
     return types
 
@@ -149,16 +149,18 @@ def compare_terms(scope: Scope, key: str, *values: Any) -> Iterator[Change]:
 def compare_effect(scope: Scope, _: str, old: Any, new: Any) -> Iterator[Change]:
     """Yield the changes of what an adaptation chooses or sets."""
     if type(old) is type(new):
-        yield from scope.inner("", old, new).changes()
+        yield from scope.inner_scope("", old, new).changes()
     else:
-        yield scope.change(Category.REDEFINED, "set", "chooses an action instead of setting a variable, or the reverse")
+        yield scope.make_change(
+            Category.REDEFINED, "set", "chooses an action instead of setting a variable, or the reverse"
+        )
 
 
 def compare_tree_file(scope: Scope, key: str, *_: str) -> Iterator[Change]:
     """Yield a change if the file of a behaviour tree has other contents."""
     before, after = (_trees(side, scope.values[1].name) for side in scope.pair.sides)
     if before != after:
-        yield scope.change(Category.REDEFINED, key, "the file has other contents")
+        yield scope.make_change(Category.REDEFINED, key, "the file has other contents")
 
 
 def _trees(side: Side, name: str) -> object:

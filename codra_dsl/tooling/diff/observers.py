@@ -36,7 +36,7 @@ def compare_observers(scope: Scope, key: str, *settings: Any) -> Iterator[Change
     for tree in pair.new.plan.forest:
         before = _predecessors(pair, tree)
         for old in before:
-            inner = scope.element(
+            inner = scope.element_scope(
                 "observer", tree.name, _element_with_places(pair.old, old), _element_with_places(pair.new, tree)
             )
             yield from _PERIOD_COMPARER(inner, "period", old.period_s, tree.period_s)
@@ -66,7 +66,7 @@ def _compare_names(scope: Scope, before: tuple[Tree, ...], tree: Tree) -> Iterat
     )
     if names != [tree.name] and not is_named_after_algorithm:
         message = "has another name" if len(names) == 1 else "observers are joined"
-        yield scope.change(Category.RENAMED, "name", message, ", ".join(names), tree.name)
+        yield scope.make_change(Category.RENAMED, "name", message, ", ".join(names), tree.name)
 
 
 def _compare_priority(scope: Scope, old: Tree, tree: Tree) -> Iterator[Change]:
@@ -79,7 +79,7 @@ def _compare_priority(scope: Scope, old: Tree, tree: Tree) -> Iterator[Change]:
             reordered_names += [other.name] if is_reordered else []
     if reordered_names:
         message = f"the order in which it and {', '.join(sorted(reordered_names))} take a slot has changed"
-        yield scope.change(Category.SLOWER, "priority", message, str(old.priority), str(tree.priority))
+        yield scope.make_change(Category.SLOWER, "priority", message, str(old.priority), str(tree.priority))
 
 
 def _priority_order(one: Tree, other: Tree) -> int:
@@ -95,15 +95,15 @@ def compare_resources(scope: Scope, key: str, old: Any, new: Any) -> Iterator[Ch
     """Yield the changes of handles and slots."""
     yield from element_comparer("resource", "")(scope, key, old, new)
     for name, before, after in pair_by_name(old, new):
-        inner = scope.element("resource", name, before, after)
+        inner = scope.element_scope("resource", name, before, after)
         yield from _HANDLE_COMPARER(inner, "", *(bool(side.users(name, Access.READ)) for side in scope.pair.sides))
         if before and after:
             users = (len(side.users(name, Access.SLOT)) for side in scope.pair.sides)
             yield from _SLOTS_COMPARER(inner, "", *zip(users, (before.slots, after.slots), strict=True))
         elif before and before.slots:
-            yield inner.change(Category.REMOVED, "", "the resource is gone")
+            yield inner.make_change(Category.REMOVED, "", "the resource is gone")
         elif after and after.slots:
-            yield inner.change(Category.ADDED, "", "new resource with slots")
+            yield inner.make_change(Category.ADDED, "", "new resource with slots")
 
 
 def compare_layout(scope: Scope) -> Iterator[Change]:
@@ -115,7 +115,7 @@ def compare_layout(scope: Scope) -> Iterator[Change]:
             moves.setdefault((module, new[element]), []).append(element[1])
     for modules, names in sorted(moves.items()):
         message = f"{', '.join(names)} {'is' if len(names) == 1 else 'are'} in another module"
-        yield scope.change(Category.LAYOUT, "", message, *modules)
+        yield scope.make_change(Category.LAYOUT, "", message, *modules)
 
 
 def _module_of_elements(side: Side) -> Mapping[tuple[str, str], str]:

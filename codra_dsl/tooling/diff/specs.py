@@ -52,7 +52,7 @@ def _latencies(pair: Pair) -> Iterator[Latency]:
     for name, before_s in pair.old.worst_s.items():
         after_s = pair.new.worst_s.get(name)
         if after_s is not None and after_s != before_s:
-            yield Latency(element=pair.id("context", name), before_s=before_s, after_s=after_s)
+            yield Latency(element=pair.element_id("context", name), before_s=before_s, after_s=after_s)
 
 
 def _removal(name: str, place: Place | None, similar_name: str | None = None) -> Change:

@@ -59,10 +59,6 @@ def _ends_comparer(key: str) -> Comparer:
     return name_comparer((Category.NARROWED, f"leads {key} fewer"), (Category.WIDENED, f"leads {key} more"))
 
 
-def _has_poses(edge: model.EdgeType) -> bool:
-    return edge.motion is not None
-
-
 FIELDS: Table = {
     object: {  # fields of any class
         "label": equality_comparer(Category.WORDING, "has another label", show=repr),
@@ -146,7 +142,10 @@ FIELDS: Table = {
     },
     model.EdgeType: {
         "label": equality_comparer(
-            lambda scope: Category.API if len({*map(_has_poses, scope.values)}) == 1 else Category.RETYPED,
+            # The type has changed if the edge has poses in only one version.
+            lambda scope: (
+                Category.API if len({edge.motion is None for edge in scope.values}) == 1 else Category.RETYPED
+            ),
             "has another label",
         ),
         "origins": _ends_comparer("from"),

@@ -51,7 +51,7 @@ def _compare_producers(scope: Scope) -> Iterator[Change]:
         category, message = _producers_wording(before, [*after])
         was, now = (", ".join(one.removeprefix("-") for one in side) or "no algorithm" for side in (before, after))
         first = (_first_producer(side, name) for side in pair.sides)
-        yield scope.element("context", name, *first).change(category, "", message, was, now)
+        yield scope.element_scope("context", name, *first).make_change(category, "", message, was, now)
 
 
 def _producers_wording(before: list[str], after: list[str]) -> Wording:
@@ -106,6 +106,6 @@ def _compare_aliases(scope: Scope) -> Iterator[Change]:
             new_alias = next(
                 other_alias for other_alias, other_names in new_types.items() if enum_names[0] in other_names
             )
-            inner = scope.element("context", enum_names[0], old.variables[names[0]], new.variables[enum_names[0]])
+            inner = scope.element_scope("context", enum_names[0], old.variables[names[0]], new.variables[enum_names[0]])
             message = "the generated package has another name for its values"
-            yield inner.change(Category.API, "values", message, alias, new_alias)
+            yield inner.make_change(Category.API, "values", message, alias, new_alias)

@@ -58,7 +58,7 @@ class Side:
         return self.plan.checked.variables
 
     @cached_property
-    def world(self) -> DeclaredGraph:
+    def declared_graph(self) -> DeclaredGraph:
         """Return the declared knowledge."""
         return DeclaredGraph(self.spec)
 
@@ -123,7 +123,7 @@ class Pair:
         """Return the variables that only one version has. They are reported only as removed or added."""
         return frozenset(self.new.variables.keys() ^ self.old.variables.keys())
 
-    def id(self, kind: str, name: str) -> str:
+    def element_id(self, kind: str, name: str) -> str:
         """Return the identifier of an element in changes."""
         return f"{self.new.spec.name}/{kind}/{name}"
 

@@ -72,19 +72,19 @@ class Scope:
                 )
                 yield from compare(self, _key_of_field(field.name), before, after)
 
-    def element(self, kind: str, name: str, old: Any, new: Any) -> Scope:
+    def element_scope(self, kind: str, name: str, old: Any, new: Any) -> Scope:
         """Return the scope of an element of the spec."""
-        return replace(self, id=self.pair.id(kind, name), elements=(old, new), values=(old, new))
+        return replace(self, id=self.pair.element_id(kind, name), elements=(old, new), values=(old, new))
 
-    def inner(self, key: str, old: Any, new: Any) -> Scope:
+    def inner_scope(self, key: str, old: Any, new: Any) -> Scope:
         """Return the scope of two values that are inside the values of this scope."""
-        return replace(self, values=(old, new), path=self.key(key))
+        return replace(self, values=(old, new), path=self.path_of(key))
 
-    def key(self, key: str) -> str:
+    def path_of(self, key: str) -> str:
         """Return the path from the element to a key of the values, with dots."""
         return ".".join(filter(None, (self.path, key)))
 
-    def change(
+    def make_change(
         self,
         category: Category,
         key: str,
@@ -104,7 +104,7 @@ class Scope:
             now: the text or value in B.
             parts: the changed part in A and in B, which gives the place; if a part is None, the key gives the place.
         """
-        key = self.key(key)
+        key = self.path_of(key)
         before, after = (self._place(index, key) if part is None else part.place for index, part in enumerate(parts))
         return Change(
             category=category,
@@ -158,7 +158,7 @@ def equality_comparer(
         if before != after:
             decided_category = category if isinstance(category, Category) else category(scope)
             shown_values = (old, new) if show else (_entries_not_in(new, old), _entries_not_in(old, new))
-            yield scope.change(decided_category, key, message.format(key), *map(show or text_of, shown_values))
+            yield scope.make_change(decided_category, key, message.format(key), *map(show or text_of, shown_values))
 
     return compare
 
@@ -184,7 +184,7 @@ def _entries_not_in(one: Any, other: Any) -> Any:
 def compare_by_default(scope: Scope, key: str, old: Any, new: Any) -> Iterator[Change]:
     """Yield the changes of a field that is not in the table."""
     if is_nested(old, new):
-        yield from scope.inner(key, old, new).changes()
+        yield from scope.inner_scope(key, old, new).changes()
     elif _has_names(old) and _has_names(new):
         yield from (element_comparer(key) if isinstance(scope.values[1], Spec) else entry_comparer("entry"))(
             scope, key, old, new
@@ -209,17 +209,17 @@ def element_comparer(
 
     def compare(scope: Scope, _: str, old: Any, new: Any) -> Iterator[Change]:
         for name, before, after in pair_by_name(old, new):
-            inner = scope.element(kind, name, before, after)
+            inner = scope.element_scope(kind, name, before, after)
             if before and after:
                 yield from inner.changes()
             elif not noun or getattr(before or after, "is_derived", False):
                 continue
             elif after:
-                yield inner.change(Category.ADDED, "", f"new {noun}")
+                yield inner.make_change(Category.ADDED, "", f"new {noun}")
             else:
                 gained_names = sorted({element.name for element in new} - {element.name for element in old})
                 similar_name = find_successor(scope.pair, before) if find_successor else suggest(name, gained_names)
-                yield inner.change(Category.REMOVED, "", removal_message(noun, similar_name))
+                yield inner.make_change(Category.REMOVED, "", removal_message(noun, similar_name))
 
     return compare
 
@@ -242,11 +242,11 @@ def entry_comparer(noun: str, make_wording: Callable[[Any], Wording] | None = No
         for name, before, after in pair_by_name(old, new):
             default = (Category.ADDED, f"new {noun} '{{}}'") if after else (Category.REMOVED, f"{noun} '{{}}' is gone")
             if before and after:
-                yield from scope.inner(f"{key}.{name}", before, after).changes()
+                yield from scope.inner_scope(f"{key}.{name}", before, after).changes()
             elif noun:
                 category, message = make_wording(after) if make_wording else default
                 types = (text_of(getattr(entry, "type", None)) for entry in (before, after))
-                yield scope.change(category, f"{key}.{name}", message.format(name), *types)
+                yield scope.make_change(category, f"{key}.{name}", message.format(name), *types)
 
     return compare
 

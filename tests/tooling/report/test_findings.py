@@ -205,7 +205,7 @@ def test_a_line_names_the_use_that_gives_a_finding_in_a_templates_text() -> None
 
 
 def test_no_two_findings_have_the_same_fingerprint() -> None:
-    """Two mentions of one unknown name must differ, and one use of a shared template in each of two specs."""
+    """Two mentions of one unknown name differ, and so do the findings in one template that two specs use."""
     again = replace(MONITER, place=Place(Span("specs/door.yaml", 9, 5, 9, 12)))
     in_template = [replace(MONITER, place=Place(MONITER.place.span, Span(f, 3, 3, 3, 6))) for f in ("a.yaml", "b.yaml")]
 
