@@ -78,7 +78,7 @@ def compile_command(
         write_result(text_for_log(visible_lines(output_result.diff)))
     if findings:
         say(counts_text(findings))
-        view.point_to_pages(findings)
+        view.point_to_page(findings)
     if output_result.summary:
         say(output_result.summary)
     if timings:

@@ -124,7 +124,7 @@ def test_a_file_that_is_saved_while_codra_looks_for_fixes_is_not_lost(project: P
     outcome = fix(replace(work, plan=plan), write=True)
 
     assert spec_of(project) == SPEC + b"# saved meanwhile\r\n"
-    assert outcome.number == 0
+    assert outcome.fixed_count == 0
     assert [diagnostic.message for diagnostic in outcome.diagnostics if diagnostic.code == "CDR6004"] == [
         "cannot write 'specs/door.yaml': it has changed in the meantime"
     ]
@@ -141,7 +141,7 @@ def test_if_one_of_two_files_is_refused_the_other_one_counts(project: Path) -> N
 
     outcome = fix(replace(work, plan=plan), write=True)
 
-    assert (outcome.number, spec_of(project)) == (1, RIGHT)
+    assert (outcome.fixed_count, spec_of(project)) == (1, RIGHT)
 
 
 def test_a_link_that_leads_out_of_the_project_is_not_followed(project: Path) -> None:
