@@ -1,4 +1,4 @@
-"""The command `codra`: parse arguments, call one function, print, exit."""
+"""The command `codra`."""
 
 __all__ = ["main"]
 

@@ -1,4 +1,4 @@
-"""The commands, and the behaviour that they share: exit codes, interruption, broken pipes, and never a traceback.
+"""The commands, and the behaviour that they share: exit codes, interruption, broken pipes, and no tracebacks.
 
 A command module imports its libraries inside its function, so that `codra --help` is fast.
 """
@@ -54,8 +54,8 @@ app.command("replay")(replay_command)
 app.add_typer(journal_commands, name="journal")
 
 
-def _print_version(wanted: bool) -> None:
-    if wanted:
+def _print_version(is_requested: bool) -> None:
+    if is_requested:
         typer.echo(f"codra {__version__}")
         raise typer.Exit
 
@@ -70,30 +70,30 @@ def _codra(
 
 
 def command_line() -> int:
-    """Run the command line and return its exit code; a closed pipe causes no error message."""
+    """Run the command line and return its exit code. A closed pipe gives no error message."""
     _replace_closed_streams()
     _escape_unencodable_characters()
     try:
-        code = _run()
+        code = _run_app()
         sys.stdout.flush()
     except OSError as error:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # Python flushes it at exit
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # Python flushes standard output at exit
         if not isinstance(error, BrokenPipeError):
             print(f"codra: cannot write: {error.strerror}", file=sys.stderr)
         code = ExitCode.FAILED
     return code
 
 
-def _run() -> int:
+def _run_app() -> int:
     try:
         app(prog_name="codra")
-    except SystemExit as ended:
-        return ended.code if isinstance(ended.code, int) else ExitCode.FAILED if ended.code else ExitCode.CLEAN
+    except SystemExit as error:
+        return error.code if isinstance(error.code, int) else ExitCode.FAILED if error.code else ExitCode.CLEAN
     except BrokenPipeError:
         raise
     except Exception as error:
-        if isinstance(error, FileNotFoundError) and not _is_somewhere():
-            say("codra: the current folder does not exist any more: change to another one")
+        if isinstance(error, FileNotFoundError) and not _current_folder_exists():
+            say("codra: the current folder does not exist any more: change to another folder")
             return ExitCode.USAGE
         if isinstance(error, OSError) and error.errno == errno.ENOSPC:
             raise
@@ -103,7 +103,7 @@ def _run() -> int:
     return ExitCode.CLEAN
 
 
-def _is_somewhere() -> bool:
+def _current_folder_exists() -> bool:
     try:
         return Path.cwd().exists()
     except FileNotFoundError:
@@ -114,14 +114,14 @@ def _last_place(error: Exception) -> str:
     """Return the file and line within codra where an error occurred."""
     package = Path(__file__).parents[1]
     frames = traceback.extract_tb(error.__traceback__)
-    ours = [frame for frame in frames if Path(frame.filename).is_relative_to(package)]
-    if not ours:
+    own_frames = [frame for frame in frames if Path(frame.filename).is_relative_to(package)]
+    if not own_frames:
         return "outside codra"
-    return f"{Path(ours[-1].filename).relative_to(package.parent).as_posix()}:{ours[-1].lineno}"
+    return f"{Path(own_frames[-1].filename).relative_to(package.parent).as_posix()}:{own_frames[-1].lineno}"
 
 
 def _replace_closed_streams() -> None:
-    """Replace closed streams, for which Python has None, by streams that discard everything."""
+    """Replace each closed stream, which is None in Python, by a stream that discards everything."""
     if sys.stdout is None:
         sys.stdout = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115
     if sys.stderr is None:

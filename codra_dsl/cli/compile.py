@@ -1,4 +1,4 @@
-"""`codra compile`: specs to generated packages; with `--check`, whether the packages are up to date."""
+"""`codra compile`: generate packages from specs, or, with `--check`, report whether the packages are up to date."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from codra_dsl.cli.console import (
     ExitCode,
     Format,
     View,
-    asked_format,
+    choose_fail_limit,
+    choose_format,
     common_root,
-    counted,
+    counts_text,
     existing,
-    failing,
-    fails,
-    for_log,
-    measuring,
+    is_failure,
+    make_timings,
     say,
+    text_for_log,
     write_result,
 )
 from codra_dsl.cli.options import ColourOption, FailOnOption, FindingsFormat, NoCache, Output, ShowTimings, Specs
@@ -41,7 +41,7 @@ Out = Annotated[
         show_default=False,
     ),
 ]
-Check = Annotated[bool, typer.Option("--check", help="Write nothing; show how the output differs from the specs.")]
+Check = Annotated[bool, typer.Option("--check", help="Write nothing; show where the output is not up to date.")]
 
 
 def compile_command(
@@ -56,32 +56,34 @@ def compile_command(
     timings: ShowTimings = False,
     color: ColourOption = Colour.AUTO,
 ) -> None:
-    """Compile specs to packages of readable Python. Each has observers, the types of the context, and the graph."""
+    """Compile specs to readable Python packages, each with its observers, the types of the context, and the graph."""
     from codra_dsl.tooling.report.findings import visible_lines
     from codra_dsl.workspace.cache import cache_of
 
     paths = existing(paths)
     root = common_root(paths)
     folder = (out if out is not None else _default_out(paths[0])).absolute()
-    measured = measuring(timings)
+    stage_timings = make_timings(timings)
     cache = None if no_cache or timings else cache_of(root, "compile", paths)
-    run, renewed = _made(paths, root, folder, check=check, cache=cache, timings=measured)
-    limit = failing(fail_on, run.fail_on)
-    view = View(root=root, format=asked_format(format_, output), colour=color, fail_on=limit, title="codra compile")
-    about_output = (_in_root(diagnostic, folder, root) for diagnostic in renewed.diagnostics)
-    findings = (*run.diagnostics, *about_output, *_about_schema(run, root, check))
-    with measured.stage("show"):
+    run, output_result = _compile_or_recall(paths, root, folder, check=check, cache=cache, timings=stage_timings)
+    fail_limit = choose_fail_limit(fail_on, run.fail_on)
+    view = View(
+        root=root, format=choose_format(format_, output), colour=color, fail_on=fail_limit, title="codra compile"
+    )
+    output_findings = (_relative_to_root(diagnostic, folder, root) for diagnostic in output_result.diagnostics)
+    findings = (*run.diagnostics, *output_findings, *_check_or_renew_schema(run, root, check))
+    with stage_timings.stage("show"):
         view.show(findings, run.specs, output)
     if view.format is Format.FULL:
-        write_result(for_log(visible_lines(renewed.diff)))
+        write_result(text_for_log(visible_lines(output_result.diff)))
     if findings:
-        say(counted(findings))
-        view.point_to_pages(findings)
-    if renewed.done:
-        say(renewed.done)
+        say(counts_text(findings))
+        view.point_to_page(findings)
+    if output_result.summary:
+        say(output_result.summary)
     if timings:
-        say(measured.table())
-    raise typer.Exit(ExitCode.FAILED if not run.outputs or fails(findings, limit) else ExitCode.CLEAN)
+        say(stage_timings.table())
+    raise typer.Exit(ExitCode.FAILED if not run.outputs or is_failure(findings, fail_limit) else ExitCode.CLEAN)
 
 
 def _default_out(path: Path) -> Path:
@@ -91,28 +93,33 @@ def _default_out(path: Path) -> Path:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Renewed:
-    """The result of renewing the output folder.
+class _OutputResult:
+    """The result of comparing or writing the output folder.
 
     Attributes:
-        diff: how it differs from the text that the specs define.
-        done: the changes that were made, in a sentence.
+        diff: the difference between the files in the folder and the output of the specs.
+        summary: the number of files that were written and removed, as text.
     """
 
     diagnostics: tuple[Diagnostic, ...] = ()
     diff: str = ""
-    done: str = ""
+    summary: str = ""
 
 
-def _made(
+def _compile_or_recall(
     paths: list[Path], root: Path, folder: Path, *, check: bool, cache: Cache | None, timings: Timings
-) -> tuple[Run, _Renewed]:
-    """Return a run and the state of the output; if nothing has changed, output included, an earlier run."""
+) -> tuple[Run, _OutputResult]:
+    """Compile the specs, and compare or write the output folder.
+
+    If neither the inputs nor the output have changed since an earlier run, return that run from the cache.
+    """
     from codra_dsl.generation.output import is_as_made
 
     run = None if cache is None else cache.recall()
     if run is not None and is_as_made(run.outputs, folder, run.covered):
-        return run, _Renewed(done="" if check else f"{folder.name}: {len(run.outputs)} files, 0 written, 0 removed")
+        return run, _OutputResult(
+            summary="" if check else f"{folder.name}: {len(run.outputs)} files, 0 written, 0 removed"
+        )
     from codra_dsl.compiler import compile_paths
 
     compilation = compile_paths(paths, root, timings)
@@ -120,37 +127,36 @@ def _made(
     if cache is not None:
         cache.remember(run)
     with timings.stage("write"):
-        return run, _renewed(compilation, folder, check)
+        if not compilation.files:
+            return run, _OutputResult()
+        return run, _compare_output(compilation, folder) if check else _write_output(compilation, folder)
 
 
-def _renewed(compilation: Compilation, folder: Path, check: bool) -> _Renewed:
-    if not compilation.files:
-        return _Renewed()
-    return _compared(compilation, folder) if check else _written(compilation, folder)
-
-
-def _compared(compilation: Compilation, folder: Path) -> _Renewed:
-    """Return how the output folder differs; nothing is written."""
+def _compare_output(compilation: Compilation, folder: Path) -> _OutputResult:
+    """Return the difference between the output folder and the compiled files. Write nothing."""
     from codra_dsl.generation.output import freshness, stale
 
-    compared = freshness(compilation.files, folder, compilation.covered)
-    findings = (*compared.diagnostics, *map(stale, compared.drifts))
-    return _Renewed(diagnostics=findings, diff="".join(drift.diff for drift in compared.drifts))
+    comparison = freshness(compilation.files, folder, compilation.covered)
+    findings = (*comparison.diagnostics, *map(stale, comparison.drifts))
+    return _OutputResult(diagnostics=findings, diff="".join(drift.diff for drift in comparison.drifts))
 
 
-def _written(compilation: Compilation, folder: Path) -> _Renewed:
+def _write_output(compilation: Compilation, folder: Path) -> _OutputResult:
     """Bring the output folder up to date."""
     from codra_dsl.generation.output import write
 
-    written = write(compilation.files, folder, compilation.covered)
-    if written.diagnostics:
-        return _Renewed(diagnostics=written.diagnostics)
-    changes = f"{len(written.changed)} written, {len(written.removed)} removed"
-    return _Renewed(done=f"{folder.name}: {len(compilation.files)} files, {changes}")
+    report = write(compilation.files, folder, compilation.covered)
+    if report.diagnostics:
+        return _OutputResult(diagnostics=report.diagnostics)
+    changes_text = f"{len(report.changed)} written, {len(report.removed)} removed"
+    return _OutputResult(summary=f"{folder.name}: {len(compilation.files)} files, {changes_text}")
 
 
-def _about_schema(run: Run, root: Path, check: bool) -> tuple[Diagnostic, ...]:
-    """Keep the project's copy of the schema, which its editors read, up to date; a project may have none."""
+def _check_or_renew_schema(run: Run, root: Path, check: bool) -> tuple[Diagnostic, ...]:
+    """Renew a stale copy of the schema in the project, or, if `check` is true, only report it as a finding.
+
+    Editors read this copy. A project without a copy gets none.
+    """
     from codra_dsl.language.project import has_stale_schema
 
     if not run.outputs or not has_stale_schema(root):
@@ -160,12 +166,14 @@ def _about_schema(run: Run, root: Path, check: bool) -> tuple[Diagnostic, ...]:
     return judge_schema(root) if check else renew_schema(root)
 
 
-def _in_root(diagnostic: Diagnostic, folder: Path, root: Path) -> Diagnostic:
-    """Return a finding about the output folder with its file relative to the root, not to the folder's parent."""
+def _relative_to_root(diagnostic: Diagnostic, folder: Path, root: Path) -> Diagnostic:
+    """Return a finding about the output folder, with its file relative to the root instead of the folder's parent."""
     from codra_dsl.language.diagnostics import Place
 
-    around = folder.parent
-    if around == root or not around.is_relative_to(root):
+    parent_folder = folder.parent
+    if parent_folder == root or not parent_folder.is_relative_to(root):
         return diagnostic
-    span = replace(diagnostic.place.span, file=f"{around.relative_to(root).as_posix()}/{diagnostic.place.span.file}")
+    span = replace(
+        diagnostic.place.span, file=f"{parent_folder.relative_to(root).as_posix()}/{diagnostic.place.span.file}"
+    )
     return replace(diagnostic, place=Place(span))

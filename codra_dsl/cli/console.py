@@ -1,4 +1,4 @@
-"""Functions that all commands share: output, colours, exit codes, and the root of the specs."""
+"""Functions and types that all commands share: output, colours, exit codes, and the root of the specs."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ __all__ = [
 
 
 class ExitCode(IntEnum):
-    """How a command ends."""
+    """The exit codes of commands."""
 
     CLEAN = 0
     FAILED = 1
@@ -41,7 +41,7 @@ class ExitCode(IntEnum):
 
 
 class Format(StrEnum):
-    """How findings are shown."""
+    """The formats of findings."""
 
     FULL = "full"
     CONCISE = "concise"
@@ -52,7 +52,7 @@ class Format(StrEnum):
 
 
 class Colour(StrEnum):
-    """When text is coloured; `auto` means on a terminal, unless `NO_COLOR` is set."""
+    """When text is coloured. `auto` means: on a terminal, unless `NO_COLOR` is set or the terminal is dumb."""
 
     AUTO = "auto"
     ALWAYS = "always"
@@ -60,24 +60,24 @@ class Colour(StrEnum):
 
 
 class FailOn(StrEnum):
-    """The least severity of a finding that fails the command."""
+    """The least severity of a finding that makes the command fail."""
 
     ERROR = "error"
     WARNING = "warning"
 
 
 STANDARD_INPUT = "-"
-_PIECE = 1 << 15
+_PIECE_BYTES = 1 << 15
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class View:
-    """How findings are shown, and the source of the lines that they refer to.
+    """The way in which a command shows its findings.
 
     Attributes:
-        root: the folder to which the findings' files are relative.
-        text: the text of a spec from standard input.
-        fail_on: the severity that counts as a failure in a test report.
+        root: the folder to which the files in findings are relative.
+        text: the text of the spec, if it comes from standard input.
+        fail_on: the least severity that counts as a failure in a test report.
         title: the command that reports the findings.
     """
 
@@ -89,21 +89,23 @@ class View:
     title: str = "codra"
 
     def show(self, diagnostics: Sequence[Diagnostic], files: Iterable[str] = (), output: Path | None = None) -> None:
-        """Write all findings of a command to standard output or a file; on GitHub, to the step's summary as well.
+        """Write all findings of a command to standard output or to a file.
+
+        In the format `github`, also add them to the summary of the step.
 
         Args:
-            diagnostics: in file order.
+            diagnostics: the findings, in file order.
             files: the files that were examined, with or without findings.
-            output: the requested file.
+            output: the file to write; None for standard output.
         """
-        write_result(self.rendered(diagnostics, sys.stdout, files), output)
+        write_result(self.render(diagnostics, sys.stdout, files), output)
         if self.format is Format.GITHUB:
             from codra_dsl.tooling.report.github import render_summary
 
-            append_to_summary(render_summary(diagnostics, f"{self.title}: {counted(diagnostics)}"))
+            append_to_summary(render_summary(diagnostics, f"{self.title}: {counts_text(diagnostics)}"))
 
-    def rendered(self, diagnostics: Sequence[Diagnostic], stream: TextIO, files: Iterable[str] = ()) -> str:
-        """Return findings in the requested format, for a stream."""
+    def render(self, diagnostics: Sequence[Diagnostic], stream: TextIO, files: Iterable[str] = ()) -> str:
+        """Return findings in the requested format; the stream decides whether they have colours."""
         match self.format:
             case Format.JSON:
                 from codra_dsl.tooling.report.findings import render_json
@@ -118,38 +120,41 @@ class View:
 
                 return render_github(diagnostics, folder_in_repository(self.root))
             case Format.JUNIT:
-                return self._as_tests(diagnostics, files)
+                return self._render_junit(diagnostics, files)
             case _:
-                return self._as_text(diagnostics, stream)
+                return self._render_text(diagnostics, stream)
 
-    def point_to_pages(self, diagnostics: Sequence[Diagnostic]) -> None:
-        """On a terminal, name the page about the first of the most severe findings."""
+    def point_to_page(self, diagnostics: Sequence[Diagnostic]) -> None:
+        """Show the command for the page about the first error, or else about the first finding.
+
+        This is shown only in the format `full`, if standard error is a terminal.
+        """
         from codra_dsl.language.diagnostics import has_errors
 
         if diagnostics and self.format is Format.FULL and sys.stderr.isatty():
             first = next((diagnostic for diagnostic in diagnostics if has_errors([diagnostic])), diagnostics[0])
             say(f"more about it: codra explain {first.code}")
 
-    def _as_text(self, diagnostics: Sequence[Diagnostic], stream: TextIO) -> str:
+    def _render_text(self, diagnostics: Sequence[Diagnostic], stream: TextIO) -> str:
         from codra_dsl.tooling.report import findings
 
         palette = findings.COLOURED if is_coloured(self.colour, stream) else findings.PLAIN
         if self.format is Format.CONCISE:
-            return for_log(findings.render_concise(diagnostics, palette))
-        return for_log(findings.render_full(diagnostics, self._source, palette))
+            return text_for_log(findings.render_concise(diagnostics, palette))
+        return text_for_log(findings.render_full(diagnostics, self._text_of_file, palette))
 
-    def _as_tests(self, diagnostics: Sequence[Diagnostic], files: Iterable[str]) -> str:
+    def _render_junit(self, diagnostics: Sequence[Diagnostic], files: Iterable[str]) -> str:
         from codra_dsl.tooling.report.junit import render_junit
 
         return render_junit(
             diagnostics,
             files,
-            self._source,
-            is_failure=lambda diagnostic: fails([diagnostic], self.fail_on),
+            self._text_of_file,
+            is_failure=lambda diagnostic: is_failure([diagnostic], self.fail_on),
             suite=self.title.replace(" ", "."),
         )
 
-    def _source(self, file: str) -> str | None:
+    def _text_of_file(self, file: str) -> str | None:
         if file == STANDARD_INPUT:
             return self.text
         path = self.root / file
@@ -159,15 +164,18 @@ class View:
             return None
 
 
-def asked_format(wanted: Format | None, output: Path | None = None) -> Format:
-    """Return the requested format of findings; by default annotations if GitHub Actions logs them, else full text."""
-    if wanted is not None:
-        return wanted
+def choose_format(requested_format: Format | None, output: Path | None = None) -> Format:
+    """Return the requested format of findings, or else the default format.
+
+    The default is `github` if GitHub Actions logs standard output and there is no output file; otherwise it is `full`.
+    """
+    if requested_format is not None:
+        return requested_format
     return Format.GITHUB if output is None and _in_github_actions() else Format.FULL
 
 
-def for_log(text: str) -> str:
-    """Return a text in which GitHub's runner, if it reads the output, recognises no command."""
+def text_for_log(text: str) -> str:
+    """Return a text for standard output. In GitHub Actions, replace what the runner would recognise as a command."""
     if not _in_github_actions():
         return text
     from codra_dsl.tooling.report.github import without_commands
@@ -180,7 +188,10 @@ def _in_github_actions() -> bool:
 
 
 def folder_in_repository(root: Path) -> str:
-    """Return the path of a root in the repository that GitHub checked out; empty for the repository's own folder."""
+    """Return the path of a root within the repository that GitHub checked out.
+
+    The path is empty if the root is the repository's own folder or outside of it, or if this is not GitHub Actions.
+    """
     workspace = os.environ.get("GITHUB_WORKSPACE")
     if not workspace:
         return ""
@@ -192,7 +203,7 @@ def folder_in_repository(root: Path) -> str:
 
 
 def append_to_summary(text: str) -> None:
-    """Add Markdown to the summary of the current step of GitHub Actions; if that fails, the command does not."""
+    """Add Markdown to the summary of the current step of GitHub Actions. If that fails, only show a message."""
     path = os.environ.get("GITHUB_STEP_SUMMARY")
     if not path or not text:
         return
@@ -204,51 +215,51 @@ def append_to_summary(text: str) -> None:
 
 
 def is_coloured(colour: Colour, stream: TextIO) -> bool:
-    """Return whether a stream gets colours."""
+    """Return whether text for a stream is coloured."""
     if colour is not Colour.AUTO:
         return colour is Colour.ALWAYS
     return stream.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
 
 
-def fails(diagnostics: Sequence[Diagnostic], fail_on: FailOn) -> bool:
+def is_failure(diagnostics: Sequence[Diagnostic], fail_on: FailOn) -> bool:
     """Return whether findings make a command fail."""
     from codra_dsl.language.diagnostics import has_errors
 
     return has_errors(diagnostics) or (fail_on is FailOn.WARNING and bool(diagnostics))
 
 
-def failing(wanted: FailOn | None, settings: Severity) -> FailOn:
-    """Return the least severity that fails a command: the requested one, otherwise that of the project's settings."""
-    return FailOn(settings.value) if wanted is None else wanted
+def choose_fail_limit(requested_limit: FailOn | None, setting: Severity) -> FailOn:
+    """Return the least severity that makes a command fail: the requested one, or else that of the settings."""
+    return FailOn(setting.value) if requested_limit is None else requested_limit
 
 
-def measuring(wanted: bool) -> Timings:
-    """Return the timings of a command, which measure only if that is wanted."""
+def make_timings(is_wanted: bool) -> Timings:
+    """Return the timings of a command. They measure nothing unless they are wanted."""
     import time
 
     from codra_dsl.workspace.timings import UNTIMED, Timings
 
-    return Timings(time.perf_counter) if wanted else UNTIMED  # noqa: TID251  passed on as an argument
+    return Timings(time.perf_counter) if is_wanted else UNTIMED  # noqa: TID251  passed on as an argument
 
 
-def counted(diagnostics: Sequence[Diagnostic]) -> str:
+def counts_text(diagnostics: Sequence[Diagnostic]) -> str:
     """Return the numbers of errors and warnings as text."""
     from codra_dsl.language.diagnostics import has_errors
 
     errors = sum(has_errors([diagnostic]) for diagnostic in diagnostics)
     numbers = ((errors, "error"), (len(diagnostics) - errors, "warning"))
-    counts = [f"{number} {noun}{'' if number == 1 else 's'}" for number, noun in numbers if number]
-    return ", ".join(counts) or "no findings"
+    count_texts = [f"{number} {noun}{'' if number == 1 else 's'}" for number, noun in numbers if number]
+    return ", ".join(count_texts) or "no findings"
 
 
 def say(text: str) -> None:
-    """Write a message about progress to standard error, after flushing standard output."""
+    """Write a message to standard error, after flushing standard output."""
     sys.stdout.flush()
     print(text, file=sys.stderr)
 
 
 def write_result(result: str | bytes, output: Path | None = None) -> None:
-    """Write a result to standard output, or to the requested file; bytes are written as they are."""
+    """Write a result to standard output, or to the requested file. Bytes are written unchanged."""
     encoding = sys.stdout.encoding if output is None else "utf-8"
     data = result.encode(encoding, errors="backslashreplace") if isinstance(result, str) else result
     try:
@@ -256,67 +267,70 @@ def write_result(result: str | bytes, output: Path | None = None) -> None:
             output.write_bytes(data)
             return
         sys.stdout.flush()
-        # In pieces: with PYTHONUNBUFFERED, a single write to a closed pipe would be cut off without an error.
-        for start in range(0, len(data), _PIECE):
-            sys.stdout.buffer.write(data[start : start + _PIECE])
+        # Write in pieces: with PYTHONUNBUFFERED, a single write to a closed pipe would be cut off without an error.
+        for start in range(0, len(data), _PIECE_BYTES):
+            sys.stdout.buffer.write(data[start : start + _PIECE_BYTES])
         sys.stdout.buffer.flush()
     except BrokenPipeError:
         raise
     except OSError as error:
         if output is not None:
             raise typer.BadParameter(f"cannot write '{output}': {error.strerror}", param_hint="--output") from error
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # Python flushes it at exit
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # Python flushes standard output at exit
         print(f"codra: cannot write to standard output: {error.strerror}", file=sys.stderr)
         raise typer.Exit(ExitCode.FAILED) from error
 
 
 def existing(paths: Iterable[Path]) -> list[Path]:
-    """Return paths without `..`; a path that does not exist or cannot be reached is a usage error."""
+    """Return paths without `..`. A path that does not exist or cannot be reached is a usage error."""
     from codra_dsl.language.project import straight
 
-    checked: list[Path] = []
+    checked_paths: list[Path] = []
     for path in paths:
         try:
             path.stat()
-            checked.append(straight(path))
+            checked_paths.append(straight(path))
         except FileNotFoundError as error:
-            alone = ": standard input is read alone" if path == Path(STANDARD_INPUT) else ""
-            raise typer.BadParameter(f"'{path}' does not exist{alone}", param_hint="PATH") from error
+            hint = ": standard input cannot be combined with other paths" if path == Path(STANDARD_INPUT) else ""
+            raise typer.BadParameter(f"'{path}' does not exist{hint}", param_hint="PATH") from error
         except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or "the path is not valid"
             raise typer.BadParameter(f"'{path}' cannot be reached: {reason}", param_hint="PATH") from error
-    return checked
+    return checked_paths
 
 
 def common_root(paths: Sequence[Path]) -> Path:
-    """Return the folder to which all paths in output are relative; specs of several projects are a usage error."""
+    """Return the folder to which all paths in the output are relative. Specs of several projects are a usage error."""
     from codra_dsl.language.project import root_of
 
     roots = sorted({root_of(path) for path in paths})
     if len(roots) > 1:
-        named = ", ".join(map(str, roots))
-        message = f"the specs belong to several projects ({named}): take one at a time"
+        roots_text = ", ".join(map(str, roots))
+        message = f"the specs belong to several projects ({roots_text}): run the command for one project at a time"
         raise typer.BadParameter(message, param_hint="PATH")
     return roots[0]
 
 
 def one_plan(path: Path, root: Path, colour: Colour) -> BuildPlan:
-    """Return the plan of the only spec in a file, and write findings about it to standard output."""
+    """Return the build plan of the only spec at a path, and write its findings to standard output.
+
+    Several specs are a usage error. If there is no plan because of errors, exit.
+    """
     from codra_dsl.compiler import plan_paths
 
     planned = plan_paths([path], root)
     if planned.diagnostics:
-        write_result(View(root=root, format=Format.FULL, colour=colour).rendered(planned.diagnostics, sys.stdout))
-        say(counted(planned.diagnostics))
+        write_result(View(root=root, format=Format.FULL, colour=colour).render(planned.diagnostics, sys.stdout))
+        say(counts_text(planned.diagnostics))
     if len(planned.plans) > 1:
-        raise typer.BadParameter(f"'{path}' has {len(planned.plans)} specs: name one", param_hint="SPEC")
+        raise typer.BadParameter(f"'{path}' has {len(planned.plans)} specs: choose one of them", param_hint="SPEC")
     if not planned.plans:
         raise typer.Exit(ExitCode.FAILED)
     return planned.plans[0]
 
 
 def made_folder(folder: Path) -> Path:
-    """Create the output folder of a run and return it; fail before the run if it is not writable."""
+    """Create the output folder of a run and return its path. If it is not writable, fail before the run."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -327,7 +341,7 @@ def made_folder(folder: Path) -> Path:
 
 
 def writable_journal(journal: Path) -> Path:
-    """Return the path of a journal; fail before the run if it cannot be written."""
+    """Return the path of a journal. If the journal cannot be written, fail before the run."""
     from codra_dsl.runtime.journal.file_lock import create_locked
 
     try:

@@ -1,4 +1,4 @@
-"""`codra diff`: review what a change of specs means for a robot and its programs."""
+"""`codra diff`: report what a change of specs means for a robot and its programs."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ from codra_dsl.cli.console import (
 from codra_dsl.cli.options import ColourOption, Output
 
 if TYPE_CHECKING:
-    from codra_dsl.language.diagnostics import Diagnostic, Span
+    from codra_dsl.language.diagnostics import Diagnostic
     from codra_dsl.language.model import Spec
-    from codra_dsl.tooling.diff import Broken, Change, Review, Verdict, Version
+    from codra_dsl.tooling.diff import BrokenSpec, Change, Review, Verdict, Version
     from codra_dsl.tooling.report.changes import Versions
 
 _SPECS = "specs"
@@ -62,7 +62,7 @@ Paths = Annotated[
     list[str] | None,
     typer.Argument(
         metavar="PATH",
-        help="A path below both versions.  [default: the path given as A or B; of two revisions, 'specs' or all]",
+        help="A path below both versions.  [default: the path given as A or B; for two revisions, 'specs' or all]",
         show_default=False,
     ),
 ]
@@ -82,7 +82,7 @@ Allow = Annotated[
     typer.Option(
         "--allow",
         metavar="CATEGORY[:ELEMENT]",
-        help="Accept these changes: they do not count for the verdict. Can be given several times.",
+        help="Accept these changes: they do not count for the verdict. The option may be repeated.",
         show_default=False,
     ),
 ]
@@ -101,29 +101,30 @@ def diff_command(
 ) -> None:
     """Report what a change of specs means for a robot.
 
-    Lists what is unobservable, slower, cyclic, of another type or less guarded in B than in A, and gives a verdict.
+    The report lists each change, such as a variable that is unobservable, slower or of another type in B, a cycle, or a
+    weaker guard. It ends with a verdict.
     """
     from codra_dsl.tooling.diff import review
     from codra_dsl.tooling.revisions import RevisionError
 
-    allowed = tuple(_allowed(option) for option in allow or ())
-    wanted = [_relative(path) for path in paths or ()]
+    allow_options = tuple(_parse_allow_option(option) for option in allow or ())
+    wanted_paths = [_relative_path(path) for path in paths or ()]
     with ExitStack() as stack:
         try:
-            sides = _sides((before, after), wanted, stack)
+            sides = _sides((before, after), wanted_paths, stack)
         except RevisionError as error:
             raise typer.BadParameter(str(error), param_hint="A, B") from error
         versions = [_version(side) for side in sides]
         _report_errors(sides[0], versions[0], color)
         result = review(versions[0], versions[1])
-    result = replace(result, changes=tuple(_judged(change, allowed) for change in result.changes))
-    _report_unused(allowed, result)
-    form, shown_versions = _form(format_, output), _shown_versions(sides)
-    if form is DiffFormat.GITHUB:
-        _annotate(result, shown_versions, sides[1].folder, output)
+    result = replace(result, changes=tuple(_with_allowance(change, allow_options) for change in result.changes))
+    _report_unused_options(allow_options, result)
+    diff_format, versions_in_report = _choose_format(format_, output), _versions_of(sides)
+    if diff_format is DiffFormat.GITHUB:
+        _annotate(result, versions_in_report, sides[1].folder, output)
     else:
-        coloured = output is None and is_coloured(color, sys.stdout)
-        write_result(_rendered(result, shown_versions, form, coloured), output)
+        has_colours = output is None and is_coloured(color, sys.stdout)
+        write_result(_render(result, versions_in_report, diff_format, has_colours), output)
     raise typer.Exit(ExitCode.FAILED if _fails(result.verdict, fail_on) else ExitCode.CLEAN)
 
 
@@ -132,126 +133,144 @@ def diff_command(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Side:
-    """One version.
+    """One of the two versions.
 
     Attributes:
-        name: as given on the command line.
-        paths: the compared paths that exist.
-        root: the project's folder.
-        shown: the prefix of the paths of its files in the output.
-        folder: the root within the repository, for annotations on GitHub.
+        name: the version as given on the command line.
+        paths: the compared paths that exist in this version.
+        root: the folder to which the files of this version are relative.
+        file_prefix: the text before each file name of this version in the output.
+        folder: the path of the root within the repository, for annotations on GitHub.
     """
 
     name: str
     paths: tuple[Path, ...]
     root: Path
-    shown: str
+    file_prefix: str
     folder: str
 
     def file(self, name: str) -> str:
-        """Return the name of a file as it is shown."""
-        return f"{self.shown}{name}"
+        """Return the name under which a file is shown."""
+        return f"{self.file_prefix}{name}"
 
 
-def _relative(path: str) -> PurePosixPath:
-    relative = PurePosixPath(path)
-    if relative.is_absolute() or not path:
-        raise typer.BadParameter(f"'{path}' must be relative: it is looked for below A and B", param_hint="PATH")
-    return relative
+def _relative_path(path: str) -> PurePosixPath:
+    relative_path = PurePosixPath(path)
+    if relative_path.is_absolute() or not path:
+        raise typer.BadParameter(f"'{path}' must be relative: it is looked up below A and B", param_hint="PATH")
+    return relative_path
 
 
-def _sides(names: tuple[str, str], wanted: Sequence[PurePosixPath], stack: ExitStack) -> tuple[_Side, _Side]:
-    disk = [Path(name) if os.path.lexists(name) else None for name in names]
-    base = next((path for path in disk if path is not None), None)
-    if base is None and not wanted:
-        base, wanted = _default(names)
-    here = Path.cwd() if base is None else base
+def _sides(names: tuple[str, str], wanted_paths: Sequence[PurePosixPath], stack: ExitStack) -> tuple[_Side, _Side]:
+    disk_paths = [Path(name) if os.path.lexists(name) else None for name in names]
+    disk_path = next((path for path in disk_paths if path is not None), None)
+    if disk_path is None and not wanted_paths:
+        disk_path, wanted_paths = _default_paths(names)
+    base_path = Path.cwd() if disk_path is None else disk_path
     first, second = (
-        _on_disk(name, path, wanted) if path is not None else _in_revision(name, here, wanted, stack)
-        for name, path in zip(names, disk, strict=True)
+        _side_on_disk(name, path, wanted_paths)
+        if path is not None
+        else _side_in_revision(name, base_path, wanted_paths, stack)
+        for name, path in zip(names, disk_paths, strict=True)
     )
-    if not first.paths and not second.paths and wanted:
-        named = ", ".join(f"'{path}'" for path in wanted)
-        raise typer.BadParameter(f"neither version has {named}", param_hint="PATH")
-    if None not in disk and first.root != second.root:
-        first = replace(first, shown=f"{os.path.relpath(first.root)}/")
-        second = replace(second, shown=f"{os.path.relpath(second.root)}/")
+    if not first.paths and not second.paths and wanted_paths:
+        names_text = ", ".join(f"'{path}'" for path in wanted_paths)
+        raise typer.BadParameter(f"neither version has {names_text}", param_hint="PATH")
+    if None not in disk_paths and first.root != second.root:
+        first = replace(first, file_prefix=f"{os.path.relpath(first.root)}/")
+        second = replace(second, file_prefix=f"{os.path.relpath(second.root)}/")
     return first, second
 
 
-def _default(names: tuple[str, str]) -> tuple[Path, Sequence[PurePosixPath]]:
-    """Return the folder and the paths in which two revisions are compared: the project's specs, else the project."""
+def _default_paths(names: tuple[str, str]) -> tuple[Path, Sequence[PurePosixPath]]:
+    """Return the project's folder, and the paths below it that are compared if both versions are revisions.
+
+    The only path is `specs` if one of the revisions has that folder. Otherwise there are no paths, and the entire
+    project is compared.
+    """
     from codra_dsl.language.project import project_of
     from codra_dsl.tooling.revisions import Repository
 
     project = Path(os.path.realpath(project_of(Path.cwd()) or Path.cwd()))
     repository = Repository.around(project)
-    specs = _within(project / _SPECS, Path(os.path.realpath(repository.top)))
+    specs = _path_in_repository(project / _SPECS, Path(os.path.realpath(repository.top)))
     has_specs = any(repository.holds(repository.commit(name), specs) for name in names)
     return project, [PurePosixPath(_SPECS)] if has_specs else ()
 
 
-def _on_disk(name: str, path: Path, wanted: Sequence[PurePosixPath]) -> _Side:
+def _side_on_disk(name: str, path: Path, wanted_paths: Sequence[PurePosixPath]) -> _Side:
     from codra_dsl.language.project import straight
 
-    if wanted and not path.is_dir():
-        raise typer.BadParameter(f"'{name}' is a file: leave out the paths below it", param_hint="PATH")
-    paths = [path / below for below in wanted] or [path]
-    present = tuple(straight(candidate) for candidate in paths if candidate.exists())
-    root = _root(present or (path,), Path("/"))
-    return _Side(name=name, paths=present, root=root, shown="", folder=folder_in_repository(root))
+    if wanted_paths and not path.is_dir():
+        raise typer.BadParameter(f"'{name}' is not a folder: remove the paths below it", param_hint="PATH")
+    paths = [path / relative_path for relative_path in wanted_paths] or [path]
+    existing_paths = tuple(straight(candidate) for candidate in paths if candidate.exists())
+    root = _root_of(existing_paths or (path,), Path("/"))
+    return _Side(name=name, paths=existing_paths, root=root, file_prefix="", folder=folder_in_repository(root))
 
 
-def _in_revision(name: str, here: Path, wanted: Sequence[PurePosixPath], stack: ExitStack) -> _Side:
-    """Return a revision. Its spec files are written to a folder that is removed when the stack is closed."""
+def _side_in_revision(name: str, base_path: Path, wanted_paths: Sequence[PurePosixPath], stack: ExitStack) -> _Side:
+    """Return a revision as a side. Its spec files are in a folder, which is removed when the stack is closed."""
     from codra_dsl.language.project import project_of
     from codra_dsl.tooling.revisions import Repository
 
-    place = Path(os.path.realpath(here))
-    repository = Repository.around(place)
+    real_path = Path(os.path.realpath(base_path))
+    repository = Repository.around(real_path)
     commit = repository.commit(name)
     top = Path(os.path.realpath(repository.top))
-    project = project_of(place)
-    kept = project if project is not None and project.is_relative_to(top) else _folder(place)
+    project = project_of(real_path)
+    spec_folder = project if project is not None and project.is_relative_to(top) else _folder_of(real_path)
     folder = Path(os.path.realpath(stack.enter_context(tempfile.TemporaryDirectory(prefix="codra-"))))
-    unread = repository.extract(commit, PurePosixPath(kept.relative_to(top)), folder)
-    paths = [place / below for below in wanted] or [place]
-    extracted = [folder / _within(Path(os.path.normpath(path)), top) for path in paths]
-    for path, kind in unread.items():
-        if any((folder / path).is_relative_to(compared) for compared in extracted):
-            say(f"codra: {name}:{path} is {kind}: not read")
-    present = tuple(path for path in extracted if path.exists())
-    root = _root(present, folder) if present else folder
-    prefix = root.relative_to(folder).as_posix()
-    shown = f"{name}:" if prefix == "." or kept == top / prefix else f"{name}:{prefix}/"
-    return _Side(name=name, paths=present, root=root, shown=shown, folder="" if prefix == "." else prefix)
+    unread_paths = repository.extract(commit, PurePosixPath(spec_folder.relative_to(top)), folder)
+    paths = [real_path / relative_path for relative_path in wanted_paths] or [real_path]
+    extracted_paths = [folder / _path_in_repository(Path(os.path.normpath(path)), top) for path in paths]
+    for path, kind in unread_paths.items():
+        if any((folder / path).is_relative_to(compared_path) for compared_path in extracted_paths):
+            say(f"codra: {name}:{path} is not read, because it is {kind}")
+    existing_paths = tuple(path for path in extracted_paths if path.exists())
+    root = _root_of(existing_paths, folder) if existing_paths else folder
+    root_in_repository = root.relative_to(folder).as_posix()
+    file_prefix = (
+        f"{name}:"
+        if root_in_repository == "." or spec_folder == top / root_in_repository
+        else f"{name}:{root_in_repository}/"
+    )
+    return _Side(
+        name=name,
+        paths=existing_paths,
+        root=root,
+        file_prefix=file_prefix,
+        folder="" if root_in_repository == "." else root_in_repository,
+    )
 
 
-def _folder(place: Path) -> Path:
-    """Return the folder that holds specs if there is no project; a path that does not exist counts as a file."""
-    return place if place.is_dir() else place.parent
+def _folder_of(path: Path) -> Path:
+    """Return a folder itself, or the folder of a file. A path that does not exist counts as a file."""
+    return path if path.is_dir() else path.parent
 
 
-def _within(path: Path, top: Path) -> Path:
+def _path_in_repository(path: Path, top: Path) -> Path:
     if not path.is_relative_to(top):
         raise typer.BadParameter(f"'{path}' is outside of the repository '{top.name}'", param_hint="PATH")
     return path.relative_to(top)
 
 
-def _root(paths: Sequence[Path], top: Path) -> Path:
-    """Return the folder to which the shown paths of a version are relative: the project's, else that of the files.
+def _root_of(paths: Sequence[Path], top: Path) -> Path:
+    """Return the folder to which the files of a version are relative.
+
+    This is the folder of the project, or, without a project, the common folder of the compared paths.
 
     Args:
         paths: the compared paths.
-        top: the folder that the project must be in.
+        top: a project outside of this folder does not count.
     """
     from codra_dsl.language.project import project_of
 
     projects = {project if project and project.is_relative_to(top) else None for project in map(project_of, paths)}
     if len(projects) > 1:
         raise typer.BadParameter("the paths belong to several projects: compare one at a time", param_hint="PATH")
-    own = os.path.commonpath([_folder(path.absolute()) for path in paths])
-    return projects.pop() or Path(own)
+    common_folder = os.path.commonpath([_folder_of(path.absolute()) for path in paths])
+    return projects.pop() or Path(common_folder)
 
 
 # Plans and errors
@@ -260,67 +279,72 @@ def _root(paths: Sequence[Path], top: Path) -> Path:
 def _version(side: _Side) -> Version:
     from codra_dsl.compiler import plan_paths
     from codra_dsl.language.diagnostics import has_errors
-    from codra_dsl.tooling.diff import Broken, Version
+    from codra_dsl.tooling.diff import BrokenSpec, Version
 
     if not side.paths:
         return Version()
     planned = plan_paths(side.paths, side.root)
     errors = [finding for finding in planned.diagnostics if has_errors([finding]) and finding.rule.name != "no-spec"]
-    taken = {error.place.span.file for error in errors if error.rule.name == "same-spec-name"}
-    plans = tuple(plan for plan in planned.plans if plan.checked.spec.file not in taken)
-    sound = {plan.checked.spec.file for plan in plans}
-    broken = list(_broken(side, [file for file in planned.specs if file not in sound], errors))
+    duplicate_files = {error.place.span.file for error in errors if error.rule.name == "same-spec-name"}
+    plans = tuple(plan for plan in planned.plans if plan.checked.spec.file not in duplicate_files)
+    planned_files = {plan.checked.spec.file for plan in plans}
+    broken = list(_broken_specs(side, [file for file in planned.specs if file not in planned_files], errors))
     broken += [
-        Broken(name=plan.name, file=plan.checked.spec.file, errors=own)
+        BrokenSpec(name=plan.name, file=plan.checked.spec.file, errors=own_errors)
         for plan in plans
-        if (own := _about(plan.checked.spec, errors))
+        if (own_errors := _errors_of(plan.checked.spec, errors))
     ]
-    assigned = {id(error) for spec in broken for error in spec.errors}
-    rest = [error for error in errors if id(error) not in assigned]
-    return Version(plans=plans, broken=(*broken, *(Broken(name=None, file=f, errors=e) for f, e in _by_file(rest))))
+    assigned_ids = {id(error) for spec in broken for error in spec.errors}
+    other_errors = [error for error in errors if id(error) not in assigned_ids]
+    return Version(
+        plans=plans,
+        broken=(*broken, *(BrokenSpec(name=None, file=f, errors=e) for f, e in _errors_by_file(other_errors))),
+    )
 
 
-def _broken(side: _Side, files: Sequence[str], errors: Sequence[Diagnostic]) -> Iterator[Broken]:
+def _broken_specs(side: _Side, files: Sequence[str], errors: Sequence[Diagnostic]) -> Iterator[BrokenSpec]:
     from codra_dsl.language.load import load_spec
-    from codra_dsl.tooling.diff import Broken
+    from codra_dsl.tooling.diff import BrokenSpec
 
     for file in files:
         spec, _ = load_spec(side.root / file, side.root)
-        own = (
-            tuple(error for error in errors if error.place.span.file == file) if spec is None else _about(spec, errors)
+        own_errors = (
+            tuple(error for error in errors if error.place.span.file == file)
+            if spec is None
+            else _errors_of(spec, errors)
         )
-        yield Broken(name=None if spec is None else spec.name, file=file, errors=own)
+        yield BrokenSpec(name=None if spec is None else spec.name, file=file, errors=own_errors)
 
 
-def _about(spec: Spec, errors: Sequence[Diagnostic]) -> tuple[Diagnostic, ...]:
+def _errors_of(spec: Spec, errors: Sequence[Diagnostic]) -> tuple[Diagnostic, ...]:
     return tuple(error for error in errors if error.place.span.file in spec.files)
 
 
-def _by_file(errors: Sequence[Diagnostic]) -> Iterator[tuple[str, tuple[Diagnostic, ...]]]:
+def _errors_by_file(errors: Sequence[Diagnostic]) -> Iterator[tuple[str, tuple[Diagnostic, ...]]]:
     for file in dict.fromkeys(error.place.span.file for error in errors):
         yield file, tuple(error for error in errors if error.place.span.file == file)
 
 
 def _report_errors(side: _Side, version: Version, colour: Colour) -> None:
-    """Write the errors of A to standard error; the review contains only those of B."""
+    """Write the errors of A to standard error. The review contains only the errors of B."""
     from codra_dsl.language.diagnostics import in_file_order
     from codra_dsl.tooling.report import findings
 
     errors = in_file_order(error for broken in version.broken for error in broken.errors)
     if errors:
         palette = findings.COLOURED if is_coloured(colour, sys.stderr) else findings.PLAIN
-        shown = [replace(error, place=replace(error.place, span=_shown(side, error))) for error in errors]
-        say(f"{findings.render_concise(shown, palette)}{side.name} has errors: unreadable parts are not compared")
-
-
-def _shown(side: _Side, error: Diagnostic) -> Span:
-    return replace(error.place.span, file=side.file(error.place.span.file))
+        spans = [replace(error.place.span, file=side.file(error.place.span.file)) for error in errors]
+        shown_errors = [
+            replace(error, place=replace(error.place, span=span)) for error, span in zip(errors, spans, strict=True)
+        ]
+        text = findings.render_concise(shown_errors, palette)
+        say(f"{text}{side.name} has errors: unreadable parts are not compared")
 
 
 # The verdict
 
 
-def _allowed(text: str) -> tuple[str, str]:
+def _parse_allow_option(text: str) -> tuple[str, str]:
     from codra_dsl.tooling.diff import Category
 
     category, _, element = text.partition(":")
@@ -330,19 +354,23 @@ def _allowed(text: str) -> tuple[str, str]:
     return category, element
 
 
-def _judged(change: Change, allowed: Sequence[tuple[str, str]]) -> Change:
-    return replace(change, allowed=True) if any(_accepts(option, change) for option in allowed) else change
+def _with_allowance(change: Change, allow_options: Sequence[tuple[str, str]]) -> Change:
+    return (
+        replace(change, allowed=True)
+        if any(_accepts(allow_option, change) for allow_option in allow_options)
+        else change
+    )
 
 
-def _accepts(allowed: tuple[str, str], change: Change) -> bool:
-    category, element = allowed
+def _accepts(allow_option: tuple[str, str], change: Change) -> bool:
+    category, element = allow_option
     return category == change.category and element in ("", change.element)
 
 
-def _report_unused(allowed: Sequence[tuple[str, str]], review: Review) -> None:
-    for option in allowed:
-        if not any(_accepts(option, change) for change in review.changes):
-            say(f"codra: --allow {':'.join(filter(None, option))} accepts no change: remove it")
+def _report_unused_options(allow_options: Sequence[tuple[str, str]], review: Review) -> None:
+    for allow_option in allow_options:
+        if not any(_accepts(allow_option, change) for change in review.changes):
+            say(f"codra: --allow {':'.join(filter(None, allow_option))} accepts no change: remove it")
 
 
 def _fails(verdict: Verdict, fail_on: FailOnVerdict) -> bool:
@@ -353,35 +381,35 @@ def _fails(verdict: Verdict, fail_on: FailOnVerdict) -> bool:
     return verdict is Verdict.BREAKING or (fail_on is FailOnVerdict.CAUTION and verdict is Verdict.CAUTION)
 
 
-def _shown_versions(sides: tuple[_Side, _Side]) -> Versions:
+def _versions_of(sides: tuple[_Side, _Side]) -> Versions:
     from codra_dsl.tooling.report.changes import Versions
 
     before, after = sides
     return Versions(before=before.name, after=after.name, file_before=before.file, file_after=after.file)
 
 
-def _form(wanted: DiffFormat | None, output: Path | None) -> DiffFormat:
-    if wanted is not None:
-        return wanted
+def _choose_format(requested_format: DiffFormat | None, output: Path | None) -> DiffFormat:
+    if requested_format is not None:
+        return requested_format
     on_github = output is None and os.environ.get("GITHUB_ACTIONS") == "true"
     return DiffFormat.GITHUB if on_github else DiffFormat.FULL
 
 
 def _annotate(review: Review, versions: Versions, folder: str, output: Path | None) -> None:
-    """Write annotations, and add the review as Markdown to the summary of the step."""
+    """Write the review as annotations, and add it as Markdown to the summary of the step."""
     from codra_dsl.tooling.report.changes import render_annotations, render_markdown
 
     write_result(render_annotations(review, folder), output)
     append_to_summary(render_markdown(review, versions))
 
 
-def _rendered(review: Review, versions: Versions, form: DiffFormat, coloured: bool) -> str:
+def _render(review: Review, versions: Versions, diff_format: DiffFormat, has_colours: bool) -> str:
     from codra_dsl.tooling.report import changes, findings
 
-    palette = findings.COLOURED if coloured else findings.PLAIN
-    if form is DiffFormat.JSON:
+    palette = findings.COLOURED if has_colours else findings.PLAIN
+    if diff_format is DiffFormat.JSON:
         return changes.render_json(review, versions)
-    if form is DiffFormat.MARKDOWN:
+    if diff_format is DiffFormat.MARKDOWN:
         return changes.render_markdown(review, versions)
-    render = changes.render_concise if form is DiffFormat.CONCISE else changes.render_full
+    render = changes.render_concise if diff_format is DiffFormat.CONCISE else changes.render_full
     return render(review, versions, palette)

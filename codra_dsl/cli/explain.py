@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class PageFormat(StrEnum):
-    """How pages are shown."""
+    """The formats of pages."""
 
     TEXT = "text"
     MARKDOWN = "markdown"
@@ -25,7 +25,7 @@ class PageFormat(StrEnum):
 Codes = Annotated[
     list[str] | None,
     typer.Argument(
-        metavar="CODE", help="Codes or names of findings, e.g. CDR2003 or unknown-key; without any, all are listed."
+        metavar="CODE", help="Codes or names of findings, e.g. CDR2003 or unknown-key.  [default: list all findings]"
     ),
 ]
 
@@ -38,7 +38,7 @@ def explain_command(
     """Explain a finding, with an example and its correction."""
     from codra_dsl.tooling.report.explain import all_pages, as_object, as_text, list_as_markdown, list_as_text
 
-    pages = list(_pages(codes) if codes else all_pages())
+    pages = list(_requested_pages(codes) if codes else all_pages())
     match format_:
         case PageFormat.JSON:
             text = "".join(map(as_object, pages))
@@ -49,16 +49,20 @@ def explain_command(
     write_result(text)
 
 
-def _pages(wanted: list[str]) -> Iterator[Page]:
-    """Yield the requested pages without duplicates; an unknown name is a usage error."""
+def _requested_pages(names: list[str]) -> Iterator[Page]:
+    """Yield the requested pages without duplicates. An unknown code or name is a usage error."""
     from codra_dsl.tooling.report.explain import all_rules, code_of, page_of
-    from codra_dsl.tooling.report.findings import visible
+    from codra_dsl.tooling.report.findings import visible_text
     from codra_dsl.workspace.suppression.rules import nearest_code
 
-    for code in dict.fromkeys(code_of(name) or name for name in wanted):
+    for code in dict.fromkeys(code_of(name) or name for name in names):
         page = page_of(code)
         if page is None:
-            near = nearest_code(code)
-            help = f"did you mean {near} ({all_rules()[near].name})?" if near else "'codra explain' lists all"
-            raise typer.BadParameter(f"there is no finding '{visible(code)}': {help}", param_hint="CODE")
+            similar_code = nearest_code(code)
+            hint = (
+                f"did you mean {similar_code} ({all_rules()[similar_code].name})?"
+                if similar_code
+                else "'codra explain' lists all"
+            )
+            raise typer.BadParameter(f"there is no finding '{visible_text(code)}': {hint}", param_hint="CODE")
         yield page

@@ -21,22 +21,22 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Work:
+class LintInput:
     """The specs to lint.
 
     Attributes:
-        requested: the files and folders on the command line, relative to the root.
-        plan: returns the findings, with some files changed.
+        requested_paths: the files and folders on the command line, relative to the root.
+        plan: plans the specs. Its argument holds the new contents of files, which replace those on disk.
         data: the text from standard input; None if the specs are in files.
     """
 
     root: Path
-    requested: tuple[str, ...]
+    requested_paths: tuple[str, ...]
     plan: Callable[[Mapping[str, bytes]], Planned]
     data: bytes | None = None
 
     def texts(self, planned: Planned) -> dict[str, bytes]:
-        """Return the contents of the files that may be changed."""
+        """Return the contents of the files that fixes may change."""
         from codra_dsl.workspace.suppression import rewritable
 
         files = filter(self.may_change, planned.files)
@@ -46,23 +46,26 @@ class Work:
         """Return whether fixes may change a file: one on the command line, or in a folder on the command line."""
         from codra_dsl.language.project import covers
 
-        return covers(self.requested, file)
+        return covers(self.requested_paths, file)
 
-    def fixable(self, diagnostics: Sequence[Diagnostic]) -> tuple[int, str]:
-        """Return how many findings can be fixed, and a hint which folder to name so that more can be fixed."""
+    def count_fixable(self, diagnostics: Sequence[Diagnostic]) -> tuple[int, str]:
+        """Return the number of findings that can be fixed, and a hint if another folder is needed to fix more."""
         from codra_dsl.language.diagnostics import is_safe
 
         fixes = [diagnostic.fix for diagnostic in diagnostics if diagnostic.fix is not None and is_safe(diagnostic)]
-        files = [{edit.span.file for edit in fix.edits} for fix in fixes]
-        elsewhere = [changed for changed in files if not all(map(self.may_change, changed))]
-        if not elsewhere:
-            return len(files), ""
-        folder = os.path.relpath(self.root / os.path.commonpath([*self.requested, *chain.from_iterable(elsewhere)]))
-        return len(files) - len(elsewhere), f"; {len(elsewhere)} more can be fixed if '{folder}' is named"
+        changed_files = [{edit.span.file for edit in fix.edits} for fix in fixes]
+        outside_fixes = [fix_files for fix_files in changed_files if not all(map(self.may_change, fix_files))]
+        if not outside_fixes:
+            return len(changed_files), ""
+        folder = os.path.relpath(
+            self.root / os.path.commonpath([*self.requested_paths, *chain.from_iterable(outside_fixes)])
+        )
+        hint = f"; {len(outside_fixes)} more can be fixed if you lint '{folder}'"
+        return len(changed_files) - len(outside_fixes), hint
 
 
-def work_on_files(paths: list[Path], timings: Timings) -> Work:
-    """Return the specs at or below some paths as work."""
+def input_from_files(paths: list[Path], timings: Timings) -> LintInput:
+    """Return the specs at or below some paths, for linting."""
     from codra_dsl.language.project import relative
 
     paths = existing(paths)
@@ -73,19 +76,19 @@ def work_on_files(paths: list[Path], timings: Timings) -> Work:
 
         return plan_paths(paths, root, texts, timings)
 
-    return Work(root=root, requested=tuple(relative(path, root) for path in paths), plan=plan)
+    return LintInput(root=root, requested_paths=tuple(relative(path, root) for path in paths), plan=plan)
 
 
-def work_on_standard_input(timings: Timings) -> Work:
-    """Return the spec from standard input as work."""
+def input_from_standard_input(timings: Timings) -> LintInput:
+    """Return the spec from standard input, for linting."""
     from codra_dsl.compiler import plan_text
     from codra_dsl.language.load.yaml.source import MAX_BYTES
 
     root = common_root([Path.cwd()])
     data = sys.stdin.buffer.read(MAX_BYTES + 1)
-    return Work(
+    return LintInput(
         root=root,
-        requested=(STANDARD_INPUT,),
+        requested_paths=(STANDARD_INPUT,),
         plan=lambda texts: plan_text(texts.get(STANDARD_INPUT, data), STANDARD_INPUT, root, timings),
         data=data,
     )
@@ -96,15 +99,16 @@ class FixResult:
     """The result of fixing.
 
     Attributes:
-        planned: the findings afterwards.
-        diagnostics: the same, with findings about files that could not be written.
-        number: the number of findings that were fixed.
-        before: the previous contents of the files that change; `after`, their new contents.
+        planned: the plans and findings after fixing.
+        diagnostics: the findings after fixing, with findings about files that could not be written.
+        fixed_count: the number of findings that were fixed.
+        before: the previous contents of the files that fixes may change.
+        after: the new contents of the files that have changed.
     """
 
     planned: Planned
     diagnostics: tuple[Diagnostic, ...]
-    number: int
+    fixed_count: int
     before: Mapping[str, bytes]
     after: Mapping[str, bytes]
 
@@ -115,28 +119,30 @@ class FixResult:
         return "".join(unified(self.before[file], after, file) for file, after in sorted(self.after.items()))
 
 
-def fix(work: Work, *, write: bool) -> FixResult:
-    """Fix specs; if `write` is true and they are files, write them.
+def fix(lint_input: LintInput, *, write: bool) -> FixResult:
+    """Fix specs. If `write` is true and the specs are in files, write the changed files.
 
-    The linted text is read once. A file that is saved in the meantime is neither edited incorrectly nor replaced.
+    Each file is read once, before linting. If somebody saves a file in the meantime, it is left unchanged.
     """
     from codra_dsl.language.load.yaml.source import MAX_BYTES
     from codra_dsl.workspace.suppression import fix_all, rewrite
 
-    if work.data is not None and len(work.data) > MAX_BYTES:
+    if lint_input.data is not None and len(lint_input.data) > MAX_BYTES:
         raise typer.BadParameter(f"the text has more than {MAX_BYTES >> 20} MiB: it is not fixed", param_hint="-")
-    before = work.texts(work.plan({}))
-    fixed = fix_all(lambda texts: work.plan({**before, **texts}).diagnostics, before)
-    to_disk = fixed.texts if write and work.data is None else {}
-    written = {file: rewrite(file, work.root, before[file], after) for file, after in sorted(to_disk.items())}
-    refused = {file: finding for file, finding in written.items() if finding is not None}
-    left = work.plan({}) if refused else work.plan({**before, **fixed.texts})
+    before = lint_input.texts(lint_input.plan({}))
+    fix_result = fix_all(lambda texts: lint_input.plan({**before, **texts}).diagnostics, before)
+    texts_to_write = fix_result.texts if write and lint_input.data is None else {}
+    write_findings = {
+        file: rewrite(file, lint_input.root, before[file], after) for file, after in sorted(texts_to_write.items())
+    }
+    refusals = {file: finding for file, finding in write_findings.items() if finding is not None}
+    planned = lint_input.plan({}) if refusals else lint_input.plan({**before, **fix_result.texts})
     return FixResult(
-        planned=left,
-        diagnostics=(*left.diagnostics, *refused.values()),
-        number=sum(not _touches(fixed_diagnostic, refused) for fixed_diagnostic in fixed.applied),
+        planned=planned,
+        diagnostics=(*planned.diagnostics, *refusals.values()),
+        fixed_count=sum(not _touches(fixed_diagnostic, refusals) for fixed_diagnostic in fix_result.applied),
         before=before,
-        after=fixed.texts,
+        after=fix_result.texts,
     )
 
 

@@ -17,9 +17,9 @@ from codra_dsl.cli.console import (
     Format,
     View,
     common_root,
-    counted,
+    counts_text,
     existing,
-    fails,
+    is_failure,
     say,
     write_result,
 )
@@ -32,14 +32,14 @@ if TYPE_CHECKING:
 
 if TYPE_CHECKING:
     FormatName = str
-else:  # Typer shows the members of an enum as choices; type checkers do not know enums with computed members
+else:  # typer shows the members of an enum as choices; type checkers do not support enums with computed members
     FormatName = StrEnum("FormatName", {name: name for name in FORMATS})
 
 GraphFormatOption = Annotated[
     FormatName | None,
     typer.Option(
         "--format",
-        help=f"How the graph is shown.  [default: by the ending of FILE, else {DEFAULT.name}]",
+        help=f"The format of the graph.  [default: chosen by the ending of FILE, else {DEFAULT.name}]",
         show_default=False,
     ),
 ]
@@ -49,13 +49,13 @@ SelectOption = Annotated[
         "--select",
         "-s",
         metavar="SELECTOR",
-        help="Only these nodes: x, +x, x+, 2+x+1, @x, kind:observer, 'a b' (any), 'a,b' (both), and * in names.",
+        help="Show only these nodes: x, +x, x+, 2+x+1, @x, kind:observer, 'a b' (either), 'a,b' (both); * in names.",
         show_default=False,
     ),
 ]
 ExcludeOption = Annotated[
     list[str] | None,
-    typer.Option("--exclude", metavar="SELECTOR", help="Without these nodes.", show_default=False),
+    typer.Option("--exclude", metavar="SELECTOR", help="Do not show these nodes.", show_default=False),
 ]
 
 
@@ -73,49 +73,52 @@ def graph_command(
     from codra_dsl.tooling.report.graphs import graph_of
 
     paths = existing(paths)
-    graph_format = FORMATS[format_] if format_ is not None else _format_of(output)
+    graph_format = FORMATS[format_] if format_ is not None else _choose_format(output)
     root = common_root(paths)
     planned = plan_paths(paths, root)
     if planned.diagnostics:
         view = View(root=root, format=Format.FULL, colour=color)
-        say(f"{view.rendered(planned.diagnostics, sys.stderr)}{counted(planned.diagnostics)}")
-    if fails(planned.diagnostics, FailOn.ERROR):
+        say(f"{view.render(planned.diagnostics, sys.stderr)}{counts_text(planned.diagnostics)}")
+    if is_failure(planned.diagnostics, FailOn.ERROR):
         raise typer.Exit(ExitCode.FAILED)
-    graph = _selected(graph_of(planned.plans), select or (), exclude or ())
-    write_result(_rendered(graph, graph_format), output)
+    graph = _select_part(graph_of(planned.plans), select or (), exclude or ())
+    write_result(_render(graph, graph_format), output)
 
 
-def _format_of(output: Path | None) -> GraphFormat:
-    """Return the format that the ending of a file name chooses; an unknown ending is a usage error."""
+def _choose_format(output: Path | None) -> GraphFormat:
+    """Return the format for the ending of a file name. An unknown ending is a usage error."""
     if output is None or not output.suffix:
         return DEFAULT
-    by_ending = formats_by_ending()
-    graph_format = by_ending.get(output.suffix.lower())
+    formats = formats_by_ending()
+    graph_format = formats.get(output.suffix.lower())
     if graph_format is None:
-        message = f"no graph format has the ending '{output.suffix}': use --format, or one of {', '.join(by_ending)}"
+        message = f"no graph format has the ending '{output.suffix}': use --format, or one of {', '.join(formats)}"
         raise typer.BadParameter(message, param_hint="--output")
     return graph_format
 
 
-def _selected(graph: Graph, wanted: Sequence[str], unwanted: Sequence[str]) -> Graph:
-    """Return the part of a graph that selectors match; a selector without a match is a usage error."""
+def _select_part(graph: Graph, wanted_selectors: Sequence[str], unwanted_selectors: Sequence[str]) -> Graph:
+    """Return the part of a graph that selectors match.
+
+    A selector is a usage error if it cannot be parsed, or has a name, pattern, kind or method that does not exist.
+    """
     from codra_dsl.tooling.selection import SelectorError, select
 
-    if not wanted and not unwanted:
+    if not wanted_selectors and not unwanted_selectors:
         return graph
     choices = graph.choices()
-    for option, selectors in (("--select", wanted), ("--exclude", unwanted)):
+    for option, selectors in (("--select", wanted_selectors), ("--exclude", unwanted_selectors)):
         for selector in selectors:
             try:
                 select(choices, [selector])
             except SelectorError as error:
                 raise typer.BadParameter(str(error), param_hint=option) from error
-    part = graph.part(select(choices, wanted, unwanted))
-    say(f"{len(part.elements)} of {len(graph.elements)} nodes")
-    return part
+    selected_graph = graph.part(select(choices, wanted_selectors, unwanted_selectors))
+    say(f"{len(selected_graph.elements)} of {len(graph.elements)} nodes")
+    return selected_graph
 
 
-def _rendered(graph: Graph, graph_format: GraphFormat) -> str:
+def _render(graph: Graph, graph_format: GraphFormat) -> str:
     from codra_dsl.tooling.report.dot import DrawingError
 
     try:

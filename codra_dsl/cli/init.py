@@ -1,4 +1,4 @@
-"""`codra init`: a new project, beside existing files."""
+"""`codra init`: create a new project. Existing files are kept."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Folder = Annotated[
 ]
 Name = Annotated[
     str | None,
-    typer.Option("--name", metavar="NAME", help="The spec's name.  [default: the folder's]", show_default=False),
+    typer.Option("--name", metavar="NAME", help="The spec's name.  [default: from the folder]", show_default=False),
 ]
 
 
@@ -24,24 +24,24 @@ def init_command(folder: Folder = Path(), *, name: Name = None) -> None:
     """Start a project that passes lint, compiles and runs its tests. Existing files are not changed."""
     from codra_dsl.tooling.scaffold import conflicts, installed_requirement, starter_texts, write_new
 
-    chosen = _chosen(folder, name)
+    project_name = _choose_name(folder, name)
     if folder.exists() and not folder.is_dir():
         raise typer.BadParameter(f"'{folder}' is not a folder", param_hint="DIR")
-    texts = starter_texts(chosen, installed_requirement())
-    taken = conflicts(texts, folder)
-    if taken:
-        _refuse(taken, folder, chosen)
+    texts = starter_texts(project_name, installed_requirement())
+    existing_paths = conflicts(texts, folder)
+    if existing_paths:
+        _refuse(existing_paths, folder, project_name)
     try:
         write_new(texts, folder)
     except OSError as error:
         say(f"codra: cannot write '{error.filename}': {error.strerror}; nothing was written")
         raise typer.Exit(ExitCode.FAILED) from error
-    say(f"{chosen}: {len(texts)} files written")
-    write_result(_next_commands(folder, chosen))
+    say(f"{project_name}: {len(texts)} files written")
+    write_result(_next_commands(folder, project_name))
     _warn_of_repository(folder)
 
 
-def _chosen(folder: Path, name: str | None) -> str:
+def _choose_name(folder: Path, name: str | None) -> str:
     from codra_dsl.tooling.scaffold import ImproperNameError, name_from_folder, require_name
 
     try:
@@ -50,18 +50,18 @@ def _chosen(folder: Path, name: str | None) -> str:
         raise typer.BadParameter(str(error), param_hint="DIR" if name is None else "--name") from error
 
 
-def _refuse(taken: tuple[str, ...], folder: Path, name: str) -> None:
+def _refuse(existing_paths: tuple[str, ...], folder: Path, name: str) -> None:
     say("codra: nothing was written, because these files exist already:")
-    for path in taken:
+    for path in existing_paths:
         say(f"  {path}")
-    say(f"help: move them away, or start in a separate folder, such as: codra init {shlex.quote(str(folder / name))}")
+    say(f"help: move these files away, or start in another folder, e.g.: codra init {shlex.quote(str(folder / name))}")
     raise typer.Exit(ExitCode.FAILED)
 
 
 def _next_commands(folder: Path, name: str) -> str:
-    change_folder = [f"cd {shlex.quote(str(folder))}"] if folder.resolve() != Path.cwd() else []
+    cd_command = [f"cd {shlex.quote(str(folder))}"] if folder.resolve() != Path.cwd() else []
     commands = [
-        *change_folder,
+        *cd_command,
         "pip install -r requirements.txt",
         "codra lint specs --fail-on warning",
         "codra compile specs",
@@ -72,7 +72,7 @@ def _next_commands(folder: Path, name: str) -> str:
 
 
 def _warn_of_repository(folder: Path) -> None:
-    """Warn about files that git tools read only at the root of a repository, if the project lies deeper."""
+    """Warn if the project is not at the root of its repository: some of its files are read only at the root."""
     start = folder.resolve()
     if (start / ".git").exists() or not any((above / ".git").exists() for above in start.parents):
         return

@@ -19,7 +19,7 @@ Target = Annotated[
     typer.Option(
         "--output",
         metavar="FILE",
-        help="The file to write.  [default: beside the journal, with .recovered in its name]",
+        help="The file to write.  [default: beside the journal, with .recovered in the file name]",
         show_default=False,
     ),
 ]
@@ -29,7 +29,7 @@ Kinds = Annotated[
     typer.Option(
         "--kind",
         metavar="KIND",
-        help="Only events of this kind, e.g. decision; may be repeated.  [default: all but input]",
+        help="Show only events of this kind, e.g. decision. The option may be repeated.  [default: all but input]",
         show_default=False,
     ),
 ]
@@ -38,7 +38,7 @@ About = Annotated[
     typer.Option(
         "--about",
         metavar="NAME",
-        help="Only events about this variable, observer or algorithm; may be repeated.",
+        help="Show only events about this variable, observer or algorithm. The option may be repeated.",
         show_default=False,
     ),
 ]
@@ -48,7 +48,7 @@ Whats = Annotated[
     typer.Option(
         "--what",
         metavar="WHAT",
-        help="Only events in which this happened, e.g. fell_back; may be repeated.",
+        help="Show only events in which this happened, e.g. fell_back. The option may be repeated.",
         show_default=False,
     ),
 ]
@@ -67,7 +67,7 @@ def _journal() -> None:
 
 @journal_commands.command("recover")
 def recover_command(file: JournalFile, *, output: Target = None) -> None:
-    """Write a complete journal with everything that a damaged one holds, and report losses; the damaged one is kept."""
+    """Write a complete journal with everything that a damaged journal holds, and report losses. FILE is kept."""
     from codra_dsl.runtime.journal.reader import JournalError
     from codra_dsl.runtime.journal.recovery import recover
 
@@ -83,39 +83,41 @@ def recover_command(file: JournalFile, *, output: Target = None) -> None:
     except OSError as error:
         say(f"codra: cannot read '{file}' or write '{target}': {error.strerror or error}")
         raise typer.Exit(ExitCode.FAILED) from error
-    write_result(f"{target}: {_report(recovery)}\n")
+    write_result(f"{target}: {_recovery_text(recovery)}\n")
 
 
 @journal_commands.command("show")
 def show_command(file: JournalFile, *, kind: Kinds = None, about: About = None, what: Whats = None) -> None:
-    """Print the events of a journal, one a line: instant, subject, what happened, and details."""
-    from codra_dsl.cli.journals import opened_journal, say_damage
+    """Print the events of a journal, one per line: instant, kind, name, what happened, and details."""
+    from codra_dsl.cli.journals import open_journal, report_damage
     from codra_dsl.runtime.journal import Kind
 
     existing([file])
-    names = [str(event_kind) for event_kind in Kind]
-    unknown = next((name for name in kind or () if name not in names), None)
-    if unknown is not None:
-        raise typer.BadParameter(f"'{unknown}' is not a kind; choose from {', '.join(names)}", param_hint="--kind")
-    wanted = frozenset(kind or (name for name in names if name != Kind.INPUT))
-    with opened_journal(file) as reader:
+    kind_names = [str(event_kind) for event_kind in Kind]
+    unknown_kind = next((name for name in kind or () if name not in kind_names), None)
+    if unknown_kind is not None:
+        raise typer.BadParameter(
+            f"'{unknown_kind}' is not a kind; choose from {', '.join(kind_names)}", param_hint="--kind"
+        )
+    wanted_kinds = frozenset(kind or (name for name in kind_names if name != Kind.INPUT))
+    with open_journal(file) as reader:
         end_s, lines = reader.header().start_s, list[str]()
         for event in reader.events():
             end_s = event.instant_s
             if (
-                event.kind in wanted
+                event.kind in wanted_kinds
                 and event.name in (about or (event.name,))
                 and event.what in (what or (event.what,))
             ):
-                lines.append(_line(event))
+                lines.append(_event_text(event))
             if len(lines) == _LINES_AT_ONCE:
                 write_result("".join(lines))
                 lines.clear()
         write_result("".join(lines))
-        say_damage(reader, end_s)
+        report_damage(reader, end_s)
 
 
-def _line(event: Event) -> str:
+def _event_text(event: Event) -> str:
     from codra_dsl.runtime.journal.encoding import json_text
     from codra_dsl.runtime.why.values import instant
 
@@ -123,7 +125,7 @@ def _line(event: Event) -> str:
     return f"{instant(event.instant_s)}  {event.kind} {event.name} {event.what}  {json_text(details)}\n"
 
 
-def _report(recovery: Recovery) -> str:
+def _recovery_text(recovery: Recovery) -> str:
     from codra_dsl.runtime.why.values import instant
 
     damage = recovery.damage
@@ -131,12 +133,12 @@ def _report(recovery: Recovery) -> str:
     if not damage.is_torn and not damage.unread:
         lines.append("the journal was complete: nothing was lost")
     if damage.regained:
-        lines.append(f"{damage.regained} of them were not yet in a chunk")
+        lines.append(f"{damage.regained} of these messages were not yet in a chunk")
     lines.extend(f"cannot be read: {part}" for part in damage.unread)
     if damage.unread and damage.lost:
-        lines.append(f"lost: {damage.lost} messages between others")
+        lines.append(f"lost: {damage.lost} messages between readable ones")
     if recovery.is_live:
-        lines.append("its program is still writing it: this is its content so far")
+        lines.append("the program is still writing this journal: this is its content so far")
     elif damage.is_torn:
         lines.append("lost at the end: at most the message that was being written")
     return "\n  ".join(lines)

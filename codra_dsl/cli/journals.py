@@ -1,4 +1,4 @@
-"""Functions that the commands for journals share."""
+"""Functions that the commands share that read journals."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
 
 @contextmanager
-def opened_journal(path: Path) -> Iterator[JournalReader]:
-    """Open a journal; fail if it is not a journal or cannot be read."""
+def open_journal(path: Path) -> Iterator[JournalReader]:
+    """Open a journal. If the file is not a journal or cannot be read, print a message and exit."""
     from codra_dsl.runtime.journal.reader import JournalError, JournalReader
 
     try:
@@ -33,7 +33,7 @@ def opened_journal(path: Path) -> Iterator[JournalReader]:
         raise typer.Exit(ExitCode.FAILED) from error
 
 
-def say_damage(reader: JournalReader, end_s: float) -> None:
+def report_damage(reader: JournalReader, end_s: float) -> None:
     """Report the damage of a journal that has been read up to an instant."""
     from codra_dsl.runtime.why.values import instant
 

@@ -1,4 +1,4 @@
-"""`codra lint`: all findings about some specs, and their safe fixes."""
+"""`codra lint`: report all findings about specs, and apply safe fixes."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from codra_dsl.cli.console import (
     Colour,
     ExitCode,
     View,
-    asked_format,
-    counted,
-    failing,
-    fails,
-    for_log,
-    measuring,
+    choose_fail_limit,
+    choose_format,
+    counts_text,
+    is_failure,
+    make_timings,
     say,
+    text_for_log,
     write_result,
 )
 from codra_dsl.cli.options import ColourOption, FailOnOption, FindingsFormat, NoCache, Output, ShowTimings, SpecsOrText
 
 if TYPE_CHECKING:
-    from codra_dsl.cli.fixes import Work
+    from codra_dsl.cli.fixes import LintInput
     from codra_dsl.workspace.cache import Cache, Run
 
 Fix = Annotated[
@@ -48,67 +48,75 @@ def lint_command(
     timings: ShowTimings = False,
     color: ColourOption = Colour.AUTO,
 ) -> None:
-    """Check specs. No code that they name is imported or run; only fixes, FILE and the cache are written."""
-    from codra_dsl.cli.fixes import work_on_files, work_on_standard_input
+    """Check specs. The code that they name is not imported or run. Only fixes, FILE and the cache are written."""
+    from codra_dsl.cli.fixes import input_from_files, input_from_standard_input
     from codra_dsl.workspace.cache import cache_of
 
-    measured = measuring(timings)
+    stage_timings = make_timings(timings)
     is_text = paths == [Path(STANDARD_INPUT)]
-    work = work_on_standard_input(measured) if is_text else work_on_files(paths, measured)
-    text = None if work.data is None else work.data.decode("utf-8", errors="replace")
-    view = View(root=work.root, format=asked_format(format_, output), colour=color, text=text, title="codra lint")
+    lint_input = input_from_standard_input(stage_timings) if is_text else input_from_files(paths, stage_timings)
+    text = None if lint_input.data is None else lint_input.data.decode("utf-8", errors="replace")
+    view = View(
+        root=lint_input.root, format=choose_format(format_, output), colour=color, text=text, title="codra lint"
+    )
     if diff:
-        raise typer.Exit(_show_diff(work, output))
+        raise typer.Exit(_show_diff(lint_input, output))
     if fix:
-        raise typer.Exit(_fix(work, view, fail_on, output))
-    run = _run(work, None if no_cache or timings or is_text else cache_of(work.root, "lint", paths))
-    limit = failing(fail_on, run.fail_on)
-    with measured.stage("show"):
-        replace(view, fail_on=limit).show(run.diagnostics, run.specs, output)
-    number, more = work.fixable(run.diagnostics)
-    say(f"{counted(run.diagnostics)}{f'; --fix can fix {number}' if number else ''}{more}")
+        raise typer.Exit(_apply_fixes(lint_input, view, fail_on, output))
+    cache = None if no_cache or timings or is_text else cache_of(lint_input.root, "lint", paths)
+    run = _lint_or_recall(lint_input, cache)
+    fail_limit = choose_fail_limit(fail_on, run.fail_on)
+    with stage_timings.stage("show"):
+        replace(view, fail_on=fail_limit).show(run.diagnostics, run.specs, output)
+    fixable_count, hint = lint_input.count_fixable(run.diagnostics)
+    say(f"{counts_text(run.diagnostics)}{f'; --fix can fix {fixable_count}' if fixable_count else ''}{hint}")
     if timings:
-        say(measured.table())
-    view.point_to_pages(run.diagnostics)
-    raise typer.Exit(ExitCode.FAILED if fails(run.diagnostics, limit) else ExitCode.CLEAN)
+        say(stage_timings.table())
+    view.point_to_page(run.diagnostics)
+    raise typer.Exit(ExitCode.FAILED if is_failure(run.diagnostics, fail_limit) else ExitCode.CLEAN)
 
 
-def _run(work: Work, cache: Cache | None) -> Run:
-    """Return the findings about the specs: those of an earlier run, if nothing has changed since."""
+def _lint_or_recall(lint_input: LintInput, cache: Cache | None) -> Run:
+    """Return the findings about the specs, from the cache if nothing has changed since an earlier run."""
     run = None if cache is None else cache.recall()
     if run is None:
-        run = work.plan({}).as_run()
+        run = lint_input.plan({}).as_run()
         if cache is not None:
             cache.remember(run)
     return run
 
 
-def _show_diff(work: Work, output: Path | None) -> ExitCode:
-    """Show what would be fixed; if there is anything, the exit code is that of a failure, for use in CI."""
+def _show_diff(lint_input: LintInput, output: Path | None) -> ExitCode:
+    """Show the changes that fixes would make. If there are any, the exit code is that of a failure, for use in CI."""
     from codra_dsl.cli.fixes import fix
 
-    result = fix(work, write=False)
+    result = fix(lint_input, write=False)
     diff = result.diff()
-    shown = diff if output is not None else for_log(diff)
-    write_result(shown.encode(), output)  # a patch is bytes, independent of the terminal's encoding
-    say(f"would fix {result.number}; {counted(result.diagnostics)} left{work.fixable(result.diagnostics)[1]}")
+    patch_text = diff if output is not None else text_for_log(diff)
+    write_result(patch_text.encode(), output)  # a patch is bytes, independent of the terminal's encoding
+    _, hint = lint_input.count_fixable(result.diagnostics)
+    say(f"would fix {result.fixed_count}; {counts_text(result.diagnostics)} left{hint}")
     return ExitCode.FAILED if diff else ExitCode.CLEAN
 
 
-def _fix(work: Work, view: View, fail_on: FailOnOption, output: Path | None) -> ExitCode:
-    """Fix what can be fixed and show the rest: on standard error if standard output gets the fixed text."""
+def _apply_fixes(lint_input: LintInput, view: View, fail_on: FailOnOption, output: Path | None) -> ExitCode:
+    """Apply all safe fixes, and show the other findings.
+
+    For a text from standard input, standard output gets the fixed text, and standard error gets the findings.
+    """
     from codra_dsl.cli.fixes import fix
 
-    result = fix(work, write=True)
-    findings, limit = result.diagnostics, failing(fail_on, result.planned.settings.fail_on)
-    view = replace(view, fail_on=limit)
-    if work.data is None:
+    result = fix(lint_input, write=True)
+    findings, fail_limit = result.diagnostics, choose_fail_limit(fail_on, result.planned.settings.fail_on)
+    view = replace(view, fail_on=fail_limit)
+    if lint_input.data is None:
         view.show(findings, result.planned.specs, output)
     else:
-        data = result.after.get(STANDARD_INPUT, work.data)
+        data = result.after.get(STANDARD_INPUT, lint_input.data)
         write_result(data, output)
-        left = replace(view, text=data.decode("utf-8", errors="replace")).rendered(findings, sys.stderr)
-        sys.stderr.write(left)
-    say(f"fixed {result.number}; {counted(findings)} left{work.fixable(findings)[1]}")
-    view.point_to_pages(findings)
-    return ExitCode.FAILED if fails(findings, limit) else ExitCode.CLEAN
+        findings_text = replace(view, text=data.decode("utf-8", errors="replace")).render(findings, sys.stderr)
+        sys.stderr.write(findings_text)
+    _, hint = lint_input.count_fixable(findings)
+    say(f"fixed {result.fixed_count}; {counts_text(findings)} left{hint}")
+    view.point_to_page(findings)
+    return ExitCode.FAILED if is_failure(findings, fail_limit) else ExitCode.CLEAN

@@ -1,4 +1,4 @@
-"""The arguments and options that commands share, as typer reads them."""
+"""The arguments and options that commands share, declared for typer."""
 
 from __future__ import annotations
 
@@ -44,16 +44,19 @@ FailOnOption = Annotated[
     ),
 ]
 NoCache = Annotated[
-    bool, typer.Option("--no-cache", help="Neither use nor store the results of earlier runs (.codra_cache).")
+    bool, typer.Option("--no-cache", help="Do not use stored results, and do not store the result (.codra_cache).")
 ]
 ShowTimings = Annotated[
-    bool, typer.Option("--timings", help="Show on standard error how long each stage took, without the cache.")
+    bool, typer.Option("--timings", help="Show on standard error how long each stage took. The cache is not used.")
 ]
 ColourOption = Annotated[Colour, typer.Option("--color", help="When to colour; NO_COLOR is respected.")]
 
 
-def _writable(output: Path | None) -> Path | None:
-    """Refuse paths that cannot be written, before any work is done, and specs, which would be overwritten."""
+def _check_writable(output: Path | None) -> Path | None:
+    """Refuse a path that cannot be written, before any work is done.
+
+    An existing YAML file is refused as well, because it may be a spec, which would be overwritten.
+    """
     if output is None:
         return None
     if output.suffix in (".yaml", ".yml") and output.exists():
@@ -70,6 +73,6 @@ def _writable(output: Path | None) -> Path | None:
 Output = Annotated[
     Path | None,
     typer.Option(
-        "--output", metavar="FILE", help="Write the result to this file.", show_default=False, callback=_writable
+        "--output", metavar="FILE", help="Write the result to this file.", show_default=False, callback=_check_writable
     ),
 ]

@@ -1,7 +1,7 @@
 """Commands and worlds of other distributions, found by their entry points.
 
-A command is a function that typer accepts, or a `typer.Typer`, in the entry-point group `codra.commands`. Plug-ins are
-listed without being imported.
+A command is a function that typer accepts, or a `typer.Typer`, in the entry-point group `codra.commands`. A world is a
+function in the group `codra.worlds`. Listing plug-ins does not import them.
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ PAPERS = "codra-papers"
 
 
 def plugins(group: str) -> Mapping[str, EntryPoint]:
-    """Return the entry points of a group by name, sorted; of entry points with one name, the first on the path."""
-    by_name: dict[str, EntryPoint] = {}
+    """Return the entry points of a group by name, sorted. If several have one name, the first on the path counts."""
+    entry_points_by_name: dict[str, EntryPoint] = {}
     for entry_point in entry_points(group=group):
-        by_name.setdefault(entry_point.name, entry_point)
-    return dict(sorted(by_name.items()))
+        entry_points_by_name.setdefault(entry_point.name, entry_point)
+    return dict(sorted(entry_points_by_name.items()))
 
 
 def load_plugin(entry_point: EntryPoint) -> Any:
-    """Import a plug-in and return the object that its entry point names; on failure, print one line and exit."""
+    """Import a plug-in and return the object that its entry point names. If that fails, print one line and exit."""
     kind = "command" if entry_point.group == COMMANDS else "world"
     try:
         return entry_point.load()
@@ -50,24 +50,24 @@ def _origin(entry_point: EntryPoint) -> str:
 
 
 class PluginGroup(TyperGroup):
-    """The commands of `codra`: its own and those of other distributions. Its own ones cannot be replaced."""
+    """The commands of `codra` itself and of other distributions, which cannot replace a command of `codra` itself."""
 
     def list_commands(self, ctx: Context) -> list[str]:
-        """Return the names of all commands, its own first."""
-        own = super().list_commands(ctx)
-        return [*own, *(name for name in plugins(COMMANDS) if name not in own)]
+        """Return the names of all commands. The commands of `codra` itself are first."""
+        own_names = super().list_commands(ctx)
+        return [*own_names, *(name for name in plugins(COMMANDS) if name not in own_names)]
 
     def get_command(self, ctx: Context, cmd_name: str) -> Command | None:
-        """Return a command by its name; a command of another distribution is imported when it is run."""
-        own = super().get_command(ctx, cmd_name)
-        if own is not None:
-            return own
+        """Return the command with a name. A command of another distribution is imported only when it is run."""
+        own_command = super().get_command(ctx, cmd_name)
+        if own_command is not None:
+            return own_command
         entry_point = plugins(COMMANDS).get(cmd_name)
         return None if entry_point is None else _PluginCommand(entry_point)
 
 
 class _PluginCommand(TyperCommand):
-    """A command of another distribution, which is imported as soon as its arguments are parsed."""
+    """A command of another distribution. It is imported when its arguments are parsed."""
 
     def __init__(self, entry_point: EntryPoint) -> None:
         super().__init__(entry_point.name, help=f"A command{_origin(entry_point)}.", rich_markup_mode=None)
@@ -79,10 +79,10 @@ class _PluginCommand(TyperCommand):
         return command.make_context(info_name, args, parent, **extra)
 
 
-def command_of(declared: Any, name: str, cls: type[TyperCommand] = TyperCommand) -> Command:
+def command_of(plugin: Any, name: str, cls: type[TyperCommand] = TyperCommand) -> Command:
     """Return the command that a function, or a `typer.Typer`, declares."""
-    if isinstance(declared, typer.Typer):
-        return get_command(declared)
+    if isinstance(plugin, typer.Typer):
+        return get_command(plugin)
     app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
-    app.command(name, cls=cls)(declared)
+    app.command(name, cls=cls)(plugin)
     return get_command(app)

@@ -22,14 +22,14 @@ if TYPE_CHECKING:
     from codra_dsl.runtime.knowledge import KnowledgeModel
     from codra_dsl.runtime.replay import Build, Difference, Replayed
 
-    Begin = Callable[[KnowledgeModel | None], KnowledgeModel | None]
+    MakeKnowledge = Callable[[KnowledgeModel | None], KnowledgeModel | None]
 
 Package = Annotated[
     Path | None,
     typer.Option(
         "--package",
         metavar="DIR",
-        help="The compiled package.  [default: generated/NAME in the project root]",
+        help="The compiled package.  [default: generated/NAME in the project root, for a spec named NAME]",
         show_default=False,
     ),
 ]
@@ -43,7 +43,9 @@ Dsr = Annotated[
 ]
 UnitM = Annotated[
     float,
-    typer.Option("--dsr-unit-m", metavar="METRES", help="The unit of its translations, in metres.", min=0.0),
+    typer.Option(
+        "--dsr-unit-m", metavar="METRES", help="The unit of translations in the DSR file, in metres.", min=0.0
+    ),
 ]
 Copy = Annotated[
     Path | None,
@@ -62,24 +64,24 @@ def replay_command(
     dsr_unit_m: UnitM = 0.001,
     journal: Copy = None,
 ) -> None:
-    """Derive variables and decisions again from evidence. They are compared with those of the journal."""
-    from codra_dsl.cli.journals import opened_journal, say_damage
+    """Derive the variables and decisions of a run again from its evidence, and compare them with the journal."""
+    from codra_dsl.cli.journals import open_journal, report_damage
 
     existing([path for path in (file, package, spec, dsr) if path is not None])
     if package is not None and spec is not None:
-        raise typer.BadParameter("take either --package or --spec", param_hint="--spec")
+        raise typer.BadParameter("give either --package or --spec, not both", param_hint="--spec")
     if journal is not None and journal.resolve() == file.resolve():
         raise typer.BadParameter(f"'{journal}' is the journal itself", param_hint="--journal")
-    with opened_journal(file) as reader:
+    with open_journal(file) as reader:
         header, events = reader.header(), tuple(reader.events())
-        say_damage(reader, events[-1].instant_s if events else header.start_s)
-    begin = _as_declared if dsr is None else partial(_begun_with, dsr, dsr_unit_m)
-    result = _replayed(header, events, package, spec, begin, journal)
-    write_result(_report(result, header))
+        report_damage(reader, events[-1].instant_s if events else header.start_s)
+    make_knowledge = _declared_knowledge if dsr is None else partial(_knowledge_from_dsr, dsr, dsr_unit_m)
+    result = _load_and_replay(header, events, package, spec, make_knowledge, journal)
+    write_result(_result_text(result, header))
     raise typer.Exit(ExitCode.CLEAN if result.difference is None else ExitCode.FAILED)
 
 
-def _opened(path: Path | None) -> Journal | None:
+def _open_journal(path: Path | None) -> Journal | None:
     from codra_dsl.runtime import Journal
 
     try:
@@ -88,11 +90,11 @@ def _opened(path: Path | None) -> Journal | None:
         raise typer.BadParameter(f"cannot write '{path}': {error.strerror}", param_hint="--journal") from error
 
 
-def _as_declared(knowledge: KnowledgeModel | None) -> KnowledgeModel | None:
+def _declared_knowledge(knowledge: KnowledgeModel | None) -> KnowledgeModel | None:
     return knowledge
 
 
-def _begun_with(dsr: Path, unit_m: float, knowledge: KnowledgeModel | None) -> KnowledgeModel:
+def _knowledge_from_dsr(dsr: Path, unit_m: float, knowledge: KnowledgeModel | None) -> KnowledgeModel:
     """Return the knowledge that a spec declares, with the initial graph from a DSR file."""
     from codra_dsl.runtime.knowledge.exchange import ExchangeError, import_dsr, read_dsr
 
@@ -104,30 +106,32 @@ def _begun_with(dsr: Path, unit_m: float, knowledge: KnowledgeModel | None) -> K
         raise typer.BadParameter(str(error), param_hint="--dsr") from error
 
 
-def _replayed(  # noqa: PLR0917 - the arguments of the command
+def _load_and_replay(  # noqa: PLR0917 - the arguments of the command
     header: RunHeader,
     events: tuple[Event, ...],
     package: Path | None,
     spec: Path | None,
-    begin: Begin,
+    make_knowledge: MakeKnowledge,
     journal: Path | None,
 ) -> Replayed:
     import tempfile
 
     from codra_dsl.integrations.inspection.loading import load_package
 
-    with tempfile.TemporaryDirectory(prefix="codra-") as made:
-        folder = _compiled(spec, Path(made)) if spec is not None else package or _default(header)
+    with tempfile.TemporaryDirectory(prefix="codra-") as temporary_folder:
+        folder = (
+            _compile_into(spec, Path(temporary_folder)) if spec is not None else package or _default_package(header)
+        )
         try:
             module = load_package(folder)
             module.MODEL  # noqa: B018 - every package has one
         except Exception as error:
             say(f"codra: '{folder}' is not a package of codra that can be loaded: {type(error).__name__}: {error}")
             raise typer.Exit(ExitCode.FAILED) from error
-        _say_versions(header, folder)
+        _report_versions(header, folder)
         try:
-            knowledge = begin(getattr(module, "KNOWLEDGE", None))
-            return _run(header, events, module, knowledge, _opened(journal))
+            knowledge = make_knowledge(getattr(module, "KNOWLEDGE", None))
+            return _replay(header, events, module, knowledge, _open_journal(journal))
         except (ValueError, LookupError, TypeError, AttributeError) as error:
             say(f"codra: the journal cannot be replayed: {type(error).__name__}: {error}")
             raise typer.Exit(ExitCode.FAILED) from error
@@ -137,15 +141,11 @@ def _manager_class(module: ModuleType) -> Build:
     """Return the class of a package's context manager."""
     from codra_dsl.runtime import ContextManager
 
-    classes = [
-        manager
-        for manager in vars(module).values()
-        if isinstance(manager, type) and issubclass(manager, ContextManager)
-    ]
-    return next((manager for manager in classes if manager is not ContextManager), ContextManager)
+    classes = [cls for cls in vars(module).values() if isinstance(cls, type) and issubclass(cls, ContextManager)]
+    return next((cls for cls in classes if cls is not ContextManager), ContextManager)
 
 
-def _run(
+def _replay(
     header: RunHeader,
     events: tuple[Event, ...],
     module: ModuleType,
@@ -160,11 +160,12 @@ def _run(
     return result
 
 
-def _default(header: RunHeader) -> Path:
+def _default_package(header: RunHeader) -> Path:
     """Return the package that `codra compile` wrote for the spec that a journal names.
 
-    A replay runs the package, and the journal may come from anybody: so only an identifier selects a package, and only
-    one inside the project. A path in the journal, or a link that leads out of the project, is refused.
+    A replay runs the package, and the journal may come from anybody. Therefore the journal must give the name of its
+    spec as an identifier, and the package must be inside the project. A path in the journal, or a link that leads out
+    of the project, is refused.
     """
     from codra_dsl.language.project import root_of
 
@@ -174,15 +175,15 @@ def _default(header: RunHeader) -> Path:
     root = root_of(Path.cwd()).resolve()
     folder = root / "generated" / header.spec
     if not folder.resolve().is_relative_to(root):
-        message = f"the package '{folder}' is a link out of the project: use --package to run it"
+        message = f"the package '{folder}' is a link that leads out of the project: use --package to run this package"
         raise typer.BadParameter(message, param_hint="FILE")
     if not (folder / "manifest.json").is_file():
-        message = f"there is no package '{folder}' of '{header.spec}': give it with --package or --spec"
+        message = f"there is no package '{folder}' of '{header.spec}': use --package or --spec"
         raise typer.BadParameter(message, param_hint="FILE")
     return folder
 
 
-def _compiled(spec: Path, made: Path) -> Path:
+def _compile_into(spec: Path, folder: Path) -> Path:
     """Compile a spec into a temporary folder and return the package."""
     from codra_dsl.compiler import plan_paths
     from codra_dsl.generation.emit import emit
@@ -193,12 +194,12 @@ def _compiled(spec: Path, made: Path) -> Path:
         say(f"codra: '{spec}' does not compile to one package: see codra lint {spec}")
         raise typer.Exit(ExitCode.FAILED)
     for path, text in emit(planned.plans[0]).items():
-        (made / path).parent.mkdir(parents=True, exist_ok=True)
-        (made / path).write_text(text, encoding="utf-8")
-    return made / planned.plans[0].name
+        (folder / path).parent.mkdir(parents=True, exist_ok=True)
+        (folder / path).write_text(text, encoding="utf-8")
+    return folder / planned.plans[0].name
 
 
-def _say_versions(header: RunHeader, folder: Path) -> None:
+def _report_versions(header: RunHeader, folder: Path) -> None:
     from codra_dsl import __version__
     from codra_dsl.runtime.context.package_files import manifest_of
 
@@ -208,19 +209,19 @@ def _say_versions(header: RunHeader, folder: Path) -> None:
     elif manifest.get("model") != header.model:
         say(f"codra: the package differs from the one that ran (model {header.model[:19]}...): results may differ")
     if header.codra != __version__:
-        say(f"codra: the run used codra {header.codra}, but this is {__version__}")
+        say(f"codra: the run used codra {header.codra}, but this is codra {__version__}")
 
 
-def _report(result: Replayed, header: RunHeader) -> str:
+def _result_text(result: Replayed, header: RunHeader) -> str:
     counts = Counter(result.derived)
-    derived = ", ".join(f"{number} of kind {kind}" for kind, number in sorted(counts.items()))
-    absent = "".join(f"not compared, because the journal has no such events: {kind}\n" for kind in result.absent)
+    derived_text = ", ".join(f"{number} of kind {kind}" for kind, number in sorted(counts.items()))
+    absent_text = "".join(f"not compared, because the journal has no such events: {kind}\n" for kind in result.absent)
     if result.difference is None:
-        return f"equal: {result.compared} events\nderived: {derived}\n{absent}"
-    return _difference(result.difference, header) + absent
+        return f"equal: {result.compared} events\nderived: {derived_text}\n{absent_text}"
+    return _difference_text(result.difference, header) + absent_text
 
 
-def _difference(difference: Difference, header: RunHeader) -> str:
+def _difference_text(difference: Difference, header: RunHeader) -> str:
     from codra_dsl.runtime.why.values import instant
 
     event = difference.recorded or difference.replayed
@@ -229,9 +230,9 @@ def _difference(difference: Difference, header: RunHeader) -> str:
     place = _place(event, header.summary)
     lines = [
         f"differs at event {difference.position}, {instant(event.instant_s)}: {event.kind} {event.name}"
-        f"{_for_variables(event, header.summary)}{f'  [{place}]' if place else ''}",
-        f"  journal: {_line(difference.recorded)}",
-        f"  replay:  {_line(difference.replayed)}",
+        f"{_variables_text(event, header.summary)}{f'  [{place}]' if place else ''}",
+        f"  journal: {_event_text(difference.recorded)}",
+        f"  replay:  {_event_text(difference.replayed)}",
     ]
     if difference.because:
         lines.append(f"  the comparison ends here: {difference.because}")
@@ -241,14 +242,14 @@ def _difference(difference: Difference, header: RunHeader) -> str:
     return "".join(f"{line}\n" for line in lines)
 
 
-def _line(event: Event | None) -> str:
+def _event_text(event: Event | None) -> str:
     from codra_dsl.runtime.journal.encoding import message_of
 
     return "no event in its place" if event is None else f"{event.kind} {message_of(event).decode()}"
 
 
-def _for_variables(event: Event, summary: SpecSummary) -> str:
-    """Return the variables for which a job runs."""
+def _variables_text(event: Event, summary: SpecSummary) -> str:
+    """Return the text about the variables for which a job runs; empty for other events."""
     from codra_dsl.runtime.journal import Kind
 
     algorithm = summary.algorithms.get(event.name) if event.kind is Kind.JOB else None
@@ -256,7 +257,11 @@ def _for_variables(event: Event, summary: SpecSummary) -> str:
 
 
 def _place(event: Event, summary: SpecSummary) -> Place | None:
-    """Return the place in the spec of an event's cause: of the rule that gave a value, if there is one."""
+    """Return the place in the spec that explains an event.
+
+    If a rule of an algorithm gave the value of a variable, this is the place of the rule. Otherwise it is the place of
+    the element that the event is about.
+    """
     from codra_dsl.runtime.journal.schemas import place_of
 
     algorithm = summary.algorithms.get(event.details.get("source", ""))

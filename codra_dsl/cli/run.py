@@ -25,7 +25,7 @@ WorldOption = Annotated[
     typer.Option(
         "--world",
         metavar="NAME",
-        help="The world to run it in; `codra run --world NAME --help` shows the options of that world.  "
+        help="The world in which the spec runs; `codra run --world NAME --help` shows the options of that world.  "
         "[default: lab, or the only world that is installed]",
         show_default=False,
         autocompletion=lambda: list(plugins(WORLDS)),
@@ -34,12 +34,12 @@ WorldOption = Annotated[
 Seed = Annotated[int, typer.Option("--seed", help="The seed of all random choices.")]
 Duration = Annotated[
     str | None,
-    typer.Option("--for", metavar="DURATION", help="The duration, e.g. '10 min'.  [default: the world's own]"),
+    typer.Option("--for", metavar="DURATION", help="The duration, e.g. '10 min'.  [default: the world decides]"),
 ]
-PaceOption = Annotated[Pace, typer.Option("--pace", help="How time passes: simulated and fast, or real.")]
+PaceOption = Annotated[Pace, typer.Option("--pace", help="How time passes: fast in simulated time, or in real time.")]
 Out = Annotated[
     Path | None,
-    typer.Option("--out", metavar="DIR", help="The folder for pictures and records.  [default: the world's own]"),
+    typer.Option("--out", metavar="DIR", help="The folder for pictures and records.  [default: the world decides]"),
 ]
 JournalOption = Annotated[
     Path | None,
@@ -53,20 +53,20 @@ class RunCommand(TyperCommand):
     """The command `run`, with the options of the world that its arguments name."""
 
     def make_context(self, info_name: str | None, args: list[str], parent: Context | None = None, **extra: Any) -> Any:
-        """Parse the arguments with the options of the world; without a world, with those that all worlds share."""
-        name = _world_in(args)
+        """Parse the arguments with the options of the world. Without a world, parse only the options of all worlds."""
+        name = _world_name_in(args)
         entry_point = plugins(WORLDS).get(name or "")
         if name is None or entry_point is None:
             return super().make_context(info_name, args, parent, **extra)
-        command = command_of(_with_options_of(load_plugin(entry_point), name), self.name or "run")
+        command = command_of(_command_function(load_plugin(entry_point), name), self.name or "run")
         try:
             return command.make_context(info_name, args, parent, **extra)
         except typer.TyperException as error:
-            if not hasattr(error, "possibilities"):  # an option that the command does not have
+            if not hasattr(error, "possibilities"):  # only the error for an unknown option has this attribute
                 raise
-            option, near = getattr(error, "option_name", ""), getattr(error, "possibilities", None)
-            help_ = f": did you mean {' or '.join(sorted(near))}?" if near else ""
-            message = f"the world '{name}' has no such option{help_}"
+            option, similar_options = getattr(error, "option_name", ""), getattr(error, "possibilities", None)
+            hint = f": did you mean {' or '.join(sorted(similar_options))}?" if similar_options else ""
+            message = f"the world '{name}' has no such option{hint}"
             raise typer.BadParameter(message, ctx=getattr(error, "ctx", None), param_hint=option) from error
 
 
@@ -81,60 +81,71 @@ def run_command(
     journal: JournalOption = None,
     color: ColourOption = Colour.AUTO,
 ) -> None:
-    """Run a spec in a simulated world and print the outcome, compared with the ground truth."""
+    """Run a spec in a simulated world and print the results, compared with the ground truth."""
     del spec, seed, for_, pace, out, journal, color  # without a world, the arguments are not used
     _refuse(world)
 
 
 def _refuse(world: str | None) -> NoReturn:
-    """Exit with an error, because the requested world is not installed or no world was chosen."""
-    known = list(plugins(WORLDS))
-    if not known:
+    """Exit with an error: no world is installed, no world was chosen, or the chosen world is not installed."""
+    world_names = list(plugins(WORLDS))
+    if not world_names:
         say(f"codra: 'run' needs a world, but no world is installed: pip install '{PAPERS}[lab,store]' adds two")
         raise typer.Exit(ExitCode.FAILED)
     if world is None:
-        raise typer.BadParameter(f"several worlds exist: choose one of {', '.join(known)}", param_hint="--world")
+        raise typer.BadParameter(f"several worlds exist: choose one of {', '.join(world_names)}", param_hint="--world")
     from codra_dsl.language.diagnostics import suggest
 
-    near = suggest(world, known)
-    help_ = f"did you mean '{near}'?" if near else f"the installed worlds are {', '.join(known)}"
-    raise typer.BadParameter(f"the world '{world}' is not installed: {help_}", param_hint="--world")
+    similar_name = suggest(world, world_names)
+    hint = f"did you mean '{similar_name}'?" if similar_name else f"the installed worlds are {', '.join(world_names)}"
+    raise typer.BadParameter(f"the world '{world}' is not installed: {hint}", param_hint="--world")
 
 
-def _world_in(args: Sequence[str]) -> str | None:
-    """Return the world that the arguments name, else the default world; None if there is no default."""
-    options = list(args[: args.index("--")] if "--" in args else args)
-    for index, option in reversed(list(enumerate(options))):
-        if option == "--world" and index + 1 < len(options):
-            return options[index + 1]
-        if option.startswith("--world="):
-            return option.removeprefix("--world=")
-    known = plugins(WORLDS)
-    return _DEFAULT_WORLD if _DEFAULT_WORLD in known else next(iter(known)) if len(known) == 1 else None
+def _world_name_in(args: Sequence[str]) -> str | None:
+    """Return the name of the world in the arguments, or else of the default world; None if there is no default."""
+    arguments = list(args[: args.index("--")] if "--" in args else args)
+    for index, argument in reversed(list(enumerate(arguments))):
+        if argument == "--world" and index + 1 < len(arguments):
+            return arguments[index + 1]
+        if argument.startswith("--world="):
+            return argument.removeprefix("--world=")
+    installed_worlds = plugins(WORLDS)
+    return (
+        _DEFAULT_WORLD
+        if _DEFAULT_WORLD in installed_worlds
+        else next(iter(installed_worlds))
+        if len(installed_worlds) == 1
+        else None
+    )
 
 
-def _with_options_of(world: World, name: str) -> Callable[..., None]:
-    """Return the command function for a world, with the options that all worlds share and those of the world."""
-    _, *own = inspect.signature(world, eval_str=True).parameters.values()
-    shared = inspect.signature(run_command, eval_str=True).parameters
-    if taken := [parameter.name for parameter in own if parameter.name in shared]:
-        say(f"codra: the world '{name}' declares options that all worlds already have: {', '.join(taken)}")
+def _command_function(world: World, name: str) -> Callable[..., None]:
+    """Return the command function for a world. It has the options of all worlds, and those of this world."""
+    _, *world_parameters = inspect.signature(world, eval_str=True).parameters.values()
+    shared_parameters = inspect.signature(run_command, eval_str=True).parameters
+    if duplicate_names := [parameter.name for parameter in world_parameters if parameter.name in shared_parameters]:
+        say(f"codra: the world '{name}' declares options that all worlds already have: {', '.join(duplicate_names)}")
         raise typer.Exit(ExitCode.FAILED)
 
-    def command(**given: Any) -> None:
-        options = {parameter.name: given.pop(parameter.name) for parameter in own}
-        del given["world"]
-        world(_request(**given), **options)
+    def command(**arguments: Any) -> None:
+        options = {parameter.name: arguments.pop(parameter.name) for parameter in world_parameters}
+        del arguments["world"]
+        world(_make_request(**arguments), **options)
 
-    parameters = [*shared.values(), *(parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY) for parameter in own)]
+    parameters = [
+        *shared_parameters.values(),
+        *(parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY) for parameter in world_parameters),
+    ]
     command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]  # typer reads it
     command.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
-    worlds = f"Installed worlds: {', '.join(plugins(WORLDS))}."
-    command.__doc__ = f"{inspect.getdoc(run_command)}\n\nThe world '{name}': {inspect.getdoc(world) or ''}\n\n{worlds}"
+    worlds_text = f"Installed worlds: {', '.join(plugins(WORLDS))}."
+    command.__doc__ = (
+        f"{inspect.getdoc(run_command)}\n\nThe world '{name}': {inspect.getdoc(world) or ''}\n\n{worlds_text}"
+    )
     return command
 
 
-def _request(
+def _make_request(
     *,
     spec: Path,
     seed: int,
@@ -144,7 +155,7 @@ def _request(
     journal: Path | None,
     color: Colour,
 ) -> RunRequest:
-    """Return the run request of the command line, with the build plan of the spec."""
+    """Return the run that the command line requests, with the build plan of the spec."""
     duration_s = None if for_ is None else _duration_s(for_)
     (spec,) = existing([spec])
     root = common_root([spec])

@@ -1,4 +1,4 @@
-"""`codra shadow`: how often context agreed with the perception that it is to replace, from a run's journal."""
+"""`codra shadow`: report from a run's journal how often context agreed with the perception that it will replace."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ JournalFile = Annotated[Path, typer.Argument(metavar="FILE", help="The journal o
 
 
 class ShadowFormat(StrEnum):
-    """How the report is shown."""
+    """The formats of the report."""
 
     TEXT = "text"
     JSON = "json"
@@ -26,16 +26,16 @@ class ShadowFormat(StrEnum):
 def shadow_command(
     file: JournalFile,
     *,
-    format_: Annotated[ShadowFormat, typer.Option("--format", help="How it is shown.")] = ShadowFormat.TEXT,
+    format_: Annotated[ShadowFormat, typer.Option("--format", help="The format of the report.")] = ShadowFormat.TEXT,
 ) -> None:
     """Report how often context agreed with the robot's own perception, in decisions with `shadow=True`."""
-    from codra_dsl.cli.journals import opened_journal, say_damage
+    from codra_dsl.cli.journals import open_journal, report_damage
     from codra_dsl.runtime.context.shadow import shadow_report
 
     existing([file])
-    with opened_journal(file) as reader:
+    with open_journal(file) as reader:
         events = tuple(reader.events())
-        say_damage(reader, events[-1].instant_s if events else reader.header().start_s)
+        report_damage(reader, events[-1].instant_s if events else reader.header().start_s)
     try:
         report = shadow_report(events)
     except (ValueError, LookupError, TypeError, AttributeError) as error:

@@ -1,4 +1,4 @@
-"""`codra sweep`: the outputs of a spec's rules over the range of an input, and the rule behind each switch."""
+"""`codra sweep`: show the outputs of a spec's rules over the range of an input, and the rule behind each switch."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class SweepFormat(StrEnum):
-    """How a sweep is shown."""
+    """The formats of a sweep."""
 
     TEXT = "text"
     JSON = "json"
@@ -36,14 +36,14 @@ Vary = Annotated[
         "--vary",
         metavar="NAME[=VALUES]",
         help="The input that is varied: 'x=0.3..6', 'x=0.3 m..600 cm', 'x=1,2,5', or 'x' for its complete range; "
-        "two of them give surfaces, as svg.  [default: list the inputs]",
+        "with two of these options, surfaces are drawn, as svg.  [default: list the inputs]",
         show_default=False,
     ),
 ]
 With = Annotated[
     list[str] | None,
     typer.Option(
-        "--with", metavar="NAME=VALUE", help="The value of another input; without it, unknown.", show_default=False
+        "--with", metavar="NAME=VALUE", help="The value of another input.  [default: unknown]", show_default=False
     ),
 ]
 Steps = Annotated[int, typer.Option("--steps", min=1, max=1000, help="The number of steps in a range.")]
@@ -52,15 +52,15 @@ Course = Annotated[
     typer.Option(
         "--course",
         metavar="NAME",
-        help="The course whose actions are weighed, if there are several.",
+        help="The course whose actions are weighed, if the spec has several courses.",
         show_default=False,
     ),
 ]
 FormatOption = Annotated[
     SweepFormat | None,
-    typer.Option("--format", help="How it is shown.  [default: by the ending of FILE, else text]", show_default=False),
+    typer.Option("--format", help="The format.  [default: from the ending of FILE, else text]", show_default=False),
 ]
-_MOST_VARIED = 2
+_MAX_VARIED = 2
 
 
 def sweep_command(
@@ -74,28 +74,28 @@ def sweep_command(
     output: Output = None,
     color: ColourOption = Colour.AUTO,
 ) -> None:
-    """Vary the inputs of fuzzy rules: where the course switches, by which rule, and whether each metric is monotone."""
-    chosen_format = format_ or _format_of(output)
+    """Vary inputs of fuzzy rules: show where and by which rule the course switches, and if each metric is monotone."""
+    chosen_format = format_ or _choose_format(output)
     (spec,) = existing([spec])
-    if len(vary or ()) > _MOST_VARIED:
-        raise typer.BadParameter(f"at most {_MOST_VARIED} inputs are varied at once", param_hint="--vary")
-    if len(vary or ()) == _MOST_VARIED and chosen_format is not SweepFormat.SVG:
-        raise typer.BadParameter("two inputs are drawn: add --format svg, or vary one", param_hint="--vary")
+    if len(vary or ()) > _MAX_VARIED:
+        raise typer.BadParameter(f"at most {_MAX_VARIED} inputs can be varied at once", param_hint="--vary")
+    if len(vary or ()) == _MAX_VARIED and chosen_format is not SweepFormat.SVG:
+        raise typer.BadParameter("two inputs can only be drawn: add --format svg, or vary one", param_hint="--vary")
     root = common_root([spec])
     plan = one_plan(spec, root, color)
     from codra_dsl.integrations.inspection.sweeps import SweepError, subject
 
     sys.path.append(str(root))
-    with tempfile.TemporaryDirectory(prefix="codra-") as made:
+    with tempfile.TemporaryDirectory(prefix="codra-") as temporary_folder:
         try:
-            swept = subject(plan, Path(made), course)
+            sweep_subject = subject(plan, Path(temporary_folder), course)
         except SweepError as error:
             raise typer.BadParameter(str(error), param_hint="SPEC" if course is None else "--course") from error
-        write_result(_shown(swept, vary or (), with_ or (), steps, chosen_format), output)
+        write_result(_render(sweep_subject, vary or (), with_ or (), steps, chosen_format), output)
 
 
-def _format_of(output: Path | None) -> SweepFormat:
-    """Return the format that the ending of a file name chooses; an unknown ending is a usage error."""
+def _choose_format(output: Path | None) -> SweepFormat:
+    """Return the format for the ending of a file name. An unknown ending is a usage error."""
     endings = {"": SweepFormat.TEXT, ".txt": SweepFormat.TEXT, ".json": SweepFormat.JSON, ".svg": SweepFormat.SVG}
     ending = "" if output is None else output.suffix.lower()
     if ending not in endings:
@@ -104,13 +104,13 @@ def _format_of(output: Path | None) -> SweepFormat:
     return endings[ending]
 
 
-def _shown(
-    subject: Subject, vary: Sequence[str], given: Sequence[str], steps: int, sweep_format: SweepFormat
+def _render(
+    subject: Subject, vary: Sequence[str], with_options: Sequence[str], steps: int, sweep_format: SweepFormat
 ) -> str | bytes:
     from codra_dsl.integrations.inspection.sweeps import SweepError, held, varied
 
     try:
-        known = held(subject, given)
+        known_values = held(subject, with_options)
     except SweepError as error:
         raise typer.BadParameter(str(error), param_hint="--with") from error
     try:
@@ -118,19 +118,19 @@ def _shown(
     except SweepError as error:
         raise typer.BadParameter(str(error), param_hint="--vary") from error
     for variable, _ in inputs:
-        if known[variable.name] is not None or [other.name for other, _ in inputs].count(variable.name) > 1:
-            message = f"'{variable.name}' is varied: do not give it a second time"
+        if known_values[variable.name] is not None or [other.name for other, _ in inputs].count(variable.name) > 1:
+            message = f"'{variable.name}' is varied: give it only once, and not with --with"
             raise typer.BadParameter(message, param_hint="--vary")
     return (
-        _drawn(subject, known, inputs, steps)
+        _draw(subject, known_values, inputs, steps)
         if sweep_format is SweepFormat.SVG
-        else _text(subject, known, inputs, sweep_format)
+        else _render_text(subject, known_values, inputs, sweep_format)
     )
 
 
-def _text(
+def _render_text(
     subject: Subject,
-    known: dict[str, Value | None],
+    known_values: dict[str, Value | None],
     inputs: Sequence[tuple[Variable, Sequence[Value]]],
     sweep_format: SweepFormat,
 ) -> str:
@@ -140,13 +140,13 @@ def _text(
     if not inputs:
         return inputs_json(subject) if sweep_format is SweepFormat.JSON else inputs_text(subject)
     ((variable, values),) = inputs
-    result = sweep(subject.model, subject.course, known, variable.name, values, unit=variable.type.unit or "")
+    result = sweep(subject.model, subject.course, known_values, variable.name, values, unit=variable.type.unit or "")
     return sweep_json(result) if sweep_format is SweepFormat.JSON else f"{result}\n"
 
 
-def _drawn(
+def _draw(
     subject: Subject,
-    known: dict[str, Value | None],
+    known_values: dict[str, Value | None],
     inputs: Sequence[tuple[Variable, Sequence[Value]]],
     steps: int,
 ) -> bytes:
@@ -159,18 +159,20 @@ def _drawn(
     from codra_dsl.runtime.loops.sweep import surface, sweep
 
     axes = [_axis(subject, variable, values) for variable, values in inputs]
-    if len(inputs) == _MOST_VARIED:
+    if len(inputs) == _MAX_VARIED:
         across, up = ((variable.name, values) for variable, values in inputs)
-        return surfaces_svg(surface(subject.model, subject.course, known, across, up), *axes)
+        return surfaces_svg(surface(subject.model, subject.course, known_values, across, up), *axes)
     if inputs:
         ((variable, values),) = inputs
-        result = sweep(subject.model, subject.course, known, variable.name, values, unit=variable.type.unit or "")
+        result = sweep(
+            subject.model, subject.course, known_values, variable.name, values, unit=variable.type.unit or ""
+        )
         return sweep_svg(result, axes[0])
-    with_terms = [name for name in subject.inputs if (terms := subject.terms(name)) is not None and not terms.members]
-    if not with_terms:
+    input_names = [name for name in subject.inputs if (terms := subject.terms(name)) is not None and not terms.members]
+    if not input_names:
         say(f"codra: no input of '{subject.name}' has terms of its own: use --vary to draw something")
         raise typer.Exit(ExitCode.FAILED)
-    return memberships_svg([_axis(subject, *varied(subject, name, steps)) for name in with_terms])
+    return memberships_svg([_axis(subject, *varied(subject, name, steps)) for name in input_names])
 
 
 def _axis(subject: Subject, variable: Variable, values: Sequence[Value]) -> Axis:

@@ -1,4 +1,4 @@
-"""`codra why`: why a variable had its value, from the journal of a run."""
+"""`codra why`: explain from the journal of a run why a variable had its value."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class WhyFormat(StrEnum):
-    """How an explanation is shown."""
+    """The formats of an explanation."""
 
     TEXT = "text"
     JSON = "json"
@@ -49,7 +49,7 @@ At = Annotated[
         metavar="T",
         help="The instant: '31.5' or '31.5 s' on the run's clock, '+2 min' from its start, or, if the clock shows "
         "the time of day, '2030-01-31 03:12:05' in UTC.  "
-        "[default: the end, before observers stop]",
+        "[default: the end of the run, before observers stop]",
         show_default=False,
     ),
 ]
@@ -60,46 +60,46 @@ def why_command(
     *,
     journal: JournalOption,
     at: At = None,
-    format_: Annotated[WhyFormat, typer.Option("--format", help="How it is shown.")] = WhyFormat.TEXT,
+    format_: Annotated[WhyFormat, typer.Option("--format", help="The format of the explanation.")] = WhyFormat.TEXT,
 ) -> None:
-    """Explain why a variable had its value: from the value to its evidence, or from unknown to what was missing."""
-    from codra_dsl.cli.journals import opened_journal, say_damage
+    """Explain why a variable had its value, back to its evidence, or why it was unknown, back to what was missing."""
+    from codra_dsl.cli.journals import open_journal, report_damage
     from codra_dsl.runtime.journal.checkpoints import Checkpoints
     from codra_dsl.runtime.why.values import instant
 
     existing([journal])
-    with opened_journal(journal) as reader:
+    with open_journal(journal) as reader:
         header = reader.header()
         at_s = None if at is None else _instant_s(at, header)
-        past = Checkpoints(reader, math.inf if at_s is None else at_s)
-        end_s = header.start_s if past.end_s is None else past.end_s
-        say_damage(reader, end_s)
+        checkpoints = Checkpoints(reader, math.inf if at_s is None else at_s)
+        end_s = header.start_s if checkpoints.end_s is None else checkpoints.end_s
+        report_damage(reader, end_s)
         if at_s is not None and not header.start_s <= at_s <= end_s:
             message = f"the journal holds {instant(header.start_s)} to {instant(end_s)}, not {instant(at_s)}"
             raise typer.BadParameter(message, param_hint="--at")
-        explanation = _explained(header, past, variable, end_s if at_s is None else at_s, journal)
+        explanation = _explain(header, checkpoints, variable, end_s if at_s is None else at_s, journal)
     write_result(f"{explanation}\n" if format_ is WhyFormat.TEXT else _json(explanation))
 
 
-def _explained(header: RunHeader, past: Checkpoints, variable: str, at_s: float, journal: Path) -> Why:
+def _explain(header: RunHeader, checkpoints: Checkpoints, variable: str, at_s: float, journal: Path) -> Why:
     from codra_dsl.runtime.errors import UnknownNameError
     from codra_dsl.runtime.why import explain
 
     try:
-        return explain(header.summary, past.latest_events, variable, at_s)
+        return explain(header.summary, checkpoints.latest_events, variable, at_s)
     except UnknownNameError as error:
-        _check_variable(variable, header)
+        _refuse_undeclared(variable, header)
         raise typer.BadParameter(str(error), param_hint="VARIABLE") from error
     except (ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
         say(f"codra: '{journal}' cannot be explained: {type(error).__name__}: {error}")
         raise typer.Exit(ExitCode.FAILED) from error
 
 
-def _check_variable(name: str, header: RunHeader) -> None:
-    """Refuse an undeclared variable, if there is no knowledge to which the name could belong."""
+def _refuse_undeclared(name: str, header: RunHeader) -> None:
+    """Refuse the name of an undeclared variable, if the spec has no knowledge to which the name could belong."""
     if not header.summary.nodes and name not in header.summary.variables:
-        near = difflib.get_close_matches(name, header.summary.variables, n=1)
-        hint = f": did you mean '{near[0]}'?" if near else ""
+        similar_names = difflib.get_close_matches(name, header.summary.variables, n=1)
+        hint = f": did you mean '{similar_names[0]}'?" if similar_names else ""
         raise typer.BadParameter(f"the spec has no context-variable '{name}'{hint}", param_hint="VARIABLE")
 
 
@@ -112,20 +112,20 @@ def _json(explanation: Why) -> str:
 
 
 def _instant_s(text: str, header: RunHeader) -> float:
-    """Return the instant that the option gives."""
+    """Return the instant that the text of `--at` gives."""
     if text.startswith("+"):
-        seconds_s = _seconds(text[1:].strip())
-        at_s = None if seconds_s is None else header.start_s + seconds_s
+        parsed_s = _parse_seconds(text[1:].strip())
+        at_s = None if parsed_s is None else header.start_s + parsed_s
     else:
-        seconds_s = _seconds(text)
-        at_s = _time_of_day_s(text) if seconds_s is None else seconds_s
+        parsed_s = _parse_seconds(text)
+        at_s = _time_of_day_s(text) if parsed_s is None else parsed_s
     if at_s is None or not abs(at_s) < math.inf:
-        ways = "'31.5', '+2 min', or '2030-01-31 03:12:05' in UTC"
-        raise typer.BadParameter(f"'{text}' is not an instant such as {ways}", param_hint="--at")
+        examples = "'31.5', '+2 min', or '2030-01-31 03:12:05' in UTC"
+        raise typer.BadParameter(f"'{text}' is not an instant such as {examples}", param_hint="--at")
     return at_s
 
 
-def _seconds(text: str) -> float | None:
+def _parse_seconds(text: str) -> float | None:
     from codra_dsl.language.units import parse_duration
 
     try:
@@ -136,11 +136,11 @@ def _seconds(text: str) -> float | None:
 
 
 def _time_of_day_s(text: str) -> float | None:
-    """Return the seconds from 1970 to a date and time, which is in UTC unless it has a time zone."""
+    """Return the seconds from 1970 to a date and time; None for another text. Without a time zone, UTC is meant."""
     from datetime import UTC, datetime
 
     try:
-        time = datetime.fromisoformat(text.removesuffix("UTC").strip())
+        date_time = datetime.fromisoformat(text.removesuffix("UTC").strip())
     except ValueError:
         return None
-    return (time if time.tzinfo is not None else time.replace(tzinfo=UTC)).timestamp()
+    return (date_time if date_time.tzinfo is not None else date_time.replace(tzinfo=UTC)).timestamp()

@@ -1,4 +1,4 @@
-"""Worlds, in which `codra run SPEC --world NAME` runs a spec.
+"""Worlds: `codra run SPEC --world NAME` runs a spec in one of them.
 
 A world is a function. Its first argument is a `RunRequest` with the arguments of the command. Its other parameters are
 additional options of the command, declared as for a typer command::
@@ -9,14 +9,14 @@ additional options of the command, declared as for a typer command::
             compiled = compile_and_load(request.plan, Path(folder))
             ...
 
-A distribution registers it in the entry-point group `codra.worlds`::
+A distribution registers a world in the entry-point group `codra.worlds`::
 
     [project.entry-points."codra.worlds"]
     arena = "my_robot.worlds:arena"
 
-The world prints its results with `write_result` of `codra_dsl.cli.console` and ends a failed run with
-`typer.Exit(ExitCode.FAILED)`. Its docstring is shown by `codra run --world NAME --help`. Import simulators inside the
-function, so that the help is shown quickly, and also when they are not installed.
+The world prints its results with `write_result` of `codra_dsl.cli.console`. If a run fails, it raises
+`typer.Exit(ExitCode.FAILED)`. `codra run --world NAME --help` shows the docstring of the function. Import simulators
+inside the function: then the help is shown quickly, even if the simulators are not installed.
 
 A world passes one clock to everything that it runs. In simulated time, all events are in one heap and have one order,
 so runs with the same seed write the same journal.
@@ -51,35 +51,35 @@ class Progress:
     """Shows the simulated time of a run on a terminal; elsewhere it shows nothing."""
 
     def __init__(self) -> None:
-        self._is_shown = sys.stderr.isatty()
-        self._shown_s = 0.0
+        self._is_terminal = sys.stderr.isatty()
+        self._last_shown_s = 0.0
 
     def __call__(self, now_s: float) -> None:
-        """Show an instant, if the last one was shown more than 10 s of simulated time ago."""
-        if self._is_shown and now_s - self._shown_s >= _PROGRESS_EVERY_S:
-            self._shown_s = now_s
+        """Show an instant, unless the last shown instant is less than 10 s of simulated time earlier."""
+        if self._is_terminal and now_s - self._last_shown_s >= _PROGRESS_EVERY_S:
+            self._last_shown_s = now_s
             print(f"\r{now_s:8.0f} s", end="", file=sys.stderr, flush=True)
 
     def clear(self) -> None:
         """Move the cursor to the start of the line, so that the results overwrite the instant."""
-        if self._is_shown:
+        if self._is_terminal:
             print("\r", end="", file=sys.stderr)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunRequest:
-    """A run that the command line asks for.
+    """A run that the command line requests.
 
     Attributes:
-        plan: the build plan of the spec, which has no errors; an argument of
+        plan: the build plan of the spec, which has no errors. Pass it to
             `codra_dsl.integrations.inspection.compile_and_load`.
-        root: the folder of the project, which is on `sys.path`.
+        root: the folder of the project; it is on `sys.path`.
         seed: the seed of all random choices.
         duration_s: how long the run lasts; None if the world decides.
         pace: how time passes.
         out: the folder for pictures and records; None if the world decides.
         journal: the file for the run's journal; None for no journal.
-        progress: call it from time to time with the present instant.
+        progress: the world calls this object from time to time with the present instant.
     """
 
     plan: BuildPlan

@@ -32,7 +32,7 @@ _GIT = (
     *("-c", "core.fsmonitor=false", "-c", f"core.hooksPath={os.devnull}"),
 )
 # Inherited variables could point git at another repository, or let it start a program.
-_CLEAN = {
+_SAFE_VARIABLES = {
     "GIT_ALLOW_PROTOCOL": "none",
     "GIT_NO_LAZY_FETCH": "1",
     "GIT_OPTIONAL_LOCKS": "0",
@@ -42,14 +42,14 @@ _CLEAN = {
 _SUFFIXES = (".yaml", ".yml")
 _FILE_MODES = ("100644", "100755")
 _SUBMODULE_MODE = "160000"
-_NOT_READ = {"120000": "a symbolic link", _SUBMODULE_MODE: "a submodule"}
-_INCOMPLETE = "some files of the revision are missing here: fetch them (git fetch --refetch --no-filter)"
-_STEPS = re.compile(r"[~^].*")
+_KIND_OF_UNREAD_MODE = {"120000": "a symbolic link", _SUBMODULE_MODE: "a submodule"}
+_INCOMPLETE_MESSAGE = "some files of the revision are missing here: fetch them (git fetch --refetch --no-filter)"
+_ANCESTOR_STEPS = re.compile(r"[~^].*")
 _WORDS = re.compile(rb"[^\s\[\],\"'/:{}#]+")
 
 
 class RevisionError(Exception):
-    """Raised when a revision cannot be read; the message has the cause and a fix."""
+    """Raised if a revision cannot be read. The message states the cause and how to fix it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +63,11 @@ class _Entry:
 
 @dataclass(frozen=True, slots=True)
 class Repository:
-    """A git repository, by its working folder, or by its own folder if it is bare."""
+    """A git repository.
+
+    Attributes:
+        top: the working folder of the repository; for a bare repository, the folder of the repository itself.
+    """
 
     top: Path
 
@@ -75,14 +79,14 @@ class Repository:
             RevisionError: if the path is not in a repository.
         """
         folder = next(parent for parent in (path, *path.parents) if parent.is_dir())
-        is_bare = _run(("rev-parse", "--is-bare-repository"), folder).stdout == b"true\n"
-        done = _run(("rev-parse", "--absolute-git-dir" if is_bare else "--show-toplevel"), folder)
-        if done.returncode != 0:
-            reason = os.fsdecode(done.stderr).strip().removeprefix("fatal: ").split("\n")[0]
-            trust = f"; if you trust it: git config --global --add safe.directory {shlex.quote(str(folder))}"
-            reason += trust if "dubious ownership" in reason else ""
+        is_bare = _run_git(("rev-parse", "--is-bare-repository"), folder).stdout == b"true\n"
+        git_result = _run_git(("rev-parse", "--absolute-git-dir" if is_bare else "--show-toplevel"), folder)
+        if git_result.returncode != 0:
+            reason = os.fsdecode(git_result.stderr).strip().removeprefix("fatal: ").split("\n")[0]
+            trust_hint = f"; if you trust it: git config --global --add safe.directory {shlex.quote(str(folder))}"
+            reason += trust_hint if "dubious ownership" in reason else ""
             raise RevisionError(f"no git repository can be read at '{folder}': {reason}")
-        return Repository(Path(os.fsdecode(done.stdout).rstrip("\n")))
+        return Repository(Path(os.fsdecode(git_result.stdout).rstrip("\n")))
 
     def commit(self, name: str) -> str:
         """Return the object name of a revision's commit.
@@ -96,40 +100,40 @@ class Repository:
             raise RevisionError(f"'{name}' is a range: give both ends, '{re.sub('[.]{2,3}', ' ', name)}'")
         if ":" in name:
             raise RevisionError(f"'{name}' is not a revision: give the path after both versions")
-        commit = self._verified(name)
+        commit = self._verify(name)
         if commit is None:
-            help_ = self._help(name)
-            raise RevisionError(f"'{name}' is neither a path here nor a revision of '{self.top.name}' ({help_})")
+            hint = self._help(name)
+            raise RevisionError(f"'{name}' is neither a path here nor a revision of '{self.top.name}' ({hint})")
         return commit
 
-    def _verified(self, name: str) -> str | None:
-        done = _run(("rev-parse", "--verify", "--quiet", "--end-of-options", f"{name}^{{commit}}"), self.top)
-        return done.stdout.decode().strip() if name and done.returncode == 0 else None
+    def _verify(self, name: str) -> str | None:
+        git_result = _run_git(("rev-parse", "--verify", "--quiet", "--end-of-options", f"{name}^{{commit}}"), self.top)
+        return git_result.stdout.decode().strip() if name and git_result.returncode == 0 else None
 
     def holds(self, commit: str, path: PurePath) -> bool:
         """Return whether a commit has a file or folder."""
-        return _run(("cat-file", "-e", f"{commit}:{path.as_posix()}"), self.top).returncode == 0
+        return _run_git(("cat-file", "-e", f"{commit}:{path.as_posix()}"), self.top).returncode == 0
 
     def changed(self, but: Path) -> Sequence[PurePosixPath]:
         """Return the files of the working folder that differ from the commit, or are new and not ignored.
 
         Args:
-            but: a folder that does not count.
+            but: a folder whose files are left out.
 
         Raises:
             RevisionError: if git reports an error.
         """
         options = ("--porcelain", "-z", "--no-renames", "--untracked-files=all", "--ignore-submodules=dirty")
-        done = _run((*self._without_filters(), "status", *options), self.top)
-        if done.returncode != 0:
+        git_result = _run_git((*self._without_filters(), "status", *options), self.top)
+        if git_result.returncode != 0:
             raise RevisionError(f"git cannot list the changed files of '{self.top}'")
-        paths = (PurePosixPath(os.fsdecode(line[3:])) for line in done.stdout.split(b"\0") if line)
+        paths = (PurePosixPath(os.fsdecode(line[3:])) for line in git_result.stdout.split(b"\0") if line)
         return [path for path in paths if not (self.top / path).is_relative_to(but)]
 
     def _without_filters(self) -> Iterator[str]:
         """Yield settings that disable the filters that the repository configures."""
-        done = _run(("config", "--null", "--name-only", "--get-regexp", r"^filter\."), self.top)
-        for name in dict.fromkeys(os.fsdecode(done.stdout).split("\0")):
+        git_result = _run_git(("config", "--null", "--name-only", "--get-regexp", r"^filter\."), self.top)
+        for name in dict.fromkeys(os.fsdecode(git_result.stdout).split("\0")):
             if name.endswith((".clean", ".process")):
                 yield from ("-c", f"{name}=")
             elif name.endswith(".required"):
@@ -144,52 +148,63 @@ class Repository:
             into: an empty folder that no other process writes to.
 
         Returns:
-            The symbolic links and submodules that were not read and may hold specs, each with its kind.
+            The paths of symbolic links and submodules that were not read but may hold specs, each with its kind.
 
         Raises:
-            RevisionError: if the revision has too many files, or some files are missing here.
+            RevisionError: if the revision has too many or too large files, or if some of its files are missing here.
         """
         entries = tuple(self._entries(commit))
-        inside = [entry for entry in entries if entry.path.is_relative_to(below)]
-        wanted = [entry for entry in inside if entry.mode in _FILE_MODES and entry.path.name.endswith(_SUFFIXES)]
-        wanted += [
+        inner_entries = [entry for entry in entries if entry.path.is_relative_to(below)]
+        wanted_entries = [
+            entry for entry in inner_entries if entry.mode in _FILE_MODES and entry.path.name.endswith(_SUFFIXES)
+        ]
+        wanted_entries += [
             entry for entry in entries if entry.path.name == SETTINGS and below.is_relative_to(entry.path.parent)
         ]
-        wanted += [entry for entry in inside if entry.path.name == SETTINGS and entry.path.parent != below]
-        written = self._write(dict.fromkeys(wanted), into)
-        named = set(_included(into / entry.path for entry in written))
-        others = [entry for entry in inside if entry.mode in _FILE_MODES and os.fsencode(entry.path.name) in named]
-        self._write(dict.fromkeys(entry for entry in others if entry not in written), into)
+        wanted_entries += [
+            entry for entry in inner_entries if entry.path.name == SETTINGS and entry.path.parent != below
+        ]
+        written_entries = self._write(dict.fromkeys(wanted_entries), into)
+        named_files = set(_words_in_including_files(into / entry.path for entry in written_entries))
+        named_entries = [
+            entry
+            for entry in inner_entries
+            if entry.mode in _FILE_MODES and os.fsencode(entry.path.name) in named_files
+        ]
+        self._write(dict.fromkeys(entry for entry in named_entries if entry not in written_entries), into)
         return {
-            entry.path: _NOT_READ[entry.mode]
-            for entry in inside
-            if entry.mode in _NOT_READ and (entry.path.name.endswith(_SUFFIXES) or entry.mode == _SUBMODULE_MODE)
+            entry.path: _KIND_OF_UNREAD_MODE[entry.mode]
+            for entry in inner_entries
+            if entry.mode in _KIND_OF_UNREAD_MODE
+            and (entry.path.name.endswith(_SUFFIXES) or entry.mode == _SUBMODULE_MODE)
         }
 
     def _help(self, name: str) -> str:
-        start = _STEPS.sub("", name)
-        is_too_far = start != name and self._verified(start) is not None
-        if self._is_shallow() and (is_too_far or self._near(name) is None):
+        base_name = _ANCESTOR_STEPS.sub("", name)
+        is_too_far = base_name != name and self._verify(base_name) is not None
+        if self._is_shallow() and (is_too_far or self._similar_name(name) is None):
             return "this clone is shallow: fetch the revision first, for example with git fetch --unshallow"
         if is_too_far:
-            return f"'{start}' is a revision, but has no '{name.removeprefix(start)}'"
-        near = self._near(name)
-        return f"did you mean '{near}'?" if near else "name a file, a folder, a branch, a tag or a commit"
+            return f"'{base_name}' is a revision, but has no '{name.removeprefix(base_name)}'"
+        similar_name = self._similar_name(name)
+        return (
+            f"did you mean '{similar_name}'?" if similar_name else "name a file, a folder, a branch, a tag or a commit"
+        )
 
-    def _near(self, name: str) -> str | None:
-        done = _run(("for-each-ref", "--format=%(refname:short)"), self.top)
-        names = ["HEAD", *os.fsdecode(done.stdout).split()]
-        remote = next((branch for branch in sorted(names) if branch.endswith(f"/{name}")), None)
-        return remote or suggest(name, names)
+    def _similar_name(self, name: str) -> str | None:
+        git_result = _run_git(("for-each-ref", "--format=%(refname:short)"), self.top)
+        names = ["HEAD", *os.fsdecode(git_result.stdout).split()]
+        remote_branch = next((branch for branch in sorted(names) if branch.endswith(f"/{name}")), None)
+        return remote_branch or suggest(name, names)
 
     def _is_shallow(self) -> bool:
-        return _run(("rev-parse", "--is-shallow-repository"), self.top).stdout.strip() == b"true"
+        return _run_git(("rev-parse", "--is-shallow-repository"), self.top).stdout.strip() == b"true"
 
     def _entries(self, commit: str) -> Iterator[_Entry]:
-        done = _run(("ls-tree", "-r", "-z", "--full-tree", commit), self.top)
-        if done.returncode != 0:
-            raise RevisionError(_INCOMPLETE)
-        for line in done.stdout.split(b"\0"):
+        git_result = _run_git(("ls-tree", "-r", "-z", "--full-tree", commit), self.top)
+        if git_result.returncode != 0:
+            raise RevisionError(_INCOMPLETE_MESSAGE)
+        for line in git_result.stdout.split(b"\0"):
             head, _, name = line.partition(b"\t")
             fields = head.decode().split()
             path = PurePosixPath(os.fsdecode(name))
@@ -197,28 +212,30 @@ class Repository:
                 yield _Entry(fields[0], fields[2], path)
 
     def _write(self, entries: Iterable[_Entry], into: Path) -> tuple[_Entry, ...]:
-        chosen = tuple(entry for entry in entries if entry.mode in _FILE_MODES)
-        sizes = self._sizes(chosen) if len(chosen) <= MAX_FILES else None
+        file_entries = tuple(entry for entry in entries if entry.mode in _FILE_MODES)
+        sizes = self._sizes(file_entries) if len(file_entries) <= MAX_FILES else None
         if sizes is None or sum(min(size, MAX_FILE_BYTES) for size in sizes.values()) > MAX_TOTAL_BYTES:
             raise RevisionError("too much YAML to compare: give the specs that matter as PATH")
-        small = [entry for entry in chosen if sizes[entry] <= MAX_FILE_BYTES]
-        for entry, data in zip(small, self._blobs([entry.object_name for entry in small]), strict=True):
+        small_entries = [entry for entry in file_entries if sizes[entry] <= MAX_FILE_BYTES]
+        for entry, data in zip(small_entries, self._blobs([entry.object_name for entry in small_entries]), strict=True):
             target = into / entry.path
             target.parent.mkdir(parents=True, exist_ok=True)
             target.write_bytes(data)
-        for entry in set(chosen) - set(small):  # a file that is too large as well, so that reading it reports this
+        for entry in set(file_entries) - set(
+            small_entries
+        ):  # write an empty file of a size that is reported as too large
             target = into / entry.path
             target.parent.mkdir(parents=True, exist_ok=True)
             with target.open("wb") as stream:
                 stream.truncate(MAX_FILE_BYTES + 1)
-        return chosen
+        return file_entries
 
     def _sizes(self, entries: Sequence[_Entry]) -> dict[_Entry, int]:
         names = "".join(f"{entry.object_name}\n" for entry in entries)
-        done = _run(("cat-file", "--batch-check=%(objectsize)"), self.top, names.encode())
-        sizes = done.stdout.split(b"\n")[: len(entries)]
+        git_result = _run_git(("cat-file", "--batch-check=%(objectsize)"), self.top, names.encode())
+        sizes = git_result.stdout.split(b"\n")[: len(entries)]
         if not all(size.isdigit() for size in sizes):
-            raise RevisionError(_INCOMPLETE)
+            raise RevisionError(_INCOMPLETE_MESSAGE)
         return {entry: int(size) for entry, size in zip(entries, sizes, strict=True)}
 
     def _blobs(self, object_names: Sequence[str]) -> Iterator[bytes]:
@@ -249,21 +266,24 @@ class Repository:
 def _blob(stream: IO[bytes]) -> bytes:
     fields = stream.readline().split()
     if len(fields) != 3 or fields[1] != b"blob":
-        raise RevisionError(_INCOMPLETE)
+        raise RevisionError(_INCOMPLETE_MESSAGE)
     size = int(fields[2])
     data = stream.read(size + 1)
     return data[:size]
 
 
-def _included(files: Iterable[Path]) -> Iterator[bytes]:
-    """Yield the words of files that may include others: parts without a suffix of YAML, and files of trees."""
+def _words_in_including_files(files: Iterable[Path]) -> Iterator[bytes]:
+    """Yield all words in the files that include parts or name files of trees.
+
+    Some of these words are names of files without a YAML suffix, which are read as well.
+    """
     for file in files:
         data = file.read_bytes()
         if b"codra" in data and (b"include" in data or b"trees" in data):
             yield from _WORDS.findall(data)
 
 
-def _run(arguments: Sequence[str], folder: Path, text: bytes = b"") -> subprocess.CompletedProcess[bytes]:
+def _run_git(arguments: Sequence[str], folder: Path, text: bytes = b"") -> subprocess.CompletedProcess[bytes]:
     try:
         return subprocess.run(
             (*_GIT, *arguments),
@@ -280,4 +300,4 @@ def _run(arguments: Sequence[str], folder: Path, text: bytes = b"") -> subproces
 
 
 def _environment() -> dict[str, str]:
-    return {name: value for name, value in os.environ.items() if not name.startswith("GIT_")} | _CLEAN
+    return {name: value for name, value in os.environ.items() if not name.startswith("GIT_")} | _SAFE_VARIABLES

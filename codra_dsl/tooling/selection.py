@@ -5,9 +5,9 @@
     term      = [ "@" | [N] "+" ] names [ "+" [N] ]
     names     = pattern | METHOD ":" pattern
 
-`+x` is x with everything that it needs, `x+` is x with everything that needs it, `2+x` goes back only two steps, and
-`@x` is x with everything that needs it and everything that these need. A pattern is a name, and may contain `*`, `?`
-and `[...]`; a pattern with a `/` matches the complete id.
+`+x` selects x and everything that x needs, `x+` selects x and everything that needs x, and `2+x` goes back only two
+steps. `@x` selects x, everything that needs x, and everything that these nodes need. A pattern is a name, which may
+contain `*`, `?` and `[...]`. A pattern with a `/` is matched against complete ids.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ class Choice:
     """A node that can be selected.
 
     Attributes:
-        id: its complete name, with `/`.
-        label: its name for people.
-        file: the file that declares it.
-        use: the use of a template that created it, or an empty string.
+        id: the complete name of the node, with `/`.
+        label: the name for people.
+        file: the file that declares the node.
+        use: the use of a template that created the node; empty without one.
     """
 
     id: str
@@ -48,20 +48,20 @@ class Choices:
 
     Attributes:
         kinds: all possible kinds, with or without nodes.
-        absent: declared names that are not nodes.
+        absent_names: declared names that are not nodes.
     """
 
     nodes: Sequence[Choice]
     edges: Iterable[Edge]
     kinds: Sequence[str]
-    absent: frozenset[str] = frozenset()
+    absent_names: frozenset[str] = frozenset()
 
 
 class SelectorError(ValueError):
-    """A selector that cannot be parsed or matches no node.
+    """Raised for a selector that cannot be parsed, or that has a name, pattern, kind or method that does not exist.
 
     Attributes:
-        column: the position of the error in its text, from 1.
+        column: the position of the error in the selector, from 1.
     """
 
     def __init__(self, message: str, text: str, start: int, length: int = 1) -> None:
@@ -71,30 +71,30 @@ class SelectorError(ValueError):
         self._length = max(1, length)
 
     def __str__(self) -> str:
-        """Return the message with the selector below it and a mark below the error."""
-        shown = "".join(letter if letter.isprintable() else " " for letter in self._text)
+        """Return the message, the selector below the message, and a mark below the error."""
+        shown_text = "".join(letter if letter.isprintable() else " " for letter in self._text)
         marks = " " * (self.column - 1) + "^" * self._length
-        return f"{self.args[0]} (column {self.column})\n  {shown}\n  {marks}"
+        return f"{self.args[0]} (column {self.column})\n  {shown_text}\n  {marks}"
 
 
 def select(choices: Choices, wanted: Sequence[str], unwanted: Sequence[str] = ()) -> frozenset[str]:
-    """Return the ids of the nodes that any of some selectors matches, without those that others match.
+    """Return the ids of the nodes that at least one wanted selector and no unwanted selector matches.
 
     Args:
         choices: the graph.
-        wanted: selectors; without any, all nodes are selected.
-        unwanted: selectors.
+        wanted: selectors of nodes to keep; if there are none, all nodes are kept.
+        unwanted: selectors of nodes to remove.
 
     Raises:
-        SelectorError: if a selector cannot be parsed or matches no node.
+        SelectorError: if a selector cannot be parsed, or has a name, pattern, kind or method that does not exist.
     """
     search = _Search(choices)
-    everything = frozenset(node.id for node in choices.nodes)
-    chosen = frozenset().union(*map(search.matches, wanted)) if wanted else everything
-    return chosen.difference(*map(search.matches, unwanted))
+    all_ids = frozenset(node.id for node in choices.nodes)
+    chosen_ids = frozenset().union(*map(search.matches, wanted)) if wanted else all_ids
+    return chosen_ids.difference(*map(search.matches, unwanted))
 
 
-_EVERY = 10**9
+_ALL_STEPS = 10**9
 """More steps than any graph has."""
 
 _TERM = re.compile(
@@ -105,11 +105,13 @@ _GLOB = re.compile(r"[*?\[]")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Term:
-    """A part of a selector between commas; numbers are steps.
+    """A term of a selector.
 
     Attributes:
-        start: the position of its pattern in the selector.
-        around: whether the needs of all nodes that need it are included.
+        text: the complete selector.
+        start: the position of the term's pattern in the selector.
+        needs: the number of steps to the nodes that the matched nodes need; `needed_by` in the other direction.
+        around: whether all nodes that need the matched nodes, and everything that these need, are included.
     """
 
     text: str
@@ -138,30 +140,32 @@ def _terms(text: str) -> Iterator[list[_Term]]:
 def _term(text: str, start: int) -> _Term:
     match = _TERM.match(text, start)
     assert match is not None  # every part of the pattern may be empty
-    at, end = match.start("pattern"), match.end()
+    pattern_start, end = match.start("pattern"), match.end()
     if not match["pattern"]:
-        raise SelectorError("a name is missing; a selector has no blanks around '+' and ','", text, min(at, len(text)))
+        raise SelectorError(
+            "a name is missing; a selector has no blanks around '+' and ','", text, min(pattern_start, len(text))
+        )
     if end < len(text) and text[end] != "," and not text[end].isspace():
         raise SelectorError(f"{text[end]!r} is not allowed here", text, end)
     if match["around"] and (match["needs"] is not None or match["needed"]):
-        where = match.start("needed") if match["needed"] else match.end("around")
-        raise SelectorError("'@' already goes both ways: leave out the '+'", text, where)
+        error_start = match.start("needed") if match["needed"] else match.end("around")
+        raise SelectorError("'@' already goes both ways: leave out the '+'", text, error_start)
     return _Term(
         text=text,
-        start=at,
+        start=pattern_start,
         method=match["method"],
         pattern=match["pattern"],
-        needs=_steps(match["needs"]),
-        needed_by=_steps(match["by"]),
+        needs=_step_count(match["needs"]),
+        needed_by=_step_count(match["by"]),
         around=match["around"] is not None,
     )
 
 
-def _steps(digits: str | None) -> int:
-    """Return the number of steps: none without a `+`, all steps with a `+` but no number."""
+def _step_count(digits: str | None) -> int:
+    """Return the number of steps: 0 without a `+`, and all steps for a `+` without a number."""
     if digits is None:
         return 0
-    return int(digits) if digits and len(digits) < len(str(_EVERY)) else _EVERY
+    return int(digits) if digits and len(digits) < len(str(_ALL_STEPS)) else _ALL_STEPS
 
 
 class _Search:
@@ -175,44 +179,46 @@ class _Search:
             self._needs.setdefault(user, []).append(need)
             self._needed_by.setdefault(need, []).append(user)
         self._methods: Mapping[str, Callable[[_Term], frozenset[str]]] = {
-            "kind": self._by_kind,
-            "file": self._by_file,
-            "use": self._by_use,
+            "kind": self._nodes_by_kind,
+            "file": self._nodes_by_file,
+            "use": self._nodes_by_use,
         }
 
     def matches(self, text: str) -> frozenset[str]:
         """Return the ids of the nodes that a selector matches."""
-        parts = [[self._extended(term) for term in terms] for terms in _terms(text)]
+        parts = [[self._nodes_of_term(term) for term in terms] for terms in _terms(text)]
         return frozenset().union(*(frozenset.intersection(*part) for part in parts))
 
-    def _extended(self, term: _Term) -> frozenset[str]:
-        named = self._by_name(term) if term.method is None else self._method(term, term.method)(term)
+    def _nodes_of_term(self, term: _Term) -> frozenset[str]:
+        named_nodes = self._nodes_by_name(term) if term.method is None else self._method(term, term.method)(term)
         if term.around:
-            return _within(self._needs, _within(self._needed_by, named, _EVERY), _EVERY)
-        return _within(self._needs, named, term.needs) | _within(self._needed_by, named, term.needed_by)
+            return _reachable_nodes(self._needs, _reachable_nodes(self._needed_by, named_nodes, _ALL_STEPS), _ALL_STEPS)
+        return _reachable_nodes(self._needs, named_nodes, term.needs) | _reachable_nodes(
+            self._needed_by, named_nodes, term.needed_by
+        )
 
-    def _by_name(self, term: _Term) -> frozenset[str]:
+    def _nodes_by_name(self, term: _Term) -> frozenset[str]:
         is_id = "/" in term.pattern
         keys = ((node.id if is_id else node.name, node.id) for node in self._choices.nodes)
-        return self._matching(term, keys, self._help_for_name)
+        return self._matching_nodes(term, keys, self._help_for_name)
 
-    def _by_kind(self, term: _Term) -> frozenset[str]:
+    def _nodes_by_kind(self, term: _Term) -> frozenset[str]:
         kinds = self._choices.kinds
         if not any(fnmatchcase(kind, term.pattern) for kind in kinds):
-            raise term.error(f"there is no kind {term.pattern!r}: {_one_of(term.pattern, kinds)}")
+            raise term.error(f"there is no kind {term.pattern!r}: {_choice_text(term.pattern, kinds)}")
         return frozenset(node.id for node in self._choices.nodes if fnmatchcase(node.kind, term.pattern))
 
-    def _by_file(self, term: _Term) -> frozenset[str]:
-        return self._matching(term, ((node.file, node.id) for node in self._choices.nodes), self._help_for_value)
+    def _nodes_by_file(self, term: _Term) -> frozenset[str]:
+        return self._matching_nodes(term, ((node.file, node.id) for node in self._choices.nodes), self._help_for_value)
 
-    def _by_use(self, term: _Term) -> frozenset[str]:
+    def _nodes_by_use(self, term: _Term) -> frozenset[str]:
         keys = ((node.use, node.id) for node in self._choices.nodes if node.use)
-        return self._matching(term, keys, self._help_for_value)
+        return self._matching_nodes(term, keys, self._help_for_value)
 
-    def _matching(
-        self, term: _Term, keys: Iterable[tuple[str, str]], help: Callable[[_Term, Sequence[str]], str]
+    def _matching_nodes(
+        self, term: _Term, keys: Iterable[tuple[str, str]], make_help: Callable[[_Term, Sequence[str]], str]
     ) -> frozenset[str]:
-        """Return the ids of the nodes whose key a pattern matches; a pattern without a match is an error."""
+        """Return the ids of the nodes whose key the pattern of a term matches. No match is an error."""
         pairs = list(keys)
         is_glob = _GLOB.search(term.pattern) is not None
         matches = frozenset(
@@ -222,38 +228,38 @@ class _Search:
             raise term.error(f"no node matches {term.pattern!r}")
         if not matches:
             known = list(dict.fromkeys(key for key, _ in pairs))
-            raise term.error(f"no node matches {term.pattern!r}{help(term, known)}")
+            raise term.error(f"no node matches {term.pattern!r}{make_help(term, known)}")
         return matches
 
     def _help_for_name(self, term: _Term, known: Sequence[str]) -> str:
-        labelled = [node.name for node in self._choices.nodes if node.label.casefold() == term.pattern.casefold()]
-        if labelled:
-            return f": that is the label of '{labelled[0]}'"
-        if term.pattern in self._choices.absent:
+        labelled_names = [node.name for node in self._choices.nodes if node.label.casefold() == term.pattern.casefold()]
+        if labelled_names:
+            return f": that is the label of '{labelled_names[0]}'"
+        if term.pattern in self._choices.absent_names:
             return " in the graph: it is declared, but no decision needs it"
         return self._help_for_value(term, known)
 
     def _help_for_value(self, term: _Term, known: Sequence[str]) -> str:
-        near = suggest(term.pattern, known)
-        return f" (did you mean '{near}'?)" if near else ""
+        similar_name = suggest(term.pattern, known)
+        return f" (did you mean '{similar_name}'?)" if similar_name else ""
 
     def _method(self, term: _Term, name: str) -> Callable[[_Term], frozenset[str]]:
         if name not in self._methods:
-            message = f"there is no method {name!r}: {_one_of(name, tuple(self._methods))}"
+            message = f"there is no method {name!r}: {_choice_text(name, tuple(self._methods))}"
             raise SelectorError(message, term.text, term.start - len(name) - 1, len(name))
         return self._methods[name]
 
 
-def _one_of(given: str, allowed: Sequence[str]) -> str:
-    near = suggest(given, allowed)
-    return f"did you mean '{near}'?" if near else f"choose from {', '.join(allowed)}"
+def _choice_text(name: str, allowed: Sequence[str]) -> str:
+    similar_name = suggest(name, allowed)
+    return f"did you mean '{similar_name}'?" if similar_name else f"choose from {', '.join(allowed)}"
 
 
-def _within(neighbours: Mapping[str, Sequence[str]], start: frozenset[str], steps: int) -> frozenset[str]:
-    """Return the nodes that can be reached in a number of steps, the start included."""
-    reached, edge = set(start), start
-    while edge and steps:
-        edge = frozenset(other for name in edge for other in neighbours.get(name, ())) - reached
-        reached |= edge
+def _reachable_nodes(neighbours: Mapping[str, Sequence[str]], start: frozenset[str], steps: int) -> frozenset[str]:
+    """Return the start and the nodes that can be reached from it in at most `steps` steps."""
+    reached_nodes, frontier = set(start), start
+    while frontier and steps:
+        frontier = frozenset(other for name in frontier for other in neighbours.get(name, ())) - reached_nodes
+        reached_nodes |= frontier
         steps -= 1
-    return frozenset(reached)
+    return frozenset(reached_nodes)

@@ -485,7 +485,7 @@ def test_interruption_ends_with_130(project: Path) -> None:
 
 
 def interrupt(process: subprocess.Popen[bytes]) -> None:
-    """Send SIGINT, as Ctrl-C does, until the process ends: between two reads, Python notices it only after the next."""
+    """Send SIGINT, as Ctrl-C does, until the process ends. Between two reads, Python notices it only after the next."""
     while process.returncode is None:
         process.send_signal(signal.SIGINT)
         with contextlib.suppress(subprocess.TimeoutExpired):

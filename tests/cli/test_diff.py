@@ -92,14 +92,14 @@ def project(tmp_path: Path) -> Path:
     return folder
 
 
-def result(done: subprocess.CompletedProcess[str]) -> dict[str, Any]:
-    parsed = json.loads(done.stdout)
-    assert isinstance(parsed, dict)
-    return parsed
+def parse_review(done: subprocess.CompletedProcess[str]) -> dict[str, Any]:
+    review = json.loads(done.stdout)
+    assert isinstance(review, dict)
+    return review
 
 
-def changes(done: subprocess.CompletedProcess[str]) -> list[str]:
-    return [f"{change['category']} {change['element']}" for change in result(done)["changes"]]
+def change_texts(done: subprocess.CompletedProcess[str]) -> list[str]:
+    return [f"{change['category']} {change['element']}" for change in parse_review(done)["changes"]]
 
 
 # The compared versions
@@ -134,10 +134,12 @@ def test_two_revisions_are_compared_in_the_projects_specs_from_any_folder_of_it(
 
     for folder in (project, project / "specs"):
         done = codra("v1", "HEAD", "--format", "json", cwd=folder)
-        assert changes(done) == ["slower door/perception/measure_door"]
-        assert result(done)["changes"][0]["before"]["file"] == "v1:specs/door.yaml"
-        assert result(done)["changes"][0]["after"]["file"] == "HEAD:specs/door.yaml"
-        assert result(done)["latencies"] == [{"element": "door/context/door_open", "before_s": 2.0, "after_s": 3.0}]
+        assert change_texts(done) == ["slower door/perception/measure_door"]
+        assert parse_review(done)["changes"][0]["before"]["file"] == "v1:specs/door.yaml"
+        assert parse_review(done)["changes"][0]["after"]["file"] == "HEAD:specs/door.yaml"
+        assert parse_review(done)["latencies"] == [
+            {"element": "door/context/door_open", "before_s": 2.0, "after_s": 3.0}
+        ]
 
 
 def test_two_revisions_without_a_folder_of_specs_are_compared_entirely(tmp_path: Path) -> None:
@@ -147,25 +149,27 @@ def test_two_revisions_without_a_folder_of_specs_are_compared_entirely(tmp_path:
     (tmp_path / "door.yaml").write_text(SLOWER)
     commit(tmp_path, "slower")
 
-    assert changes(codra("HEAD~1", "HEAD", "--format", "json", cwd=tmp_path)) == ["slower door/perception/measure_door"]
+    assert change_texts(codra("HEAD~1", "HEAD", "--format", "json", cwd=tmp_path)) == [
+        "slower door/perception/measure_door"
+    ]
 
 
 def test_paths_narrow_what_is_compared(project: Path) -> None:
     (project / "specs/window.yaml").write_text(DOOR.replace("name: door", "name: window"))
     (project / "specs/door.yaml").write_text(SLOWER)
 
-    assert changes(codra("HEAD", ".", "specs/door.yaml", "--format", "json", cwd=project)) == [
+    assert change_texts(codra("HEAD", ".", "specs/door.yaml", "--format", "json", cwd=project)) == [
         "slower door/perception/measure_door"
     ]
-    assert changes(codra("HEAD", ".", "specs/window.yaml", "--format", "json", cwd=project)) == ["added window"]
+    assert change_texts(codra("HEAD", ".", "specs/window.yaml", "--format", "json", cwd=project)) == ["added window"]
 
 
 def test_a_spec_of_one_version_is_added_or_removed(project: Path) -> None:
     (project / "specs/door.yaml").rename(project / "specs/gate.yaml")
     (project / "specs/gate.yaml").write_text(DOOR.replace("name: door", "name: gate"))
 
-    assert changes(codra("HEAD", "specs", "--format", "json", cwd=project)) == ["removed door", "added gate"]
-    assert changes(codra("HEAD", "specs/gate.yaml", "--format", "json", cwd=project)) == ["added gate"]
+    assert change_texts(codra("HEAD", "specs", "--format", "json", cwd=project)) == ["removed door", "added gate"]
+    assert change_texts(codra("HEAD", "specs/gate.yaml", "--format", "json", cwd=project)) == ["added gate"]
 
 
 def test_an_empty_folder_is_a_version_without_specs(project: Path, tmp_path: Path) -> None:
@@ -173,7 +177,7 @@ def test_an_empty_folder_is_a_version_without_specs(project: Path, tmp_path: Pat
 
     done = codra("../empty", "specs", "--format", "json", cwd=project)
 
-    assert (done.returncode, changes(done), result(done)["verdict"]) == (0, ["added door"], "compatible")
+    assert (done.returncode, change_texts(done), parse_review(done)["verdict"]) == (0, ["added door"], "compatible")
 
 
 def test_two_folders_need_no_git(tmp_path: Path) -> None:
@@ -195,8 +199,8 @@ def test_several_folders_without_a_project_are_compared_together(tmp_path: Path)
 
     done = codra("v1", "v2", "front", "back", "--format", "json", cwd=tmp_path)
 
-    assert changes(done) == ["weaker back_door/perception/measure_door", "weaker door/perception/measure_door"]
-    assert {change["after"]["file"] for change in result(done)["changes"]} == {
+    assert change_texts(done) == ["weaker back_door/perception/measure_door", "weaker door/perception/measure_door"]
+    assert {change["after"]["file"] for change in parse_review(done)["changes"]} == {
         "v2/front/door.yaml",
         "v2/back/door.yaml",
     }
@@ -218,7 +222,7 @@ def test_moving_elements_to_a_part_is_no_difference_to_a_robot(project: Path) ->
 
     done = codra("HEAD", "specs", "--format", "json", cwd=project)
 
-    assert (done.returncode, result(done)["verdict"], changes(done)) == (0, "compatible", ["layout door"])
+    assert (done.returncode, parse_review(done)["verdict"], change_texts(done)) == (0, "compatible", ["layout door"])
 
 
 def test_parts_of_a_revision_are_read_with_any_suffix(project: Path) -> None:
@@ -289,14 +293,14 @@ def test_a_repaired_spec_is_no_breaking_change_and_its_old_errors_go_to_standard
 
     done = codra("HEAD", "specs", "--format", "json", cwd=project)
 
-    assert (done.returncode, changes(done)) == (0, ["repaired door"])
+    assert (done.returncode, change_texts(done)) == (0, ["repaired door"])
     assert "HEAD:specs/door.yaml:20:15: error[CDR3101]" in done.stderr
 
 
 def test_a_file_that_is_no_yaml_pairs_with_the_spec_that_it_was(project: Path) -> None:
     (project / "specs/door.yaml").write_text("codra: 1\nname: door\ncontext: {\n")
 
-    assert changes(codra("HEAD", "specs", "--format", "json", cwd=project)) == ["invalid specs/door.yaml"]
+    assert change_texts(codra("HEAD", "specs", "--format", "json", cwd=project)) == ["invalid specs/door.yaml"]
 
 
 # Forms
@@ -305,7 +309,7 @@ def test_a_file_that_is_no_yaml_pairs_with_the_spec_that_it_was(project: Path) -
 def test_json_has_the_fields_of_the_reference(project: Path) -> None:
     (project / "specs/door.yaml").write_text(WEAKER)
 
-    review = result(codra("HEAD", "specs", "--format", "json", cwd=project))
+    review = parse_review(codra("HEAD", "specs", "--format", "json", cwd=project))
 
     assert list(review) == ["verdict", "before", "after", "counts", "changes", "latencies"]
     assert review["counts"] == {"breaking": 1, "caution": 0, "compatible": 0, "allowed": 0}
@@ -369,7 +373,7 @@ def test_on_github_changes_are_annotations_and_the_summary_of_the_step(project: 
         (["main", "v1", "no-such-folder"], "neither version has"),
         (["main", "v1", "../../.."], "outside of the repository"),
         (["main", "v1", "/etc"], "must be relative"),
-        (["specs/door.yaml", "main", "door.yaml"], "leave out the paths below it"),
+        (["specs/door.yaml", "main", "door.yaml"], "remove the paths below it"),
         (["main", "specs", "--allow", "wekaer"], "unknown category"),
         (["main"], "Missing argument 'B'"),
     ],
@@ -422,7 +426,7 @@ def test_a_bare_repository_has_revisions_as_well(project: Path, tmp_path: Path) 
 
     done = codra("v1", "main", "--format", "json", cwd=tmp_path / "robot.git")
 
-    assert changes(done) == ["weaker door/perception/measure_door"]
+    assert change_texts(done) == ["weaker door/perception/measure_door"]
 
 
 def test_a_submodule_in_a_revision_is_reported_and_not_read(project: Path, tmp_path: Path) -> None:
@@ -434,7 +438,8 @@ def test_a_submodule_in_a_revision_is_reported_and_not_read(project: Path, tmp_p
     done = codra("HEAD", "main^0", cwd=outer)
 
     assert (done.returncode, done.stdout) == (0, "verdict: same\n")
-    assert done.stderr == "codra: HEAD:robot is a submodule: not read\ncodra: main^0:robot is a submodule: not read\n"
+    shown = [f"codra: {name}:robot is not read, because it is a submodule" for name in ("HEAD", "main^0")]
+    assert done.stderr.splitlines() == shown
 
 
 def test_a_revision_outside_of_every_repository_is_a_usage_error(tmp_path: Path) -> None:
@@ -493,8 +498,8 @@ def test_links_in_a_revision_are_not_followed(project: Path, tmp_path: Path) -> 
 
     done = codra("HEAD", "v1", "--format", "json", cwd=project)
 
-    assert result(done)["verdict"] == "same"
-    assert "HEAD:specs/secret.yaml is a symbolic link: not read" in done.stderr
+    assert parse_review(done)["verdict"] == "same"
+    assert "HEAD:specs/secret.yaml is not read, because it is a symbolic link" in done.stderr
 
 
 def test_paths_in_a_tree_never_lead_out_of_the_private_folder(project: Path, tmp_path: Path) -> None:

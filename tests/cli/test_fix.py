@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from codra_dsl.cli.fixes import fix, work_on_files
+from codra_dsl.cli.fixes import fix, input_from_files
 from codra_dsl.compiler import Planned
 from codra_dsl.language.load.yaml.source import MAX_BYTES
 from codra_dsl.workspace.timings import UNTIMED
@@ -112,7 +112,7 @@ def test_the_mode_of_a_file_is_preserved(project: Path) -> None:
 def test_a_file_that_is_saved_while_codra_looks_for_fixes_is_not_lost(project: Path) -> None:
     path = project / "specs/door.yaml"
     looks = 0
-    work = work_on_files([project / "specs"], UNTIMED)
+    work = input_from_files([project / "specs"], UNTIMED)
 
     def plan(texts: Mapping[str, bytes]) -> Planned:
         nonlocal looks
@@ -124,7 +124,7 @@ def test_a_file_that_is_saved_while_codra_looks_for_fixes_is_not_lost(project: P
     outcome = fix(replace(work, plan=plan), write=True)
 
     assert spec_of(project) == SPEC + b"# saved meanwhile\r\n"
-    assert outcome.number == 0
+    assert outcome.fixed_count == 0
     assert [diagnostic.message for diagnostic in outcome.diagnostics if diagnostic.code == "CDR6004"] == [
         "cannot write 'specs/door.yaml': it has changed in the meantime"
     ]
@@ -132,7 +132,7 @@ def test_a_file_that_is_saved_while_codra_looks_for_fixes_is_not_lost(project: P
 
 def test_if_one_of_two_files_is_refused_the_other_one_counts(project: Path) -> None:
     (project / "specs/gate.yaml").write_bytes(SPEC.replace(b"name: door", b"name: gate"))
-    work = work_on_files([project / "specs"], UNTIMED)
+    work = input_from_files([project / "specs"], UNTIMED)
 
     def plan(texts: Mapping[str, bytes]) -> Planned:
         if texts:
@@ -141,7 +141,7 @@ def test_if_one_of_two_files_is_refused_the_other_one_counts(project: Path) -> N
 
     outcome = fix(replace(work, plan=plan), write=True)
 
-    assert (outcome.number, spec_of(project)) == (1, RIGHT)
+    assert (outcome.fixed_count, spec_of(project)) == (1, RIGHT)
 
 
 def test_a_link_that_leads_out_of_the_project_is_not_followed(project: Path) -> None:
@@ -180,7 +180,7 @@ def test_parts_are_fixed_only_if_their_folder_was_named(project: Path) -> None:
     left = codra("lint", "--fix", "specs", cwd=project)
     named = codra("lint", "--fix", ".", cwd=project)
 
-    assert (left.returncode, left.stderr) == (1, b"fixed 0; 1 error left; 1 more can be fixed if '.' is named\n")
+    assert (left.returncode, left.stderr) == (1, b"fixed 0; 1 error left; 1 more can be fixed if you lint '.'\n")
     assert (named.returncode, named.stderr) == (0, b"fixed 1; no findings left\n")
     assert (project / "parts/window.yaml").read_bytes() == part.replace(b"contxt", b"context")
 

@@ -258,7 +258,7 @@ def test_a_deleted_folder_is_not_reported_as_a_bug(project: Path) -> None:
 
     assert (done.returncode, done.stderr) == (
         2,
-        "codra: the current folder does not exist any more: change to another one\n",
+        "codra: the current folder does not exist any more: change to another folder\n",
     )
 
 

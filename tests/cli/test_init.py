@@ -52,13 +52,13 @@ def codra(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
     return done
 
 
-def succeeds(*arguments: str, cwd: Path) -> str:
+def run_successfully(*arguments: str, cwd: Path) -> str:
     done = run(*arguments, cwd=cwd)
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
 
 
-def files(folder: Path) -> set[str]:
+def file_paths(folder: Path) -> set[str]:
     return {path.relative_to(folder).as_posix() for path in folder.rglob("*") if not path.is_dir()}
 
 
@@ -70,31 +70,31 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_new_project_lints_compiles_type_checks_and_passes_its_tests(tmp_path: Path) -> None:
-    succeeds("codra_dsl", "init", "arm", cwd=tmp_path)
+    run_successfully("codra_dsl", "init", "arm", cwd=tmp_path)
     folder = tmp_path / "arm"
 
-    assert files(folder) == WRITTEN
-    assert succeeds("codra_dsl", "lint", "specs", "--fail-on", "warning", cwd=folder) == ""
-    succeeds("codra_dsl", "compile", "specs", "--fail-on", "warning", cwd=folder)
-    assert succeeds("codra_dsl", "compile", "specs", "--check", cwd=folder) == ""
-    assert "7 passed" in succeeds("pytest", "-p", "no:cacheprovider", cwd=folder)
-    assert succeeds("arm_program", cwd=folder) == "set the part down\n"
-    assert "no issues found in 6 source files" in succeeds("mypy", "--strict", cwd=folder)
+    assert file_paths(folder) == WRITTEN
+    assert run_successfully("codra_dsl", "lint", "specs", "--fail-on", "warning", cwd=folder) == ""
+    run_successfully("codra_dsl", "compile", "specs", "--fail-on", "warning", cwd=folder)
+    assert run_successfully("codra_dsl", "compile", "specs", "--check", cwd=folder) == ""
+    assert "7 passed" in run_successfully("pytest", "-p", "no:cacheprovider", cwd=folder)
+    assert run_successfully("arm_program", cwd=folder) == "set the part down\n"
+    assert "no issues found in 6 source files" in run_successfully("mypy", "--strict", cwd=folder)
 
 
 def test_its_program_also_runs_in_real_time(project: Path) -> None:
-    succeeds("codra_dsl", "compile", "specs", cwd=project)
+    run_successfully("codra_dsl", "compile", "specs", cwd=project)
 
-    assert succeeds("arm_program", "--real", cwd=project).endswith("set the part down\n")
+    assert run_successfully("arm_program", "--real", cwd=project).endswith("set the part down\n")
 
 
 @pytest.mark.parametrize("name", ["generated", "tests", "json", "A", "x" * 100])
 def test_a_project_may_have_any_name_that_a_spec_may_have(name: str, tmp_path: Path) -> None:
-    succeeds("codra_dsl", "init", "--name", name, cwd=tmp_path)
+    run_successfully("codra_dsl", "init", "--name", name, cwd=tmp_path)
 
-    assert succeeds("codra_dsl", "lint", "specs", "--fail-on", "warning", cwd=tmp_path) == ""
-    succeeds("codra_dsl", "compile", "specs", cwd=tmp_path)
-    assert succeeds(f"{name}_program", cwd=tmp_path) == "set the part down\n"
+    assert run_successfully("codra_dsl", "lint", "specs", "--fail-on", "warning", cwd=tmp_path) == ""
+    run_successfully("codra_dsl", "compile", "specs", cwd=tmp_path)
+    assert run_successfully(f"{name}_program", cwd=tmp_path) == "set the part down\n"
 
 
 def test_it_explains_itself(tmp_path: Path) -> None:
@@ -121,7 +121,7 @@ def test_a_folder_that_holds_other_files_keeps_them(tmp_path: Path) -> None:
 
     assert done.returncode == 0
     assert "cd " not in done.stdout
-    assert files(tmp_path) == WRITTEN | {"specs/door.yaml", "setup.cfg"}
+    assert file_paths(tmp_path) == WRITTEN | {"specs/door.yaml", "setup.cfg"}
     assert (tmp_path / "specs/door.yaml").read_text() == (tmp_path / "setup.cfg").read_text() == "mine"
 
 
@@ -131,7 +131,7 @@ def test_all_conflicts_are_named_at_once_and_no_file_is_written(tmp_path: Path) 
     (tmp_path / "specs").write_text("no folder")
     (tmp_path / ".github").symlink_to(tmp_path / "elsewhere")
     (tmp_path / ".gitignore").symlink_to("nowhere")
-    before = files(tmp_path)
+    before = file_paths(tmp_path)
 
     done = codra("init", "--name", "arm", cwd=tmp_path)
 
@@ -142,9 +142,9 @@ def test_all_conflicts_are_named_at_once_and_no_file_is_written(tmp_path: Path) 
         "  .gitignore",
         "  README.md",
         "  specs",
-        "help: move them away, or start in a separate folder, such as: codra init arm",
+        "help: move these files away, or start in another folder, e.g.: codra init arm",
     ]
-    assert files(tmp_path) == before
+    assert file_paths(tmp_path) == before
     assert (tmp_path / "README.md").read_text() == "mine"
 
 
@@ -157,7 +157,7 @@ def test_the_suggested_folder_is_free(arguments: list[str], other: str, tmp_path
 
     done = codra("init", *arguments, cwd=folder)
 
-    assert done.stderr.splitlines()[-1].endswith(f"such as: codra init {other}")
+    assert done.stderr.splitlines()[-1].endswith(f"e.g.: codra init {other}")
     assert codra("init", other, cwd=folder).returncode == 0
 
 
@@ -195,7 +195,7 @@ def test_a_wrong_name_or_place_is_reported_with_help(arguments: list[str], messa
 
     assert (done.returncode, done.stdout) == (1 if "below" in arguments[0] else 2, "")
     assert message in " ".join(done.stderr.split())
-    assert files(tmp_path) == {"taken"}
+    assert file_paths(tmp_path) == {"taken"}
 
 
 def test_in_a_subfolder_of_a_repository_it_warns_of_files_for_the_root(tmp_path: Path) -> None:
@@ -219,8 +219,8 @@ def test_editors_find_the_keys_of_timelines_beside_those_of_specs(project: Path)
 
 
 def test_a_stale_copy_of_the_schema_is_reported_and_renewed(tmp_path: Path) -> None:
-    succeeds("codra_dsl", "init", "--name", "arm", cwd=tmp_path)
-    succeeds("codra_dsl", "compile", "specs", cwd=tmp_path)
+    run_successfully("codra_dsl", "init", "--name", "arm", cwd=tmp_path)
+    run_successfully("codra_dsl", "compile", "specs", cwd=tmp_path)
     (tmp_path / SCHEMA_COPY).write_text("{}")
 
     checked = codra("compile", "specs", "--check", "--format", "concise", cwd=tmp_path)
@@ -229,18 +229,18 @@ def test_a_stale_copy_of_the_schema_is_reported_and_renewed(tmp_path: Path) -> N
     assert "renew it with 'codra compile'" in checked.stdout
     assert (tmp_path / SCHEMA_COPY).read_text() == "{}"
 
-    succeeds("codra_dsl", "compile", "specs", cwd=tmp_path)
+    run_successfully("codra_dsl", "compile", "specs", cwd=tmp_path)
     assert (tmp_path / SCHEMA_COPY).read_bytes() == SCHEMA_FILE.read_bytes()
-    assert succeeds("codra_dsl", "compile", "specs", "--check", cwd=tmp_path) == ""
+    assert run_successfully("codra_dsl", "compile", "specs", "--check", cwd=tmp_path) == ""
     assert sorted(path.name for path in (tmp_path / ".codra").iterdir()) == ["schema.json", "timeline.json"]
 
 
 def test_a_project_without_a_copy_gets_none(tmp_path: Path) -> None:
-    succeeds("codra_dsl", "init", "--name", "arm", cwd=tmp_path)
+    run_successfully("codra_dsl", "init", "--name", "arm", cwd=tmp_path)
     (tmp_path / SCHEMA_COPY).unlink()
 
-    succeeds("codra_dsl", "compile", "specs", cwd=tmp_path)
-    succeeds("codra_dsl", "compile", "specs", "--check", cwd=tmp_path)
+    run_successfully("codra_dsl", "compile", "specs", cwd=tmp_path)
+    run_successfully("codra_dsl", "compile", "specs", "--check", cwd=tmp_path)
 
     assert not (tmp_path / SCHEMA_COPY).exists()
 
@@ -248,13 +248,13 @@ def test_a_project_without_a_copy_gets_none(tmp_path: Path) -> None:
 @pytest.mark.parametrize("link", [".codra", SCHEMA_COPY])
 def test_a_copy_behind_a_link_is_left_alone(link: str, tmp_path: Path) -> None:
     project, elsewhere = tmp_path / "arm", tmp_path / "elsewhere"
-    succeeds("codra_dsl", "init", "arm", cwd=tmp_path)
+    run_successfully("codra_dsl", "init", "arm", cwd=tmp_path)
     (project / ".codra").rename(elsewhere)
     (elsewhere / "schema.json").write_text("not ours")
     (project / link).parent.mkdir(exist_ok=True)
     (project / link).symlink_to(elsewhere if link == ".codra" else elsewhere / "schema.json")
 
-    succeeds("codra_dsl", "compile", "specs", cwd=project)
+    run_successfully("codra_dsl", "compile", "specs", cwd=project)
 
     assert (elsewhere / "schema.json").read_text() == "not ours"
     assert sorted(path.name for path in elsewhere.iterdir()) == ["schema.json", "timeline.json"]

@@ -270,7 +270,7 @@ def test_without_a_package_the_options_are_named(project: Path, tmp_path: Path) 
     done = codra("replay", "run.mcap", cwd=tmp_path)
 
     assert (done.returncode, done.stdout) == (2, "")
-    assert "give it with --package or --spec" in " ".join(done.stderr.replace("│", " ").split())
+    assert "use --package or --spec" in " ".join(done.stderr.replace("│", " ").split())
 
 
 # Recover

@@ -76,7 +76,7 @@ def test_a_running_program_keeps_its_journal_while_a_copy_is_repaired(robot: Rob
     done = codra("journal", "recover", "run.mcap", cwd=tmp_path)
 
     assert done.returncode == 0
-    assert "its program is still writing it: this is its content so far" in done.stdout
+    assert "the program is still writing this journal: this is its content so far" in done.stdout
     assert codra("replay", "run.recovered.mcap", "--package", f"{ROOT}/generated/kitchen", cwd=tmp_path).returncode == 0
     robot.ask("wait")
     robot.process.kill()

@@ -54,7 +54,7 @@ def greet(name: Annotated[str, typer.Argument(help="Whom.")], loud: bool = False
 
 
 def jealous(request: RunRequest, *, seed: int = 2) -> None:
-    """A world whose option has the name of one that all worlds share."""
+    """A world with an option that all worlds already have."""
 '''
 BROKEN = 'raise ImportError("no such simulator\\nhere")\n'
 ENTRY_POINTS = """\

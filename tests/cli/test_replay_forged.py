@@ -25,14 +25,14 @@ with shop.Shop(model, clock=SimClock(), resources={}, record=Journal("run.mcap")
 PACKAGE = "import pathlib\npathlib.Path({mark!r}).write_text('ran')\nMODEL = None\n"
 
 
-def forged(folder: Path, spec: str) -> Path:
-    """Make a project whose journal names its spec by any text; return the project."""
+def make_forged_project(folder: Path, spec: str) -> Path:
+    """Make a project with a journal in which a text is the name of the spec. Return the project's folder."""
     run_project(folder / "project", {"specs/shop.yaml": SPEC, "program.py": PROGRAM}, spec)
     return folder / "project"
 
 
-def planted(folder: Path, mark: Path) -> Path:
-    """Write a package that leaves a mark when it is imported."""
+def plant_package(folder: Path, mark: Path) -> Path:
+    """Write a package that creates the file `mark` when it is imported, and return its folder."""
     folder.mkdir(parents=True)
     (folder / "manifest.json").write_text("{}")
     (folder / "__init__.py").write_text(PACKAGE.format(mark=str(mark)))
@@ -42,8 +42,8 @@ def planted(folder: Path, mark: Path) -> Path:
 @pytest.mark.parametrize("form", ["absolute", "../../outside", "shop/../../../outside", "."])
 def test_a_journal_that_names_a_path_runs_no_package(form: str, tmp_path: Path) -> None:
     (tmp_path / "project").mkdir()
-    outside = planted(tmp_path / "outside", tmp_path / "mark")
-    project = forged(tmp_path, str(outside) if form == "absolute" else form)
+    outside = plant_package(tmp_path / "outside", tmp_path / "mark")
+    project = make_forged_project(tmp_path, str(outside) if form == "absolute" else form)
 
     done = codra("replay", "run.mcap", cwd=project)
 
@@ -54,12 +54,12 @@ def test_a_journal_that_names_a_path_runs_no_package(form: str, tmp_path: Path) 
 
 def test_a_package_that_is_a_link_out_of_the_project_does_not_run(tmp_path: Path) -> None:
     (tmp_path / "project").mkdir()
-    outside = planted(tmp_path / "outside", tmp_path / "mark")
-    project = forged(tmp_path, "linked")
+    outside = plant_package(tmp_path / "outside", tmp_path / "mark")
+    project = make_forged_project(tmp_path, "linked")
     (project / "generated/linked").symlink_to(outside)
 
     done = codra("replay", "run.mcap", cwd=project)
 
     assert done.returncode == 2
-    assert "is a link out of the project" in " ".join(done.stderr.replace("│", " ").split())
+    assert "is a link that leads out of the project" in " ".join(done.stderr.replace("│", " ").split())
     assert not (tmp_path / "mark").exists()

@@ -35,7 +35,7 @@ def choices(*edges: Edge) -> Choices:
         spec, kind, name = node_id.split("/")
         file, use = f"specs/{spec}.yaml", "rear" if name == "deep" else ""
         nodes.append(Choice(id=node_id, name=name, kind=kind, label=LABELS.get(node_id, name), file=file, use=use))
-    return Choices(nodes=nodes, edges=edges, kinds=(*KINDS, "agent"), absent=frozenset({"unused"}))
+    return Choices(nodes=nodes, edges=edges, kinds=(*KINDS, "agent"), absent_names=frozenset({"unused"}))
 
 
 def chosen(*wanted: str, without: tuple[str, ...] = ()) -> str:
@@ -198,7 +198,7 @@ def oracle(edges: list[Edge], parts: list[list[str]]) -> set[str]:
     """Evaluate a selector naively: walk every path, step by step."""
     ids = {end for edge in edges for end in edge}
 
-    def walked(start: set[str], steps: str, forward: bool) -> set[str]:
+    def reachable_ids(start: set[str], steps: str, forward: bool) -> set[str]:
         reached = set(start)
         for _ in range(int(steps) if steps else len(ids)):
             reached |= (
@@ -208,26 +208,26 @@ def oracle(edges: list[Edge], parts: list[list[str]]) -> set[str]:
             )
         return reached
 
-    def named(pattern: str) -> set[str]:
+    def ids_by_pattern(pattern: str) -> set[str]:
         if pattern in ("kind:context", "lab/context/*"):
             return {node_id for node_id in ids if "/context/" in node_id}
         allowed = {"[a-c]": "abc", "*": NAMES}.get(pattern, (pattern,))
         return {node_id for node_id in ids if node_id[-1] in allowed}
 
-    def matched(term: str) -> set[str]:
+    def ids_by_term(term: str) -> set[str]:
         if term.startswith("@"):
-            return walked(walked(named(term[1:]), "", True), "", False)
+            return reachable_ids(reachable_ids(ids_by_pattern(term[1:]), "", True), "", False)
         before, after, pattern = None, None, term
         if "+" in pattern and pattern.split("+")[0] in ("", "0", "1", "2", "3"):
             before, pattern = pattern.split("+", 1)
         if "+" in pattern:
             pattern, after = pattern.split("+")
-        start = named(pattern)
+        start = ids_by_pattern(pattern)
         selected = set(start)
-        selected |= walked(start, before, False) if before is not None else set()
-        return selected | (walked(start, after, True) if after is not None else set())
+        selected |= reachable_ids(start, before, False) if before is not None else set()
+        return selected | (reachable_ids(start, after, True) if after is not None else set())
 
-    return {node_id for part in parts for node_id in set.intersection(*map(matched, part))}
+    return {node_id for part in parts for node_id in set.intersection(*map(ids_by_term, part))}
 
 
 def answer(edges: Sequence[Edge], text: str) -> frozenset[str] | SelectorError:

@@ -2,6 +2,6 @@
 
 from codra_dsl.tooling.diff.changes import Category, Change, Latency, Level, Review, Verdict
 from codra_dsl.tooling.diff.specs import review
-from codra_dsl.tooling.diff.version import Broken, Version
+from codra_dsl.tooling.diff.version import BrokenSpec, Version
 
-__all__ = ["Broken", "Category", "Change", "Latency", "Level", "Review", "Verdict", "Version", "review"]
+__all__ = ["BrokenSpec", "Category", "Change", "Latency", "Level", "Review", "Verdict", "Version", "review"]

@@ -1,4 +1,4 @@
-"""Changes of perception algorithms: their functions, guards and identified variables, and what they wait for."""
+"""Changes of perception algorithms: their functions, guards and identified variables, and the time that they wait."""
 
 from __future__ import annotations
 
@@ -27,177 +27,193 @@ from codra_dsl.language.model import (
     ValueType,
 )
 from codra_dsl.tooling.diff.changes import Category, Change
-from codra_dsl.tooling.diff.comparers import guard, hidden, inline, ordered, quoted
-from codra_dsl.tooling.diff.guards import either, equal, same_choice, same_value
-from codra_dsl.tooling.diff.version import Pair, Side, seconds
-from codra_dsl.tooling.diff.walk import Scope, Wording, differs, entries, text_of
+from codra_dsl.tooling.diff.comparers import compare_inline, guard_comparer, order_comparer, quote_names, show_nothing
+from codra_dsl.tooling.diff.guards import is_equal, is_same_choice, is_same_value, joined_types
+from codra_dsl.tooling.diff.version import Pair, Side, duration_text
+from codra_dsl.tooling.diff.walk import Scope, Wording, entry_comparer, equality_comparer, text_of
 
-_LENGTH = ValueType(kind=Kind.FLOAT, unit="m", range=(0.0, math.inf))
-_VALUES = differs(Category.PERCEIVED_OTHERWISE, "gets another value", value=frozenset)
-_OPTIONAL = ordered((Category.EASED, "is optional now"), (Category.CONTRACT, "is no longer optional"), hidden)
-_OF_FUNCTION = frozenset({"parameters", "given", "returns", "uses"})
+_LENGTH_TYPE = ValueType(kind=Kind.FLOAT, unit="m", range=(0.0, math.inf))
+_LITERALS_COMPARER = equality_comparer(Category.PERCEIVED_OTHERWISE, "gets another value", compared_part=frozenset)
+_OPTIONAL_COMPARER = order_comparer(
+    (Category.EASED, "is optional now"), (Category.CONTRACT, "is no longer optional"), show_nothing
+)
+_FUNCTION_FIELDS = frozenset({"parameters", "given", "returns", "uses"})
 
 
-def algorithms(scope: Scope, *_: Any) -> Iterator[Change]:
-    """Yield the changes of each algorithm that observers run in both versions, or that took the place of another."""
+def compare_algorithms(scope: Scope, *_: Any) -> Iterator[Change]:
+    """Yield the changes of each algorithm that observers run in both versions.
+
+    For an algorithm that took the place of another one, yield only the changes of its observability preconditions.
+    """
     for name, new_name in scope.pair.algorithms.items():
-        inner = _scope(scope, name, new_name)
-        old, new = inner.values
-        yield from inner.changes(skip=_OF_FUNCTION if old.call != new.call else frozenset())
-        yield from _waiting(inner, name, new_name)
-    for name, new_name in _successions(scope.pair):
-        yield from observability(_scope(scope, name, new_name), "observable_when")
+        nested_scope = _algorithm_scope(scope, name, new_name)
+        old, new = nested_scope.values
+        yield from nested_scope.changes(skip=_FUNCTION_FIELDS if old.call != new.call else frozenset())
+        yield from _compare_waiting(nested_scope, name, new_name)
+    for name, new_name in _replacements(scope.pair):
+        yield from compare_observability(_algorithm_scope(scope, name, new_name), "observable_when")
 
 
-def _scope(scope: Scope, name: str, new_name: str) -> Scope:
+def _algorithm_scope(scope: Scope, name: str, new_name: str) -> Scope:
     old, new = scope.pair.old.algorithms[name], scope.pair.new.algorithms[new_name]
-    return scope.element("perception", new_name, old.algorithm, new.algorithm)
+    return scope.element_scope("perception", new_name, old.algorithm, new.algorithm)
 
 
-def _successions(pair: Pair) -> Iterable[tuple[str, str]]:
-    """Return the first algorithms of variables that have other algorithms in B only."""
-    replaced: dict[tuple[str, str], None] = {}
-    for variable, before in pair.old.producers.items():
-        after = pair.new.producers.get(variable, ())
-        if after and not {pair.algorithms.get(name) for name in before} & {*after}:
-            replaced[before[0], after[0]] = None
-    return replaced
+def _replacements(pair: Pair) -> Iterable[tuple[str, str]]:
+    """Return the first algorithm in A and the first one in B of each variable that has lost all its algorithms of A."""
+    replacements: dict[tuple[str, str], None] = {}
+    for variable, old_names in pair.old.producers.items():
+        new_names = pair.new.producers.get(variable, ())
+        if new_names and not {pair.algorithms.get(name) for name in old_names} & {*new_names}:
+            replacements[old_names[0], new_names[0]] = None
+    return replacements
 
 
 # Arguments of the function
 
 
-def literals(scope: Scope, key: str, old: Sequence[tuple[str, Literal]], new: Any) -> Iterator[Change]:
+def compare_literals(scope: Scope, key: str, old: Sequence[tuple[str, Literal]], new: Any) -> Iterator[Change]:
     """Yield a change if the function gets other literals."""
     before, after = ([f"{name} {type(value).__name__}" for name, value in side] for side in (old, new))
-    yield from _arguments(scope, key, before, after)
+    yield from _compare_arguments(scope, key, before, after)
     if {*before} == {*after}:
-        yield from _VALUES(scope, key, old, new)
+        yield from _LITERALS_COMPARER(scope, key, old, new)
 
 
-def given(scope: Scope, key: str, old: Sequence[Reference], new: Sequence[Reference]) -> Iterator[Change]:
+def compare_given(scope: Scope, key: str, old: Sequence[Reference], new: Sequence[Reference]) -> Iterator[Change]:
     """Yield a change if the function gets the values of other variables."""
-    yield from _arguments(scope, key, [*map(text_of, old)], [*map(text_of, new)])
+    yield from _compare_arguments(scope, key, [*map(text_of, old)], [*map(text_of, new)])
 
 
-def usages(scope: Scope, key: str, old: Sequence[Usage], new: Sequence[Usage]) -> Iterator[Change]:
+def compare_usages(scope: Scope, key: str, old: Sequence[Usage], new: Sequence[Usage]) -> Iterator[Change]:
     """Yield a change if the function gets other handles, and the changes of how it uses resources."""
     before, after = ([use.resource.name for use in side if use.access is Access.READ] for side in (old, new))
-    yield from _arguments(scope, key, before, after)
-    yield from entries("")(scope, key, old, new)
+    yield from _compare_arguments(scope, key, before, after)
+    yield from entry_comparer("")(scope, key, old, new)
 
 
-def _arguments(scope: Scope, key: str, old: list[str], new: list[str]) -> Iterator[Change]:
-    if {*old} != {*new}:
-        message = f"the function gets other arguments by '{key}'"
-        yield scope.change(Category.CONTRACT, key, message, ", ".join(old) or "none", ", ".join(new) or "none")
+def _compare_arguments(scope: Scope, key: str, old_arguments: list[str], new_arguments: list[str]) -> Iterator[Change]:
+    if {*old_arguments} != {*new_arguments}:
+        message = f"the function gets other arguments from '{key}'"
+        yield scope.make_change(
+            Category.CONTRACT, key, message, ", ".join(old_arguments) or "none", ", ".join(new_arguments) or "none"
+        )
 
 
-def result(new: Returned | None) -> Wording:
+def result_wording(new: Returned | None) -> Wording:
     """Return the category and message for a result that only one version has."""
     if new is None:
         return Category.CONTRACT, "must no longer return '{}'"
     return (Category.EASED, "may now return '{}'") if new.optional else (Category.CONTRACT, "must now return '{}'")
 
 
-def optional(scope: Scope, _: str, old: bool, new: bool) -> Iterator[Change]:
-    """Yield a change if a result may now be absent, or may no longer be absent; the key is that of the result."""
-    yield from _OPTIONAL(scope, "", old, new)
+def compare_optional(scope: Scope, _: str, old: bool, new: bool) -> Iterator[Change]:
+    """Yield a change if a result may now be absent, or may no longer be absent. It is reported at the result itself."""
+    yield from _OPTIONAL_COMPARER(scope, "", old, new)
 
 
 # Guards
 
 
-def observability(scope: Scope, key: str, *_: Any) -> Iterator[Change]:
-    """Yield how `observable_when` and `given` have changed, taken together."""
-    guards = ([*_spelt_out(algorithm.observable_when), *_given(algorithm)] for algorithm in scope.values)
-    yield from guard(_context_types)(scope, key, *guards)
+def compare_observability(scope: Scope, key: str, *_: Any) -> Iterator[Change]:
+    """Yield a change if the guard that `observable_when` and `given` form together has changed."""
+    guards = (
+        [*_with_pose_comparisons(algorithm.observable_when), *_known_conditions(algorithm)]
+        for algorithm in scope.values
+    )
+    yield from guard_comparer(_context_types)(scope, key, *guards)
 
 
 def _context_types(scope: Scope, _: object) -> Types:
-    return either(*(dict(_read(side)) for side in scope.pair.sides))
+    return joined_types(*(dict(_names_with_types(side)) for side in scope.pair.sides))
 
 
 def returned_types(scope: Scope, _: object) -> Types:
     """Return the types of the values that an algorithm returns in either version."""
-    return either(*map(_returned, scope.elements))
+    return joined_types(*map(_result_types, scope.elements))
 
 
-def _spelt_out(conditions: Iterable[Condition]) -> Iterator[Condition]:
-    """Yield conditions in which names of pose questions are replaced by the questions."""
+def _with_pose_comparisons(conditions: Iterable[Condition]) -> Iterator[Condition]:
+    """Yield conditions with the comparisons of poses in place of the names of their variables."""
     for condition in conditions:
         yield replace(condition, tree=None if condition.tree is None else spelt_out(condition.tree))
 
 
-def _given(algorithm: Algorithm) -> Iterator[Condition]:
+def _known_conditions(algorithm: Algorithm) -> Iterator[Condition]:
     for reference in algorithm.given:
         yield Condition(text=f"known({reference.name})", tree=known(reference.name), place=reference.place)
 
 
-def _read(side: Side) -> Iterator[tuple[str, ValueType]]:
-    """Yield the type of each variable, and of the functions of poses in comparisons that are variables."""
+def _names_with_types(side: Side) -> Iterator[tuple[str, ValueType]]:
+    """Yield the name and type of each variable, and of each function of poses that occurs in a pose condition."""
     for variable in side.variables.values():
         yield variable.name, variable.type
         for name in () if variable.pose_condition is None else names_in(variable.pose_condition.tree):
-            yield name.name, _LENGTH if reads_of(name.name)[0] == "distance" else ValueType(kind=Kind.BOOL)
+            yield name.name, _LENGTH_TYPE if reads_of(name.name)[0] == "distance" else ValueType(kind=Kind.BOOL)
 
 
-def _returned(algorithm: Algorithm) -> dict[str, ValueType]:
+def _result_types(algorithm: Algorithm) -> dict[str, ValueType]:
     return {returned.name: returned.type for returned in algorithm.returns}
 
 
 # Identified variables
 
 
-def identified(scope: Scope, _: str, *by: Any) -> Iterator[Change]:
-    """Yield a change if the value of a variable is computed from the results or confirmed in another way."""
+def compare_identification(scope: Scope, _: str, *by: Any) -> Iterator[Change]:
+    """Yield a change if the value of a variable is computed in another way, and one if it is confirmed otherwise."""
     old, new = scope.values
     if old.variable.name in scope.pair.one_sided:
         return
-    if not _same_identification(scope, old, new):
-        yield scope.change(Category.REDEFINED, "", "the value is computed in another way", _text(old), _text(new))
-    before, after = map(_confirmed, by)
+    if not _is_same_identification(scope, old, new):
+        yield scope.make_change(
+            Category.REDEFINED,
+            "",
+            "the value is computed in another way",
+            _identification_text(old),
+            _identification_text(new),
+        )
+    before, after = map(_confirm_counts, by)
     if before != after:
-        category, message = _confirmation(before, after)
-        yield scope.change(category, "", message, *(f"{count} of {total}" for count, total in (before, after)))
-    yield from inline(scope, "", *by)
+        category, message = _confirmation_wording(before, after)
+        yield scope.make_change(category, "", message, *(f"{count} of {total}" for count, total in (before, after)))
+    yield from compare_inline(scope, "", *by)
 
 
-def _same_identification(scope: Scope, old: Identification, new: Identification) -> bool:
+def _is_same_identification(scope: Scope, old: Identification, new: Identification) -> bool:
     kinds = [side.variables[old.variable.name].type.kind for side in scope.pair.sides]
     if kinds[0] is not kinds[1]:
         return True  # the variable is reported as retyped
-    before, after = map(_returned, scope.elements)
-    types = either(before, after)
+    before, after = map(_result_types, scope.elements)
+    types = joined_types(before, after)
     if any(types[name] is None for name in before.keys() & after.keys()):
-        return _text(old) == _text(new)
-    return _same_value(old.by, new.by, types, kinds[0])
+        return _identification_text(old) == _identification_text(new)
+    return _is_same_value(old.by, new.by, types, kinds[0])
 
 
-def _same_value(
+def _is_same_value(
     old: Condition | Members | Hysteresis, new: Condition | Members | Hysteresis, types: Types, kind: Kind
 ) -> bool:
     if isinstance(old, Members) and isinstance(new, Members):
-        chosen, now = ([(member.name, _tree(case)) for member, case in by.cases] for by in (old, new))
-        return same_choice(chosen, now, types)
-    before, after = _parts(old), _parts(new)
-    same = partial(equal if kind is Kind.BOOL else same_value, types=types)
-    return len(before) == len(after) > 0 and all(starmap(same, zip(before, after, strict=True)))
+        old_cases, new_cases = ([(member.name, _tree_of(case)) for member, case in by.cases] for by in (old, new))
+        return is_same_choice(old_cases, new_cases, types)
+    before, after = _trees_of(old), _trees_of(new)
+    is_same = partial(is_equal if kind is Kind.BOOL else is_same_value, types=types)
+    return len(before) == len(after) > 0 and all(starmap(is_same, zip(before, after, strict=True)))
 
 
-def _parts(by: Condition | Members | Hysteresis) -> tuple[Node, ...]:
+def _trees_of(by: Condition | Members | Hysteresis) -> tuple[Node, ...]:
     if isinstance(by, Members):
         return ()
     conditions = (by,) if isinstance(by, Condition) else (by.enter, by.leave)
-    return tuple(_tree(condition) for condition in conditions if condition is not None)
+    return tuple(_tree_of(condition) for condition in conditions if condition is not None)
 
 
-def _tree(condition: Condition) -> Node:
+def _tree_of(condition: Condition) -> Node:
     assert condition.tree is not None  # the spec is checked
     return spelt_out(condition.tree)
 
 
-def _text(entry: Identification) -> str:
+def _identification_text(entry: Identification) -> str:
     by = entry.by
     if isinstance(by, Members):
         return "; ".join(f"{member.name}: {condition.text}" for member, condition in by.cases)
@@ -207,11 +223,11 @@ def _text(entry: Identification) -> str:
     return f"'{by.text}'"
 
 
-def _confirmed(by: object) -> tuple[int, int]:
+def _confirm_counts(by: object) -> tuple[int, int]:
     return (by.confirm if isinstance(by, Hysteresis) else None) or (1, 1)
 
 
-def _confirmation(before: tuple[int, int], after: tuple[int, int]) -> Wording:
+def _confirmation_wording(before: tuple[int, int], after: tuple[int, int]) -> Wording:
     (count, total), (new_count, new_total) = before, after
     if new_count <= count and (new_count == 1 or new_total >= total):
         return Category.WEAKER, "is confirmed by fewer looks"
@@ -223,21 +239,28 @@ def _confirmation(before: tuple[int, int], after: tuple[int, int]) -> Wording:
 # Time
 
 
-def _waiting(scope: Scope, name: str, new_name: str) -> Iterator[Change]:
-    """Yield a change if an algorithm waits longer or shorter than before; both times are those of one version."""
+def _compare_waiting(scope: Scope, name: str, new_name: str) -> Iterator[Change]:
+    """Yield a change if an algorithm waits for variables that take longer, or less long, than those before.
+
+    To leave out changes of the variables' own times, both times are taken from one version: from B if the wait becomes
+    longer, from A if it becomes shorter.
+    """
     old, new = scope.pair.sides
     before, after = {*old.algorithms[name].waits_for}, {*new.algorithms[new_name].waits_for}
-    was_s, now_s = _longest(before, new, old), _longest(after, new)
+    was_s, now_s = _longest_time_s(before, new, old), _longest_time_s(after, new)
     if now_s > was_s:
-        message = f"waits for {quoted(after - before) or 'none'}, which takes longer"
-        yield scope.change(Category.SLOWER, "observable_when", message, seconds(was_s), seconds(now_s))
-    was_s, now_s = _longest(before, old), _longest(after, old, new)
+        message = f"waits for {quote_names(after - before) or 'none'}, which takes longer"
+        yield scope.make_change(Category.SLOWER, "observable_when", message, duration_text(was_s), duration_text(now_s))
+    was_s, now_s = _longest_time_s(before, old), _longest_time_s(after, old, new)
     if now_s < was_s:
-        message = f"no longer waits for {quoted(before - after) or 'none'}"
-        yield scope.change(Category.FASTER, "observable_when", message, seconds(was_s), seconds(now_s))
+        message = f"no longer waits for {quote_names(before - after) or 'none'}"
+        yield scope.make_change(Category.FASTER, "observable_when", message, duration_text(was_s), duration_text(now_s))
 
 
-def _longest(names: Iterable[str], side: Side, other: Side | None = None) -> float:
-    """Return the longest time that one of some variables takes; for variables that a side lacks, the other's time."""
-    missing = {} if other is None else other.worst_s
-    return max((side.worst_s.get(name, missing.get(name, 0.0)) for name in names), default=0.0)
+def _longest_time_s(names: Iterable[str], side: Side, other: Side | None = None) -> float:
+    """Return the longest worst-case time of some variables in one version.
+
+    For a variable that this version does not have, the time of the other version counts.
+    """
+    other_times_s = {} if other is None else other.worst_s
+    return max((side.worst_s.get(name, other_times_s.get(name, 0.0)) for name in names), default=0.0)

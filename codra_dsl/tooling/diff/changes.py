@@ -10,7 +10,7 @@ from codra_dsl.language.diagnostics import Place
 
 
 class Level(StrEnum):
-    """How bad a change is for a robot and its programs, worst first."""
+    """How bad a change is for a robot and its programs. The worst level is first."""
 
     BREAKING = "breaking"
     CAUTION = "caution"
@@ -27,7 +27,7 @@ class Verdict(StrEnum):
 
 
 class Category(StrEnum):
-    """The kinds of change, worst first; `docs/reference/diff.md` explains them."""
+    """The kinds of changes, the worst first. `docs/reference/diff.md` explains them."""
 
     # Breaking
     REMOVED = "removed"
@@ -61,7 +61,7 @@ class Category(StrEnum):
 
     @property
     def rank(self) -> int:
-        """Return the position among the categories; the worst has 0."""
+        """Return the position among the categories. The worst category has 0."""
         return list(Category).index(self)
 
     @property
@@ -77,14 +77,15 @@ class Change:
     """One change.
 
     Attributes:
-        element: what has changed, e.g. `lab/context/centrifuge_open`; the name of the spec for the spec itself.
+        element: the identifier of the changed element, e.g. `lab/context/centrifuge_open`; for the spec itself, the
+            name of the spec.
         key: the key that has changed, as specs spell it; empty for the element itself.
         message: what the change means, without `was` and `now`.
         was: the text or value in A; None if A has no value.
         now: the text or value in B; None if B has no value.
         before: the place in A; None if A has no place.
         after: the place in B; None if B has no place.
-        allowed: whether the change was accepted and does not count.
+        allowed: whether `--allow` accepts the change, so that it does not count for the verdict.
     """
 
     category: Category
@@ -128,8 +129,8 @@ class Review:
     """The result of comparing two versions.
 
     Attributes:
-        changes: worst first, then by category and element.
-        latencies: the latencies of the variables for which the time differs.
+        changes: the changes, the worst category first, and within a category by element.
+        latencies: the times of the variables for which they differ.
     """
 
     changes: tuple[Change, ...]
@@ -143,6 +144,6 @@ class Review:
 
 
 def in_order(changes: Iterable[Change]) -> tuple[Change, ...]:
-    """Return changes worst first, then by category and element, without duplicates."""
+    """Return changes without duplicates, the worst category first, and within a category by element."""
     unique = dict.fromkeys(changes)
     return tuple(sorted(unique, key=lambda change: (change.category.rank, change.element, change.key, change.text)))

@@ -13,189 +13,202 @@ from codra_dsl.language.expression import Node
 from codra_dsl.language.model import Condition, Kind, NodeType, Reference, ValueType, Writer
 from codra_dsl.language.units import ONE, Unit, parse_unit
 from codra_dsl.tooling.diff.changes import Category, Change
-from codra_dsl.tooling.diff.guards import Relation, equal, relation
-from codra_dsl.tooling.diff.version import seconds
-from codra_dsl.tooling.diff.walk import Comparer, Scope, Wording, by_default, is_nested, plain, text_of
+from codra_dsl.tooling.diff.guards import Relation, is_equal, relation
+from codra_dsl.tooling.diff.version import duration_text
+from codra_dsl.tooling.diff.walk import Comparer, Scope, Wording, compare_by_default, is_nested, plain_value, text_of
 
-GUARDS: Mapping[Relation, Wording] = {
+GUARD_WORDINGS: Mapping[Relation, Wording] = {
     Relation.WEAKER: (Category.WEAKER, "holds more often"),
     Relation.STRONGER: (Category.STRONGER, "holds less often"),
     Relation.OTHER: (Category.GUARD_CHANGED, "holds in other situations"),
 }
 
 
-def elsewhere(*_: Any) -> Iterator[Change]:
+def compare_elsewhere(*_: Any) -> Iterator[Change]:
     """Yield no change: the field makes no difference by itself, or another comparer takes it into account."""
     yield from ()
 
 
-def inline(scope: Scope, _: str, old: Any, new: Any) -> Iterator[Change]:
-    """Yield the changes of a nested value whose keys are written in the element itself, if it is of one class."""
+def compare_inline(scope: Scope, _: str, old: Any, new: Any) -> Iterator[Change]:
+    """Yield the changes of a nested value whose keys are written in the element itself.
+
+    If the values have different classes, yield nothing.
+    """
     if is_nested(old, new):
-        yield from scope.inner("", old, new).changes()
+        yield from scope.inner_scope("", old, new).changes()
 
 
-def hidden(_: object) -> str:
+def show_nothing(_: object) -> str:
     """Return an empty text, for values that are too long to be shown."""
     return ""
 
 
-def ordered(
+def order_comparer(
     more: Wording,
     less: Wording,
     show: Callable[[Any], str] = text_of,
     rank: Callable[[Any], Any] = lambda value: value,
 ) -> Comparer:
-    """Return the comparer of values that grow or shrink."""
+    """Return the comparer of values with an order: `more` is reported for a larger value, `less` for a smaller one."""
 
     def compare(scope: Scope, key: str, old: Any, new: Any) -> Iterator[Change]:
         if rank(old) != rank(new):
             category, message = more if rank(new) > rank(old) else less
-            yield scope.change(category, key, message, show(old), show(new))
+            yield scope.make_change(category, key, message, show(old), show(new))
 
     return compare
 
 
-def grows(more: Category, less: Category) -> Comparer:
-    """Return the comparer of durations and numbers; None is compared for equality only."""
+def growth_comparer(more: Category, less: Category) -> Comparer:
+    """Return the comparer of durations and numbers. If one value is None, they are only compared for equality."""
 
     def compare(scope: Scope, key: str, old: Any, new: Any) -> Iterator[Change]:
         if old is None or new is None:
-            yield from by_default(scope, key, old, new)
+            yield from compare_by_default(scope, key, old, new)
             return
         is_time = isinstance(new, float)
         longer, shorter = ("longer", "shorter") if is_time else ("larger", "smaller")
         wordings = (more, f"'{key}' is {longer}"), (less, f"'{key}' is {shorter}")
-        yield from ordered(*wordings, seconds if is_time else str)(scope, key, old, new)
+        yield from order_comparer(*wordings, duration_text if is_time else str)(scope, key, old, new)
 
     return compare
 
 
-def names(lost: Wording, gained: Wording) -> Comparer:
-    """Return the comparer of lists that have no order, of names or of conditions that are compared one by one.
+def name_comparer(lost: Wording, gained: Wording) -> Comparer:
+    """Return the comparer of lists without an order, of names or of conditions, which are compared one by one.
 
-    If `{}` is in the messages, the list is one of variables: those that only one version has are not reported, since
-    the variables themselves are reported, and the others replace `{}`.
+    If the messages contain `{}`, the list is one of variables, and `{}` stands for the variables that were lost or
+    gained. Variables that only one version has are left out, because they are reported themselves.
     """
 
     def compare(scope: Scope, key: str, old: Any, new: Any) -> Iterator[Change]:
-        before, after = ({plain(entry): text_of(entry) for entry in side} for side in (old, new))
+        before, after = ({plain_value(entry): text_of(entry) for entry in side} for side in (old, new))
         for (category, message), side, other in ((lost, before, after), (gained, after, before)):
-            changed = {text for entry, text in side.items() if entry not in other}
-            if "{}" not in message and changed:
-                yield scope.change(category, key, message, text_of(old), text_of(new))
-            elif changed - scope.pair.one_sided:
-                yield scope.change(category, key, message.format(quoted(changed - scope.pair.one_sided)))
+            changed_texts = {text for entry, text in side.items() if entry not in other}
+            if "{}" not in message and changed_texts:
+                yield scope.make_change(category, key, message, text_of(old), text_of(new))
+            elif changed_texts - scope.pair.one_sided:
+                yield scope.make_change(
+                    category, key, message.format(quote_names(changed_texts - scope.pair.one_sided))
+                )
 
     return compare
 
 
-def quoted(several: Iterable[str]) -> str:
+def quote_names(names: Iterable[str]) -> str:
     """Return names as messages list them."""
-    return ", ".join(f"'{name}'" for name in sorted(several))
+    return ", ".join(f"'{name}'" for name in sorted(names))
 
 
 # Types
 
 
-def value_type(
+def type_comparer(
     retyped: Category = Category.RETYPED, narrowed: Category = Category.NARROWED, widened: Category = Category.WIDENED
 ) -> Comparer:
     """Return the comparer of types, whose units and ranges are compared by meaning."""
 
     def compare(scope: Scope, key: str, old: ValueType, new: ValueType) -> Iterator[Change]:
-        units = _unit(old), _unit(new)
+        units = _unit_of(old), _unit_of(new)
         part, noun = ("values", "members") if old.kind is Kind.ENUM else ("range", "values")
         lost, gained = _lost_and_gained(old, new)
-        comparable = old.kind is new.kind and units[0].dimension == units[1].dimension
+        is_comparable = old.kind is new.kind and units[0].dimension == units[1].dimension
         for category, changed, message, applies in (
             (retyped, "type", "has another type", old.kind is not new.kind),
             (retyped, "unit", "has another unit", old.kind is new.kind and units[0] != units[1]),
-            (narrowed, part, f"has lost {noun}", comparable and lost),
-            (widened, part, f"has new {noun}", comparable and gained),
+            (narrowed, part, f"has lost {noun}", is_comparable and lost),
+            (widened, part, f"has new {noun}", is_comparable and gained),
         ):
-            if applies:  # all of the type of an entry, e.g. of an attribute, is reported under the key of the entry
-                yield scope.change(category, "" if scope.path else changed, message, text_of(old), text_of(new))
-        yield from scope.inner(key, old, new).changes()
+            if applies:  # a changed type of an entry, such as an attribute, is reported under the key of the entry
+                yield scope.make_change(category, "" if scope.path else changed, message, text_of(old), text_of(new))
+        yield from scope.inner_scope(key, old, new).changes()
 
     return compare
 
 
-def _unit(declared: ValueType) -> Unit:
+def _unit_of(declared: ValueType) -> Unit:
     return (None if declared.unit is None else parse_unit(declared.unit)) or ONE
 
 
 def _lost_and_gained(old: ValueType, new: ValueType) -> tuple[bool, bool]:
-    """Return whether a type has lost values, and whether it has gained some; units of one dimension are converted."""
+    """Return whether a type has lost values, and whether it has gained values. Ranges are compared in one unit."""
     if old.kind is Kind.ENUM:
         return not {*old.values} <= {*new.values}, not {*new.values} <= {*old.values}
-    (low, high), (new_low, new_high) = _extent(old), _extent(new)
+    (low, high), (new_low, new_high) = _range_of(old), _range_of(new)
     return new_low > low or new_high < high, new_low < low or new_high > high
 
 
-def _extent(declared: ValueType) -> tuple[Fraction | float, Fraction | float]:
+def _range_of(declared: ValueType) -> tuple[Fraction | float, Fraction | float]:
     if declared.range is None:
         return float("-inf"), float("inf")
-    low, high = (in_base(end, _unit(declared)) for end in declared.range)
+    low, high = (in_base(end, _unit_of(declared)) for end in declared.range)
     return low, high
 
 
 # Writers
 
 
-def writers(scope: Scope, key: str, old: Sequence[Writer], new: Sequence[Writer]) -> Iterator[Change]:
-    """Yield the changes of who may write a type, an edge or an attribute, by its `source` and by `owns` of agents."""
+def compare_writers(scope: Scope, key: str, old: Sequence[Writer], new: Sequence[Writer]) -> Iterator[Change]:
+    """Yield the changes of the writers of a type, an edge or an attribute, which `source` and `owns` of agents name."""
     element, value = scope.elements[1], scope.values[1]
-    if old or new or not scope.path:  # else the attribute has the writers of its type or edge
+    if old or new or not scope.path:  # an attribute without sources has the writers of its type or edge
         section = "types" if isinstance(element, NodeType) else "edges"
         knowledge_element = KnowledgeElement(section, element.name, value.name if scope.path else "")
-        yield from _writers(scope, key, *(side.world.writers(knowledge_element) for side in scope.pair.sides))
+        yield from _compare_writer_lists(
+            scope, key, *(side.declared_graph.writers(knowledge_element) for side in scope.pair.sides)
+        )
 
 
-def writers_of_variable(scope: Scope, key: str, old: Sequence[Reference], new: Sequence[Reference]) -> Iterator[Change]:
-    """Yield the changes of who may write a variable, by its `source` and by `owns` of agents."""
+def compare_variable_writers(
+    scope: Scope, key: str, old: Sequence[Reference], new: Sequence[Reference]
+) -> Iterator[Change]:
+    """Yield the changes of the writers of a variable, which its `source` and `owns` of agents name."""
     sources = ([source for source in side if source.name != "observer"] for side in (old, new))
-    yield from _writers(scope, key, *map(_as_writers, sources), no_writer="observers only")
+    yield from _compare_writer_lists(scope, key, *map(_make_writers, sources), no_writer="observers only")
     name = scope.values[1].name
-    if all(name in side.world.variables for side in scope.pair.sides):
-        owners = (
+    if all(name in side.declared_graph.variables for side in scope.pair.sides):
+        owners_by_side = (
             [
                 writer
-                for writer in side.world.writers(KnowledgeElement("context", name))
-                if writer.name not in map(text_of, stated)
+                for writer in side.declared_graph.writers(KnowledgeElement("context", name))
+                if writer.name not in map(text_of, own_sources)
             ]
-            for side, stated in zip(scope.pair.sides, (old, new), strict=True)
+            for side, own_sources in zip(scope.pair.sides, (old, new), strict=True)
         )
-        yield from _writers(scope, "owns", *owners)
+        yield from _compare_writer_lists(scope, "owns", *owners_by_side)
 
 
-def requesters(scope: Scope, key: str, old: Sequence[Reference], new: Sequence[Reference]) -> Iterator[Change]:
-    """Yield the changes of who may request a task."""
-    yield from _writers(scope, key, _as_writers(old), _as_writers(new))
+def compare_requesters(scope: Scope, key: str, old: Sequence[Reference], new: Sequence[Reference]) -> Iterator[Change]:
+    """Yield the changes of the agents that may request a task."""
+    yield from _compare_writer_lists(scope, key, _make_writers(old), _make_writers(new))
 
 
-def _as_writers(references: Iterable[Reference]) -> list[Writer]:
+def _make_writers(references: Iterable[Reference]) -> list[Writer]:
     return [Writer(name=reference.name, place=reference.place) for reference in references]
 
 
-def _writers(
+def _compare_writer_lists(
     scope: Scope, key: str, old: Sequence[Writer], new: Sequence[Writer], *, no_writer: str = "nobody"
 ) -> Iterator[Change]:
     before, after = ([writer.name for writer in side] for side in (old, new))
     lost, gained = sorted({*before} - {*after}), sorted({*after} - {*before})
-    common = {*before} & {*after}
+    common_names = {*before} & {*after}
     for category, message, applies in (
         (Category.UNWRITABLE, f"{', '.join(lost)} may not write it any more", lost),
         (Category.WIDENED, f"{', '.join(gained)} may write it as well", gained),
-        (Category.REDEFINED, "its writers have another order", _by_priority(old, common) != _by_priority(new, common)),
+        (
+            Category.REDEFINED,
+            "its writers have another order",
+            _names_by_priority(old, common_names) != _names_by_priority(new, common_names),
+        ),
     ):
         if applies:
-            yield scope.change(category, key, message, *(", ".join(side) or no_writer for side in (before, after)))
+            yield scope.make_change(category, key, message, *(", ".join(side) or no_writer for side in (before, after)))
 
 
-def _by_priority(several: Sequence[Writer], common: set[str]) -> list[list[str]]:
-    """Return the common writers in groups of one priority, the highest first."""
-    priorities = {writer.name: writer.priority or 0 for writer in several if writer.name in common}
+def _names_by_priority(writers: Sequence[Writer], common_names: set[str]) -> list[list[str]]:
+    """Return the common writers in groups of equal priority. The group with the highest priority is first."""
+    priorities = {writer.name: writer.priority or 0 for writer in writers if writer.name in common_names}
     return [
         sorted(name for name, other in priorities.items() if other == priority)
         for priority in sorted({*priorities.values()}, reverse=True)
@@ -205,23 +218,27 @@ def _by_priority(several: Sequence[Writer], common: set[str]) -> list[list[str]]
 # Guards
 
 
-def guard(types_of: Callable[[Scope, Sequence[Condition]], Types]) -> Comparer:
+def guard_comparer(types_of: Callable[[Scope, Sequence[Condition]], Types]) -> Comparer:
     """Return the comparer of conditions that must all be true; `types_of` gives the types of the names in them."""
 
     def compare(scope: Scope, key: str, old: Sequence[Condition], new: Sequence[Condition]) -> Iterator[Change]:
         types = types_of(scope, (*old, *new))
         before, after = ([condition.tree for condition in side if condition.tree] for side in (old, new))
-        decided = relation(before, after, types)
-        if decided is not Relation.SAME:
-            category, message = GUARDS[decided]
-            lost, gained = _not_in(after, old, types), _not_in(before, new, types)
+        guard_relation = relation(before, after, types)
+        if guard_relation is not Relation.SAME:
+            category, message = GUARD_WORDINGS[guard_relation]
+            lost, gained = _conditions_not_in(after, old, types), _conditions_not_in(before, new, types)
             texts = (" and ".join(f"'{one.text}'" for one in side) or "no such condition" for side in (lost, gained))
-            first = next(iter(lost), None), next(iter(gained), None)
-            yield scope.change(category, key, f"'{key}' {message}", *texts, at=first)
+            first_conditions = next(iter(lost), None), next(iter(gained), None)
+            yield scope.make_change(category, key, f"'{key}' {message}", *texts, parts=first_conditions)
 
     return compare
 
 
-def _not_in(trees: Sequence[Node], conditions: Sequence[Condition], types: Types) -> list[Condition]:
-    """Return the conditions that are not equal to any of some other conditions."""
-    return [one for one in conditions if one.tree and not any(equal(one.tree, tree, types) for tree in trees)]
+def _conditions_not_in(trees: Sequence[Node], conditions: Sequence[Condition], types: Types) -> list[Condition]:
+    """Return the conditions that are equal to none of some trees."""
+    return [
+        condition
+        for condition in conditions
+        if condition.tree and not any(is_equal(condition.tree, tree, types) for tree in trees)
+    ]

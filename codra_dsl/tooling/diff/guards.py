@@ -1,7 +1,7 @@
-"""The comparison of guards, conditions and values by meaning, as far as `check` can decide it.
+"""The comparison of guards, conditions and values by meaning, as far as `check` can decide.
 
-A guard is a list of conditions that must all be certainly true. One guard is reported to follow from another only if
-that is certain; if it cannot be decided, the relation is `OTHER`.
+A guard is a list of conditions that must all be certainly true. A guard counts as following from another guard only if
+this is certain. If it cannot be decided, the relation is `OTHER`.
 """
 
 from __future__ import annotations
@@ -29,22 +29,24 @@ class Relation(StrEnum):
 def relation(old: Sequence[Node], new: Sequence[Node], types: Types) -> Relation:
     """Return how a guard has changed.
 
-    A condition that is a path, or has a name without a type, is compared by its text only.
+    A condition that is a path, or that has a name without a type, is compared only by its text.
 
     Args:
         old: the conditions before.
         new: the conditions after.
-        types: the types of names in both versions, as `either` returns them.
+        types: the types of names in both versions, as `joined_types` returns them.
     """
     before, after = ({normal_text(tree): tree for tree in side} for side in (old, new))
     lost, gained = before.keys() - after.keys(), after.keys() - before.keys()
     if not lost and not gained:
         return Relation.SAME
-    opaque = {text for text, tree in (before | after).items() if not _is_typed(tree, types)}
-    if opaque & (lost | gained):
+    untyped_texts = {text for text, tree in (before | after).items() if not _is_typed(tree, types)}
+    if untyped_texts & (lost | gained):
         holds_after, held_before = not gained, not lost
     else:
-        known_before, known_after = ([side[text] for text in side if text not in opaque] for side in (before, after))
+        known_before, known_after = (
+            [side[text] for text in side if text not in untyped_texts] for side in (before, after)
+        )
         holds_after = implies(known_before, [after[text] for text in after if text in gained], types)
         held_before = implies(known_after, [before[text] for text in before if text in lost], types)
     if holds_after:
@@ -68,20 +70,27 @@ def normal_text(node: Node) -> str:
     return to_text(node)
 
 
-def equal(one: Node, other: Node, types: Types) -> bool:
-    """Return whether two conditions have the same value, true, false or unknown, in every case."""
-    contrary = Not(operand=one, start=0, end=0), Not(operand=other, start=0, end=0)
-    return all(relation([before], [after], types) is Relation.SAME for before, after in ((one, other), contrary))
+def is_equal(one: Node, other: Node, types: Types) -> bool:
+    """Return whether two conditions always have the same value (true, false or unknown)."""
+    negations = Not(operand=one, start=0, end=0), Not(operand=other, start=0, end=0)
+    return all(relation([before], [after], types) is Relation.SAME for before, after in ((one, other), negations))
 
 
-def same_choice(one: Sequence[tuple[str, Node]], other: Sequence[tuple[str, Node]], types: Types) -> bool:
-    """Return whether two lists of cases always choose the same member: that of the first condition that holds."""
-    choices = _choices(one), _choices(other)
-    guards = ([_any(side, member) for side in choices] for member in {**choices[0], **choices[1]})
+def is_same_choice(one: Sequence[tuple[str, Node]], other: Sequence[tuple[str, Node]], types: Types) -> bool:
+    """Return whether two lists of cases always choose the same member.
+
+    The chosen member is that of the first condition that holds.
+    """
+    choices = _conditions_by_member(one), _conditions_by_member(other)
+    members = {**choices[0], **choices[1]}
+    guards = (
+        [Or(operands=tuple(side.get(member, ())), start=0, end=0) for side in choices]  # any of its conditions
+        for member in members
+    )
     return all(relation([before], [after], types) is Relation.SAME for before, after in guards)
 
 
-def _choices(cases: Iterable[tuple[str, Node]]) -> Mapping[str, list[Node]]:
+def _conditions_by_member(cases: Iterable[tuple[str, Node]]) -> Mapping[str, list[Node]]:
     """Return for each member the conditions under which it is chosen."""
     choices: dict[str, list[Node]] = {}
     before: tuple[Node, ...] = ()
@@ -91,50 +100,49 @@ def _choices(cases: Iterable[tuple[str, Node]]) -> Mapping[str, list[Node]]:
     return choices
 
 
-def _any(choices: Mapping[str, list[Node]], member: str) -> Node:
-    return Or(operands=tuple(choices.get(member, ())), start=0, end=0)
-
-
-def same_value(one: Node, other: Node, types: Types) -> bool:
-    """Return whether two numbers, texts or members are known in the same cases, and are then the same."""
+def is_same_value(one: Node, other: Node, types: Types) -> bool:
+    """Return whether two numbers, texts or members are known in the same cases, and are then equal."""
     if to_text(one) == to_text(other):
         return True
-    if isinstance(one, Choice) and isinstance(other, Choice) and equal(one.condition, other.condition, types):
-        return same_value(one.then, other.then, types) and same_value(one.otherwise, other.otherwise, types)
+    if isinstance(one, Choice) and isinstance(other, Choice) and is_equal(one.condition, other.condition, types):
+        return is_same_value(one.then, other.then, types) and is_same_value(one.otherwise, other.otherwise, types)
     if any(types.get(name) is None for name in names_of([one, other])):
         return False
-    both = _equals(one, other)
-    return all(implies([_equals(node, node)], [both], types) for node in (one, other))
+    equality = _equality(one, other)
+    return all(implies([_equality(node, node)], [equality], types) for node in (one, other))
 
 
-def _equals(one: Node, other: Node) -> Node:
+def _equality(one: Node, other: Node) -> Node:
     return Compare(first=one, rest=((Comparison.EQUAL, other),), start=0, end=0)
 
 
-def either(old: Mapping[str, ValueType], new: Mapping[str, ValueType]) -> Types:
-    """Return for each name a type that holds its values in both versions; None if there is no such type."""
-    return {name: _joined(old.get(name), new.get(name)) for name in dict.fromkeys((*old, *new))}
+def joined_types(old: Mapping[str, ValueType], new: Mapping[str, ValueType]) -> Types:
+    """Return for each name a type that contains its values in both versions; None if there is no such type."""
+    return {name: _joined_type(old.get(name), new.get(name)) for name in dict.fromkeys((*old, *new))}
 
 
-def _joined(old: ValueType | None, new: ValueType | None) -> Type | None:
-    types = [known for side in (old, new) if side is not None and (known := declared_type(side)) is not None]
-    if len(types) < 2:
-        return types[0] if types else None
-    one, other = types
+def _joined_type(old: ValueType | None, new: ValueType | None) -> Type | None:
+    known_types = [known for side in (old, new) if side is not None and (known := declared_type(side)) is not None]
+    if len(known_types) < 2:
+        return known_types[0] if known_types else None
+    one, other = known_types
     if one.numeric and other.numeric:
         is_int = one.kind is other.kind is Kind.INT and one.unit == other.unit
-        return replace(one, kind=Kind.INT if is_int else Kind.FLOAT, range=_joined_ranges(one, other))
+        return replace(one, kind=Kind.INT if is_int else Kind.FLOAT, range=_joined_range(one, other))
     if {one.kind, other.kind} == {Kind.STR, Kind.ENUM}:
         return Type(Kind.STR)
     values = dict.fromkeys((*one.values, *other.values))
     return replace(one, values=tuple(values)) if one.kind is other.kind else None
 
 
-def _joined_ranges(one: Type, other: Type) -> tuple[float, float] | None:
-    """Return the smallest range, in the unit of the first, that holds both."""
+def _joined_range(one: Type, other: Type) -> tuple[float, float] | None:
+    """Return the smallest range that contains the ranges of both types, in the unit of the first type.
+
+    Return None if one of the types has no range, or if their units have different dimensions.
+    """
     if one.range is None or other.range is None or one.unit.dimension != other.unit.dimension:
         return None
     factor = in_base(1, one.unit)
-    same = one.unit == other.unit
-    low, high = (end if same else float(in_base(end, other.unit) / factor) for end in other.range)
+    is_same_unit = one.unit == other.unit
+    low, high = (end if is_same_unit else float(in_base(end, other.unit) / factor) for end in other.range)
     return min(one.range[0], low), max(one.range[1], high)

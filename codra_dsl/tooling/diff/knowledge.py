@@ -11,35 +11,40 @@ from codra_dsl.language.check import Type, Types
 from codra_dsl.language.expression import names_in
 from codra_dsl.language.model import Agent, Condition, Expectation, Expected, Motion
 from codra_dsl.tooling.diff.changes import Category, Change
-from codra_dsl.tooling.diff.comparers import GUARDS, grows, hidden, names
-from codra_dsl.tooling.diff.guards import Relation, either, relation
-from codra_dsl.tooling.diff.version import Pair, Side, seconds
-from codra_dsl.tooling.diff.walk import Scope, differs, elements, unordered
+from codra_dsl.tooling.diff.comparers import GUARD_WORDINGS, growth_comparer, name_comparer, show_nothing
+from codra_dsl.tooling.diff.guards import Relation, joined_types, relation
+from codra_dsl.tooling.diff.version import Pair, Side, duration_text
+from codra_dsl.tooling.diff.walk import Scope, element_comparer, equality_comparer, set_comparer
 
-_MONITORED = names((Category.UNDECLARED, "no longer monitors {}"), (Category.ADDED, "monitors {} as well"))
-_VALID_FOR = grows(Category.WEAKER, Category.STRONGER)
-_MOTION = differs(message="poses are kept or extrapolated in another way", show=hidden)
-_POSE = differs(message="the starting pose has changed", show=hidden)
-_WAKES = names(
-    (Category.GUARD_CHANGED, "some conditions wake it no longer"), (Category.WIDENED, "more conditions wake it")
+_MONITOR_COMPARER = name_comparer(
+    (Category.UNDECLARED, "no longer monitors {}"), (Category.ADDED, "monitors {} as well")
 )
-TERMS = unordered("the terms have changed")
+_VALIDITY_COMPARER = growth_comparer(Category.WEAKER, Category.STRONGER)
+_MOTION_COMPARER = equality_comparer(message="poses are kept or extrapolated in another way", show=show_nothing)
+_POSE_COMPARER = equality_comparer(message="the starting pose has changed", show=show_nothing)
+_WAKES_COMPARER = name_comparer(
+    (Category.GUARD_CHANGED, "some conditions no longer wake it"), (Category.WIDENED, "more conditions wake it")
+)
+TERMS_COMPARER = set_comparer("the terms have changed")
 
 
 # Skills
 
 
-def monitored(scope: Scope, key: str, old: Sequence[Expectation], new: Sequence[Expectation]) -> Iterator[Change]:
-    """Yield the changes of monitored variables and expectations; those of one variable and kind pair in their order."""
-    yield from _MONITORED(scope, key, *([expectation.variable for expectation in side] for side in (old, new)))
-    before, after = _by_subject(old), _by_subject(new)
+def compare_monitor(scope: Scope, key: str, old: Sequence[Expectation], new: Sequence[Expectation]) -> Iterator[Change]:
+    """Yield the changes of monitored variables and expectations.
+
+    Expectations of the same variable and kind are paired in their order.
+    """
+    yield from _MONITOR_COMPARER(scope, key, *([expectation.variable for expectation in side] for side in (old, new)))
+    before, after = _expectations_by_subject(old), _expectations_by_subject(new)
     for subject in dict.fromkeys((*before, *after)):
         if subject[0] not in scope.pair.one_sided:
             for one, other in zip_longest(before.get(subject, ()), after.get(subject, ())):
-                yield from _expectation(scope, key, one, other)
+                yield from _compare_expectation(scope, key, one, other)
 
 
-def _by_subject(monitor: Iterable[Expectation]) -> dict[tuple[str, Expected], list[Expectation]]:
+def _expectations_by_subject(monitor: Iterable[Expectation]) -> dict[tuple[str, Expected], list[Expectation]]:
     subjects: dict[tuple[str, Expected], list[Expectation]] = {}
     for expectation in monitor:
         if expectation.expected is not Expected.WATCHED:
@@ -47,34 +52,40 @@ def _by_subject(monitor: Iterable[Expectation]) -> dict[tuple[str, Expected], li
     return subjects
 
 
-def _expectation(scope: Scope, key: str, old: Expectation | None, new: Expectation | None) -> Iterator[Change]:
+def _compare_expectation(scope: Scope, key: str, old: Expectation | None, new: Expectation | None) -> Iterator[Change]:
     if old is None or new is None:
         category, verb = (Category.WEAKER, "is no longer expected") if old else (Category.STRONGER, "is expected now")
-        yield scope.change(category, key, f"{_text(old or new)} {verb}", at=(old, new))
+        yield scope.make_change(category, key, f"{_expectation_text(old or new)} {verb}", parts=(old, new))
         return
-    decided = _relation(scope.pair, old, new)
-    if decided is not Relation.SAME:
-        category, message = GUARDS[decided]
-        yield scope.change(category, key, f"an expectation {message}", _text(old), _text(new), at=(old, new))
-    yield from scope.inner(key, old, new).changes()
+    guard_relation = _expectation_relation(scope.pair, old, new)
+    if guard_relation is not Relation.SAME:
+        category, message = GUARD_WORDINGS[guard_relation]
+        yield scope.make_change(
+            category, key, f"an expectation {message}", _expectation_text(old), _expectation_text(new), parts=(old, new)
+        )
+    yield from scope.inner_scope(key, old, new).changes()
 
 
-def _relation(pair: Pair, old: Expectation, new: Expectation) -> Relation:
-    """Return how an expectation has changed, by its time and its condition."""
+def _expectation_relation(pair: Pair, old: Expectation, new: Expectation) -> Relation:
+    """Return how an expectation has changed, from the changes of its time and of its condition."""
     name = new.variable.name
-    types = either(*({name: side.variables[name].type} for side in pair.sides))
-    trees = [one.condition.tree for one in (old, new) if one.condition and one.condition.tree]
-    by_condition = relation(trees[:1], trees[1:], types) if len(trees) == 2 else Relation.SAME
-    before_s, after_s = (float("inf") if one.within_s is None else one.within_s for one in (old, new))
+    types = joined_types(*({name: side.variables[name].type} for side in pair.sides))
+    trees = [
+        expectation.condition.tree for expectation in (old, new) if expectation.condition and expectation.condition.tree
+    ]
+    condition_relation = relation(trees[:1], trees[1:], types) if len(trees) == 2 else Relation.SAME
+    before_s, after_s = (
+        float("inf") if expectation.within_s is None else expectation.within_s for expectation in (old, new)
+    )
     if before_s == after_s:
-        return by_condition
-    by_time = Relation.WEAKER if after_s > before_s else Relation.STRONGER
-    return by_time if by_condition in (Relation.SAME, by_time) else Relation.OTHER
+        return condition_relation
+    time_relation = Relation.WEAKER if after_s > before_s else Relation.STRONGER
+    return time_relation if condition_relation in (Relation.SAME, time_relation) else Relation.OTHER
 
 
-def _text(expectation: Expectation | None) -> str:
+def _expectation_text(expectation: Expectation | None) -> str:
     assert expectation is not None
-    within = "" if expectation.within_s is None else f" within {seconds(expectation.within_s)}"
+    within = "" if expectation.within_s is None else f" within {duration_text(expectation.within_s)}"
     condition = "" if expectation.condition is None else f": {expectation.condition.text}"
     return f"'{expectation.variable.name} {expectation.expected}{within}{condition}'"
 
@@ -82,40 +93,43 @@ def _text(expectation: Expectation | None) -> str:
 # Knowledge
 
 
-def agents(scope: Scope, key: str, old: Sequence[Agent], new: Sequence[Agent]) -> Iterator[Change]:
-    """Yield the changes of agents; without knowledge, agents are only sources of variables."""
+def compare_agents(scope: Scope, key: str, old: Sequence[Agent], new: Sequence[Agent]) -> Iterator[Change]:
+    """Yield the changes of agents. Without knowledge, yield nothing: then agents are only sources of variables."""
     if has_knowledge(scope):
-        yield from elements("agent", "agent")(scope, key, old, new)
+        yield from element_comparer("agent", "agent")(scope, key, old, new)
 
 
 def has_knowledge(scope: Scope) -> bool:
-    """Return whether one of the versions has knowledge; then agents name variables with their nodes."""
+    """Return whether one of the versions has knowledge. If so, agents refer to a variable by its node and its name."""
     return any(side.spec.knows for side in scope.pair.sides)
 
 
-def motion(scope: Scope, key: str, old: Motion | None, new: Motion | None) -> Iterator[Change]:
-    """Yield changes of how poses are kept and how long they are valid; conditions on poses are known equally long."""
+def compare_motion(scope: Scope, key: str, old: Motion | None, new: Motion | None) -> Iterator[Change]:
+    """Yield the changes of how poses are kept and of how long they are valid.
+
+    Conditions on poses are known as long as the poses are valid.
+    """
     if old is not None and new is not None:
-        yield from _VALID_FOR(scope, "valid_for", old.valid_s, new.valid_s)
-        yield from _MOTION(scope, key, replace(old, valid_for_s=new.valid_for_s), new)
-        yield from _POSE(scope, "pose", *(edge.pose for edge in scope.values))
+        yield from _VALIDITY_COMPARER(scope, "valid_for", old.valid_s, new.valid_s)
+        yield from _MOTION_COMPARER(scope, key, replace(old, valid_for_s=new.valid_for_s), new)
+        yield from _POSE_COMPARER(scope, "pose", *(edge.pose for edge in scope.values))
 
 
-def wakes(scope: Scope, key: str, old: Sequence[Condition], new: Sequence[Condition]) -> Iterator[Change]:
-    """Yield a change if other conditions wake an agent; without `wakes` it is always active."""
+def compare_wakes(scope: Scope, key: str, old: Sequence[Condition], new: Sequence[Condition]) -> Iterator[Change]:
+    """Yield a change if other conditions wake an agent. An agent without `wakes` is always active."""
     if old and new:
-        yield from _WAKES(scope, key, old, new)
+        yield from _WAKES_COMPARER(scope, key, old, new)
     elif new:
-        yield scope.change(Category.GUARD_CHANGED, key, "is only active once it is woken")
+        yield scope.make_change(Category.GUARD_CHANGED, key, "is only active once it is woken")
     elif old:
-        yield scope.change(Category.WIDENED, key, "is always active")
+        yield scope.make_change(Category.WIDENED, key, "is always active")
 
 
 def rule_types(scope: Scope, conditions: Sequence[Condition]) -> Types:
     """Return the types of the names in patterns; None for a name that has another type in B."""
     types: dict[str, Type | None] = {}
     for name in {name.name for condition in conditions if condition.tree for name in names_in(condition.tree)}:
-        before, after = (side.world.read_type(name) for side in scope.pair.sides)
+        before, after = (side.declared_graph.read_type(name) for side in scope.pair.sides)
         types[name] = before if before == after else None
     return types
 
@@ -123,25 +137,30 @@ def rule_types(scope: Scope, conditions: Sequence[Condition]) -> Types:
 # Loops
 
 
-def terms(scope: Scope, key: str, *values: Any) -> Iterator[Change]:
-    """Yield a change if a variable has other terms; a derived variable has the terms of its metric or action."""
+def compare_terms(scope: Scope, key: str, *values: Any) -> Iterator[Change]:
+    """Yield a change if a variable has other terms.
+
+    The terms of a derived variable are those of its metric or action, and are reported there.
+    """
     if not scope.values[1].is_derived:
-        yield from TERMS(scope, key, *values)
+        yield from TERMS_COMPARER(scope, key, *values)
 
 
-def action(scope: Scope, _: str, old: Any, new: Any) -> Iterator[Change]:
+def compare_effect(scope: Scope, _: str, old: Any, new: Any) -> Iterator[Change]:
     """Yield the changes of what an adaptation chooses or sets."""
     if type(old) is type(new):
-        yield from scope.inner("", old, new).changes()
+        yield from scope.inner_scope("", old, new).changes()
     else:
-        yield scope.change(Category.REDEFINED, "set", "chooses an action instead of setting a variable, or the reverse")
+        yield scope.make_change(
+            Category.REDEFINED, "set", "chooses an action instead of setting a variable, or the reverse"
+        )
 
 
-def tree_file(scope: Scope, key: str, *_: str) -> Iterator[Change]:
+def compare_tree_file(scope: Scope, key: str, *_: str) -> Iterator[Change]:
     """Yield a change if the file of a behaviour tree has other contents."""
     before, after = (_trees(side, scope.values[1].name) for side in scope.pair.sides)
     if before != after:
-        yield scope.change(Category.REDEFINED, key, "the file has other contents")
+        yield scope.make_change(Category.REDEFINED, key, "the file has other contents")
 
 
 def _trees(side: Side, name: str) -> object:

@@ -1,7 +1,7 @@
 """The category and wording of a change, for each field of the model.
 
-Only fields with a category or wording of their own are listed; `walk` compares all others by default. `elsewhere` marks
-the fields that are taken into account by the comparer of another field, or that make no difference.
+Only fields with a category or wording of their own are listed. All other fields are compared by default, see `walk`.
+`compare_elsewhere` marks a field that the comparer of another field takes into account, or that makes no difference.
 """
 
 from __future__ import annotations
@@ -12,21 +12,28 @@ from codra_dsl.language import model
 from codra_dsl.tooling.diff import algorithms, knowledge
 from codra_dsl.tooling.diff.changes import Category
 from codra_dsl.tooling.diff.comparers import (
-    elsewhere,
-    grows,
-    guard,
-    hidden,
-    inline,
-    names,
-    ordered,
-    requesters,
-    value_type,
-    writers,
-    writers_of_variable,
+    compare_elsewhere,
+    compare_inline,
+    compare_requesters,
+    compare_variable_writers,
+    compare_writers,
+    growth_comparer,
+    guard_comparer,
+    name_comparer,
+    order_comparer,
+    show_nothing,
+    type_comparer,
 )
-from codra_dsl.tooling.diff.observers import observers, resources
-from codra_dsl.tooling.diff.variables import variables
-from codra_dsl.tooling.diff.walk import Comparer, Table, differs, elements, entries, unordered
+from codra_dsl.tooling.diff.observers import compare_observers, compare_resources
+from codra_dsl.tooling.diff.variables import compare_variables
+from codra_dsl.tooling.diff.walk import (
+    Comparer,
+    Table,
+    element_comparer,
+    entry_comparer,
+    equality_comparer,
+    set_comparer,
+)
 
 KINDS: Mapping[str, str] = {
     **{section: section for section in ("context", "perception", "adaptation")},
@@ -41,141 +48,144 @@ KINDS: Mapping[str, str] = {
 """The kinds of elements in identifiers, by section of a spec."""
 
 _NOUNS = {"type": "type of nodes", "edge": "type of edges"}
-_AS_ONE = differs(show=hidden)
-_DEADLINE = grows(Category.SLOWER, Category.STRONGER)
-_INTERVAL = grows(Category.SLOWER, Category.FASTER)
-_EXECUTOR = differs(Category.UNWRITABLE, "another agent executes it")
-_REFRESH = "'refresh' has changed"
+_WHOLE_COMPARER = equality_comparer(show=show_nothing)
+_DEADLINE_COMPARER = growth_comparer(Category.SLOWER, Category.STRONGER)
+_INTERVAL_COMPARER = growth_comparer(Category.SLOWER, Category.FASTER)
+_EXECUTOR_COMPARER = equality_comparer(Category.UNWRITABLE, "another agent executes it")
+_REFRESH_MESSAGE = "'refresh' has changed"
 
 
-def _ends(key: str) -> Comparer:
-    return names((Category.NARROWED, f"leads {key} fewer"), (Category.WIDENED, f"leads {key} more"))
-
-
-def _has_poses(edge: model.EdgeType) -> bool:
-    return edge.motion is not None
+def _ends_comparer(key: str) -> Comparer:
+    return name_comparer((Category.NARROWED, f"leads {key} fewer"), (Category.WIDENED, f"leads {key} more"))
 
 
 FIELDS: Table = {
     object: {  # fields of any class
-        "label": differs(Category.WORDING, "has another label", show=repr),
-        "description": differs(Category.WORDING, "has another description", show=hidden),
-        "valid_for_s": grows(Category.WEAKER, Category.STRONGER),
-        "history": grows(Category.EASED, Category.STRONGER),
+        "label": equality_comparer(Category.WORDING, "has another label", show=repr),
+        "description": equality_comparer(Category.WORDING, "has another description", show=show_nothing),
+        "valid_for_s": growth_comparer(Category.WEAKER, Category.STRONGER),
+        "history": growth_comparer(Category.EASED, Category.STRONGER),
     },
     model.Spec: {
-        **{section: elements(kind, _NOUNS.get(kind, kind)) for section, kind in KINDS.items()},
-        "context": variables,
-        "perception": algorithms.algorithms,
-        "observers": observers,
-        "resources": resources,
-        "agents": knowledge.agents,
-        # Specs are compared after their parts and templates were put together.
-        **dict.fromkeys(("file", "files", "modules", "uses", "templates"), elsewhere),
+        **{section: element_comparer(kind, _NOUNS.get(kind, kind)) for section, kind in KINDS.items()},
+        "context": compare_variables,
+        "perception": algorithms.compare_algorithms,
+        "observers": compare_observers,
+        "resources": compare_resources,
+        "agents": knowledge.compare_agents,
+        # Specs are compared with their parts included and their templates expanded.
+        **dict.fromkeys(("file", "files", "modules", "uses", "templates"), compare_elsewhere),
     },
     model.Variable: {
-        "type": value_type(),
-        "sources": writers_of_variable,
-        "states_validity": elsewhere,
-        "when_unobservable": ordered(
+        "type": type_comparer(),
+        "sources": compare_variable_writers,
+        "states_validity": compare_elsewhere,
+        "when_unobservable": order_comparer(
             (Category.WEAKER, "the last value is kept when it can no longer be observed"),
             (Category.STRONGER, "the last value is forgotten when it can no longer be observed"),
             rank=lambda value: value is model.WhenUnobservable.KEEP,
         ),
-        "refresh": ordered(
-            (Category.SLOWER, _REFRESH), (Category.FASTER, _REFRESH), rank=lambda value: value is model.Refresh.ON_EVENT
+        "refresh": order_comparer(
+            (Category.SLOWER, _REFRESH_MESSAGE),
+            (Category.FASTER, _REFRESH_MESSAGE),
+            rank=lambda value: value is model.Refresh.ON_EVENT,
         ),
-        "node": differs(
+        "node": equality_comparer(
             lambda scope: Category.API if knowledge.has_knowledge(scope) else Category.LAYOUT, "belongs to another node"
         ),
-        "terms": knowledge.terms,
-        "rate": differs(),
-        "is_derived": elsewhere,
-        "pose_condition": elsewhere,
+        "terms": knowledge.compare_terms,
+        "rate": equality_comparer(),
+        "is_derived": compare_elsewhere,
+        "pose_condition": compare_elsewhere,
     },
-    model.ValueType: dict.fromkeys(("kind", "unit", "range", "values"), elsewhere),
+    model.ValueType: dict.fromkeys(("kind", "unit", "range", "values"), compare_elsewhere),
     model.Algorithm: {
-        "name": differs(Category.RENAMED, "has another name"),
-        "call": differs(Category.PERCEIVED_OTHERWISE, "another function is called"),
-        "parameters": algorithms.literals,
-        "uses": algorithms.usages,
-        "given": algorithms.given,
-        "returns": entries("result", algorithms.result),
-        "observable_when": algorithms.observability,
-        "accept_when": guard(algorithms.returned_types),
-        "identifies": entries(""),
-        "timeout_s": _DEADLINE,
-        "min_interval_s": _INTERVAL,
-        "isolate": differs(Category.PERCEIVED_OTHERWISE),
-        "rank": elsewhere,
+        "name": equality_comparer(Category.RENAMED, "has another name"),
+        "call": equality_comparer(Category.PERCEIVED_OTHERWISE, "another function is called"),
+        "parameters": algorithms.compare_literals,
+        "uses": algorithms.compare_usages,
+        "given": algorithms.compare_given,
+        "returns": entry_comparer("result", algorithms.result_wording),
+        "observable_when": algorithms.compare_observability,
+        "accept_when": guard_comparer(algorithms.returned_types),
+        "identifies": entry_comparer(""),
+        "timeout_s": _DEADLINE_COMPARER,
+        "min_interval_s": _INTERVAL_COMPARER,
+        "isolate": equality_comparer(Category.PERCEIVED_OTHERWISE),
+        "rank": compare_elsewhere,
     },
-    model.Usage: {"access": elsewhere},
+    model.Usage: {"access": compare_elsewhere},
     model.Returned: {
-        "type": value_type(Category.CONTRACT, Category.CONTRACT, Category.EASED),
-        "optional": algorithms.optional,
+        "type": type_comparer(Category.CONTRACT, Category.CONTRACT, Category.EASED),
+        "optional": algorithms.compare_optional,
     },
-    model.Identification: {"by": algorithms.identified},
-    model.Hysteresis: dict.fromkeys(("enter", "leave", "confirm"), elsewhere),
-    model.Members: {"cases": elsewhere},
+    model.Identification: {"by": algorithms.compare_identification},
+    model.Hysteresis: dict.fromkeys(("enter", "leave", "confirm"), compare_elsewhere),
+    model.Members: {"cases": compare_elsewhere},
     model.Skill: {
-        "preview": names((Category.UNDECLARED, "no longer previews {}"), (Category.ADDED, "previews {} as well")),
-        "monitor": knowledge.monitored,
-        "changes": names(
+        "preview": name_comparer(
+            (Category.UNDECLARED, "no longer previews {}"), (Category.ADDED, "previews {} as well")
+        ),
+        "monitor": knowledge.compare_monitor,
+        "changes": name_comparer(
             (Category.WEAKER, "acting no longer makes {} unknown"), (Category.STRONGER, "acting makes {} unknown")
         ),
     },
-    model.Expectation: dict.fromkeys(("condition", "within_s"), elsewhere),
-    model.ObserverSetting: dict.fromkeys(("identifies", "period_s", "priority"), elsewhere),
-    model.Resource: {"slots": elsewhere},
-    model.NodeType: {"sources": writers, "attributes": entries("attribute"), "view": _AS_ONE},
-    model.Attribute: {"type": value_type(), "sources": writers},
+    model.Expectation: dict.fromkeys(("condition", "within_s"), compare_elsewhere),
+    model.ObserverSetting: dict.fromkeys(("identifies", "period_s", "priority"), compare_elsewhere),
+    model.Resource: {"slots": compare_elsewhere},
+    model.NodeType: {"sources": compare_writers, "attributes": entry_comparer("attribute"), "view": _WHOLE_COMPARER},
+    model.Attribute: {"type": type_comparer(), "sources": compare_writers},
     model.NodeElement: {
-        "type": differs(Category.RETYPED, "has another type"),
-        "values": unordered("the starting values have changed"),
+        "type": equality_comparer(Category.RETYPED, "has another type"),
+        "values": set_comparer("the starting values have changed"),
     },
     model.EdgeType: {
-        "label": differs(
-            lambda scope: Category.API if len({*map(_has_poses, scope.values)}) == 1 else Category.RETYPED,
+        "label": equality_comparer(
+            # The type has changed if the edge has poses in only one version.
+            lambda scope: (
+                Category.API if len({edge.motion is None for edge in scope.values}) == 1 else Category.RETYPED
+            ),
             "has another label",
         ),
-        "origins": _ends("from"),
-        "targets": _ends("to"),
-        "sources": writers,
-        "attributes": entries("attribute"),
-        "motion": knowledge.motion,
-        "pose": elsewhere,
+        "origins": _ends_comparer("from"),
+        "targets": _ends_comparer("to"),
+        "sources": compare_writers,
+        "attributes": entry_comparer("attribute"),
+        "motion": knowledge.compare_motion,
+        "pose": compare_elsewhere,
     },
     model.Task: {
-        "origin": differs(Category.RETYPED, "another node does it"),
-        "by": _EXECUTOR,
-        "requesters": requesters,
-        "results": names((Category.NARROWED, "has lost results"), (Category.WIDENED, "has new results")),
-        "acknowledge_s": _DEADLINE,
-        "finish_s": _DEADLINE,
+        "origin": equality_comparer(Category.RETYPED, "another node does it"),
+        "by": _EXECUTOR_COMPARER,
+        "requesters": compare_requesters,
+        "results": name_comparer((Category.NARROWED, "has lost results"), (Category.WIDENED, "has new results")),
+        "acknowledge_s": _DEADLINE_COMPARER,
+        "finish_s": _DEADLINE_COMPARER,
     },
-    model.Agent: {"conduct": inline},
+    model.Agent: {"conduct": compare_inline},
     model.Conduct: {
-        "wakes": knowledge.wakes,
-        "owns": elsewhere,
-        "reads": elsewhere,
-        "rules": entries("rule"),
+        "wakes": knowledge.compare_wakes,
+        "owns": compare_elsewhere,
+        "reads": compare_elsewhere,
+        "rules": entry_comparer("rule"),
     },
     model.AgentRule: {
-        **dict.fromkeys(("before", "during", "after"), guard(knowledge.rule_types)),
-        "is_whole": elsewhere,
+        **dict.fromkeys(("before", "during", "after"), guard_comparer(knowledge.rule_types)),
+        "is_whole": compare_elsewhere,
     },
     model.Output: {
-        "rules": unordered("the rules have changed"),
-        "terms": knowledge.TERMS,
-        "method": _AS_ONE,
+        "rules": set_comparer("the rules have changed"),
+        "terms": knowledge.TERMS_COMPARER,
+        "method": _WHOLE_COMPARER,
     },
-    model.Course: {"always": differs()},
-    model.Adaptation: {"does": knowledge.action},
+    model.Course: {"always": equality_comparer()},
+    model.Adaptation: {"does": knowledge.compare_effect},
     model.TreeElement: {
-        "file": knowledge.tree_file,
-        "agent": _EXECUTOR,
-        "leaves": unordered("the leaves hand over other tasks"),
+        "file": knowledge.compare_tree_file,
+        "agent": _EXECUTOR_COMPARER,
+        "leaves": set_comparer("the leaves hand over other tasks"),
     },
-    model.Loop: {"period_s": _INTERVAL},
+    model.Loop: {"period_s": _INTERVAL_COMPARER},
 }
 """The comparers by class and field."""

@@ -1,4 +1,4 @@
-"""Changes of context-variables that concern more than one field: their algorithms, and names in the package."""
+"""Changes of context-variables that concern more than one field: their algorithms, and names in generated packages."""
 
 from __future__ import annotations
 
@@ -10,54 +10,61 @@ from codra_dsl.language.diagnostics import suggest
 from codra_dsl.language.model import Kind, Variable
 from codra_dsl.tooling.diff.changes import Category, Change
 from codra_dsl.tooling.diff.version import Pair, Side
-from codra_dsl.tooling.diff.walk import Scope, Wording, elements
+from codra_dsl.tooling.diff.walk import Scope, Wording, element_comparer
 
 
-def variables(scope: Scope, key: str, old: Sequence[Variable], new: Sequence[Variable]) -> Iterator[Change]:
+def compare_variables(scope: Scope, key: str, old: Sequence[Variable], new: Sequence[Variable]) -> Iterator[Change]:
     """Yield the changes of all variables."""
-    yield from elements("context", "context-variable", _successor)(scope, key, old, new)
-    yield from _producers(scope)
-    yield from _aliases(scope)
+    yield from element_comparer("context", "context-variable", _successor)(scope, key, old, new)
+    yield from _compare_producers(scope)
+    yield from _compare_aliases(scope)
 
 
 def _successor(pair: Pair, old: Variable) -> str | None:
-    """Return the new variable of the same type that the same algorithm identifies, or that has a similar name."""
-    same_type = [name for name in sorted(pair.gained) if pair.new.variables[name].type == old.type]
-    algorithms = {pair.algorithms.get(name) for name in pair.old.producers.get(old.name, ())} - {None}
-    identified = [name for name in same_type if algorithms & {*pair.new.producers.get(name, ())}]
-    if identified:
-        return identified[0] if len(identified) == 1 else suggest(old.name, identified)
-    return suggest(old.name, [name for name in same_type if not algorithms and name not in pair.new.producers])
+    """Return the new variable that is probably a removed variable under a new name.
+
+    It has the same type, and one of the same algorithms identifies it. If the removed variable has no algorithm that is
+    also in B, it is a variable with a similar name that no algorithm identifies.
+    """
+    same_type_names = [name for name in sorted(pair.gained) if pair.new.variables[name].type == old.type]
+    paired_names = {pair.algorithms.get(name) for name in pair.old.producers.get(old.name, ())} - {None}
+    identified_names = [name for name in same_type_names if paired_names & {*pair.new.producers.get(name, ())}]
+    if identified_names:
+        return identified_names[0] if len(identified_names) == 1 else suggest(old.name, identified_names)
+    return suggest(old.name, [name for name in same_type_names if not paired_names and name not in pair.new.producers])
 
 
-def _producers(scope: Scope) -> Iterator[Change]:
-    """Yield changes of the algorithms that identify variables; a new order is reported once for all its variables."""
-    pair, orders = scope.pair, set[tuple[str, ...]]()
+def _compare_producers(scope: Scope) -> Iterator[Change]:
+    """Yield changes of the algorithms that identify variables.
+
+    If several variables have the same algorithms, and only the order has changed, this is reported once.
+    """
+    pair, reported_orders = scope.pair, set[tuple[str, ...]]()
     for name in pair.old.variables:
         before = [pair.algorithms.get(old, f"-{old}") for old in pair.old.producers.get(name, ())]
         after = pair.new.producers.get(name, ())
-        is_order = {*before} == {*after}
-        if name in pair.one_sided or before == [*after] or (is_order and after in orders):
+        is_reordered = {*before} == {*after}
+        if name in pair.one_sided or before == [*after] or (is_reordered and after in reported_orders):
             continue
-        if is_order:
-            orders.add(after)
-        category, message = _of_producers(before, [*after])
+        if is_reordered:
+            reported_orders.add(after)
+        category, message = _producers_wording(before, [*after])
         was, now = (", ".join(one.removeprefix("-") for one in side) or "no algorithm" for side in (before, after))
         first = (_first_producer(side, name) for side in pair.sides)
-        yield scope.element("context", name, *first).change(category, "", message, was, now)
+        yield scope.element_scope("context", name, *first).make_change(category, "", message, was, now)
 
 
-def _of_producers(before: list[str], after: list[str]) -> Wording:
-    kept = [name for name in after if name in before]
+def _producers_wording(before: list[str], after: list[str]) -> Wording:
+    kept_names = [name for name in after if name in before]
     if not before:
         return Category.OBSERVABLE, "an observer identifies it now"
     if not after:
         return Category.UNOBSERVABLE, "no observer identifies it any more"
-    if not kept:
+    if not kept_names:
         return Category.PERCEIVED_OTHERWISE, "other algorithms identify it"
     if {*before} - {*after}:
         return Category.STRONGER, "it has fewer alternatives"
-    if kept != before:
+    if kept_names != before:
         return Category.PERCEIVED_OTHERWISE, "its alternatives are tried in another order"
     if after[: len(before)] != before:
         return Category.PERCEIVED_OTHERWISE, "a new alternative is tried before one that it had"
@@ -72,31 +79,33 @@ def _first_producer(side: Side, name: str) -> Any:
 # Names in the generated package
 
 
-def enum_types(side: Side) -> dict[str, tuple[str, ...]]:
-    """Return the enum variables by the name of their type in the generated package."""
-    groups: dict[tuple[str, ...], list[str]] = {}
+def names_by_enum_type(side: Side) -> dict[str, tuple[str, ...]]:
+    """Return the names of the enum variables. The key is the name of their type in the generated package."""
+    names_by_values: dict[tuple[str, ...], list[str]] = {}
     for variable in side.variables.values():
         if variable.type.kind is Kind.ENUM:
-            groups.setdefault(variable.type.values, []).append(variable.name)
-    taken = {side.plan.class_name, *entry_names(side.spec)}
-    types: dict[str, tuple[str, ...]] = {}
-    for names in groups.values():
+            names_by_values.setdefault(variable.type.values, []).append(variable.name)
+    taken_names = {side.plan.class_name, *entry_names(side.spec)}
+    names_of_types: dict[str, tuple[str, ...]] = {}
+    for names in names_by_values.values():
         alias = camel_case(names[0])
-        while {alias, f"{alias}Name"} & taken:
+        while {alias, f"{alias}Name"} & taken_names:
             alias += "_"
-        taken |= {alias, f"{alias}Name"}
-        types[alias] = tuple(names)
-    return types
+        taken_names |= {alias, f"{alias}Name"}
+        names_of_types[alias] = tuple(names)
+    return names_of_types
 
 
-def _aliases(scope: Scope) -> Iterator[Change]:
-    """Yield the names of enum types that the generated package no longer has."""
+def _compare_aliases(scope: Scope) -> Iterator[Change]:
+    """Yield a change for each enum type whose name the generated package no longer has."""
     old, new = scope.pair.sides
-    present = enum_types(new)
-    for alias, names in enum_types(old).items():
-        enums = [name for name in names if name in new.variables and new.variables[name].type.kind is Kind.ENUM]
-        if alias not in present and enums:
-            now = next(other for other, named in present.items() if enums[0] in named)
-            inner = scope.element("context", enums[0], old.variables[names[0]], new.variables[enums[0]])
+    new_types = names_by_enum_type(new)
+    for alias, names in names_by_enum_type(old).items():
+        enum_names = [name for name in names if name in new.variables and new.variables[name].type.kind is Kind.ENUM]
+        if alias not in new_types and enum_names:
+            new_alias = next(
+                other_alias for other_alias, other_names in new_types.items() if enum_names[0] in other_names
+            )
+            inner = scope.element_scope("context", enum_names[0], old.variables[names[0]], new.variables[enum_names[0]])
             message = "the generated package has another name for its values"
-            yield inner.change(Category.API, "values", message, alias, now)
+            yield inner.make_change(Category.API, "values", message, alias, new_alias)

@@ -15,11 +15,11 @@ from codra_dsl.language.model import Access, Spec, Variable
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Broken:
+class BrokenSpec:
     """A spec with errors, even if there is a plan for it.
 
     Attributes:
-        name: the name of the spec; None if it could not be read.
+        name: the name of the spec; None if the spec could not be read.
         errors: the findings that prevent compilation.
     """
 
@@ -38,7 +38,7 @@ class Version:
     """
 
     plans: tuple[BuildPlan, ...] = ()
-    broken: tuple[Broken, ...] = ()
+    broken: tuple[BrokenSpec, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,7 +58,7 @@ class Side:
         return self.plan.checked.variables
 
     @cached_property
-    def world(self) -> DeclaredGraph:
+    def declared_graph(self) -> DeclaredGraph:
         """Return the declared knowledge."""
         return DeclaredGraph(self.spec)
 
@@ -74,21 +74,21 @@ class Side:
 
     @cached_property
     def producers(self) -> Mapping[str, tuple[str, ...]]:
-        """Return for each variable the algorithms that identify it and that observers run, by rank."""
-        run = {
+        """Return for each variable the algorithms that identify it, by rank, without those that no observer runs."""
+        run_producers = {
             variable: tuple(name for name in names if name in self.algorithms)
             for variable, names in self.plan.checked.producers.items()
         }
-        return {variable: names for variable, names in run.items() if names}
+        return {variable: names for variable, names in run_producers.items() if names}
 
     @cached_property
     def worst_s(self) -> Mapping[str, float]:
-        """Return for each variable that observers identify the worst time from declared to known."""
+        """Return the worst time from declared to known, for each variable that observers identify."""
         times_s = worst_cases(self.plan.checked)
         return {name: times_s[name] for name in self.producers if name in times_s}
 
     def users(self, resource: str, access: Access) -> tuple[str, ...]:
-        """Return the algorithms that read a resource or take its slots."""
+        """Return the algorithms that use a resource with some access: that read it, or that take its slots."""
         return tuple(
             name
             for name, checked in self.algorithms.items()
@@ -101,7 +101,7 @@ class Pair:
     """Both versions of a spec.
 
     Attributes:
-        algorithms: the algorithms that are in both versions; their names in B by their names in A.
+        algorithms: the algorithms that are in both versions. The key is the name in A, the value is the name in B.
     """
 
     old: Side
@@ -120,28 +120,28 @@ class Pair:
 
     @property
     def one_sided(self) -> frozenset[str]:
-        """Return the variables that only one version has; they are reported as removed or added and not further."""
+        """Return the variables that only one version has. They are reported only as removed or added."""
         return frozenset(self.new.variables.keys() ^ self.old.variables.keys())
 
-    def id(self, kind: str, name: str) -> str:
+    def element_id(self, kind: str, name: str) -> str:
         """Return the identifier of an element in changes."""
         return f"{self.new.spec.name}/{kind}/{name}"
 
 
-def paired(old: BuildPlan, new: BuildPlan) -> Pair:
-    """Return both versions of a spec.
+def make_pair(old: BuildPlan, new: BuildPlan) -> Pair:
+    """Return both versions of a spec as a pair.
 
-    Algorithms are paired by name, else by the function that they call and the variables that they identify.
+    Algorithms are paired by name, or else by the function that they call and the variables that they identify.
     """
     sides = Side(plan=old), Side(plan=new)
     before, after = (side.algorithms for side in sides)
     pairs = {name: name for name in before if name in after}
-    unpaired = {name: _identity(checked) for name, checked in after.items() if name not in before}
+    unpaired_identities = {name: _identity(checked) for name, checked in after.items() if name not in before}
     for name, checked in before.items():
-        same = [other for other, identity in unpaired.items() if identity == _identity(checked)]
-        if name not in pairs and len(same) == 1:
-            pairs[name] = same[0]
-            del unpaired[same[0]]
+        matching_names = [other for other, identity in unpaired_identities.items() if identity == _identity(checked)]
+        if name not in pairs and len(matching_names) == 1:
+            pairs[name] = matching_names[0]
+            del unpaired_identities[matching_names[0]]
     return Pair(old=sides[0], new=sides[1], algorithms=pairs)
 
 
@@ -149,8 +149,8 @@ def _identity(checked: CheckedAlgorithm) -> tuple[str, frozenset[str]]:
     return checked.algorithm.call, frozenset(variable for variable, _ in checked.identifies)
 
 
-def seconds(duration_s: float | None) -> str:
-    """Return a duration as specs write it; empty for none."""
+def duration_text(duration_s: float | None) -> str:
+    """Return a duration as specs write it; empty for None."""
     if duration_s is None:
         return ""
     return "forever" if duration_s == float("inf") else f"{duration_s:.10g} s"

@@ -2,7 +2,7 @@
 
 Every field is compared. A table gives comparers for the fields whose changes have a category or wording of their own.
 A field that is not in the table is compared by default: nested values field by field, entries by name, and everything
-else for equality. So a new field of the model is reported without an edit here.
+else for equality. Therefore changes of a new field of the model are reported without an edit here.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from codra_dsl.language.expression import Node
 from codra_dsl.language.model import Condition, FuzzyTerm, Phrase, Reference, Spec, ValueType
 from codra_dsl.tooling.diff.changes import Category, Change
 from codra_dsl.tooling.diff.guards import normal_text
-from codra_dsl.tooling.diff.version import Pair, seconds
+from codra_dsl.tooling.diff.version import Pair, duration_text
 
-_LEAVES = (Reference, Condition, Place, Node)
+_LEAF_CLASSES = (Reference, Condition, Place, Node)
 """Dataclasses that are compared as one value."""
 
-_KEYS = {
+_KEY_OF_FIELD = {
     "method": "inference",
     "node": "of",
     "origin": "from",
@@ -35,18 +35,19 @@ _KEYS = {
     "variable": "set",
     "within": "in",
 }
-"""The keys of fields that are not named after their key; only messages and places need them."""
+"""The key in the spec of each field whose name differs from its key. Messages and places use these keys."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scope:
-    """Two values of one class in A and B, and the element that they belong to.
+    """Two values of one class, from the versions A and B of a spec, and the element that contains the values.
 
     Attributes:
         table: the comparers by class and field.
-        id: the element in changes, e.g. `lab/context/centrifuge_open`; the name of the spec for the spec itself.
-        elements: the element in A and in B, None in the version that does not have it. They give the places of keys.
-        values: the elements themselves, or values in them.
+        id: the identifier of the element in a `Change`, e.g. `lab/context/centrifuge_open`. The identifier of the spec
+            itself is its name.
+        elements: the element in A and in B; None for a version without this element. They give the places of keys.
+        values: the elements themselves, or values inside the elements.
         path: the key of the values within the element; empty for the element itself.
     """
 
@@ -58,7 +59,7 @@ class Scope:
     path: str = ""
 
     def changes(self, skip: frozenset[str] = frozenset()) -> Iterator[Change]:
-        """Yield the changes of all fields but some."""
+        """Yield the changes of all fields except those in `skip`."""
         new = self.values[1]
         classes = (cls for cls in reversed(type(new).__mro__) if cls in self.table)
         comparers = {name: compare for cls in classes for name, compare in self.table[cls].items()}
@@ -66,22 +67,24 @@ class Scope:
             if field.compare and field.name not in skip:
                 before, after = (getattr(value, field.name) for value in self.values)
                 is_time = field.name.endswith("_s") and float in {type(before), type(after)}
-                compare = comparers.get(field.name, differs(show=seconds) if is_time else by_default)
-                yield from compare(self, _key(field.name), before, after)
+                compare = comparers.get(
+                    field.name, equality_comparer(show=duration_text) if is_time else compare_by_default
+                )
+                yield from compare(self, _key_of_field(field.name), before, after)
 
-    def element(self, kind: str, name: str, old: Any, new: Any) -> Scope:
+    def element_scope(self, kind: str, name: str, old: Any, new: Any) -> Scope:
         """Return the scope of an element of the spec."""
-        return replace(self, id=self.pair.id(kind, name), elements=(old, new), values=(old, new))
+        return replace(self, id=self.pair.element_id(kind, name), elements=(old, new), values=(old, new))
 
-    def inner(self, key: str, old: Any, new: Any) -> Scope:
-        """Return the scope of two values in these."""
-        return replace(self, values=(old, new), path=self.key(key))
+    def inner_scope(self, key: str, old: Any, new: Any) -> Scope:
+        """Return the scope of two values that are inside the values of this scope."""
+        return replace(self, values=(old, new), path=self.path_of(key))
 
-    def key(self, key: str) -> str:
-        """Return a key of these values within the element."""
+    def path_of(self, key: str) -> str:
+        """Return the path from the element to a key of the values, with dots."""
         return ".".join(filter(None, (self.path, key)))
 
-    def change(
+    def make_change(
         self,
         category: Category,
         key: str,
@@ -89,11 +92,20 @@ class Scope:
         was: str | None = None,
         now: str | None = None,
         *,
-        at: tuple[Any, Any] = (None, None),
+        parts: tuple[Any, Any] = (None, None),
     ) -> Change:
-        """Return a change of a key; its places are those of `at`, else those of the key."""
-        key = self.key(key)
-        before, after = (self._place(index, key) if part is None else part.place for index, part in enumerate(at))
+        """Return a change of a key.
+
+        Args:
+            category: the category of the change.
+            key: the key within the values of this scope.
+            message: what the change means.
+            was: the text or value in A.
+            now: the text or value in B.
+            parts: the changed part in A and in B, which gives the place; if a part is None, the key gives the place.
+        """
+        key = self.path_of(key)
+        before, after = (self._place(index, key) if part is None else part.place for index, part in enumerate(parts))
         return Change(
             category=category,
             element=self.id,
@@ -106,142 +118,153 @@ class Scope:
         )
 
     def _place(self, index: int, key: str) -> Place | None:
-        """Return the place of a key, else of the value that has the key, else of the element."""
+        """Return the place of a key in one version, or else the nearest known place around the key."""
         element, value = self.elements[index], self.values[index]
         if element is None:
             return None
         holders = (element, *(getattr(element, field.name) for field in fields(element)))
         places = ChainMap(*(holder.places for holder in holders if hasattr(holder, "places")))
-        own = getattr(value, "place", None) if self.path else None
-        place: Place = places.get(key) or own or places.get(key.partition(".")[0]) or element.place
+        value_place = getattr(value, "place", None) if self.path else None
+        place: Place = places.get(key) or value_place or places.get(key.partition(".")[0]) or element.place
         return place
 
 
 Comparer = Callable[[Scope, str, Any, Any], Iterator[Change]]
-"""Yields the changes of a field, given the scope, its key, and its values in A and in B."""
+"""Yields the changes of a field. The arguments are the scope, the key of the field, and its values in A and in B."""
 
 Table = Mapping[type, Mapping[str, Comparer]]
 Wording = tuple[Category, str]
 """The category and the message of a change."""
 
 
-def differs(
+def equality_comparer(
     category: Category | Callable[[Scope], Category] = Category.REDEFINED,
     message: str = "'{}' has changed",
     show: Callable[[Any], str] | None = None,
-    value: Callable[[Any], object] | None = None,
+    compared_part: Callable[[Any], object] | None = None,
 ) -> Comparer:
     """Return the comparer of values that are only compared for equality.
 
     Args:
         category: the category of the change, or a function that gives it.
-        message: its message, with `{}` for the key.
-        show: gives the text that is shown of a value; by default, of two lists only entries that differ are shown.
-        value: gives the part of a value that is compared.
+        message: the message of the change; `{}` stands for the key.
+        show: returns the text of a value; then both values are shown whole. Without it, of two lists only the entries
+            that differ are shown, or all entries if only their order differs.
+        compared_part: returns the part of a value that is compared.
     """
 
     def compare(scope: Scope, key: str, old: Any, new: Any) -> Iterator[Change]:
-        before, after = map(value or plain, (old, new))
+        before, after = map(compared_part or plain_value, (old, new))
         if before != after:
-            decided = category if isinstance(category, Category) else category(scope)
-            shown = (old, new) if show else (_not_in(new, old), _not_in(old, new))
-            yield scope.change(decided, key, message.format(key), *map(show or text_of, shown))
+            decided_category = category if isinstance(category, Category) else category(scope)
+            shown_values = (old, new) if show else (_entries_not_in(new, old), _entries_not_in(old, new))
+            yield scope.make_change(decided_category, key, message.format(key), *map(show or text_of, shown_values))
 
     return compare
 
 
-def unordered(message: str) -> Comparer:
-    """Return the comparer of entries that have no order and are compared together."""
-    return differs(message=message, value=lambda several: frozenset(map(plain, several)))
+def set_comparer(message: str) -> Comparer:
+    """Return the comparer of lists whose entries have no order and are compared all together."""
+    return equality_comparer(message=message, compared_part=lambda entries: frozenset(map(plain_value, entries)))
 
 
-def _not_in(one: Any, other: Any) -> Any:
-    """Return the entries of `other` that `one` does not have; all entries if only the order differs."""
+def _entries_not_in(one: Any, other: Any) -> Any:
+    """Return the entries of `other` that `one` does not have, or all entries if only the order differs.
+
+    A value that is not a list is returned whole.
+    """
     if not isinstance(one, tuple) or not isinstance(other, tuple):
         return other
-    known = {*map(plain, one)}
-    return tuple(entry for entry in other if plain(entry) not in known) or (other if len(one) == len(other) else ())
+    known_entries = {*map(plain_value, one)}
+    return tuple(entry for entry in other if plain_value(entry) not in known_entries) or (
+        other if len(one) == len(other) else ()
+    )
 
 
-def by_default(scope: Scope, key: str, old: Any, new: Any) -> Iterator[Change]:
+def compare_by_default(scope: Scope, key: str, old: Any, new: Any) -> Iterator[Change]:
     """Yield the changes of a field that is not in the table."""
     if is_nested(old, new):
-        yield from scope.inner(key, old, new).changes()
+        yield from scope.inner_scope(key, old, new).changes()
     elif _has_names(old) and _has_names(new):
-        yield from (elements(key) if isinstance(scope.values[1], Spec) else entries("entry"))(scope, key, old, new)
+        yield from (element_comparer(key) if isinstance(scope.values[1], Spec) else entry_comparer("entry"))(
+            scope, key, old, new
+        )
     else:
-        yield from differs()(scope, key, old, new)
+        yield from equality_comparer()(scope, key, old, new)
 
 
-def elements(
-    kind: str, noun: str | None = None, successor: Callable[[Pair, Any], str | None] | None = None
+def element_comparer(
+    kind: str, noun: str | None = None, find_successor: Callable[[Pair, Any], str | None] | None = None
 ) -> Comparer:
     """Return the comparer of the elements in a section of the spec, which are paired by name.
 
     Args:
         kind: the kind in the identifiers of the elements.
-        noun: the kind in messages, by default the same; if it is empty, removed and added elements are not reported.
-        successor: gives the element that a removed one looks like under a new name; by default one of a similar name.
+        noun: the word for an element in messages, by default the kind; if it is empty, removed and added elements are
+            not reported.
+        find_successor: returns the name of the new element that is probably a removed element under a new name; by
+            default, that is the new element with a similar name.
     """
     noun = kind if noun is None else noun
 
     def compare(scope: Scope, _: str, old: Any, new: Any) -> Iterator[Change]:
-        for name, before, after in by_name(old, new):
-            inner = scope.element(kind, name, before, after)
+        for name, before, after in pair_by_name(old, new):
+            inner = scope.element_scope(kind, name, before, after)
             if before and after:
                 yield from inner.changes()
             elif not noun or getattr(before or after, "is_derived", False):
                 continue
             elif after:
-                yield inner.change(Category.ADDED, "", f"new {noun}")
+                yield inner.make_change(Category.ADDED, "", f"new {noun}")
             else:
-                gained = sorted({element.name for element in new} - {element.name for element in old})
-                similar = successor(scope.pair, before) if successor else suggest(name, gained)
-                yield inner.change(Category.REMOVED, "", gone(noun, similar))
+                gained_names = sorted({element.name for element in new} - {element.name for element in old})
+                similar_name = find_successor(scope.pair, before) if find_successor else suggest(name, gained_names)
+                yield inner.make_change(Category.REMOVED, "", removal_message(noun, similar_name))
 
     return compare
 
 
-def gone(noun: str, similar: str | None) -> str:
-    """Return the message for a removed element, with the new one that looks like it."""
-    return f"the {noun} is gone" + ("" if similar is None else f"; '{similar}' looks like its new name")
+def removal_message(noun: str, similar_name: str | None) -> str:
+    """Return the message for a removed element. `similar` names the new element that is probably the same element."""
+    return f"the {noun} is gone" + ("" if similar_name is None else f"; '{similar_name}' looks like its new name")
 
 
-def entries(noun: str, wording: Callable[[Any], Wording] | None = None) -> Comparer:
+def entry_comparer(noun: str, make_wording: Callable[[Any], Wording] | None = None) -> Comparer:
     """Return the comparer of entries of an element, which are paired by name.
 
     Args:
-        noun: the entry in messages; if it is empty, removed and added entries are not reported.
-        wording: gives the report for an entry that only one version has, from the entry in B, with `{}` for its name.
+        noun: the word for an entry in messages; if it is empty, removed and added entries are not reported.
+        make_wording: returns the category and the message for an entry that only one version has. Its argument is the
+            entry in B, or None if only A has the entry. `{}` in the message stands for the name of the entry.
     """
 
     def compare(scope: Scope, key: str, old: Any, new: Any) -> Iterator[Change]:
-        for name, before, after in by_name(old, new):
-            usual = (Category.ADDED, f"new {noun} '{{}}'") if after else (Category.REMOVED, f"{noun} '{{}}' is gone")
+        for name, before, after in pair_by_name(old, new):
+            default = (Category.ADDED, f"new {noun} '{{}}'") if after else (Category.REMOVED, f"{noun} '{{}}' is gone")
             if before and after:
-                yield from scope.inner(f"{key}.{name}", before, after).changes()
+                yield from scope.inner_scope(f"{key}.{name}", before, after).changes()
             elif noun:
-                category, message = wording(after) if wording else usual
+                category, message = make_wording(after) if make_wording else default
                 types = (text_of(getattr(entry, "type", None)) for entry in (before, after))
-                yield scope.change(category, f"{key}.{name}", message.format(name), *types)
+                yield scope.make_change(category, f"{key}.{name}", message.format(name), *types)
 
     return compare
 
 
-def by_name(old: Iterable[Any], new: Iterable[Any]) -> Iterator[tuple[str, Any, Any]]:
-    """Yield each name with the entries of that name in A and in B, None where there is no such entry."""
-    before, after = ({_name(entry): entry for entry in side} for side in (old, new))
+def pair_by_name(old: Iterable[Any], new: Iterable[Any]) -> Iterator[tuple[str, Any, Any]]:
+    """Yield each name, with the entries of this name in A and in B; None for a version without such an entry."""
+    before, after = ({_name_of(entry): entry for entry in side} for side in (old, new))
     for name in dict.fromkeys((*before, *after)):
         yield name, before.get(name), after.get(name)
 
 
 def is_nested(old: Any, new: Any) -> bool:
-    """Return whether two values are of one class and are compared field by field."""
-    return type(old) is type(new) and is_dataclass(new) and not isinstance(new, _LEAVES)
+    """Return whether two values have the same class and are compared field by field."""
+    return type(old) is type(new) and is_dataclass(new) and not isinstance(new, _LEAF_CLASSES)
 
 
-def plain(value: Any) -> Any:
-    """Return a hashable value that is equal for values that differ only in places and in how conditions are written."""
+def plain_value(value: Any) -> Any:
+    """Return a hashable form of a value, without places and without the way in which conditions are written."""
     match value:
         case Place():
             return None
@@ -250,11 +273,11 @@ def plain(value: Any) -> Any:
         case Node():
             return normal_text(value)
         case Mapping():
-            return frozenset((name, plain(entry)) for name, entry in value.items())
+            return frozenset((name, plain_value(entry)) for name, entry in value.items())
         case tuple():
-            return tuple(map(plain, value))
+            return tuple(map(plain_value, value))
         case _ if is_dataclass(value):
-            return tuple(plain(getattr(value, field.name)) for field in fields(value) if field.compare)
+            return tuple(plain_value(getattr(value, field.name)) for field in fields(value) if field.compare)
     return value
 
 
@@ -268,9 +291,9 @@ def text_of(value: Any) -> str:
         case Condition() | Phrase():
             return value.text
         case ValueType():
-            unit = "" if value.unit is None else f" in {value.unit}"
-            ends = "" if value.range is None else f" from {value.range[0]:g} to {value.range[1]:g}"
-            return f"{value.kind}{unit}{ends}{f' of {text_of(value.values)}' if value.values else ''}"
+            unit_text = "" if value.unit is None else f" in {value.unit}"
+            range_text = "" if value.range is None else f" from {value.range[0]:g} to {value.range[1]:g}"
+            return f"{value.kind}{unit_text}{range_text}{f' of {text_of(value.values)}' if value.values else ''}"
         case None | Place() | Mapping():
             return ""
         case tuple():
@@ -278,10 +301,13 @@ def text_of(value: Any) -> str:
                 ": ".join(map(text_of, entry)) if isinstance(entry, tuple) else text_of(entry) for entry in value
             )
         case _ if is_dataclass(value):
-            shown = ((field.name, getattr(value, field.name)) for field in fields(value))
+            named_parts = ((field.name, getattr(value, field.name)) for field in fields(value))
             texts = (
-                (_key(name), seconds(part) if name.endswith("_s") and isinstance(part, float) else text_of(part))
-                for name, part in shown
+                (
+                    _key_of_field(name),
+                    duration_text(part) if name.endswith("_s") and isinstance(part, float) else text_of(part),
+                )
+                for name, part in named_parts
             )
             return f"({', '.join(f'{key}: {text}' for key, text in texts if text)})"
         case bool():
@@ -291,13 +317,13 @@ def text_of(value: Any) -> str:
     return str(value)
 
 
-def _key(name: str) -> str:
+def _key_of_field(name: str) -> str:
     """Return the key of a field."""
-    return _KEYS.get(name) or name.removeprefix("is_").removesuffix("_s")
+    return _KEY_OF_FIELD.get(name) or name.removeprefix("is_").removesuffix("_s")
 
 
-def _name(entry: Any) -> str:
-    """Return the name of an entry, else the name of the first value that it refers to; empty without a name."""
+def _name_of(entry: Any) -> str:
+    """Return the name of an entry, or else the name of its first field value that has a name; empty without a name."""
     values = (entry, *(getattr(entry, field.name) for field in fields(entry)))
     names = (value.name for value in values if isinstance(getattr(value, "name", None), str))
     return next(names, "")
@@ -305,5 +331,5 @@ def _name(entry: Any) -> str:
 
 def _has_names(value: Any) -> bool:
     return isinstance(value, tuple) and all(
-        is_dataclass(entry) and not isinstance(entry, _LEAVES) and hasattr(entry, "name") for entry in value
+        is_dataclass(entry) and not isinstance(entry, _LEAF_CLASSES) and hasattr(entry, "name") for entry in value
     )

@@ -1,6 +1,6 @@
 """Reviews as text for people, as one line per change, as Markdown, as annotations on GitHub, and as JSON.
 
-Text from specs is escaped, so that no terminal, Markdown or workflow command is executed.
+Text from specs is escaped, so that no command for a terminal or a workflow is executed, and no Markdown is interpreted.
 """
 
 from __future__ import annotations
@@ -11,11 +11,11 @@ from dataclasses import dataclass, replace
 
 from codra_dsl.language.diagnostics import Diagnostic, Place, Rule, Severity, Span
 from codra_dsl.tooling.diff import Change, Latency, Level, Review
-from codra_dsl.tooling.report.findings import PLAIN, Palette, as_json, as_markdown, range_of, shown_place, visible
+from codra_dsl.tooling.report.findings import PLAIN, Palette, as_json, as_markdown, range_of, shown_place, visible_text
 from codra_dsl.tooling.report.github import render_github
 
 ShownFile = Callable[[str], str]
-"""Returns the name under which a file is shown; the name of a file in a revision contains the revision."""
+"""Returns the name under which a file is shown. For a file in a revision, this name contains the revision."""
 
 _ALLOWED = "allowed"
 _MAX_ROWS = 200
@@ -26,8 +26,10 @@ class Versions:
     """The compared versions.
 
     Attributes:
-        before: the name of A on the command line; `after` is that of B.
-        file_before: returns the name of a file of A as it is shown; `file_after` that of a file of B.
+        before: the name of A on the command line.
+        after: the name of B on the command line.
+        file_before: returns the name under which a file of A is shown.
+        file_after: returns the name under which a file of B is shown.
     """
 
     before: str
@@ -38,21 +40,21 @@ class Versions:
 
 def render_full(review: Review, versions: Versions, palette: Palette = PLAIN) -> str:
     """Return each change with its values and places in A and B."""
-    paragraphs = ["\n".join(_paragraph(change, versions, palette)) + "\n" for change in review.changes]
-    paragraphs += ["\n".join(_times(review.latencies)) + "\n"] if review.latencies else []
-    return "\n".join([*paragraphs, _verdict(review) + "\n"])
+    paragraphs = ["\n".join(_paragraph_lines(change, versions, palette)) + "\n" for change in review.changes]
+    paragraphs += ["\n".join(_latency_lines(review.latencies)) + "\n"] if review.latencies else []
+    return "\n".join([*paragraphs, _verdict_line(review) + "\n"])
 
 
 def render_concise(review: Review, versions: Versions, palette: Palette = PLAIN) -> str:
     """Return one line per change, then the verdict."""
-    lines = [_line(change, versions, palette) for change in review.changes]
-    return "".join(f"{line}\n" for line in [*lines, _verdict(review)])
+    lines = [_change_line(change, versions, palette) for change in review.changes]
+    return "".join(f"{line}\n" for line in [*lines, _verdict_line(review)])
 
 
 def render_markdown(review: Review, versions: Versions) -> str:
     """Return a review as Markdown, for a comment on a pull request."""
-    named = f"{as_markdown(versions.before)} → {as_markdown(versions.after)}"
-    lines = [f"### codra diff: {review.verdict}", "", f"{named}: {_counted(review) or 'no difference'}", ""]
+    names_text = f"{as_markdown(versions.before)} → {as_markdown(versions.after)}"
+    lines = [f"### codra diff: {review.verdict}", "", f"{names_text}: {_counts_text(review) or 'no difference'}", ""]
     for level in Level:
         rows = [change for change in review.changes if change.level is level]
         if rows:
@@ -69,18 +71,20 @@ def render_markdown(review: Review, versions: Versions) -> str:
 
 
 def render_annotations(review: Review, folder: str = "") -> str:
-    """Return a review as workflow commands of GitHub; compatible and allowed changes are lines of the log.
+    """Return a review as workflow commands of GitHub. Compatible and allowed changes are only lines of the log.
 
     Args:
         review: the review.
         folder: the folder of the project within the repository.
     """
-    judged = (change for change in review.changes if change.level is not Level.COMPATIBLE and not change.allowed)
-    commands = render_github([_finding(change) for change in judged], folder)
-    plain = Versions(before="", after="", file_before=str, file_after=str)
-    rest = (change for change in review.changes if change.level is Level.COMPATIBLE or change.allowed)
-    log = "".join(f"./{_line(change, plain, PLAIN)}\n" for change in rest)
-    return f"{commands}{log}{_verdict(review)}\n"
+    annotated_changes = (
+        change for change in review.changes if change.level is not Level.COMPATIBLE and not change.allowed
+    )
+    commands = render_github([_finding_of(change) for change in annotated_changes], folder)
+    plain_versions = Versions(before="", after="", file_before=str, file_after=str)
+    other_changes = (change for change in review.changes if change.level is Level.COMPATIBLE or change.allowed)
+    log = "".join(f"./{_change_line(change, plain_versions, PLAIN)}\n" for change in other_changes)
+    return f"{commands}{log}{_verdict_line(review)}\n"
 
 
 def render_json(review: Review, versions: Versions) -> str:
@@ -90,7 +94,7 @@ def render_json(review: Review, versions: Versions) -> str:
         "before": versions.before,
         "after": versions.after,
         "counts": _counts(review),
-        "changes": [_object(change, versions) for change in review.changes],
+        "changes": [_change_object(change, versions) for change in review.changes],
         "latencies": [
             {"element": latency.element, "before_s": latency.before_s, "after_s": latency.after_s}
             for latency in review.latencies
@@ -99,24 +103,24 @@ def render_json(review: Review, versions: Versions) -> str:
     return as_json(result, indent=2) + "\n"
 
 
-def _paragraph(change: Change, versions: Versions, palette: Palette) -> Iterator[str]:
-    yield f"{_headline(change, palette)}: {palette.place}{visible(change.element)}{palette.end}"
-    yield f"  {visible(change.message)}"
+def _paragraph_lines(change: Change, versions: Versions, palette: Palette) -> Iterator[str]:
+    yield f"{_headline(change, palette)}: {palette.place}{visible_text(change.element)}{palette.end}"
+    yield f"  {visible_text(change.message)}"
     values = (
-        ("was", change.was, _shown(change.before, versions.file_before)),
-        ("is", change.now, _shown(change.after, versions.file_after)),
+        ("was", change.was, _place_text(change.before, versions.file_before)),
+        ("is", change.now, _place_text(change.after, versions.file_after)),
     )
-    width = max(len(visible(value or "")) for _, value, _ in values)
+    width = max(len(visible_text(value or "")) for _, value, _ in values)
     for word, value, place in values:
         if place or value is not None:
-            text = f"{visible(value or ''):{width}}  " if width else ""
+            text = f"{visible_text(value or ''):{width}}  " if width else ""
             yield f"    {word:3} {text}{palette.gutter}{place}{palette.end}".rstrip()
 
 
-def _line(change: Change, versions: Versions, palette: Palette) -> str:
-    place = _place(change, versions)
-    where = f"{palette.place}{place}{palette.end}: " if place else ""
-    return f"{where}{_headline(change, palette)}: {visible(change.element)}: {visible(change.text)}"
+def _change_line(change: Change, versions: Versions, palette: Palette) -> str:
+    place = _place_of_change(change, versions)
+    place_text = f"{palette.place}{place}{palette.end}: " if place else ""
+    return f"{place_text}{_headline(change, palette)}: {visible_text(change.element)}: {visible_text(change.text)}"
 
 
 def _headline(change: Change, palette: Palette) -> str:
@@ -126,26 +130,26 @@ def _headline(change: Change, palette: Palette) -> str:
     return f"{colour}{level}[{change.category}]{palette.end}"
 
 
-def _place(change: Change, versions: Versions) -> str:
-    after = _shown(change.after, versions.file_after)
-    return after or _shown(change.before, versions.file_before)
+def _place_of_change(change: Change, versions: Versions) -> str:
+    place_after = _place_text(change.after, versions.file_after)
+    return place_after or _place_text(change.before, versions.file_before)
 
 
-def _shown(place: Place | None, file: ShownFile) -> str:
+def _place_text(place: Place | None, file: ShownFile) -> str:
     if place is None:
         return ""
-    used = "" if place.use is None else f" (used in {visible(file(place.use.file))}:{place.use.line})"
-    return f"{shown_place(replace(place.span, file=file(place.span.file)))}{used}"
+    use_text = "" if place.use is None else f" (used in {visible_text(file(place.use.file))}:{place.use.line})"
+    return f"{shown_place(replace(place.span, file=file(place.span.file)))}{use_text}"
 
 
-def _times(latencies: Sequence[Latency]) -> Iterator[str]:
+def _latency_lines(latencies: Sequence[Latency]) -> Iterator[str]:
     yield "worst time from declared to known"
     for latency in latencies:
-        yield f"  {visible(latency.element)}: was {latency.before_s:.10g} s, is {latency.after_s:.10g} s"
+        yield f"  {visible_text(latency.element)}: was {latency.before_s:.10g} s, is {latency.after_s:.10g} s"
 
 
-def _verdict(review: Review) -> str:
-    counted = _counted(review)
+def _verdict_line(review: Review) -> str:
+    counted = _counts_text(review)
     return f"verdict: {review.verdict}{f' ({counted})' if counted else ''}"
 
 
@@ -154,17 +158,17 @@ def _counts(review: Review) -> dict[str, int]:
     return {name: numbers[name] for name in (*(level.value for level in Level), _ALLOWED)}
 
 
-def _counted(review: Review) -> str:
+def _counts_text(review: Review) -> str:
     return ", ".join(f"{number} {name}" for name, number in _counts(review).items() if number)
 
 
 def _row(change: Change, versions: Versions) -> str:
     category = f"{change.category} ({_ALLOWED})" if change.allowed else f"{change.category}"
-    place = as_markdown(_place(change, versions))
+    place = as_markdown(_place_of_change(change, versions))
     return f"| {category} | {as_markdown(change.element)} | {as_markdown(change.text)} | {place} |"
 
 
-def _finding(change: Change) -> Diagnostic:
+def _finding_of(change: Change) -> Diagnostic:
     """Return a change as a finding, from which annotations are rendered."""
     severity = Severity.ERROR if change.level is Level.BREAKING else Severity.WARNING
     place = change.after or change.before or Place(Span("-", 1, 1, 1, 1))
@@ -172,7 +176,7 @@ def _finding(change: Change) -> Diagnostic:
     return Diagnostic(rule=rule, message=f"{change.element}: {change.text}", place=Place(place.span))
 
 
-def _object(change: Change, versions: Versions) -> dict[str, object]:
+def _change_object(change: Change, versions: Versions) -> dict[str, object]:
     return {
         "category": change.category.value,
         "level": change.level.value,
@@ -183,10 +187,10 @@ def _object(change: Change, versions: Versions) -> dict[str, object]:
         "allowed": change.allowed,
         "was": change.was,
         "is": change.now,
-        "before": _range(change.before, versions.file_before),
-        "after": _range(change.after, versions.file_after),
+        "before": _range_object(change.before, versions.file_before),
+        "after": _range_object(change.after, versions.file_after),
     }
 
 
-def _range(place: Place | None, file: ShownFile) -> dict[str, object] | None:
+def _range_object(place: Place | None, file: ShownFile) -> dict[str, object] | None:
     return None if place is None else range_of(replace(place.span, file=file(place.span.file)))

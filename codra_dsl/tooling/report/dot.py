@@ -23,7 +23,7 @@ from codra_dsl.tooling.report.looks import (
     label_of,
     latency_of,
     nodes_of,
-    shown,
+    shown_kind,
 )
 
 # The picture is laid out with a wide font, so that labels fit in any of the fonts that a browser may have.
@@ -31,21 +31,21 @@ _FONT = "DejaVu Sans,Verdana,Arial,sans-serif"
 _LABEL_PT = 12
 _LETTER_EM = 0.62
 _ENTITY = re.compile(r"&(?=#?[A-Za-z0-9]+;)")
-_DRAWN = re.compile(
+_PICTURE = re.compile(
     r'<svg width="(?P<width>[0-9]+)pt" height="(?P<height>[0-9]+)pt"\s+viewBox="[^"]*"(?P<rest>[^>]*)>'
     r"(?P<inside>.*)</svg>",
     re.DOTALL,
 )
-_SMALLEST = 0.85
-"""The smallest scale to which a picture shrinks with its window, so that labels stay legible."""
+_SMALLEST_SCALE = 0.85
+"""The smallest scale to which a picture shrinks with its window. At this scale, labels are still legible."""
 
 
-MAX_QUICK = 1500
+MAX_QUICK_NODES = 1500
 """The number of nodes that Graphviz lays out in seconds; the time grows faster than the number."""
 
 
 class DrawingError(Exception):
-    """A picture cannot be drawn on this machine; the message states what to do."""
+    """Raised if a picture cannot be drawn on this machine. The message states what to do."""
 
 
 _INSTALL_HINT = (
@@ -55,49 +55,49 @@ _INSTALL_HINT = (
 
 
 def render_dot(graph: Graph) -> str:
-    """Return the graph in Graphviz's language, with the nodes and edges of the JSON and their `kind`."""
-    nodes = (_node(element, _text(label_of(element))) for element in graph.elements)
+    """Return the graph in Graphviz's language, with the same nodes and edges as in JSON, and with their `kind`."""
+    nodes = (_node(element, _label_text(label_of(element))) for element in graph.elements)
     return _digraph([*nodes, *(_arrow(link, link.source, link.target) for link in graph.links)])
 
 
 def render_svg(graph: Graph) -> str:
-    """Return the graph as a picture with a legend; with several specs, each has a frame.
+    """Return the graph as a picture with a legend. If there are several specs, each has a frame.
 
     Raises:
         DrawingError: if Graphviz is not installed or cannot draw.
     """
-    return _with_legend(_match(_drawn(_flowing(graph))), graph)
+    return _with_legend(_parse_picture(_draw(_picture_text(graph))), graph)
 
 
 def drawing(graph: Graph) -> str:
-    """Return the same picture for a page with its own style: only the `svg` element, without legend and title.
+    """Return the picture for a page with its own style: only the `svg` element, without legend and title.
 
-    Node number n of the graph has the id `n` with its number, and edge number n has `e` with its number.
+    Nodes and edges are numbered from 0. The drawing of node number 3 has the id `n3`, that of edge number 3 has `e3`.
 
     Raises:
         DrawingError: if Graphviz is not installed or cannot draw.
     """
-    drawn = _match(_drawn(_flowing(graph)))
-    size = f'viewBox="0 0 {drawn["width"]} {drawn["height"]}"'
-    inside = re.sub(r"<!--.*?-->\s*|<title>.*?</title>\s*", "", drawn["inside"], flags=re.DOTALL)
-    return f'<svg {size} xmlns="http://www.w3.org/2000/svg">{inside}</svg>'
+    picture = _parse_picture(_draw(_picture_text(graph)))
+    size = f'viewBox="0 0 {picture["width"]} {picture["height"]}"'
+    content = re.sub(r"<!--.*?-->\s*|<title>.*?</title>\s*", "", picture["inside"], flags=re.DOTALL)
+    return f'<svg {size} xmlns="http://www.w3.org/2000/svg">{content}</svg>'
 
 
-def _flowing(graph: Graph) -> str:
+def _picture_text(graph: Graph) -> str:
     """Return the graph as drawn: arrows follow the flow of knowledge, and each observer has a frame."""
     lines: list[str] = []
     numbers = {element.id: number for number, element in enumerate(graph.elements)}
     for spec in graph.specs:
         elements = [element for element in graph.elements if element.spec == spec]
-        inside = list(_frames(elements, numbers))
-        lines += _framed(spec, inside) if len(graph.specs) > 1 else inside
+        inner_lines = list(_frames(elements, numbers))
+        lines += _frame_lines(spec, inner_lines) if len(graph.specs) > 1 else inner_lines
     edges = (_arrow(link, *link.flow, id=f"e{number}") for number, link in enumerate(graph.links))
     return _digraph([*lines, *edges])
 
 
-def _framed(name: str, lines: Iterable[str]) -> list[str]:
+def _frame_lines(name: str, lines: Iterable[str]) -> list[str]:
     frame = {"label": name, "labelloc": "t", "style": "rounded", "color": "#888888", "class": "spec"}
-    return [f"subgraph {_quoted(f'cluster {name}')} {{", f"graph {_attributes(frame)};", *lines, "}"]
+    return [f"subgraph {_quote(f'cluster {name}')} {{", f"graph {_attributes(frame)};", *lines, "}"]
 
 
 def _digraph(lines: Iterable[str]) -> str:
@@ -110,18 +110,18 @@ def _digraph(lines: Iterable[str]) -> str:
 
 
 def _node(element: Element, label: str, **more: object) -> str:
-    look = NODES[shown(element)]
+    look = NODES[shown_kind(element)]
     attributes = {"label": label, "shape": look.shape, "style": look.style, "fillcolor": look.fill}
     width = {"width": f"{_width_in(label, look):.2f}"}
-    return f"{_quoted(element.id)} {_attributes({'kind': element.kind.value, **attributes, **width, **more})};"
+    return f"{_quote(element.id)} {_attributes({'kind': element.kind.value, **attributes, **width, **more})};"
 
 
-def _numbered(element: Element, number: int) -> str:
-    lines = [_text(label_of(element)), latency_of(element)]
-    return _node(element, "\n".join(filter(None, lines)), id=f"n{number}", **{"class": shown(element).value})
+def _numbered_node(element: Element, number: int) -> str:
+    lines = [_label_text(label_of(element)), latency_of(element)]
+    return _node(element, "\n".join(filter(None, lines)), id=f"n{number}", **{"class": shown_kind(element).value})
 
 
-def _text(label: str) -> str:
+def _label_text(label: str) -> str:
     """Return a label that Graphviz shows unchanged, although it decodes entities."""
     return _ENTITY.sub("&amp;", label)
 
@@ -132,12 +132,12 @@ _WIDTH_FACTOR: Mapping[str, float] = {"hexagon": 1.25, "house": 1.15, "octagon":
 
 def _width_in(label: str, look: NodeLook) -> float:
     """Return the minimum width of a node in inches, in which its label fits even if no font can be measured."""
-    longest = max(map(_letters, label.split("\n")))
+    longest = max(map(_letter_count, label.split("\n")))
     width_in = 0.2 + longest * _LETTER_EM * _LABEL_PT / 72
     return width_in * _WIDTH_FACTOR.get(look.shape, 1.0)
 
 
-def _letters(text: str) -> int:
+def _letter_count(text: str) -> int:
     return sum(2 if unicodedata.east_asian_width(letter) in ("W", "F") else 1 for letter in text)
 
 
@@ -147,8 +147,8 @@ def _arrow(link: Link, source: str, target: str, **more: str) -> str:
     if more:
         attributes["class"] = link.kind.value
     if link.kind is EdgeKind.FEEDBACK:
-        attributes["constraint"] = "false"  # it closes a cycle, which has no left and right
-    return f"{_quoted(source)} -> {_quoted(target)} {_attributes(attributes)};"
+        attributes["constraint"] = "false"  # the edge closes a cycle, in which no node is left of another
+    return f"{_quote(source)} -> {_quote(target)} {_attributes(attributes)};"
 
 
 def _frames(elements: Iterable[Element], numbers: Mapping[str, int]) -> Iterator[str]:
@@ -156,34 +156,34 @@ def _frames(elements: Iterable[Element], numbers: Mapping[str, int]) -> Iterator
     frames: dict[str, list[Element]] = {}
     for element in elements:
         frames.setdefault(element.observer, []).append(element)
-    for observer, inside in frames.items():
-        lines = [_numbered(element, numbers[element.id]) for element in inside]
-        if not observer or len(inside) == 1:
+    for observer, frame_elements in frames.items():
+        lines = [_numbered_node(element, numbers[element.id]) for element in frame_elements]
+        if not observer or len(frame_elements) == 1:
             yield from lines
             continue
-        yield f"subgraph {_quoted(f'cluster {observer}')} {{"
+        yield f"subgraph {_quote(f'cluster {observer}')} {{"
         yield '  graph [label="", style="rounded,filled", fillcolor="#f7f7f7", color="#bbbbbb", class="frame"];'
         yield from (f"  {line}" for line in lines)
-        made = [element for element in inside if element.kind is NodeKind.CONTEXT]
-        makers = [element for element in inside if element.kind is not NodeKind.CONTEXT]
-        yield from (_side_by_side(side) for side in (makers, made) if side)
+        variables = [element for element in frame_elements if element.kind is NodeKind.CONTEXT]
+        producers = [element for element in frame_elements if element.kind is not NodeKind.CONTEXT]
+        yield from (_side_by_side(side) for side in (producers, variables) if side)
         yield "}"
 
 
 def _side_by_side(elements: Iterable[Element]) -> str:
-    return f"  {{ rank=same; {' '.join(_quoted(element.id) for element in elements)} }}"
+    return f"  {{ rank=same; {' '.join(_quote(element.id) for element in elements)} }}"
 
 
 def _attributes(values: Mapping[str, object]) -> str:
-    return f"[{', '.join(f'{name}={_quoted(str(value))}' for name, value in values.items())}]"
+    return f"[{', '.join(f'{name}={_quote(str(value))}' for name, value in values.items())}]"
 
 
-def _quoted(text: str) -> str:
+def _quote(text: str) -> str:
     r"""Return a quoted string in Graphviz's language, in which `\N`, `\G` and the like would have a meaning."""
     return '"' + text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n") + '"'
 
 
-def _drawn(dot: str) -> str:
+def _draw(dot: str) -> str:
     """Return Graphviz's drawing. Graphviz comes with pygraphviz as a library, so no program is started."""
     try:
         import pygraphviz  # noqa: PLC0415 - an extra, with shared libraries that a machine may not have
@@ -202,8 +202,8 @@ def _drawn(dot: str) -> str:
     return str(picture.decode())
 
 
-def _match(picture: str) -> re.Match[str]:
-    match = _DRAWN.search(picture)
+def _parse_picture(picture: str) -> re.Match[str]:
+    match = _PICTURE.search(picture)
     if match is None:
         raise DrawingError("cannot draw: Graphviz returned no picture")
     return match
@@ -211,38 +211,39 @@ def _match(picture: str) -> re.Match[str]:
 
 # The legend, below the picture
 
-_ROW = 24
-_SAMPLE = 64
-_COLUMN = 440
+_ROW_PX = 24
+_SAMPLE_PX = 64
+_COLUMN_PX = 440
 
 
-def _with_legend(drawn: re.Match[str], graph: Graph) -> str:
-    """Return a picture with its legend below; it shrinks with its window as long as it stays legible."""
+def _with_legend(picture: re.Match[str], graph: Graph) -> str:
+    """Return a picture with its legend below. The picture shrinks with its window, but not below a legible size."""
     rows = list(_rows(graph))
-    height = int(drawn["height"]) + 20 + _ROW * max((row for _, row, _ in rows), default=0) + _ROW
-    width = max(int(drawn["width"]), 16 + _COLUMN * (1 + max((column for column, _, _ in rows), default=0)))
-    size = f'width="100%" style="min-width: {width * _SMALLEST:.0f}pt; max-width: {width}pt; height: auto"'
+    top = int(picture["height"]) + 20
+    height = top + _ROW_PX * max((row for _, row, _ in rows), default=0) + _ROW_PX
+    width = max(int(picture["width"]), 16 + _COLUMN_PX * (1 + max((column for column, _, _ in rows), default=0)))
+    size = f'width="100%" style="min-width: {width * _SMALLEST_SCALE:.0f}pt; max-width: {width}pt; height: auto"'
     legend = "".join(
-        f'<g transform="translate({16 + _COLUMN * column} {int(drawn["height"]) + 20 + _ROW * row})">{text}</g>\n'
+        f'<g transform="translate({16 + _COLUMN_PX * column} {top + _ROW_PX * row})">{text}</g>\n'
         for column, row, text in rows
     )
     return (
         '<?xml version="1.0" encoding="UTF-8" standalone="no"?>\n'
-        f'<svg {size} viewBox="0 0 {width} {height}"{drawn["rest"]}>\n'
-        f'<rect width="{width}" height="{height}" fill="white"/>\n{drawn["inside"]}'
+        f'<svg {size} viewBox="0 0 {width} {height}"{picture["rest"]}>\n'
+        f'<rect width="{width}" height="{height}" fill="white"/>\n{picture["inside"]}'
         f'<g class="legend" font-family="{_FONT}" font-size="{_LABEL_PT}">\n{legend}</g>\n</svg>\n'
     )
 
 
 def _rows(graph: Graph) -> Iterator[tuple[int, int, str]]:
-    """Yield column, row and drawing of each entry of the legend, which shows only kinds that the picture has."""
+    """Yield column, row and drawing of each entry of the legend. It has only the kinds that occur in the picture."""
     boxes = [_sample(NODES[kind], NODES[kind].meaning) for kind in nodes_of(graph)]
     observed = [element.observer for element in graph.elements if element.observer]
     if len(observed) > len(set(observed)):
-        boxes.append(_box("#f7f7f7", "#bbbbbb", 6, "") + _words(FRAME))
+        boxes.append(_box("#f7f7f7", "#bbbbbb", 6, "") + _legend_text(FRAME))
     arrows = [_arrow_sample(EDGES[kind]) for kind in edges_of(graph)]
     if any(latency_of(element) for element in graph.elements):
-        arrows.append(f'<text x="{_SAMPLE / 2}" y="4" text-anchor="middle">≤ 1 s</text>{_words(WORST_CASE)}')
+        arrows.append(f'<text x="{_SAMPLE_PX / 2}" y="4" text-anchor="middle">≤ 1 s</text>{_legend_text(WORST_CASE)}')
     for column, samples in enumerate((boxes, arrows)):
         yield from ((column, row, text) for row, text in enumerate(samples))
 
@@ -262,11 +263,11 @@ def _sample(look: NodeLook, meaning: str) -> str:
         drawing = f'<polygon points="0,-8 56,-8 64,0 56,8 0,8" fill="{look.fill}" stroke="black"/>'
     else:
         drawing = _box(look.fill, "black", rounding, dashes)
-    return drawing + _words(meaning)
+    return drawing + _legend_text(meaning)
 
 
 def _box(fill: str, stroke: str, rounding: int, dashes: str) -> str:
-    return f'<rect y="-8" width="{_SAMPLE}" height="16" rx="{rounding}" fill="{fill}" stroke="{stroke}"{dashes}/>'
+    return f'<rect y="-8" width="{_SAMPLE_PX}" height="16" rx="{rounding}" fill="{fill}" stroke="{stroke}"{dashes}/>'
 
 
 _DASHES: Mapping[str, str] = {"dashed": ' stroke-dasharray="5 2"', "dotted": ' stroke-dasharray="1 4"'}
@@ -279,8 +280,8 @@ def _arrow_sample(look: EdgeLook) -> str:
     fill = "white" if look.head == "empty" else look.colour if look.head in ("normal", "vee") else "none"
     head = f'<polygon points="44,-4 52,0 44,4" fill="{fill}" stroke="{look.colour}"/>' if look.head != "none" else ""
     ends = '<text x="0" y="4">A</text><text x="55" y="4">B</text>'
-    return ends + line + head + _words(look.sentence)
+    return ends + line + head + _legend_text(look.sentence)
 
 
-def _words(text: str) -> str:
-    return f'<text x="{_SAMPLE + 12}" y="4">{escape(text)}</text>'
+def _legend_text(text: str) -> str:
+    return f'<text x="{_SAMPLE_PX + 12}" y="4">{escape(text)}</text>'

@@ -1,4 +1,4 @@
-"""Pages about kinds of findings: the consequence for a robot, a spec that has it, and the same spec corrected."""
+"""Pages about kinds of findings: what each means for a robot, a spec with this finding, and the corrected spec."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ FAMILIES: Mapping[str, str] = {
     "CDR7": "Context quality",
     "CDR79": "Comments that silence findings",
 }
-"""The families of codes by prefix; the longest prefix counts."""
+"""The families of codes by prefix. For each code, the longest prefix counts."""
 
 _INDENT = "  "
 
@@ -80,7 +80,7 @@ def all_pages() -> Iterator[Page]:
 
 
 def code_of(name: str) -> str | None:
-    """Return the code with this name, or the code of the rule with this name, ignoring case."""
+    """Return the code that is spelled like the argument, or the code of the rule with this name. Case is ignored."""
     if name.upper() in all_rules():
         return name.upper()
     return next((code for code, rule in all_rules().items() if rule.name == name.casefold()), None)
@@ -103,19 +103,19 @@ def as_text(page: Page) -> str:
             lines += _head_of_block(line) if not in_block else []
             in_block = not in_block
         else:
-            lines.append(f"{_INDENT}{line}".rstrip() if in_block else _unmarked(line))
+            lines.append(f"{_INDENT}{line}".rstrip() if in_block else _without_marks(line))
     return "\n".join(lines) + "\n"
 
 
 def _head_of_block(fence: str) -> list[str]:
-    """Return the heading of a block that is not the spec itself."""
+    """Return the heading of a block, or nothing for the block with the spec itself."""
     file = re.search(r"file=(\S+)", fence)
     if file is not None:
         return [f"{file[1]}:"]
     return ["pyproject.toml:"] if fence == "```toml" else []
 
 
-def _unmarked(line: str) -> str:
+def _without_marks(line: str) -> str:
     """Return a line of prose: headings without `#`, and backquotes as the quotes of findings."""
     return re.sub("^#+ ", "", line).replace("`", "'")
 
@@ -129,14 +129,15 @@ def as_object(page: Page) -> str:
 def list_as_text(pages: Iterable[Page]) -> str:
     """Return a list of pages for a terminal, with a heading for each family of codes."""
     families = (
-        f"{family}\n" + "".join(f"{_INDENT}{page.code}  {page.name}: {_unmarked(page.summary)}\n" for page in members)
+        f"{family}\n"
+        + "".join(f"{_INDENT}{page.code}  {page.name}: {_without_marks(page.summary)}\n" for page in members)
         for family, members in groupby(pages, lambda page: family_of(page.code))
     )
     return "\n".join(families)
 
 
 def list_as_markdown(pages: Iterable[Page], folder: str = "") -> str:
-    """Return a list of pages as tables of Markdown, one for each family; with a folder, codes are links into it."""
+    """Return a list of pages as Markdown tables, one for each family. With a folder, codes are links to its pages."""
     families = (
         f"## {family}\n\n| code | name | severity | in one sentence |\n| --- | --- | --- | --- |\n"
         + "".join(_row(page, folder) for page in members)

@@ -1,7 +1,6 @@
 """Findings as text for people, one line per finding for editors, and JSON for tools.
 
-Text from a spec is only shown: characters that a terminal would interpret as a command are replaced by a replacement
-character.
+A replacement character replaces each character of a spec's text that a terminal would interpret as a command.
 """
 
 from __future__ import annotations
@@ -16,16 +15,16 @@ from dataclasses import dataclass
 from codra_dsl.language.diagnostics import Diagnostic, Fix, Place, Related, Severity, Span
 
 Sources = Callable[[str], str | None]
-"""Return the text of a file by its path in findings, or None if it is not available."""
+"""Returns the text of a file, or None if the file is not available. The argument is the file's path in findings."""
 
 _TAB = "    "
 _REPLACEMENT = "\N{REPLACEMENT CHARACTER}"
-_CROPPED = "..."
-_WIDEST = 200
+_ELLIPSIS = "..."
+_MAX_WIDTH = 200
 _MARGIN = 60
-_WIDE = ("W", "F")
-_MARKUP = str.maketrans({letter: f"\\{letter}" for letter in "\\`*_{}[]()<>#!|~&$:@^="})
-_HALF_A_PAIR = re.compile("[\ud800-\udfff]")
+_WIDE_CATEGORIES = ("W", "F")
+_MARKUP_ESCAPES = str.maketrans({letter: f"\\{letter}" for letter in "\\`*_{}[]()<>#!|~&$:@^="})
+_LONE_SURROGATE = re.compile("[\ud800-\udfff]")
 _NOT_ASCII = re.compile("[^\x00-\x7f]+")
 
 
@@ -52,27 +51,29 @@ COLOURED = Palette(
 
 
 def render_full(diagnostics: Iterable[Diagnostic], sources: Sources, palette: Palette = PLAIN) -> str:
-    """Return findings with the lines that they are about, a caret below the error, and the help."""
+    """Return each finding with the line that it is about, carets below the error, and the help."""
     lines = _Lines(sources)
-    return "\n".join("\n".join(_full(diagnostic, lines, palette)) + "\n" for diagnostic in diagnostics)
+    return "\n".join("\n".join(_full_lines(diagnostic, lines, palette)) + "\n" for diagnostic in diagnostics)
 
 
 def render_concise(diagnostics: Iterable[Diagnostic], palette: Palette = PLAIN) -> str:
-    """Return findings, one a line: place, severity, code, message, help, and where templates are used."""
-    return "".join(f"{_headline(diagnostic, palette)}{_in_brackets(help(diagnostic))}\n" for diagnostic in diagnostics)
+    """Return one line per finding: place, severity, code, message, help, and places where templates are used."""
+    return "".join(
+        f"{_headline(diagnostic, palette)}{_in_brackets(help_text(diagnostic))}\n" for diagnostic in diagnostics
+    )
 
 
 def render_json(diagnostics: Iterable[Diagnostic]) -> str:
-    """Return findings as JSON, one object a line; lines and columns are 1-based, columns count code points."""
+    """Return findings as JSON, with one object per line. Lines and columns begin at 1; columns count code points."""
     lines = []
-    for diagnostic, number in numbered(diagnostics):
+    for diagnostic, number in number_findings(diagnostics):
         fingerprint = diagnostic.fingerprint if number == 1 else f"{diagnostic.fingerprint}:{number}"
-        lines.append(as_json({**_object(diagnostic), "fingerprint": fingerprint}) + "\n")
+        lines.append(as_json({**_finding_object(diagnostic), "fingerprint": fingerprint}) + "\n")
     return "".join(lines)
 
 
-def numbered(diagnostics: Iterable[Diagnostic]) -> Iterator[tuple[Diagnostic, int]]:
-    """Yield each finding with its number, from 1 on, among those of the run with the same fingerprint."""
+def number_findings(diagnostics: Iterable[Diagnostic]) -> Iterator[tuple[Diagnostic, int]]:
+    """Yield each finding with its number, from 1 on, among the findings with the same fingerprint."""
     seen: Counter[str] = Counter()
     for diagnostic in diagnostics:
         seen[diagnostic.fingerprint] += 1
@@ -80,68 +81,80 @@ def numbered(diagnostics: Iterable[Diagnostic]) -> Iterator[tuple[Diagnostic, in
 
 
 def as_json(value: object, indent: int | None = None) -> str:
-    """Return JSON in ASCII; half a surrogate pair, which a JSON parser may reject, is replaced.
+    """Return a value as JSON in ASCII. Half a surrogate pair, which a JSON parser may reject, is replaced.
 
     The result contains no command of GitHub's runner, which may read it in a log.
     """
-    text = _HALF_A_PAIR.sub(_REPLACEMENT, json.dumps(value, ensure_ascii=False, indent=indent))
+    text = _LONE_SURROGATE.sub(_REPLACEMENT, json.dumps(value, ensure_ascii=False, indent=indent))
     text = text.replace("##[", r"##\u005b")
     return _NOT_ASCII.sub(lambda letters: json.dumps(letters[0])[1:-1], text)  # outside strings JSON is ASCII
 
 
-def help(diagnostic: Diagnostic) -> str:
-    """Return in one line how to fix a finding and, for a finding in a template, the use that causes it."""
+def help_text(diagnostic: Diagnostic) -> str:
+    """Return on one line how to fix a finding and, for a finding in a template, the place of a use that causes it."""
     uses = list(
-        dict.fromkeys(case.place.use for case in (diagnostic, *diagnostic.use_findings) if case.place.use is not None)
+        dict.fromkeys(
+            finding.place.use for finding in (diagnostic, *diagnostic.use_findings) if finding.place.use is not None
+        )
     )
-    used = [f"used at {shown_place(uses[0])}{f' and {len(uses) - 1} more' if uses[1:] else ''}"] if uses else []
-    return "; ".join([*([diagnostic.help] if diagnostic.help else []), *used])
+    use_texts = [f"used at {shown_place(uses[0])}{f' and {len(uses) - 1} more' if uses[1:] else ''}"] if uses else []
+    return "; ".join([*([diagnostic.help] if diagnostic.help else []), *use_texts])
 
 
 def related_places(diagnostic: Diagnostic) -> tuple[Related, ...]:
-    """Return all other places of a finding: those that it names, and the uses of the templates that contain these."""
-    named = [(diagnostic.place, ""), *((related.place, related.message) for related in diagnostic.related)]
+    """Return all places of a finding except its main place.
+
+    These are the places that it names. For the main place and each of these, the use of its template is added, if any.
+    """
+    named_places = [(diagnostic.place, ""), *((related.place, related.message) for related in diagnostic.related)]
     places: list[Related] = []
-    for place, message in named:
+    for place, message in named_places:
         places += [Related(message, Place(place.span))] if message else []
         places += [Related("used here", Place(place.use))] if place.use is not None else []
     return tuple(dict.fromkeys(places))
 
 
-def _full(diagnostic: Diagnostic, lines: _Lines, palette: Palette) -> list[str]:
+def _full_lines(diagnostic: Diagnostic, lines: _Lines, palette: Palette) -> list[str]:
     line = lines.at(diagnostic.place.span)
-    shown = [_headline(diagnostic, palette)]
-    help_ = f"{palette.help}help: {visible(diagnostic.help)}{palette.end}" if diagnostic.help else ""
+    text_lines = [_headline(diagnostic, palette)]
+    help_ = f"{palette.help}help: {visible_text(diagnostic.help)}{palette.end}" if diagnostic.help else ""
     width = len(str(diagnostic.place.span.line))
-    bar = f"{palette.gutter}{'':{width}} |{palette.end}"
+    margin = f"{palette.gutter}{'':{width}} |{palette.end}"
     if line is not None:
-        text, before, marked = _marked(line, diagnostic.place.span)
+        text, columns_before, marked_columns = _mark_line(line, diagnostic.place.span)
         number = f"{palette.gutter}{diagnostic.place.span.line} |{palette.end}"
-        caret = f"{palette.of(diagnostic.severity)}{'^' * marked}{palette.end}"
-        shown += [bar, f"{number} {text}".rstrip(), f"{bar} {' ' * before}{caret} {help_}".rstrip()]
+        caret = f"{palette.of(diagnostic.severity)}{'^' * marked_columns}{palette.end}"
+        text_lines += [margin, f"{number} {text}".rstrip(), f"{margin} {' ' * columns_before}{caret} {help_}".rstrip()]
     elif help_:
-        shown.append(f"{'':{width}} {help_}")
-    notes = ((shown_place(related.place.span), visible(related.message)) for related in related_places(diagnostic))
-    return shown + [f"{'':{width}} {palette.gutter}={palette.end} {place}: {message}" for place, message in notes]
+        text_lines.append(f"{'':{width}} {help_}")
+    related_texts = (
+        (shown_place(related.place.span), visible_text(related.message)) for related in related_places(diagnostic)
+    )
+    return text_lines + [
+        f"{'':{width}} {palette.gutter}={palette.end} {place}: {message}" for place, message in related_texts
+    ]
 
 
 def _headline(diagnostic: Diagnostic, palette: Palette) -> str:
     place = f"{palette.place}{shown_place(diagnostic.place.span)}{palette.end}"
     kind = f"{palette.of(diagnostic.severity)}{diagnostic.severity}[{diagnostic.code}]{palette.end}"
-    return f"{place}: {kind}: {visible(diagnostic.message)}"
+    return f"{place}: {kind}: {visible_text(diagnostic.message)}"
 
 
 def shown_place(span: Span) -> str:
     """Return file, line and column as findings show them."""
-    return f"{visible(span.file)}:{span.line}:{span.column}"
+    return f"{visible_text(span.file)}:{span.line}:{span.column}"
 
 
 def _in_brackets(text: str) -> str:
-    return f" ({visible(text)})" if text else ""
+    return f" ({visible_text(text)})" if text else ""
 
 
-def _object(diagnostic: Diagnostic) -> dict[str, object]:
-    related = [{"message": note.message, **range_of(note.place.span)} for note in related_places(diagnostic)]
+def _finding_object(diagnostic: Diagnostic) -> dict[str, object]:
+    related = [
+        {"message": related_place.message, **range_of(related_place.place.span)}
+        for related_place in related_places(diagnostic)
+    ]
     return {
         "code": diagnostic.code,
         "name": diagnostic.rule.name,
@@ -151,11 +164,11 @@ def _object(diagnostic: Diagnostic) -> dict[str, object]:
         "path": diagnostic.path,
         "help": diagnostic.help,
         "related": related,
-        "fix": _fix(diagnostic.fix),
+        "fix": _fix_object(diagnostic.fix),
     }
 
 
-def _fix(fix: Fix | None) -> dict[str, object] | None:
+def _fix_object(fix: Fix | None) -> dict[str, object] | None:
     if fix is None:
         return None
     edits = [{**range_of(edit.span), "text": edit.text} for edit in fix.edits]
@@ -178,53 +191,53 @@ class _Lines:
 
     def __init__(self, sources: Sources) -> None:
         self._sources = sources
-        self._files: dict[str, list[str]] = {}
+        self._lines_of_files: dict[str, list[str]] = {}
 
     def at(self, span: Span) -> str | None:
         """Return the first line of a span."""
-        if span.file not in self._files:
+        if span.file not in self._lines_of_files:
             text = self._sources(span.file)
-            self._files[span.file] = [] if text is None else text.replace("\r\n", "\n").split("\n")
-        lines = self._files[span.file]
+            self._lines_of_files[span.file] = [] if text is None else text.replace("\r\n", "\n").split("\n")
+        lines = self._lines_of_files[span.file]
         return lines[span.line - 1] if 0 < span.line <= len(lines) else None
 
 
-def _marked(line: str, span: Span) -> tuple[str, int, int]:
-    """Return a line as it is shown, the columns before its marked part, and the columns of that part (1 or more)."""
+def _mark_line(line: str, span: Span) -> tuple[str, int, int]:
+    """Return a line as shown, the number of columns before its marked part, and the number of marked columns (>= 1)."""
     first = min(span.column - 1, len(line))
     last = len(line) if span.end_line > span.line else min(span.end_column - 1, len(line))
-    start = max(0, first - _MARGIN) if len(line) > _WIDEST else 0
-    cropped = _CROPPED if start else ""
-    before, part, after = line[start:first], line[first:last], line[max(first, last) : start + _WIDEST]
-    ended = _CROPPED if len(line) > start + _WIDEST else ""
-    part = part[: _WIDEST - _MARGIN]
-    text = cropped + visible(before) + visible(part) + visible(after) + ended
-    return text, len(cropped) + _columns(before), max(1, _columns(part))
+    start = max(0, first - _MARGIN) if len(line) > _MAX_WIDTH else 0
+    left_mark = _ELLIPSIS if start else ""
+    before, part, after = line[start:first], line[first:last], line[max(first, last) : start + _MAX_WIDTH]
+    right_mark = _ELLIPSIS if len(line) > start + _MAX_WIDTH else ""
+    part = part[: _MAX_WIDTH - _MARGIN]
+    text = left_mark + visible_text(before) + visible_text(part) + visible_text(after) + right_mark
+    return text, len(left_mark) + _column_count(before), max(1, _column_count(part))
 
 
-def visible(text: str) -> str:
-    """Return text in a form for one line: tabs as blanks, without control, format and surrogate characters."""
-    if text.isprintable():  # nearly every text, and a look at each character of a large report takes seconds
+def visible_text(text: str) -> str:
+    """Return text for one line, with blanks for tabs and replacements for control, format and surrogate characters."""
+    if text.isprintable():  # true for nearly every text; to check each character of a large report would take seconds
         return text
     return "".join(_TAB if letter == "\t" else letter if letter.isprintable() else _REPLACEMENT for letter in text)
 
 
 def as_markdown(text: str) -> str:
     """Return text as Markdown that shows it unchanged."""
-    return visible(text).translate(_MARKUP)
+    return visible_text(text).translate(_MARKUP_ESCAPES)
 
 
 def visible_lines(text: str) -> str:
-    """Return text in a form that can be shown, line by line."""
-    return "\n".join(map(visible, text.split("\n")))
+    """Return text of several lines, each as `visible_text` returns it."""
+    return "\n".join(map(visible_text, text.split("\n")))
 
 
-def _columns(text: str) -> int:
+def _column_count(text: str) -> int:
     """Return the number of terminal columns that a text takes."""
-    return sum(_column(letter) for letter in visible(text))
+    return sum(_column_width(letter) for letter in visible_text(text))
 
 
-def _column(letter: str) -> int:
+def _column_width(letter: str) -> int:
     if unicodedata.combining(letter):
         return 0
-    return 2 if unicodedata.east_asian_width(letter) in _WIDE else 1
+    return 2 if unicodedata.east_asian_width(letter) in _WIDE_CATEGORIES else 1

@@ -1,7 +1,8 @@
 """Findings for GitHub Actions: annotations, the log, and the summary of the step.
 
 GitHub shows ten errors and ten warnings of a step and silently drops the rest. Therefore only the most severe findings
-become annotations, one more annotation states the number of the others, and the log and the summary have all.
+become annotations, and one more annotation states the number of the others. The log has all findings, and so has the
+summary, up to its largest size.
 """
 
 from __future__ import annotations
@@ -10,41 +11,50 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 
 from codra_dsl.language.diagnostics import Diagnostic, Severity, Span
-from codra_dsl.tooling.report.findings import as_markdown, help, related_places, render_concise, shown_place, visible
+from codra_dsl.tooling.report.findings import (
+    as_markdown,
+    help_text,
+    related_places,
+    render_concise,
+    shown_place,
+    visible_text,
+)
 
 MAX_ANNOTATIONS = 10
 """The number of annotations of one severity that GitHub shows for a step."""
 MAX_SUMMARY_BYTES = 512 * 1024
-"""The largest part of a step's summary that findings use; GitHub rejects a summary of more than 1 MiB."""
+"""The maximum size of findings in the summary of a step. GitHub rejects a summary of more than 1 MiB."""
 
 _COMMAND = "::"
-_BEGINS_A_COMMAND = re.compile(r"^(?=[^\S\n]*::)", re.MULTILINE)
+_COMMAND_START = re.compile(r"^(?=[^\S\n]*::)", re.MULTILINE)
 _STANDARD_INPUT = "-"
 _DATA = {"%": "%25", "\r": "%0D", "\n": "%0A"}
 _PROPERTY = _DATA | {":": "%3A", ",": "%2C"}
 
 
 def render_github(diagnostics: Iterable[Diagnostic], folder: str = "") -> str:
-    """Return findings as workflow commands, then all of them one a line.
+    """Return findings as workflow commands, then all findings with one line each.
 
     Args:
-        diagnostics: in file order.
+        diagnostics: the findings, in file order.
         folder: the path of the files' root within the repository, with `/`.
     """
     findings = tuple(diagnostics)
-    annotated = [diagnostic for severity in Severity for diagnostic in _of(findings, severity)[:MAX_ANNOTATIONS]]
-    commands = [_annotation(diagnostic, folder) for diagnostic in annotated]
-    if len(annotated) < len(findings):
-        commands.append(_rest(findings, annotated))
+    annotated_findings = [
+        diagnostic for severity in Severity for diagnostic in _with_severity(findings, severity)[:MAX_ANNOTATIONS]
+    ]
+    commands = [_annotation(diagnostic, folder) for diagnostic in annotated_findings]
+    if len(annotated_findings) < len(findings):
+        commands.append(_rest_notice(findings, annotated_findings))
     return "".join(f"{command}\n" for command in commands) + without_commands(render_concise(findings))
 
 
 def without_commands(text: str) -> str:
     """Return text in which the runner recognises no line as a command.
 
-    A line is a command if it begins with `::`, after blanks, or contains `##[`.
+    A line is a command if it begins with `::`, also after blanks, or if it contains `##[`.
     """
-    return _BEGINS_A_COMMAND.sub("./", text.replace("##[", "## ["))
+    return _COMMAND_START.sub("./", text.replace("##[", "## ["))
 
 
 def render_summary(diagnostics: Sequence[Diagnostic], title: str) -> str:
@@ -52,61 +62,66 @@ def render_summary(diagnostics: Sequence[Diagnostic], title: str) -> str:
     if not diagnostics:
         return ""
     lines = [f"\n### {as_markdown(title)}\n\n", "| place | finding | message |\n", "| --- | --- | --- |\n"]
-    size, shown = 0, 0
+    size, row_count = 0, 0
     for diagnostic in diagnostics:
         row = _row(diagnostic)
         size += len(row.encode())
         if size > MAX_SUMMARY_BYTES:
             break
         lines.append(row)
-        shown += 1
-    if shown < len(diagnostics):
-        lines.append(f"\nand {len(diagnostics) - shown} more: see the log\n")
+        row_count += 1
+    if row_count < len(diagnostics):
+        lines.append(f"\nand {len(diagnostics) - row_count} more: see the log\n")
     return "".join(lines)
 
 
 def _annotation(diagnostic: Diagnostic, folder: str) -> str:
     lines = [diagnostic.message, *([f"help: {diagnostic.help}"] if diagnostic.help else [])]
     lines += [f"{shown_place(related.place.span)}: {related.message}" for related in related_places(diagnostic)]
-    properties = _place(diagnostic.place.span, folder) | {"title": f"{diagnostic.code} {diagnostic.rule.name}"}
-    return _command(diagnostic.severity.value, properties, "\n".join(map(visible, lines)))
+    properties = _place_properties(diagnostic.place.span, folder) | {
+        "title": f"{diagnostic.code} {diagnostic.rule.name}"
+    }
+    return _command(diagnostic.severity.value, properties, "\n".join(map(visible_text, lines)))
 
 
-def _place(span: Span, folder: str) -> dict[str, str]:
-    """Return the place of an annotation; GitHub accepts columns only within one line."""
+def _place_properties(span: Span, folder: str) -> dict[str, str]:
+    """Return the place of an annotation. It has columns only if it is within one line, as GitHub requires."""
     if span.file == _STANDARD_INPUT:
         return {}
-    file = visible(f"{folder}/{span.file}" if folder else span.file)
+    file = visible_text(f"{folder}/{span.file}" if folder else span.file)
     place = {"file": file, "line": str(span.line), "endLine": str(span.end_line)}
     if span.line == span.end_line:
         place |= {"col": str(span.column), "endColumn": str(span.end_column)}
     return place
 
 
-def _rest(findings: Sequence[Diagnostic], annotated: Sequence[Diagnostic]) -> str:
-    hidden = [(severity, len(_of(findings, severity)) - len(_of(annotated, severity))) for severity in Severity]
-    counts = " and ".join(
-        f"{number} more {severity.value}{'s' * (number > 1)}" for severity, number in hidden if number
+def _rest_notice(findings: Sequence[Diagnostic], annotated_findings: Sequence[Diagnostic]) -> str:
+    hidden_counts = [
+        (severity, len(_with_severity(findings, severity)) - len(_with_severity(annotated_findings, severity)))
+        for severity in Severity
+    ]
+    counts_text = " and ".join(
+        f"{number} more {severity.value}{'s' * (number > 1)}" for severity, number in hidden_counts if number
     )
-    return _command("notice", {"title": "codra"}, f"{counts}: see the log or the summary of this step")
+    return _command("notice", {"title": "codra"}, f"{counts_text}: see the log or the summary of this step")
 
 
-def _of(diagnostics: Iterable[Diagnostic], severity: Severity) -> list[Diagnostic]:
+def _with_severity(diagnostics: Iterable[Diagnostic], severity: Severity) -> list[Diagnostic]:
     return [diagnostic for diagnostic in diagnostics if diagnostic.severity is severity]
 
 
 def _command(name: str, properties: Mapping[str, str], message: str) -> str:
-    text = ",".join(f"{key}={_escaped(value, _PROPERTY)}" for key, value in properties.items())
-    return f"{_COMMAND}{name} {text}{_COMMAND}{_escaped(message, _DATA)}"
+    text = ",".join(f"{key}={_escape(value, _PROPERTY)}" for key, value in properties.items())
+    return f"{_COMMAND}{name} {text}{_COMMAND}{_escape(message, _DATA)}"
 
 
-def _escaped(text: str, escapes: Mapping[str, str]) -> str:
+def _escape(text: str, escapes: Mapping[str, str]) -> str:
     return text.translate({ord(letter): escape for letter, escape in escapes.items()})
 
 
 def _row(diagnostic: Diagnostic) -> str:
     span = diagnostic.place.span
     place = f"{as_markdown(span.file)}:{span.line}:{span.column}"
-    more = help(diagnostic)
+    more = help_text(diagnostic)
     help_ = f" *({as_markdown(more)})*" if more else ""
     return f"| {place} | {diagnostic.severity.value} {diagnostic.code} | {as_markdown(diagnostic.message)}{help_} |\n"

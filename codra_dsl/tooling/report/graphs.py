@@ -1,8 +1,8 @@
-"""The dependency graph of compiled specs as one value, and as JSON; other modules of this package draw it.
+"""The dependency graph of compiled specs as one value, and as JSON. Other modules of this package draw the graph.
 
 In JSON and for Graphviz an edge reads as a sentence: a skill decides on a variable, an observer runs an algorithm, an
 algorithm requires one variable and identifies another. In pictures, arrows follow the flow of knowledge, from left to
-right: from the variables that perception needs, through those that it identifies, to the decisions.
+right: from the variables that perception needs, through the variables that it identifies, to the decisions.
 """
 
 from __future__ import annotations
@@ -23,12 +23,13 @@ class Element:
     """A node of the graph.
 
     Attributes:
-        label: its name for people.
-        spec: the name of its spec.
-        group: the name of its generated module, from the use of a template or the file that declares it.
-        use: the use of a template that created it, or an empty string.
-        observer: the id of the observer that identifies it, runs it, or is it; may be empty.
-        about: its entry in `graph.json`.
+        label: the name for people.
+        spec: the name of the spec.
+        group: the name of the generated module that has the element. The module is named after the use of a template or
+            the file that declares the element.
+        use: the use of a template that created the element; empty without one.
+        observer: the id of the observer that identifies or runs the element; for an observer, its own id; may be empty.
+        about: the element's entry in `graph.json`.
         description: the description of a variable.
         worst_case_s: the longest time from declared to known, for a variable that observers identify.
     """
@@ -49,13 +50,13 @@ class Element:
 
     @property
     def is_given(self) -> bool:
-        """Return whether it is a variable that no observer identifies."""
+        """Return whether the element is a variable that no observer identifies."""
         return self.kind is NodeKind.CONTEXT and not self.observer
 
 
 @dataclass(frozen=True, slots=True)
 class Link:
-    """An edge of the graph: it reads as a sentence, `source kind target`."""
+    """An edge of the graph. It reads as a sentence: `source kind target`."""
 
     source: str
     target: str
@@ -63,7 +64,7 @@ class Link:
 
     @property
     def flow(self) -> tuple[str, str]:
-        """Return the needed element, then the one that needs it: the direction of an arrow in a picture."""
+        """Return the needed element, then the element that needs it. Arrows in pictures have this direction."""
         return (self.target, self.source) if self.kind in _AGAINST_THE_FLOW else (self.source, self.target)
 
 
@@ -78,7 +79,7 @@ _AGAINST_THE_FLOW = frozenset(
         EdgeKind.WEIGHS,
     }
 )
-"""Edges whose target is the source of the knowledge."""
+"""The kinds of edges that lead to the needed element. In pictures, their arrows have the opposite direction."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,17 +87,17 @@ class Graph:
     """The dependency graph of some specs.
 
     Attributes:
-        specs: their names.
-        absent: names that are declared, but are not elements because no decision needs them.
+        specs: the names of the specs.
+        absent_names: names that are declared, but are not elements because no decision needs them.
     """
 
     specs: tuple[str, ...]
     elements: tuple[Element, ...]
     links: tuple[Link, ...]
-    absent: frozenset[str] = frozenset()
+    absent_names: frozenset[str] = frozenset()
 
     def part(self, ids: Collection[str]) -> Graph:
-        """Return the graph of some of its elements, with all links between them."""
+        """Return the graph of the elements with some ids, with all links between these elements."""
         return replace(
             self,
             elements=tuple(element for element in self.elements if element.id in ids),
@@ -117,7 +118,9 @@ class Graph:
             for element in self.elements
         )
         kinds = tuple(kind.value for kind in NodeKind)
-        return Choices(nodes=tuple(nodes), edges=[link.flow for link in self.links], kinds=kinds, absent=self.absent)
+        return Choices(
+            nodes=tuple(nodes), edges=[link.flow for link in self.links], kinds=kinds, absent_names=self.absent_names
+        )
 
 
 def graph_of(plans: Sequence[BuildPlan]) -> Graph:
@@ -131,7 +134,7 @@ def graph_of(plans: Sequence[BuildPlan]) -> Graph:
         specs=tuple(plan.name for plan in plans),
         elements=elements,
         links=tuple(links),
-        absent=declared - {element.name for element in elements},
+        absent_names=declared - {element.name for element in elements},
     )
 
 
@@ -148,12 +151,12 @@ def _node_object(element: Element) -> dict[str, object]:
 
 
 def _elements(plan: BuildPlan) -> Iterator[Element]:
-    where, bounds = dict(places(plan)), worst_cases(plan.checked)
+    place_of, worst_cases_s = dict(places(plan)), worst_cases(plan.checked)
     groups, uses = _groups(plan)
     observers = _observers(plan)
     for node, about in graph_nodes(plan):
         name = node_id(plan, node)
-        span = where[name].span
+        span = place_of[name].span
         is_variable = node.kind is NodeKind.CONTEXT
         yield Element(
             id=name,
@@ -168,25 +171,25 @@ def _elements(plan: BuildPlan) -> Iterator[Element]:
             file=span.file,
             line=span.line,
             description=plan.checked.variables[node.name].description if is_variable else "",
-            worst_case_s=bounds.get(node.name) if is_variable else None,
+            worst_case_s=worst_cases_s.get(node.name) if is_variable else None,
         )
 
 
 def _groups(plan: BuildPlan) -> tuple[Mapping[Node, str], Mapping[str, str]]:
-    """Return the module of each node, and the use of a template for each module that comes from one."""
+    """Return the module of each node, and the use of a template for each module that was made by one."""
     trees = {tree.name: tree for tree in plan.forest}
     groups: dict[Node, str] = {}
     for module in plan.modules:
-        made = [trees[name] for name in module.trees]
+        module_trees = [trees[name] for name in module.trees]
         nodes = [Node(NodeKind.CONTEXT, name) for name in module.variables]
-        nodes += [Node(NodeKind.OBSERVER, tree.name) for tree in made]
-        nodes += [Node(NodeKind.PERCEPTION, branch.name) for tree in made for branch in tree.branches]
+        nodes += [Node(NodeKind.OBSERVER, tree.name) for tree in module_trees]
+        nodes += [Node(NodeKind.PERCEPTION, branch.name) for tree in module_trees for branch in tree.branches]
         nodes += [Node(NodeKind.SKILL, name) for name in module.skills]
         groups |= dict.fromkeys(nodes, module.name)
-    taken = entry_names(plan.checked.spec)
+    taken_names = entry_names(plan.checked.spec)
     for node, _ in graph_nodes(plan):
-        if node not in groups:  # nodes of knowledge and loops, which have separate modules
-            groups[node] = module_name(_origin(plan, node), taken)
+        if node not in groups:  # a node of knowledge or of loops: these have other modules
+            groups[node] = module_name(_origin(plan, node), taken_names)
     return groups, {module.name: module.use.instance for module in plan.modules if module.use is not None}
 
 
@@ -205,7 +208,10 @@ _SECTIONS = {
 
 
 def _origin(plan: BuildPlan, node: Node) -> str:
-    """Return the place of declaration of an element of knowledge or loops; an undeclared type has that of its nodes."""
+    """Return the origin of an element of knowledge or loops: the name of the use or file that declares it.
+
+    The origin of an undeclared type is that of the first node with this type.
+    """
     spec = plan.checked.spec
     key = (_SECTIONS[node.kind], node.name)
     if key in spec.origins:

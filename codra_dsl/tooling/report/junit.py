@@ -1,8 +1,8 @@
 """Findings as a test report, for the CI systems that read JUnit's XML.
 
-The report is one suite with a test for each file, which fails if the file has a finding that counts as a failure. So a
-file keeps its test from run to run, and a report is never empty. The suite itself is the root element: both the common
-schema (the one of the Apache Ant tasks) and `colcon test-result` expect that.
+The report is one suite with one test for each file. The test fails if the file has a finding that counts as a failure.
+So a file keeps its test from run to run, and a report is never empty. The suite itself is the root element: both the
+common schema (the one of the Apache Ant tasks) and `colcon test-result` expect this.
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ from collections.abc import Callable, Iterable, Sequence
 from xml.etree import ElementTree
 
 from codra_dsl.language.diagnostics import Diagnostic
-from codra_dsl.tooling.report.findings import Sources, render_concise, render_full, visible
+from codra_dsl.tooling.report.findings import Sources, render_concise, render_full, visible_text
 
-_BEGINS_A_COMMAND = re.compile(r"^(\s*):(?=:)", re.MULTILINE)
+_COMMAND_START = re.compile(r"^(\s*):(?=:)", re.MULTILINE)
 _FIXED_INSTANT = "1970-01-01T00:00:00"  # the schema requires one; equal findings give equal bytes
 _FIXED_HOST = "localhost"
 _FIXED_TIME_S = "0"
@@ -31,10 +31,10 @@ def render_junit(
     """Return findings as XML in ASCII.
 
     Args:
-        diagnostics: in file order.
+        diagnostics: the findings, in file order.
         files: the files that were examined, with or without findings.
-        sources: returns the lines that findings are about.
-        is_failure: whether a finding fails the test of its file; the others are in the suite's output.
+        sources: returns the texts of files, for the lines that findings are about.
+        is_failure: returns whether a finding fails the test of its file; other findings are in the suite's output.
         suite: the command that examined the files; the name of the suite and of the class of its tests.
     """
     findings = tuple(diagnostics)
@@ -42,10 +42,10 @@ def render_junit(
     for diagnostic in findings:
         failures.setdefault(diagnostic.place.span.file, []).extend([diagnostic] if is_failure(diagnostic) else [])
     others = [diagnostic for diagnostic in findings if not is_failure(diagnostic)]
-    root = _suite(suite, tests=len(failures), failures=sum(map(bool, failures.values())))
+    root = _suite_element(suite, tests=len(failures), failures=sum(map(bool, failures.values())))
     ElementTree.SubElement(root, "properties")
-    for file, failing in sorted(failures.items()):
-        _add_test(root, suite, file, failing, sources)
+    for file, file_findings in sorted(failures.items()):
+        _add_test(root, suite, file, file_findings, sources)
     ElementTree.SubElement(root, "system-out").text = render_concise(others)
     ElementTree.SubElement(root, "system-err")
     ElementTree.indent(root)
@@ -55,22 +55,22 @@ def render_junit(
 
 def _without_commands(text: str) -> str:
     """Return equivalent XML without commands of GitHub's runner, which may read it in a log."""
-    return _BEGINS_A_COMMAND.sub(r"\1&#58;", text.replace("##[", "##&#91;"))
+    return _COMMAND_START.sub(r"\1&#58;", text.replace("##[", "##&#91;"))
 
 
-def _suite(name: str, *, tests: int, failures: int) -> ElementTree.Element:
+def _suite_element(name: str, *, tests: int, failures: int) -> ElementTree.Element:
     counts = {"tests": str(tests), "failures": str(failures), "errors": "0", "skipped": "0"}
-    ran = {"time": _FIXED_TIME_S, "timestamp": _FIXED_INSTANT, "hostname": _FIXED_HOST}
-    return ElementTree.Element("testsuite", {"name": name} | counts | ran)
+    fixed_attributes = {"time": _FIXED_TIME_S, "timestamp": _FIXED_INSTANT, "hostname": _FIXED_HOST}
+    return ElementTree.Element("testsuite", {"name": name} | counts | fixed_attributes)
 
 
 def _add_test(
-    root: ElementTree.Element, suite: str, file: str, failing: Sequence[Diagnostic], sources: Sources
+    root: ElementTree.Element, suite: str, file: str, file_findings: Sequence[Diagnostic], sources: Sources
 ) -> None:
-    attributes = {"classname": suite, "name": visible(file), "time": _FIXED_TIME_S}
+    attributes = {"classname": suite, "name": visible_text(file), "time": _FIXED_TIME_S}
     test = ElementTree.SubElement(root, "testcase", attributes)
-    if failing:
-        first, others = failing[0], len(failing) - 1
-        more = f" (and {others} more)" if others else ""
-        attributes = {"type": first.code, "message": f"{visible(first.message)}{more}"}
-        ElementTree.SubElement(test, "failure", attributes).text = f"\n{render_full(failing, sources)}"
+    if file_findings:
+        first, others = file_findings[0], len(file_findings) - 1
+        others_text = f" (and {others} more)" if others else ""
+        attributes = {"type": first.code, "message": f"{visible_text(first.message)}{others_text}"}
+        ElementTree.SubElement(test, "failure", attributes).text = f"\n{render_full(file_findings, sources)}"

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from codra_dsl.generation.build_plan import EdgeKind
-from codra_dsl.tooling.report.findings import visible
+from codra_dsl.tooling.report.findings import visible_text
 from codra_dsl.tooling.report.graphs import Element, Graph
 
 
-class Shown(StrEnum):
-    """The kinds that a picture distinguishes: the kinds of node, and variables that no observer identifies."""
+class ShownKind(StrEnum):
+    """The kinds that a picture distinguishes: the kinds of nodes, and in addition variables without an observer."""
 
     CONTEXT = "context"
     GIVEN = "given"
@@ -35,8 +35,8 @@ class NodeLook:
     """The look of a node.
 
     Attributes:
-        shape: the name of its shape in Graphviz.
-        meaning: its meaning, in words.
+        shape: the name of the shape in Graphviz.
+        meaning: the meaning of the node, in words.
     """
 
     shape: str
@@ -60,25 +60,25 @@ class EdgeLook:
     sentence: str
 
 
-NODES: Mapping[Shown, NodeLook] = {
-    Shown.CONTEXT: NodeLook(
+NODES: Mapping[ShownKind, NodeLook] = {
+    ShownKind.CONTEXT: NodeLook(
         shape="box", fill="#d6e6f5", style="filled,rounded", meaning="context-variable that an observer identifies"
     ),
-    Shown.GIVEN: NodeLook(
+    ShownKind.GIVEN: NodeLook(
         shape="box", fill="#ffffff", style="filled,rounded,dashed", meaning="context-variable from another source"
     ),
-    Shown.PERCEPTION: NodeLook(shape="box", fill="#fff3c4", style="filled", meaning="perception algorithm"),
-    Shown.OBSERVER: NodeLook(shape="hexagon", fill="#d8efd3", style="filled", meaning="observer"),
-    Shown.SKILL: NodeLook(shape="cds", fill="#f6d5c0", style="filled", meaning="skill of the main execution"),
-    Shown.AGENT: NodeLook(shape="house", fill="#e5d9f2", style="filled", meaning="agent that writes knowledge"),
-    Shown.TYPE: NodeLook(shape="box", fill="#e4e4e4", style="filled,rounded", meaning="type of nodes"),
-    Shown.EDGE: NodeLook(shape="ellipse", fill="#ffffff", style="filled", meaning="type of edges between nodes"),
-    Shown.TASK: NodeLook(shape="octagon", fill="#fde0e6", style="filled", meaning="task that agents hand over"),
-    Shown.METRIC: NodeLook(shape="box", fill="#cdeceb", style="filled", meaning="metric"),
-    Shown.ACTION: NodeLook(shape="cds", fill="#cdeceb", style="filled", meaning="action with a weight"),
-    Shown.ADAPTATION: NodeLook(shape="diamond", fill="#f6d5c0", style="filled", meaning="adaptation"),
-    Shown.TREE: NodeLook(shape="folder", fill="#d8efd3", style="filled", meaning="behaviour tree"),
-    Shown.LOOP: NodeLook(shape="doublecircle", fill="#ffffff", style="filled", meaning="loop"),
+    ShownKind.PERCEPTION: NodeLook(shape="box", fill="#fff3c4", style="filled", meaning="perception algorithm"),
+    ShownKind.OBSERVER: NodeLook(shape="hexagon", fill="#d8efd3", style="filled", meaning="observer"),
+    ShownKind.SKILL: NodeLook(shape="cds", fill="#f6d5c0", style="filled", meaning="skill of the main execution"),
+    ShownKind.AGENT: NodeLook(shape="house", fill="#e5d9f2", style="filled", meaning="agent that writes knowledge"),
+    ShownKind.TYPE: NodeLook(shape="box", fill="#e4e4e4", style="filled,rounded", meaning="type of nodes"),
+    ShownKind.EDGE: NodeLook(shape="ellipse", fill="#ffffff", style="filled", meaning="type of edges between nodes"),
+    ShownKind.TASK: NodeLook(shape="octagon", fill="#fde0e6", style="filled", meaning="task that agents hand over"),
+    ShownKind.METRIC: NodeLook(shape="box", fill="#cdeceb", style="filled", meaning="metric"),
+    ShownKind.ACTION: NodeLook(shape="cds", fill="#cdeceb", style="filled", meaning="action with a weight"),
+    ShownKind.ADAPTATION: NodeLook(shape="diamond", fill="#f6d5c0", style="filled", meaning="adaptation"),
+    ShownKind.TREE: NodeLook(shape="folder", fill="#d8efd3", style="filled", meaning="behaviour tree"),
+    ShownKind.LOOP: NodeLook(shape="doublecircle", fill="#ffffff", style="filled", meaning="loop"),
 }
 
 EDGES: Mapping[EdgeKind, EdgeLook] = {
@@ -108,32 +108,32 @@ FRAME = "an observer with its algorithms and variables"
 WORST_CASE = "the longest time from declared to known"
 
 
-def shown(element: Element) -> Shown:
-    """Return the kind as which a picture shows an element."""
-    return Shown.GIVEN if element.is_given else Shown(element.kind.value)
+def shown_kind(element: Element) -> ShownKind:
+    """Return the kind of an element in pictures."""
+    return ShownKind.GIVEN if element.is_given else ShownKind(element.kind.value)
 
 
 def label_of(element: Element) -> str:
-    """Return the label of an element on one line, or its name if the label has no visible characters."""
-    return visible(element.label).strip() or element.name
+    """Return the label of an element on one line; if the label has no visible characters, return the name."""
+    return visible_text(element.label).strip() or element.name
 
 
 def latency_of(element: Element) -> str:
     """Return the worst case of a variable as a short text, or an empty text."""
-    return "" if element.worst_case_s is None else f"≤ {_seconds(element.worst_case_s)}"
+    return "" if element.worst_case_s is None else f"≤ {_seconds_text(element.worst_case_s)}"
 
 
-def _seconds(duration_s: float) -> str:
+def _seconds_text(duration_s: float) -> str:
     return f"{round(duration_s, 3):g} s" if duration_s < 1000 else f"{duration_s:.0f} s"
 
 
-def nodes_of(graph: Graph) -> tuple[Shown, ...]:
-    """Return the kinds of node that a graph has, in the order of the legend."""
-    present = {shown(element) for element in graph.elements}
-    return tuple(kind for kind in NODES if kind in present)
+def nodes_of(graph: Graph) -> tuple[ShownKind, ...]:
+    """Return the kinds of nodes that a graph has, in the order of the legend."""
+    present_kinds = {shown_kind(element) for element in graph.elements}
+    return tuple(kind for kind in NODES if kind in present_kinds)
 
 
 def edges_of(graph: Graph) -> tuple[EdgeKind, ...]:
-    """Return the kinds of edge that a graph has, in the order of the legend."""
-    present = {link.kind for link in graph.links}
-    return tuple(kind for kind in EDGES if kind in present)
+    """Return the kinds of edges that a graph has, in the order of the legend."""
+    present_kinds = {link.kind for link in graph.links}
+    return tuple(kind for kind in EDGES if kind in present_kinds)

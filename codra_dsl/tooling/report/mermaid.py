@@ -1,7 +1,7 @@
 """The dependency graph as a Mermaid flowchart, for pages that draw Mermaid.
 
-Renderers of Mermaid refuse long texts and many edges. A larger graph is condensed to a box for each use of a template
-and each file. So all of it is shown, and `--select` shows parts in full.
+Renderers of Mermaid refuse long texts and many edges. A larger graph is condensed to one box for each use of a template
+and for each file. So the entire graph is shown, and `--select` shows parts of it in full.
 """
 
 from __future__ import annotations
@@ -15,36 +15,36 @@ from codra_dsl.tooling.report.looks import (
     EDGES,
     NODES,
     WORST_CASE,
-    Shown,
+    ShownKind,
     edges_of,
     label_of,
     latency_of,
     nodes_of,
-    shown,
+    shown_kind,
 )
 from codra_dsl.tooling.report.overview import Overview, overview
 
 MAX_EDGES = 499
-"""Mermaid refuses more (`maxEdges`)."""
+"""The largest number of edges that Mermaid draws by default (`maxEdges`)."""
 
 MAX_LETTERS = 50_000
-"""Mermaid refuses more (`maxTextSize`)."""
+"""The largest number of letters that Mermaid draws by default (`maxTextSize`)."""
 
-_SHAPES: Mapping[Shown, tuple[str, str]] = {
-    Shown.CONTEXT: ("(", ")"),
-    Shown.GIVEN: ("(", ")"),
-    Shown.PERCEPTION: ("[", "]"),
-    Shown.OBSERVER: ("{{", "}}"),
-    Shown.SKILL: ("([", "])"),
-    Shown.AGENT: ("[/", "\\]"),
-    Shown.TYPE: ("(", ")"),
-    Shown.EDGE: ("((", "))"),
-    Shown.TASK: ("[[", "]]"),
-    Shown.METRIC: ("[", "]"),
-    Shown.ACTION: ("([", "])"),
-    Shown.ADAPTATION: ("{", "}"),
-    Shown.TREE: ("[(", ")]"),
-    Shown.LOOP: ("(((", ")))"),
+_SHAPES: Mapping[ShownKind, tuple[str, str]] = {
+    ShownKind.CONTEXT: ("(", ")"),
+    ShownKind.GIVEN: ("(", ")"),
+    ShownKind.PERCEPTION: ("[", "]"),
+    ShownKind.OBSERVER: ("{{", "}}"),
+    ShownKind.SKILL: ("([", "])"),
+    ShownKind.AGENT: ("[/", "\\]"),
+    ShownKind.TYPE: ("(", ")"),
+    ShownKind.EDGE: ("((", "))"),
+    ShownKind.TASK: ("[[", "]]"),
+    ShownKind.METRIC: ("[", "]"),
+    ShownKind.ACTION: ("([", "])"),
+    ShownKind.ADAPTATION: ("{", "}"),
+    ShownKind.TREE: ("[(", ")]"),
+    ShownKind.LOOP: ("(((", ")))"),
 }
 _ARROWS: Mapping[EdgeKind, str] = {
     EdgeKind.REQUIRES: "-->",
@@ -71,8 +71,8 @@ class Flowchart:
     """A graph as a Mermaid flowchart.
 
     Attributes:
-        is_complete: whether it shows every element of the graph.
-        edges: the number of its edges.
+        is_complete: whether the flowchart shows every element of the graph.
+        edges: the number of edges in the flowchart.
     """
 
     text: str
@@ -81,25 +81,25 @@ class Flowchart:
 
     @property
     def fits(self) -> bool:
-        """Return whether Mermaid draws it with its default limits."""
+        """Return whether Mermaid draws the flowchart with its default limits."""
         return self.edges <= MAX_EDGES and len(self.text) <= MAX_LETTERS
 
 
 def flowchart(graph: Graph) -> Flowchart:
-    """Return the graph as a flowchart: complete if Mermaid draws that, else condensed."""
-    complete = Flowchart(text=_chart(graph), is_complete=True, edges=len(graph.links) + len(edges_of(graph)))
-    if complete.fits:
-        return complete
+    """Return the graph as a flowchart: complete if Mermaid draws the complete graph, otherwise condensed."""
+    complete_chart = Flowchart(text=_chart(graph), is_complete=True, edges=len(graph.links) + len(edges_of(graph)))
+    if complete_chart.fits:
+        return complete_chart
     boxes = overview(graph)
-    return Flowchart(text=_condensed(boxes), is_complete=False, edges=len(boxes.arrows))
+    return Flowchart(text=_overview_chart(boxes), is_complete=False, edges=len(boxes.arrows))
 
 
 def _chart(graph: Graph) -> str:
     numbers = {element.id: number for number, element in enumerate(graph.elements)}
     lines = ["flowchart LR"]
     for spec in graph.specs:
-        inside = [*_groups([element for element in graph.elements if element.spec == spec], numbers)]
-        lines += _subgraph(f"spec_{spec}", spec, inside) if len(graph.specs) > 1 else inside
+        inner_lines = [*_element_lines([element for element in graph.elements if element.spec == spec], numbers)]
+        lines += _subgraph(f"spec_{spec}", spec, inner_lines) if len(graph.specs) > 1 else inner_lines
     for link in graph.links:
         need, user = link.flow
         lines.append(f"n{numbers[need]} {_ARROWS[link.kind]} n{numbers[user]}")
@@ -110,8 +110,8 @@ def _chart(graph: Graph) -> str:
     return "\n  ".join(lines) + "\n"
 
 
-def _groups(elements: Iterable[Element], numbers: Mapping[str, int]) -> Iterator[str]:
-    """Yield all elements, those of a use of a template in a subgraph."""
+def _element_lines(elements: Iterable[Element], numbers: Mapping[str, int]) -> Iterator[str]:
+    """Yield all elements. The elements of a use of a template are in a subgraph."""
     groups: dict[str, list[str]] = {}
     for element in elements:
         groups.setdefault(element.use, []).append(_node(element, numbers[element.id]))
@@ -121,17 +121,17 @@ def _groups(elements: Iterable[Element], numbers: Mapping[str, int]) -> Iterator
 
 
 def _subgraph(name: str, label: str, lines: Iterable[str]) -> list[str]:
-    return [f'subgraph {name}["{_text(label)}"]', *(f"  {line}" for line in lines), "end"]
+    return [f'subgraph {name}["{_escape_label(label)}"]', *(f"  {line}" for line in lines), "end"]
 
 
 def _node(element: Element, number: int) -> str:
-    opening, closing = _SHAPES[shown(element)]
-    label = "<br/>".join(filter(None, [_text(label_of(element)), latency_of(element)]))
-    return f'n{number}{opening}"{label}"{closing}:::{shown(element)}'
+    opening, closing = _SHAPES[shown_kind(element)]
+    label = "<br/>".join(filter(None, [_escape_label(label_of(element)), latency_of(element)]))
+    return f'n{number}{opening}"{label}"{closing}:::{shown_kind(element)}'
 
 
-def _text(label: str) -> str:
-    """Return text that Mermaid shows unchanged: all characters except letters and digits as codes."""
+def _escape_label(label: str) -> str:
+    """Return text that Mermaid shows unchanged: codes replace all characters but letters, digits, `_` and blanks."""
     return "".join(letter if letter.isalnum() or letter in "_ " else f"#{ord(letter)};" for letter in label)
 
 
@@ -139,15 +139,15 @@ def _legend(graph: Graph) -> list[str]:
     """Return the legend: for each kind of arrow, an arrow from A to B with its meaning."""
     lines = []
     for number, kind in enumerate(edges_of(graph)):
-        sentence = _text(EDGES[kind].sentence)
+        sentence = _escape_label(EDGES[kind].sentence)
         lines.append(f'a{number}(("A")) {_ARROWS[kind]}|"{sentence}"| b{number}(("B"))')
-    lines += (f'k_{kind}["{_text(NODES[kind].meaning)}"]:::{kind}' for kind in nodes_of(graph))
+    lines += (f'k_{kind}["{_escape_label(NODES[kind].meaning)}"]:::{kind}' for kind in nodes_of(graph))
     if any(latency_of(element) for element in graph.elements):
-        lines.append(f'worst_case["≤ 1 s{_text(": " + WORST_CASE)}"]:::plain')
+        lines.append(f'worst_case["≤ 1 s{_escape_label(": " + WORST_CASE)}"]:::plain')
     return _subgraph("legend", "how to read it", lines)
 
 
-def _style(kind: Shown) -> str:
+def _style(kind: ShownKind) -> str:
     dashes = ",stroke-dasharray:4 2" if "dashed" in NODES[kind].style else ""
     return f"classDef {kind} fill:{NODES[kind].fill},stroke:#333333,color:#000000{dashes}"
 
@@ -157,19 +157,19 @@ def _link_style(kind: EdgeKind, kinds: Sequence[EdgeKind]) -> str:
     return f"linkStyle {numbers} stroke:{EDGES[kind].colour}"
 
 
-def _condensed(condensed: Overview) -> str:
-    """Return a flowchart with a box for each use and file."""
+def _overview_chart(overview_graph: Overview) -> str:
+    """Return a flowchart of boxes."""
     lines = [
         "flowchart LR",
-        "%% Too large for Mermaid: each box has all nodes that a use of a template, a file or an observer declares,",
-        "%% and each arrow leads to an element from one that it needs. `codra graph --select` shows a part in full.",
+        "%% Too large for Mermaid: each box has all nodes of a use of a template, of a file or of an observer.",
+        "%% Each arrow leads from a box to a box that needs it. `codra graph --select` shows a part in full.",
     ]
-    for spec in condensed.specs:
-        inside = [
-            f'b{number}["{_text(box.label)}<br/>{box.count} node{"" if box.count == 1 else "s"}"]'
-            for number, box in enumerate(condensed.boxes)
+    for spec in overview_graph.specs:
+        inner_lines = [
+            f'b{number}["{_escape_label(box.label)}<br/>{box.count} node{"" if box.count == 1 else "s"}"]'
+            for number, box in enumerate(overview_graph.boxes)
             if box.spec == spec
         ]
-        lines += _subgraph(f"spec_{spec}", spec, inside) if len(condensed.specs) > 1 else inside
-    lines += (f"b{need} --> b{user}" for need, user in condensed.arrows)
+        lines += _subgraph(f"spec_{spec}", spec, inner_lines) if len(overview_graph.specs) > 1 else inner_lines
+    lines += (f"b{need} --> b{user}" for need, user in overview_graph.arrows)
     return "\n  ".join(lines) + "\n"

@@ -1,4 +1,4 @@
-"""A condensed graph, for graphs that are too large for a picture: a box for each use of a template and each file."""
+"""A condensed form of graphs that are too large for a picture: one box for each use of a template and for each file."""
 
 from __future__ import annotations
 
@@ -28,7 +28,8 @@ class Overview:
     """A graph of boxes.
 
     Attributes:
-        arrows: the number of links between two boxes, by the numbers of the needed box and of the one that needs it.
+        arrows: the number of links between two boxes. The key has the number of the needed box, then the number of the
+            box that needs it.
     """
 
     specs: tuple[str, ...]
@@ -37,24 +38,27 @@ class Overview:
 
 
 def overview(graph: Graph) -> Overview:
-    """Return a graph condensed by uses and files; within one file, by observers."""
-    if len({_module(element) for element in graph.elements}) > 1:
-        return _condensed(graph, _module)
-    return _condensed(graph, _observer)
+    """Return a graph condensed to a box for each use of a template and for each file.
+
+    If this gives only one box, each observer has a box instead, and so has each element without an observer.
+    """
+    if len({_module_key(element) for element in graph.elements}) > 1:
+        return _condense(graph, _module_key)
+    return _condense(graph, _observer_key)
 
 
 _Key = tuple[str, str]
 
 
-def _module(element: Element) -> _Key:
+def _module_key(element: Element) -> _Key:
     return element.spec, element.group
 
 
-def _observer(element: Element) -> _Key:
+def _observer_key(element: Element) -> _Key:
     return element.spec, (element.observer or element.id).rpartition("/")[2]
 
 
-def _condensed(graph: Graph, key_of: Callable[[Element], _Key]) -> Overview:
+def _condense(graph: Graph, key_of: Callable[[Element], _Key]) -> Overview:
     counts = Counter(map(key_of, graph.elements))
     numbers = {key: number for number, key in enumerate(counts)}
     box_of = {element.id: numbers[key_of(element)] for element in graph.elements}

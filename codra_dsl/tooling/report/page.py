@@ -1,7 +1,7 @@
-"""The dependency graph as one page: a single file for any browser that needs no network.
+"""The dependency graph as a page for a browser: a single file that needs no network.
 
-The template escapes all text. Text from a spec is data in the page and is never run. The page's security policy allows
-only its own script, by its digest.
+The template escapes all text. Text from a spec is data in the page and is never run. The security policy of the page
+contains the digest of the page's own script, and allows only this script to run.
 """
 
 from __future__ import annotations
@@ -14,10 +14,19 @@ from importlib.resources import files
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from codra_dsl.tooling.report.dot import MAX_QUICK, DrawingError, drawing
-from codra_dsl.tooling.report.findings import visible
+from codra_dsl.tooling.report.dot import MAX_QUICK_NODES, DrawingError, drawing
+from codra_dsl.tooling.report.findings import visible_text
 from codra_dsl.tooling.report.graphs import Element, Graph
-from codra_dsl.tooling.report.looks import EDGES, NODES, WORST_CASE, edges_of, label_of, latency_of, nodes_of, shown
+from codra_dsl.tooling.report.looks import (
+    EDGES,
+    NODES,
+    WORST_CASE,
+    edges_of,
+    label_of,
+    latency_of,
+    nodes_of,
+    shown_kind,
+)
 
 
 def render_html(graph: Graph) -> str:
@@ -52,8 +61,11 @@ def _environment() -> Environment:
 
 
 def _drawing(graph: Graph) -> str:
-    """Return Graphviz's drawing, or nothing if Graphviz is slow or missing: then the page lays out the graph itself."""
-    if len(graph.elements) > MAX_QUICK:
+    """Return Graphviz's drawing; empty if the graph is too large for Graphviz, or if Graphviz is missing.
+
+    Without a drawing, the page lays out the graph itself.
+    """
+    if len(graph.elements) > MAX_QUICK_NODES:
         return ""
     try:
         return drawing(graph)
@@ -86,23 +98,23 @@ _FACTS = {
 }
 
 
-def _fact(value: object) -> object:
+def _fact_text(value: object) -> object:
     return ", ".join(map(str, value)) if isinstance(value, list) else value
 
 
 def _node(element: Element) -> Mapping[str, object]:
-    facts = {_FACTS[name]: _fact(value) for name, value in element.about.items() if name in _FACTS and value != []}
+    facts = {_FACTS[name]: _fact_text(value) for name, value in element.about.items() if name in _FACTS and value != []}
     if "Looks every" in facts:
         facts["Looks every"] = f"{facts['Looks every']:g} s"
     return {
         "id": element.id,
-        "kind": shown(element).value,
+        "kind": shown_kind(element).value,
         "name": element.name,
         "label": label_of(element),
         "spec": element.spec,
         "group": element.group,
         "place": f"{element.file}:{element.line}",
-        "description": visible(element.description),
+        "description": visible_text(element.description),
         "worst_case_s": element.worst_case_s,
         "latency": latency_of(element),
         "facts": facts,

@@ -1,6 +1,6 @@
 """Findings in the Static Analysis Results Interchange Format (SARIF 2.1.0, an OASIS standard), for code scanning.
 
-Where the standard leaves a choice, the output follows what GitHub's code scanning accepts, and its limits.
+Where the standard leaves a choice, the output has the form that GitHub's code scanning accepts, within its limits.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from urllib.parse import quote
 from codra_dsl import __version__
 from codra_dsl.language.diagnostics import Diagnostic, Edit, Fix, Place, Related, Rule, Severity, Span
 from codra_dsl.tooling.report.explain import Page, as_text, family_of, page_of
-from codra_dsl.tooling.report.findings import as_json, numbered, related_places, visible
+from codra_dsl.tooling.report.findings import as_json, number_findings, related_places, visible_text
 
 _SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json"
 _ROOT = "%SRCROOT%"
@@ -21,16 +21,16 @@ _CYCLES = "CDR51"
 _FINGERPRINT = "codraFinding/v1"
 
 MAX_RESULTS = 25_000
-"""The maximum number of results in a run; GitHub rejects a run with more."""
+"""The maximum number of results in a run. GitHub rejects a run with more results."""
 MAX_RELATED = 100
-"""The number of related locations of a result that GitHub keeps; it rejects a result with more than 1,000."""
+"""The number of related locations of a result that GitHub keeps. It rejects a result with more than 1,000."""
 MAX_STEPS = 1_000
-"""The number of locations of a code flow that GitHub keeps; it rejects a result with more than 10,000."""
+"""The number of locations of a code flow that GitHub keeps. It rejects a result with more than 10,000."""
 _MAX_LINKS = 5
 _MAX_DESCRIPTION = 1024
 
-_NO_FILE_BYTE = re.compile("[\ud800-\udc7f\udd00-\udfff]")
-_NO_WORD = re.compile(r"\W+")
+_INVALID_SURROGATE = re.compile("[\ud800-\udc7f\udd00-\udfff]")
+_NON_WORD = re.compile(r"\W+")
 _LINK_LETTERS = re.compile(r"([\\\[\]])")
 
 _Object = dict[str, object]
@@ -40,21 +40,24 @@ def render_sarif(diagnostics: Iterable[Diagnostic], folder: str = "") -> str:
     """Return findings as one run of SARIF.
 
     Args:
-        diagnostics: in file order, which distinguishes findings with equal fingerprints.
+        diagnostics: the findings, in file order. The order distinguishes findings with equal fingerprints.
         folder: the path of the files' root within the repository, with `/`.
     """
     findings = tuple(diagnostics)
-    kept = _most_severe(findings)
-    rules = {diagnostic.code: diagnostic.rule for diagnostic in sorted(kept, key=lambda diagnostic: diagnostic.code)}
+    kept_findings = _most_severe(findings)
+    rules = {
+        diagnostic.code: diagnostic.rule for diagnostic in sorted(kept_findings, key=lambda diagnostic: diagnostic.code)
+    }
     numbers = {code: number for number, code in enumerate(rules)}
     places = _Places(folder)
     results = [
-        _result(diagnostic, numbers[diagnostic.code], occurrence, places) for diagnostic, occurrence in numbered(kept)
+        _result(diagnostic, numbers[diagnostic.code], occurrence, places)
+        for diagnostic, occurrence in number_findings(kept_findings)
     ]
     driver = {"name": "codra", "version": __version__, "rules": [_rule(rule) for rule in rules.values()]}
     run = {
         "tool": {"driver": driver},
-        "invocations": [_invocation(len(findings) - len(kept))],
+        "invocations": [_invocation(len(findings) - len(kept_findings))],
         "originalUriBaseIds": {_ROOT: {"description": {"text": "The folder to which all paths are relative."}}},
         "columnKind": "unicodeCodePoints",
         "results": results,
@@ -63,17 +66,17 @@ def render_sarif(diagnostics: Iterable[Diagnostic], folder: str = "") -> str:
 
 
 def _most_severe(diagnostics: tuple[Diagnostic, ...]) -> tuple[Diagnostic, ...]:
-    """Return as many findings as GitHub accepts, errors before warnings."""
+    """Return all findings, or, if GitHub does not accept so many, as many as possible, errors before warnings."""
     if len(diagnostics) <= MAX_RESULTS:
         return diagnostics
     return tuple(sorted(diagnostics, key=lambda diagnostic: diagnostic.severity is not Severity.ERROR)[:MAX_RESULTS])
 
 
-def _invocation(left_out: int) -> _Object:
-    if not left_out:
+def _invocation(omitted_count: int) -> _Object:
+    if not omitted_count:
         return {"executionSuccessful": True}
-    text = f"{left_out} findings are left out, because code scanning accepts at most {MAX_RESULTS}."
-    notification = {"level": "warning", "message": {"text": text}}
+    message_text = f"{omitted_count} findings are left out, because code scanning accepts at most {MAX_RESULTS}."
+    notification = {"level": "warning", "message": {"text": message_text}}
     return {"executionSuccessful": True, "toolExecutionNotifications": [notification]}
 
 
@@ -83,16 +86,16 @@ def _invocation(left_out: int) -> _Object:
 def _rule(rule: Rule) -> _Object:
     page = _page(rule.code)
     summary = rule.name.replace("-", " ").capitalize() if page is None else page.summary.replace("`", "")
-    described = {"text": _sentence(summary)[:_MAX_DESCRIPTION]}
-    optional: _Object = {} if page is None else {"properties": {"tags": [_tag(rule.code)]}}
+    description = {"text": _sentence(summary)[:_MAX_DESCRIPTION]}
+    optional_properties: _Object = {} if page is None else {"properties": {"tags": [_tag(rule.code)]}}
     return {
         "id": rule.code,
         "name": rule.name,
-        "shortDescription": described,
-        "fullDescription": described,
+        "shortDescription": description,
+        "fullDescription": description,
         "defaultConfiguration": {"level": rule.severity.value},
-        "help": described if page is None else {"text": as_text(page), "markdown": page.markdown},
-        **optional,
+        "help": description if page is None else {"text": as_text(page), "markdown": page.markdown},
+        **optional_properties,
     }
 
 
@@ -105,7 +108,7 @@ def _page(code: str) -> Page | None:
 
 
 def _tag(code: str) -> str:
-    return _NO_WORD.sub("-", family_of(code).lower())
+    return _NON_WORD.sub("-", family_of(code).lower())
 
 
 # ---------------------------------------------------------------------------------------------------- results
@@ -114,11 +117,13 @@ def _tag(code: str) -> str:
 def _result(diagnostic: Diagnostic, rule_index: int, occurrence: int, places: _Places) -> _Object:
     related = related_places(diagnostic)[:MAX_RELATED]
     flows = _flows(diagnostic, places)
-    location: _Object = {"physicalLocation": places.at(diagnostic.place.span)}
+    location: _Object = {"physicalLocation": places.physical_location(diagnostic.place.span)}
     if diagnostic.path:
-        location["logicalLocations"] = [{"fullyQualifiedName": visible(diagnostic.path)}]
-    optional = {
-        "relatedLocations": [places.noted(note, number) for number, note in enumerate(related, start=1)],
+        location["logicalLocations"] = [{"fullyQualifiedName": visible_text(diagnostic.path)}]
+    optional_properties = {
+        "relatedLocations": [
+            places.location_with_message(related_place, number) for number, related_place in enumerate(related, start=1)
+        ],
         "codeFlows": flows,
         "fixes": [_fix(diagnostic.fix, places)] if diagnostic.fix is not None else [],
     }
@@ -128,46 +133,50 @@ def _result(diagnostic: Diagnostic, rule_index: int, occurrence: int, places: _P
         "level": diagnostic.severity.value,
         "message": {"text": _message(diagnostic, () if flows else related[:_MAX_LINKS])},
         "locations": [location],
-        **{key: value for key, value in optional.items() if value},
+        **{key: value for key, value in optional_properties.items() if value},
         "partialFingerprints": {_FINGERPRINT: f"{diagnostic.fingerprint}:{occurrence}"},
     }
 
 
-def _message(diagnostic: Diagnostic, linked: Sequence[Related]) -> str:
+def _message(diagnostic: Diagnostic, linked_places: Sequence[Related]) -> str:
     """Return the problem, the help, and links to other places, which GitHub shows."""
     sentences = [_sentence(diagnostic.message)]
     sentences += [_sentence(f"Help: {diagnostic.help}")] if diagnostic.help else []
-    if linked:
-        links = (f"[{_linked(related.message)}]({number})" for number, related in enumerate(linked, start=1))
+    if linked_places:
+        links = (f"[{_link_text(related.message)}]({number})" for number, related in enumerate(linked_places, start=1))
         sentences.append(f"See: {', '.join(links)}.")
     return " ".join(sentences)
 
 
 def _sentence(text: str) -> str:
-    """Return text without links that ends as a sentence: where space is short, only one sentence is shown."""
-    shown = visible(text).replace("](", "] (")
-    return shown if shown.endswith((".", "!", "?")) else f"{shown}."
+    """Return text as a sentence without links. Where space is short, only the first sentence of a text is shown."""
+    visible_line = visible_text(text).replace("](", "] (")
+    return visible_line if visible_line.endswith((".", "!", "?")) else f"{visible_line}."
 
 
-def _linked(text: str) -> str:
-    return _LINK_LETTERS.sub(r"\\\1", visible(text))
+def _link_text(text: str) -> str:
+    return _LINK_LETTERS.sub(r"\\\1", visible_text(text))
 
 
 def _flows(diagnostic: Diagnostic, places: _Places) -> list[_Object]:
     """Return the path around a cycle, edge by edge."""
     if not diagnostic.code.startswith(_CYCLES):
         return []
-    here = diagnostic.place
-    edges = [related for related in diagnostic.related if related.place == here or related.place.span != here.span]
-    steps = [{"location": places.noted(edge)} for edge in edges[:MAX_STEPS]]
+    main_place = diagnostic.place
+    edges = [
+        related
+        for related in diagnostic.related
+        if related.place == main_place or related.place.span != main_place.span
+    ]
+    steps = [{"location": places.location_with_message(edge)} for edge in edges[:MAX_STEPS]]
     return [{"threadFlows": [{"locations": steps}]}] if steps else []
 
 
 def _fix(fix: Fix, places: _Places) -> _Object:
-    by_file = groupby(sorted(fix.edits, key=lambda edit: edit.span), key=lambda edit: edit.span.file)
+    edits_by_file = groupby(sorted(fix.edits, key=lambda edit: edit.span), key=lambda edit: edit.span.file)
     changes = [
-        {"artifactLocation": places.artifact(file), "replacements": [_replacement(edit) for edit in edits]}
-        for file, edits in by_file
+        {"artifactLocation": places.artifact_location(file), "replacements": [_replacement(edit) for edit in edits]}
+        for file, edits in edits_by_file
     ]
     return {"description": {"text": _sentence(fix.message)}, "artifactChanges": changes}
 
@@ -183,24 +192,27 @@ class _Places:
         self._prefix = f"{folder}/" if folder else ""
         self._artifacts: dict[str, Mapping[str, str]] = {}
 
-    def at(self, span: Span) -> _Object:
-        return {"artifactLocation": self.artifact(span.file), "region": _region(span)}
+    def physical_location(self, span: Span) -> _Object:
+        return {"artifactLocation": self.artifact_location(span.file), "region": _region(span)}
 
-    def noted(self, related: Related, number: int | None = None) -> _Object:
+    def location_with_message(self, related: Related, number: int | None = None) -> _Object:
         """Return a location with a message about it, and a number for links to it."""
         identity: _Object = {} if number is None else {"id": number}
         place: Place = related.place
-        return identity | {"physicalLocation": self.at(place.span), "message": {"text": _sentence(related.message)}}
+        return identity | {
+            "physicalLocation": self.physical_location(place.span),
+            "message": {"text": _sentence(related.message)},
+        }
 
-    def artifact(self, file: str) -> Mapping[str, str]:
+    def artifact_location(self, file: str) -> Mapping[str, str]:
         if file not in self._artifacts:
             self._artifacts[file] = {"uri": _uri(self._prefix + file), "uriBaseId": _ROOT}
         return self._artifacts[file]
 
 
 def _uri(path: str) -> str:
-    """Return a relative reference; bytes of a file name that are not valid text are kept."""
-    return quote(_NO_FILE_BYTE.sub("\N{REPLACEMENT CHARACTER}", path), safe="/", errors="surrogateescape")
+    """Return a path as a relative reference. Bytes of a file name that are not valid text are kept."""
+    return quote(_INVALID_SURROGATE.sub("\N{REPLACEMENT CHARACTER}", path), safe="/", errors="surrogateescape")
 
 
 def _region(span: Span) -> _Object:

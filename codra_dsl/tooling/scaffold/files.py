@@ -1,4 +1,4 @@
-"""The files of a new project: contents and paths. Existing files are not changed; all files are written, or none."""
+"""The files of a new project: contents and paths. Existing files are not changed. All files are written, or none."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _PACKAGE = "codra-dsl"
 
 
 def starter_texts(name: str, requirement: str) -> dict[str, str]:
-    """Return the files of a new project by path, with `/`, in alphabetical order.
+    """Return the texts of a new project's files. The keys are their paths, with `/`, in alphabetical order.
 
     Args:
         name: the name of the spec, an identifier.
@@ -43,27 +43,33 @@ def installed_requirement() -> str:
 
 
 def requirement_from(origin: str | None) -> str:
-    """Return the requirement for the origin of a package that pip recorded in `direct_url.json`, if it did.
+    """Return the requirement that installs codra from the same origin.
 
-    A local folder or file is of no use on other machines; the requirement is then the version.
+    The origin of a local folder or file is of no use on other machines. Then the requirement is the version.
+
+    Args:
+        origin: the text of `direct_url.json`, in which pip records the origin of some packages; None without this file.
     """
-    recorded = json.loads(origin) if origin else {}
-    url = recorded.get("url", "")
+    record = json.loads(origin) if origin else {}
+    url = record.get("url", "")
     if not url.startswith(("https://", "ssh://")):
         return f"{_PACKAGE}=={__version__}"
-    vcs = recorded.get("vcs_info")
+    vcs = record.get("vcs_info")
     address = f"{vcs['vcs']}+{url}@{vcs['commit_id']}" if vcs else url
-    below = f"#subdirectory={recorded['subdirectory']}" if recorded.get("subdirectory") else ""
+    below = f"#subdirectory={record['subdirectory']}" if record.get("subdirectory") else ""
     return f"{_PACKAGE} @ {address}{below}"
 
 
 def conflicts(paths: Iterable[str], folder: Path) -> tuple[str, ...]:
-    """Return the paths in a folder that prevent new files, sorted: files, and links or files in place of folders."""
-    return tuple(sorted({taken for path in paths for taken in _taken(path, folder)}))
+    """Return the existing paths in a folder that prevent new files, sorted.
+
+    These are paths of new files that exist already, and links or files at the paths of their folders.
+    """
+    return tuple(sorted({conflicting_path for path in paths for conflicting_path in _conflicting_paths(path, folder)}))
 
 
 def write_new(texts: Mapping[str, str], folder: Path) -> None:
-    """Write new files; if one cannot be written, remove those that were written before it.
+    """Write new files. If one of them cannot be written, remove all files and folders that were created before.
 
     Raises:
         OSError: if a file exists already or cannot be written.
@@ -76,15 +82,19 @@ def write_new(texts: Mapping[str, str], folder: Path) -> None:
                 created.append(folder / path)
                 file.write(text)
     except BaseException:
-        for written in reversed(created):
-            written.rmdir() if written.is_dir() else written.unlink()
+        for created_path in reversed(created):
+            created_path.rmdir() if created_path.is_dir() else created_path.unlink()
         raise
 
 
-def _taken(path: str, folder: Path) -> Iterator[str]:
+def _conflicting_paths(path: str, folder: Path) -> Iterator[str]:
     for parent in reversed(PurePosixPath(path).parents):
-        existing = folder / parent
-        if parent.name and os.path.lexists(existing) and (existing.is_symlink() or not existing.is_dir()):
+        existing_path = folder / parent
+        if (
+            parent.name
+            and os.path.lexists(existing_path)
+            and (existing_path.is_symlink() or not existing_path.is_dir())
+        ):
             yield parent.as_posix()
             return
     if os.path.lexists(folder / path):

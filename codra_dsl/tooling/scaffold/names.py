@@ -1,4 +1,4 @@
-"""The name of a new project, which its spec, its generated package and the modules beside it share."""
+"""The name of a new project. The spec, the generated package and the project's own modules get this name."""
 
 from __future__ import annotations
 
@@ -9,23 +9,23 @@ from codra_dsl.language.expression import FUNCTIONS
 from codra_dsl.language.expression.tokens import shown
 from codra_dsl.language.load.yaml.names import MAX_NAME, is_identifier
 
-_OUTSIDE = re.compile(r"[^A-Za-z0-9]+")
+_OTHER_CHARACTERS = re.compile(r"[^A-Za-z0-9]+")
 
 
 class ImproperNameError(ValueError):
-    """A name that no spec may have; the message states the reason and how to fix it."""
+    """Raised for a name that no spec may have. The message states the reason and how to fix it."""
 
 
 def require_name(name: str) -> str:
-    """Return a name unchanged, if a spec may have it.
+    """Return a name unchanged if a spec may have this name.
 
     Raises:
-        ImproperNameError: if no spec may have it.
+        ImproperNameError: if no spec may have this name.
     """
     if not is_identifier(name):
-        better = _near(name)
-        help = f"write {better}" if better else f"for example {_EXAMPLE}"
-        raise ImproperNameError(f"{shown(name)} {_reason(name)}: {help}")
+        similar_name = _similar_name(name)
+        hint = f"write {similar_name}" if similar_name else f"for example {_EXAMPLE}"
+        raise ImproperNameError(f"{shown(name)} {_reason(name)}: {hint}")
     return name
 
 
@@ -35,7 +35,7 @@ def name_from_folder(folder: str) -> str:
     Raises:
         ImproperNameError: if the folder's name gives no valid name.
     """
-    name = _near(folder)
+    name = _similar_name(folder)
     if name is None:
         raise ImproperNameError(f"the folder's name {shown(folder)} gives no name: add --name, for example {_EXAMPLE}")
     return name
@@ -44,10 +44,17 @@ def name_from_folder(folder: str) -> str:
 _EXAMPLE = "--name gripper"
 
 
-def _near(name: str) -> str | None:
-    """Return a name that a spec may have and that is similar to this one, or None."""
-    near = _OUTSIDE.sub("_", name).strip("_") if name.isascii() else ""
-    return next((candidate for candidate in (near, f"{near}_robot") if near and is_identifier(candidate)), None)
+def _similar_name(name: str) -> str | None:
+    """Return a similar name that a spec may have, or None."""
+    similar_name = _OTHER_CHARACTERS.sub("_", name).strip("_") if name.isascii() else ""
+    return next(
+        (
+            candidate
+            for candidate in (similar_name, f"{similar_name}_robot")
+            if similar_name and is_identifier(candidate)
+        ),
+        None,
+    )
 
 
 def _reason(name: str) -> str:
@@ -60,5 +67,5 @@ def _reason(name: str) -> str:
     return (
         "is a literal"
         if name in ("true", "false", "null")
-        else ("is not a name: names have only letters A to Z, digits and '_', and begin with a letter")
+        else ("is not a name: a name has only letters A to Z, digits and '_', and begins with a letter")
     )

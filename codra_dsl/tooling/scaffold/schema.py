@@ -1,7 +1,7 @@
-"""The copy of the schema that a project's editors read.
+"""The copy of the schema in a project, which editors read.
 
-It is checked in, so that an editor needs no installation of codra. Like any output, `codra compile` renews it if it is
-there, and `codra compile --check` reports a stale copy.
+The copy is checked in, so an editor needs no installation of codra. If a project has a copy, `codra compile` renews it
+like any other output, and `codra compile --check` reports a stale copy.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from codra_dsl.language.project import SCHEMA_COPY, SCHEMA_FILE, has_stale_schem
 
 
 def judge_schema(root: Path) -> tuple[Diagnostic, ...]:
-    """Return a finding if a project's copy of the schema is not that of this version; nothing is written."""
+    """Return a finding if a project's copy of the schema differs from the schema of this version. Write nothing."""
     if not has_stale_schema(root):
         return ()
     message = f"'{SCHEMA_COPY}' is not the schema of this version of codra"
@@ -23,7 +23,7 @@ def judge_schema(root: Path) -> tuple[Diagnostic, ...]:
 
 
 def renew_schema(root: Path) -> tuple[Diagnostic, ...]:
-    """Replace a stale copy of the schema in a project; return a finding if that fails."""
+    """Replace a stale copy of the schema in a project, and return a finding if this fails."""
     copy = root / SCHEMA_COPY
     if not has_stale_schema(root):
         return ()

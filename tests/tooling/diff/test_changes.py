@@ -10,10 +10,10 @@ import pytest
 from codra_dsl.compiler import plan_text
 from codra_dsl.generation.emit import emit
 from codra_dsl.language.diagnostics import Diagnostic, Place, Rule, Severity, Span, has_errors
-from codra_dsl.tooling.diff import Broken, Category, Level, Review, Verdict, Version, review
-from codra_dsl.tooling.diff.variables import enum_types
+from codra_dsl.tooling.diff import BrokenSpec, Category, Level, Review, Verdict, Version, review
+from codra_dsl.tooling.diff.variables import names_by_enum_type
 from codra_dsl.tooling.diff.version import Side
-from tests.tooling.diff.versions import planned, reviewed
+from tests.tooling.diff.versions import plan_version, review_edits
 
 ROOT = Path(__file__).parents[3]
 BASE = """\
@@ -81,7 +81,7 @@ observers:
 """
 
 
-def changes(result: Review) -> list[str]:
+def change_texts(result: Review) -> list[str]:
     return sorted(f"{change.category} {change.element}" for change in result.changes)
 
 
@@ -142,14 +142,14 @@ def test_a_change_of_a_key_has_the_category_of_its_effect_on_a_robot(
     if expected is None:  # its identification has no unit, so there is no plan of B
         assert has_errors(plan_text(BASE.replace(old, new), "oven.yaml", ROOT / "tests").diagnostics)
     else:
-        assert changes(reviewed(BASE, (old, new))) == sorted(expected)
+        assert change_texts(review_edits(BASE, (old, new))) == sorted(expected)
 
 
 def test_a_renamed_algorithm_does_not_rename_its_observer_as_well() -> None:
-    """Its name follows from the algorithm's."""
-    result = reviewed(BASE, ("  watch:\n", "  look:\n"))
+    """The name of the observer follows from that of the algorithm."""
+    result = review_edits(BASE, ("  watch:\n", "  look:\n"))
 
-    assert changes(result) == ["renamed oven/perception/look"]
+    assert change_texts(result) == ["renamed oven/perception/look"]
 
 
 def test_guards_are_compared_with_those_of_replaced_algorithms() -> None:
@@ -157,8 +157,8 @@ def test_guards_are_compared_with_those_of_replaced_algorithms() -> None:
     guard = ('mode in ("grill", "bake")', "known(mode)")
 
     replaced = ["perceived-otherwise oven/context/crust", "renamed oven/observer/taste"]
-    assert changes(reviewed(BASE, other)) == replaced
-    assert changes(reviewed(BASE, other, guard)) == [*replaced, "weaker oven/perception/taste"]
+    assert change_texts(review_edits(BASE, other)) == replaced
+    assert change_texts(review_edits(BASE, other, guard)) == [*replaced, "weaker oven/perception/taste"]
 
 
 def test_a_new_first_alternative_changes_what_is_perceived() -> None:
@@ -167,7 +167,9 @@ def test_a_new_first_alternative_changes_what_is_perceived() -> None:
         "      dial: {type: enum, values: [off, grill, bake]}\n    identifies:\n      mode: dial\n"
     )
 
-    assert "perceived-otherwise oven/context/mode" in changes(reviewed(BASE, ("  smell:\n", f"{new}  smell:\n")))
+    assert "perceived-otherwise oven/context/mode" in change_texts(
+        review_edits(BASE, ("  smell:\n", f"{new}  smell:\n"))
+    )
 
 
 def test_a_lost_name_of_an_enum_in_the_package_is_reported() -> None:
@@ -176,7 +178,7 @@ def test_a_lost_name_of_an_enum_in_the_package_is_reported() -> None:
         "  wish: {type: enum, values: [off, grill, bake], source: main_execution}\n",
     )
 
-    assert changes(reviewed(BASE, (head + rest, rest + head))) == ["api oven/context/mode"]
+    assert change_texts(review_edits(BASE, (head + rest, rest + head))) == ["api oven/context/mode"]
 
 
 @pytest.mark.parametrize("name", ["lab", "kitchen"])
@@ -191,19 +193,19 @@ def test_the_names_of_enums_are_those_of_the_generated_package(name: str) -> Non
         if isinstance(target, ast.Name)
     }
 
-    assert set(enum_types(Side(plan=planned_spec))) <= bound
-    assert (name == "kitchen") is bool(enum_types(Side(plan=planned_spec)))
+    assert set(names_by_enum_type(Side(plan=planned_spec))) <= bound
+    assert (name == "kitchen") is bool(names_by_enum_type(Side(plan=planned_spec)))
 
 
 def test_a_spec_under_a_new_name_is_recognised_in_the_message() -> None:
-    result = review(planned(BASE), planned(BASE.replace("name: oven", "name: ovens")))
+    result = review(plan_version(BASE), plan_version(BASE.replace("name: oven", "name: ovens")))
 
     (removed,) = (change for change in result.changes if change.category is Category.REMOVED)
     assert "'ovens' looks like its new name" in removed.message
 
 
 def test_a_renamed_variable_is_recognised_by_its_algorithm() -> None:
-    result = reviewed(
+    result = review_edits(
         BASE,
         ("  crust: {", "  browning: {"),
         ("      crust: burnt", "      browning: burnt"),
@@ -212,14 +214,14 @@ def test_a_renamed_variable_is_recognised_by_its_algorithm() -> None:
 
     (removed,) = (change for change in result.changes if change.category is Category.REMOVED)
     assert "'browning' looks like its new name" in removed.message
-    assert changes(result) == ["added oven/context/browning", "removed oven/context/crust"]
+    assert change_texts(result) == ["added oven/context/browning", "removed oven/context/crust"]
 
 
 def test_the_verdict_is_that_of_the_worst_change_and_every_category_has_a_level() -> None:
     assert {category.level for category in Category} == set(Level)
-    assert review(planned(BASE), planned(BASE)).verdict is Verdict.SAME
-    assert review(Version(), planned(BASE)).verdict is Verdict.COMPATIBLE
-    assert review(planned(BASE), Version()).verdict is Verdict.BREAKING
+    assert review(plan_version(BASE), plan_version(BASE)).verdict is Verdict.SAME
+    assert review(Version(), plan_version(BASE)).verdict is Verdict.COMPATIBLE
+    assert review(plan_version(BASE), Version()).verdict is Verdict.BREAKING
 
 
 def test_a_reversed_comparison_has_the_opposite_categories() -> None:
@@ -237,39 +239,39 @@ def test_a_reversed_comparison_has_the_opposite_categories() -> None:
     for old, new in edits:
         text = text.replace(old, new)
 
-    forth, back = review(planned(BASE), planned(text)), review(planned(text), planned(BASE))
+    forth, back = review(plan_version(BASE), plan_version(text)), review(plan_version(text), plan_version(BASE))
 
     assert sorted(opposite[change.category] + change.element for change in forth.changes) == sorted(
         change.category + change.element for change in back.changes
     )
 
 
-def broken(name: str | None, code: str = "CDR4101") -> Broken:
+def broken(name: str | None, code: str = "CDR4101") -> BrokenSpec:
     rule = Rule(code=code, name="x", severity=Severity.ERROR)
     place = Place(Span("spec.yaml", 3, 1, 3, 2))
     error = Diagnostic(rule=rule, message="wrong", place=place, path="perception.feel.accept_when", help="x")
-    return Broken(name=name, file="spec.yaml", errors=(error,))
+    return BrokenSpec(name=name, file="spec.yaml", errors=(error,))
 
 
 @pytest.mark.parametrize(
     ("before", "after", "expected"),
     [
-        (planned(BASE), Version(broken=(broken("oven"),)), ["invalid oven/perception/feel"]),
-        (planned(BASE), Version(broken=(broken("oven", "CDR5101"),)), ["cyclic oven/perception/feel"]),
-        (planned(BASE), Version(broken=(broken("oven", "CDR5102"),)), ["unobservable oven/perception/feel"]),
-        (planned(BASE), Version(broken=(broken(None),)), ["invalid spec.yaml/perception/feel"]),
-        (planned(BASE), Version(broken=(broken("pan"),)), ["invalid pan/perception/feel", "removed oven"]),
-        (Version(broken=(broken("oven"),)), planned(BASE), ["repaired oven"]),
-        (Version(broken=(broken(None),)), planned(BASE), ["repaired oven"]),
+        (plan_version(BASE), Version(broken=(broken("oven"),)), ["invalid oven/perception/feel"]),
+        (plan_version(BASE), Version(broken=(broken("oven", "CDR5101"),)), ["cyclic oven/perception/feel"]),
+        (plan_version(BASE), Version(broken=(broken("oven", "CDR5102"),)), ["unobservable oven/perception/feel"]),
+        (plan_version(BASE), Version(broken=(broken(None),)), ["invalid spec.yaml/perception/feel"]),
+        (plan_version(BASE), Version(broken=(broken("pan"),)), ["invalid pan/perception/feel", "removed oven"]),
+        (Version(broken=(broken("oven"),)), plan_version(BASE), ["repaired oven"]),
+        (Version(broken=(broken(None),)), plan_version(BASE), ["repaired oven"]),
         (Version(broken=(broken("oven"),)), Version(broken=(broken("oven"),)), ["invalid oven/perception/feel"]),
         (Version(broken=(broken("oven"),)), Version(), ["removed oven"]),
         (
-            planned(BASE),
-            Version(plans=planned(BASE).plans, broken=(broken("oven"),)),
+            plan_version(BASE),
+            Version(plans=plan_version(BASE).plans, broken=(broken("oven"),)),
             ["invalid oven/perception/feel"],
         ),
-        (Version(plans=planned(BASE).plans, broken=(broken("oven"),)), planned(BASE), []),
+        (Version(plans=plan_version(BASE).plans, broken=(broken("oven"),)), plan_version(BASE), []),
     ],
 )
 def test_the_errors_of_a_spec_are_reported_once(before: Version, after: Version, expected: list[str]) -> None:
-    assert changes(review(before, after)) == expected
+    assert change_texts(review(before, after)) == expected

@@ -10,7 +10,7 @@ import yaml
 
 from codra_dsl.compiler import plan_text
 from codra_dsl.language.diagnostics import has_errors
-from codra_dsl.tooling.diff import Broken, Version, review
+from codra_dsl.tooling.diff import BrokenSpec, Version, review
 
 CASES: dict[str, Any] = yaml.safe_load(Path(__file__).with_name("edits.yaml").read_text("utf-8"))
 EDITS = CASES["edits"]
@@ -21,7 +21,7 @@ def version(text: str, root: Path) -> Version:
     if not has_errors(planned.diagnostics):
         return Version(plans=planned.plans)
     errors = tuple(finding for finding in planned.diagnostics if has_errors([finding]))
-    return Version(broken=(Broken(name="bench", file="bench.yaml", errors=errors),))
+    return Version(broken=(BrokenSpec(name="bench", file="bench.yaml", errors=errors),))
 
 
 def edited(edit: dict[str, Any]) -> str:

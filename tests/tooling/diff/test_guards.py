@@ -17,7 +17,7 @@ from codra_dsl.language.expression import Node, SyntaxProblem, parse
 from codra_dsl.language.model import Kind, ValueType
 from codra_dsl.logic import Term, Value
 from codra_dsl.runtime.values import conditions
-from codra_dsl.tooling.diff.guards import Relation, either, equal, relation, same_choice, same_value
+from codra_dsl.tooling.diff.guards import Relation, is_equal, is_same_choice, is_same_value, joined_types, relation
 
 TYPES: Mapping[str, ValueType] = {
     "a": ValueType(kind=Kind.BOOL),
@@ -29,7 +29,7 @@ TYPES: Mapping[str, ValueType] = {
     "n": ValueType(kind=Kind.INT, range=(0, 10)),
     "m": ValueType(kind=Kind.INT),
 }
-JOINED = either(TYPES, TYPES)
+JOINED = joined_types(TYPES, TYPES)
 SAMPLES: Mapping[str, tuple[Value | None, ...]] = {
     "a": (True, False, None),
     "b": (True, False, None),
@@ -152,7 +152,7 @@ def test_conditions_of_any_depth_are_compared_without_growing() -> None:
 
 def test_too_many_cases_are_never_taken_for_the_same() -> None:
     names = [f"v{index}" for index in range(20)]
-    types = either({name: ValueType(kind=Kind.BOOL) for name in names}, {})
+    types = joined_types({name: ValueType(kind=Kind.BOOL) for name in names}, {})
     one = tree(" or ".join(names))
     other = tree(" or ".join([*names[1:], f"not (not {names[0]} and {names[1]})"]))
 
@@ -161,7 +161,7 @@ def test_too_many_cases_are_never_taken_for_the_same() -> None:
 
 
 def test_a_name_of_two_types_gives_another_guard() -> None:
-    types = either({"a": ValueType(kind=Kind.BOOL)}, {"a": ValueType(kind=Kind.FLOAT)})
+    types = joined_types({"a": ValueType(kind=Kind.BOOL)}, {"a": ValueType(kind=Kind.FLOAT)})
 
     assert relation([tree("a")], [tree("not a")], types) is Relation.OTHER
 
@@ -179,7 +179,7 @@ def test_ranges_of_both_versions_are_joined_with_units_converted(
 ) -> None:
     old, new = (ValueType(kind=Kind.FLOAT, unit=unit, range=ends) for unit, ends in (before, after))
 
-    assert relation([tree("known(gap)")], [tree("gap <= 2 m")], either({"gap": old}, {"gap": new})) is expected
+    assert relation([tree("known(gap)")], [tree("gap <= 2 m")], joined_types({"gap": old}, {"gap": new})) is expected
 
 
 @pytest.mark.parametrize(
@@ -201,7 +201,7 @@ def test_ranges_of_both_versions_are_joined_with_units_converted(
 )
 def test_values_are_the_same_if_they_are_equal_in_every_case(one: str, other: str, expected: bool) -> None:
     """`n if n < m else m` is `min(n, m)`, but this is not detected."""
-    assert same_value(tree(one), tree(other), JOINED) is expected
+    assert is_same_value(tree(one), tree(other), JOINED) is expected
 
 
 @pytest.mark.parametrize(
@@ -222,7 +222,7 @@ def test_choices_are_the_same_if_each_member_is_the_first_in_the_same_cases(
         for text in (before, after)
     )
 
-    assert same_choice(one, other, JOINED) is expected
+    assert is_same_choice(one, other, JOINED) is expected
 
 
 Guards = st.recursive(
@@ -254,7 +254,7 @@ def test_the_relation_of_two_guards_holds_on_a_robot(old: str, new: str) -> None
 @settings(max_examples=200, deadline=None)
 @given(Guards, Guards)
 def test_equal_conditions_have_the_same_value_even_if_unknown(one: str, other: str) -> None:
-    if equal(tree(one), tree(other), JOINED):
+    if is_equal(tree(one), tree(other), JOINED):
         first, second = term(one), term(other)
         for scene in scenes(one, other):
             assert first.evaluate(scene) is second.evaluate(scene), (one, other, scene)

@@ -8,9 +8,9 @@ import pytest
 
 from codra_dsl.compiler import plan_text
 from codra_dsl.language.diagnostics import has_errors
-from codra_dsl.tooling.diff import Broken, Level, Review, Version, review
+from codra_dsl.tooling.diff import BrokenSpec, Level, Review, Version, review
 from codra_dsl.tooling.diff.changes import Category
-from tests.tooling.diff.versions import planned, reviewed
+from tests.tooling.diff.versions import plan_version, review_edits
 
 ROOT = Path(__file__).parents[3]
 BASE = (ROOT / "tests/cases/valid/knowledge.yaml").read_text("utf-8")
@@ -138,27 +138,27 @@ EDITS = [
 
 @pytest.mark.parametrize(("old", "new", "expected"), EDITS)
 def test_an_edit_has_exactly_the_expected_changes(old: str, new: str, expected: list[str]) -> None:
-    assert changes(reviewed(BASE, (old, new))) == expected
+    assert changes(review_edits(BASE, (old, new))) == expected
 
 
 def test_equal_specs_have_no_difference() -> None:
-    assert changes(reviewed(BASE)) == []
+    assert changes(review_edits(BASE)) == []
 
 
 def test_removed_and_added_rules_are_reported_by_name() -> None:
-    result = reviewed(BASE, ("      lift:\n", "      raise_it:\n"))
+    result = review_edits(BASE, ("      lift:\n", "      raise_it:\n"))
 
     assert changes(result) == ["added agent/picking rules.raise_it", "removed agent/picking rules.lift"]
 
 
 def test_with_knowledge_a_variable_at_another_node_is_a_change_of_the_api() -> None:
-    result = reviewed(BASE, ("container_load: {of: robot", "container_load: {of: battery"))
+    result = review_edits(BASE, ("container_load: {of: robot", "container_load: {of: battery"))
 
     assert changes(result) == ["api context/container_load of"]
 
 
 def test_an_agent_that_owns_a_variable_is_a_new_writer() -> None:
-    result = reviewed(BASE, ("picking:\n    phase: plan", "picking:\n    phase: plan\n    owns: [container_load]"))
+    result = review_edits(BASE, ("picking:\n    phase: plan", "picking:\n    phase: plan\n    owns: [container_load]"))
 
     assert changes(result) == ["widened context/container_load owns"]
 
@@ -167,24 +167,24 @@ def test_the_first_node_of_a_spec_is_added() -> None:
     plain = "codra: 1\nname: plain\ncontext: {lit: {type: bool, source: lamp}}\nagents: {lamp: {}}\n"
     knowing = plain + "knowledge: {nodes: {room: room}}\n"
 
-    assert changes(review(planned(plain), planned(knowing))) == ["added plain/node/room "]
-    assert changes(review(planned(knowing), planned(plain))) == ["removed plain/node/room "]
+    assert changes(review(plan_version(plain), plan_version(knowing))) == ["added plain/node/room "]
+    assert changes(review(plan_version(knowing), plan_version(plain))) == ["removed plain/node/room "]
 
 
 def test_an_error_in_knowledge_is_reported_at_its_element() -> None:
     text = BASE.replace("by: container_detection", "by: container_detectoin")
     findings = plan_text(text, "spec.yaml", ROOT / "tests").diagnostics
-    broken = Broken(
+    broken = BrokenSpec(
         name="picking_up", file="spec.yaml", errors=tuple(error for error in findings if has_errors([error]))
     )
 
-    result = review(planned(BASE), Version(broken=(broken,)))
+    result = review(plan_version(BASE), Version(broken=(broken,)))
 
     assert changes(result) == ["invalid task/detecting "]
 
 
 def test_a_change_has_the_place_where_it_was_made() -> None:
-    (change,) = reviewed(BASE, ("results: [there, blocked]", "results: [there]")).changes
+    (change,) = review_edits(BASE, ("results: [there, blocked]", "results: [there]")).changes
 
     assert change.level is Level.BREAKING
     assert change.text == "has lost results: was there, blocked, is there"
@@ -204,17 +204,17 @@ def test_a_change_has_the_place_where_it_was_made() -> None:
 def test_conditions_on_poses_are_compared_by_meaning(old: str, new: str, expected: list[str]) -> None:
     base = (ROOT / "tests/cases/valid/poses.yaml").read_text("utf-8")
     assert base.count(old) == 1
-    result = review(planned(base), planned(base.replace(old, new)))
+    result = review(plan_version(base), plan_version(base.replace(old, new)))
     assert changes(result) == expected
 
 
 def test_a_longer_validity_of_a_pose_is_weaker() -> None:
-    (change,) = reviewed(BASE, ("valid_for: 2 s, history", "valid_for: forever, history")).changes
+    (change,) = review_edits(BASE, ("valid_for: 2 s, history", "valid_for: forever, history")).changes
     assert (change.category, change.key, change.was, change.now) == (Category.WEAKER, "valid_for", "2 s", "forever")
 
 
 def test_a_change_of_an_entry_names_the_entry() -> None:
-    (change,) = reviewed(BASE, ("range: [0, 500]", "range: [0, 400]")).changes
+    (change,) = review_edits(BASE, ("range: [0, 500]", "range: [0, 400]")).changes
 
     assert change.text.startswith("attributes.weight: has lost values: was float in kg from 0 to 500, is")
     assert change.before is not None

@@ -1,4 +1,4 @@
-"""Every field of the model is compared, and a new one is reported without an edit of the review."""
+"""Every field of the model is compared, and changes of a new field are reported without an edit of the review."""
 
 from __future__ import annotations
 
@@ -26,20 +26,20 @@ CLASSES = [
 ]
 AS_ONE_VALUE = {
     "Condition": "conditions are compared by meaning",
-    "DeclaredTemplate": "specs are compared after templates were put in",
+    "DeclaredTemplate": "specs are compared with their templates expanded",
     "FuzzyTerm": "the terms of an element are compared together",
     "HardRule": "the hard rules of a course are compared together",
     "LeafTasks": "the leaves of a tree are compared together",
     "Letters": "only places",
-    "Method": "the way to a number is compared as one value",
-    "Motion": "the motion of an edge is compared as one value, but for `valid_for`",
+    "Method": "the method of inference is compared as one value",
+    "Motion": "the motion of an edge is compared as one value, except for `valid_for`",
     "Phrase": "the rules of a metric are compared together",
-    "PoseCondition": "guards are compared with what they ask of poses",
+    "PoseCondition": "guards are compared with their comparisons of poses",
     "Rate": "a rate is compared as one value",
     "Reference": "references are compared by name",
     "StartingPose": "a pose is compared as one value",
     "StartingValue": "the starting values of a node are compared together",
-    "Use": "specs are compared after templates were put in",
+    "Use": "specs are compared with their templates expanded",
     "View": "a view is compared as one value",
     "Writer": "writers are compared by name and order",
 }
@@ -58,21 +58,21 @@ BY_DEFAULT = {
     *("TreeElement.course", "TreeElement.period_s", "TreeElement.repeat"),
     *("Loop.monitor", "Loop.analyse", "Loop.adapt", "Loop.execute"),
 }
-"""Fields of which it is enough to report that they have changed, as `redefined`."""
+"""Fields that need no category or wording of their own: their changes are reported as `redefined`."""
 
 PAIRED_BY = {"Usage.resource", "Identification.variable", "Expectation.variable", "Expectation.expected"}
-"""Fields by which entries are paired, so that they never differ; `name` is another."""
+"""Fields by which entries are paired, so that they never differ. Every field `name` is such a field as well."""
 
 
 @pytest.mark.parametrize("cls", [cls for cls in CLASSES if cls.__name__ not in AS_ONE_VALUE])
 def test_every_field_has_a_line_in_the_table_or_is_compared_by_default_on_purpose(cls: type) -> None:
-    undecided = [
+    unlisted_fields = [
         f"{cls.__name__}.{field.name}"
         for field in dataclasses.fields(cls)
         if field.compare and field.type != "Place" and field.name not in {**FIELDS[object], **FIELDS.get(cls, {})}
     ]
 
-    assert {name for name in undecided if not name.endswith(".name")} - BY_DEFAULT - PAIRED_BY == set()
+    assert {name for name in unlisted_fields if not name.endswith(".name")} - BY_DEFAULT - PAIRED_BY == set()
 
 
 def test_lists_of_this_file_name_no_field_that_is_gone() -> None:
@@ -95,20 +95,20 @@ def plans() -> tuple[BuildPlan, ...]:
     return (*oven, *knowledge, *plan_paths([CASES / "loops-everything/spec.yaml"], CASES / "loops-everything").plans)
 
 
-def with_field(value: Any, cls: type, new: type, content: object, name: str = "novel") -> Any:
-    """Return a value in which each value of a class has one more field."""
+def add_field(value: Any, cls: type, new_class: type, content: object, name: str = "novel") -> Any:
+    """Return a copy of a value in which all objects of a class have one more field."""
     if isinstance(value, tuple):
-        return tuple(with_field(entry, cls, new, content, name) for entry in value)
+        return tuple(add_field(entry, cls, new_class, content, name) for entry in value)
     if isinstance(value, Mapping) and not isinstance(value, model.Places):
-        return {key: with_field(entry, cls, new, content, name) for key, entry in value.items()}
+        return {key: add_field(entry, cls, new_class, content, name) for key, entry in value.items()}
     if not dataclasses.is_dataclass(value) or isinstance(value, type):
         return value
     fields = {
-        field.name: with_field(getattr(value, field.name), cls, new, content, name)
+        field.name: add_field(getattr(value, field.name), cls, new_class, content, name)
         for field in dataclasses.fields(value)
         if field.init
     }
-    return new(**fields, **{name: content}) if type(value) is cls else type(value)(**fields)
+    return new_class(**fields, **{name: content}) if type(value) is cls else type(value)(**fields)
 
 
 @pytest.mark.parametrize("cls", [cls for cls in CLASSES if cls.__name__ not in NOT_COMPARED], ids=str)
@@ -116,7 +116,7 @@ def test_a_new_field_is_reported_without_an_edit(cls: type) -> None:
     new = dataclasses.make_dataclass(
         cls.__name__, [("novel", object, dataclasses.field(kw_only=True))], bases=(cls,), frozen=True
     )
-    pairs = ((with_field(plan, cls, new, 1), with_field(plan, cls, new, 2)) for plan in plans())
+    pairs = ((add_field(plan, cls, new, 1), add_field(plan, cls, new, 2)) for plan in plans())
 
     assert any(review(Version(plans=(before,)), Version(plans=(after,))).changes for before, after in pairs)
 
@@ -140,7 +140,7 @@ def test_a_new_field_of_any_type_is_reported_by_its_key(
     field = (name, object, dataclasses.field(kw_only=True))
     skill = dataclasses.make_dataclass("Skill", [field], bases=(model.Skill,), frozen=True)
     plan = plans()[0]
-    before, after = (with_field(plan, model.Skill, skill, content, name) for content in (old, new))
+    before, after = (add_field(plan, model.Skill, skill, content, name) for content in (old, new))
 
     (change,) = review(Version(plans=(before,)), Version(plans=(after,))).changes
 
@@ -153,20 +153,20 @@ def test_a_new_section_has_elements_that_come_and_go() -> None:
     sections = [("zones", object, dataclasses.field(kw_only=True))]
     new = dataclasses.make_dataclass("Spec", sections, bases=(model.Spec,), frozen=True)
     before, after = (
-        dataclasses.replace(plan, checked=dataclasses.replace(plan.checked, spec=zoned))
+        dataclasses.replace(plan, checked=dataclasses.replace(plan.checked, spec=zoned_spec))
         for plan in plans()[1:2]
         for nodes in (plan.checked.spec.nodes[:2], plan.checked.spec.nodes[1:3])
-        for zoned in [new(**{**vars_of(plan.checked.spec), "zones": nodes})]
+        for zoned_spec in [new(**{**field_values(plan.checked.spec), "zones": nodes})]
     )
 
     changes = review(Version(plans=(before,)), Version(plans=(after,))).changes
 
-    gone, _, came = (node.name for node in plans()[1].checked.spec.nodes[:3])
+    removed_name, _, added_name = (node.name for node in plans()[1].checked.spec.nodes[:3])
     assert [(change.category, change.element) for change in changes] == [
-        (Category.REMOVED, f"picking_up/zones/{gone}"),
-        (Category.ADDED, f"picking_up/zones/{came}"),
+        (Category.REMOVED, f"picking_up/zones/{removed_name}"),
+        (Category.ADDED, f"picking_up/zones/{added_name}"),
     ]
 
 
-def vars_of(spec: model.Spec) -> dict[str, Any]:
+def field_values(spec: model.Spec) -> dict[str, Any]:
     return {field.name: getattr(spec, field.name) for field in dataclasses.fields(spec)}

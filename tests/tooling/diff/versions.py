@@ -10,13 +10,13 @@ from codra_dsl.tooling.diff import Review, Version, review
 from tests.language.check.specs import edit_spec
 
 
-def planned(text: str) -> Version:
+def plan_version(text: str) -> Version:
     """Return a version that holds one spec, without errors."""
     result = plan_text(text, "spec.yaml", Path(__file__).parents[2])
     assert not has_errors(result.diagnostics), result.diagnostics
     return Version(plans=result.plans)
 
 
-def reviewed(base: str, *edits: tuple[str, str]) -> Review:
+def review_edits(base: str, *edits: tuple[str, str]) -> Review:
     """Return the review of edits; each edited text is in the base once."""
-    return review(planned(base), planned(edit_spec(*edits, text=base)))
+    return review(plan_version(base), plan_version(edit_spec(*edits, text=base)))

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from codra_dsl.language.diagnostics import Applicability, Diagnostic, Edit, Fix, Place, Related, Rule, Severity, Span
-from codra_dsl.tooling.report.findings import COLOURED, render_concise, render_full, render_json, visible
+from codra_dsl.tooling.report.findings import COLOURED, render_concise, render_full, render_json, visible_text
 from tests.tooling.report.hostile import hostile_findings
 
 UNKNOWN_KEY = Rule(code="CDR2003", name="unknown-key", severity=Severity.ERROR)
@@ -205,7 +205,7 @@ def test_a_line_names_the_use_that_gives_a_finding_in_a_templates_text() -> None
 
 
 def test_no_two_findings_have_the_same_fingerprint() -> None:
-    """Two mentions of one unknown name must differ, and one use of a shared template in each of two specs."""
+    """Two mentions of one unknown name differ, and so do the findings in one template that two specs use."""
     again = replace(MONITER, place=Place(Span("specs/door.yaml", 9, 5, 9, 12)))
     in_template = [replace(MONITER, place=Place(MONITER.place.span, Span(f, 3, 3, 3, 6))) for f in ("a.yaml", "b.yaml")]
 
@@ -237,4 +237,4 @@ def test_text_of_a_spec_cannot_control_a_terminal(text: str) -> None:
 
     for shown in (render_full([finding], lambda _: text.replace("\n", " ")), render_concise([finding])):
         assert all(letter.isprintable() for letter in shown.replace("\n", ""))
-    assert all(letter.isprintable() for letter in visible(text))
+    assert all(letter.isprintable() for letter in visible_text(text))

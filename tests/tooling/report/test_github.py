@@ -10,7 +10,7 @@ from hypothesis import given
 
 from codra_dsl.language.diagnostics import Diagnostic, Place, Related, Span, in_file_order
 from codra_dsl.tooling.report import github
-from codra_dsl.tooling.report.findings import render_concise, render_full, render_json, visible
+from codra_dsl.tooling.report.findings import render_concise, render_full, render_json, visible_text
 from codra_dsl.tooling.report.github import render_github, render_summary, without_commands
 from codra_dsl.tooling.report.junit import render_junit
 from codra_dsl.tooling.report.sarif import render_sarif
@@ -131,11 +131,11 @@ def test_an_annotation_has_the_message_of_the_finding(findings: list[Diagnostic]
 
     by_severity = sorted(findings, key=lambda finding: finding.severity.value)
     for command, finding in zip(commands, by_severity, strict=True):
-        assert command.message.split("\n")[0] == visible(finding.message)
+        assert command.message.split("\n")[0] == visible_text(finding.message)
         assert command.properties.keys() <= {"file", "line", "endLine", "col", "endColumn", "title"}
         assert command.properties["title"] == f"{finding.code} {finding.rule.name}"
         if finding.place.span.file != "-":
-            assert command.properties["file"].strip() == visible(finding.place.span.file).strip().lstrip("=")
+            assert command.properties["file"].strip() == visible_text(finding.place.span.file).strip().lstrip("=")
 
 
 # The summary of the step

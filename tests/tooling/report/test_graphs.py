@@ -16,7 +16,7 @@ from codra_dsl.compiler import plan_paths
 from codra_dsl.generation.algorithm2 import plan
 from codra_dsl.generation.build_plan import BuildPlan
 from codra_dsl.tooling.report.dot import drawing, render_dot, render_svg
-from codra_dsl.tooling.report.findings import visible
+from codra_dsl.tooling.report.findings import visible_text
 from codra_dsl.tooling.report.graphs import Graph, graph_of, render_json
 from codra_dsl.tooling.selection import select
 from tests.language.check.checked_specs import Pi, checked_spec, condition, skill, variable
@@ -127,7 +127,7 @@ def test_no_label_can_break_out_of_its_quotes(label: str) -> None:
     shown = "".join(ElementTree.fromstring(render_svg(made)).itertext())
 
     assert {str(node) for node in read.nodes()} == {"lab/context/a", "lab/perception/p", "lab/observer/p"}
-    assert (visible(label).strip() or "a") in shown
+    assert (visible_text(label).strip() or "a") in shown
 
 
 # A part

@@ -50,15 +50,15 @@ def assert_by_the_schema(root: ElementTree.Element) -> None:
     assert (root.get("errors"), root.get("skipped")) == ("0", "0")
 
 
-def suite(
+def render_suite(
     diagnostics: Iterable[Diagnostic], files: Iterable[str] = (), failing: Iterable[Severity] = (Severity.ERROR,)
 ) -> ElementTree.Element:
-    taken = tuple(failing)
+    failing_severities = tuple(failing)
     text = render_junit(
         diagnostics,
         files,
         lambda _: None,
-        is_failure=lambda diagnostic: diagnostic.severity in taken,
+        is_failure=lambda diagnostic: diagnostic.severity in failing_severities,
         suite="codra.lint",
     )
     assert text.isascii()
@@ -72,13 +72,13 @@ def verdicts(root: ElementTree.Element) -> list[tuple[str | None, bool]]:
 
 
 def test_a_clean_file_is_a_test_that_passes() -> None:
-    assert verdicts(suite([], [DOOR])) == [(DOOR, True)]
+    assert verdicts(render_suite([], [DOOR])) == [(DOOR, True)]
 
 
 def test_a_file_with_errors_is_one_failing_test_with_all_of_them() -> None:
     second = replace(MONITER, message="unknown key 'contxt'", place=Place(Span(DOOR, 9, 1, 9, 7)))
 
-    root = suite([MONITER, second], [DOOR, "specs/lab.yaml"])
+    root = render_suite([MONITER, second], [DOOR, "specs/lab.yaml"])
 
     assert verdicts(root) == [(DOOR, False), ("specs/lab.yaml", True)]
     failure = root.find("testcase/failure")
@@ -91,32 +91,32 @@ def test_a_file_with_errors_is_one_failing_test_with_all_of_them() -> None:
 def test_an_included_file_has_a_test_if_it_has_findings() -> None:
     part = replace(MONITER, place=Place(Span("specs/parts/machine.yaml", 5, 5, 5, 12)))
 
-    assert verdicts(suite([part], [])) == [("specs/parts/machine.yaml", False)]
+    assert verdicts(render_suite([part], [])) == [("specs/parts/machine.yaml", False)]
 
 
 def test_warnings_fail_no_test_and_are_in_the_output_of_the_suite() -> None:
-    root = suite([UNUSED], [DOOR])
+    root = render_suite([UNUSED], [DOOR])
 
     assert verdicts(root) == [(DOOR, True)]
     assert root.findtext("system-out") == render_concise([UNUSED])
 
 
 def test_warnings_fail_a_test_when_they_fail_the_command() -> None:
-    root = suite([UNUSED], [DOOR], failing=Severity)
+    root = render_suite([UNUSED], [DOOR], failing=Severity)
 
     assert verdicts(root) == [(DOOR, False)]
     assert root.findtext("system-out") == ""
 
 
 def test_the_suite_and_the_class_of_its_tests_have_the_name_of_the_command() -> None:
-    root = suite([], [DOOR])
+    root = render_suite([], [DOOR])
 
     assert (root.get("name"), root[1].get("classname")) == ("codra.lint", "codra.lint")
 
 
 @given(hostile_findings)
 def test_no_text_of_a_spec_makes_invalid_xml(findings: list[Diagnostic]) -> None:
-    root = suite(findings, [DOOR], failing=Severity)
+    root = render_suite(findings, [DOOR], failing=Severity)
 
     texts = "".join(root.itertext()) + "".join(value for element in root.iter() for value in element.attrib.values())
     assert texts.replace("\n", "").isprintable()

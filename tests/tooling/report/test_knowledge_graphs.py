@@ -14,13 +14,13 @@ from codra_dsl.compiler import plan_paths
 from codra_dsl.generation.build_plan import EdgeKind
 from codra_dsl.tooling.report.dot import render_dot, render_svg
 from codra_dsl.tooling.report.graphs import Graph, graph_of, render_json
-from codra_dsl.tooling.report.looks import EDGES, NODES, Shown
+from codra_dsl.tooling.report.looks import EDGES, NODES, ShownKind
 from codra_dsl.tooling.report.mermaid import flowchart
 from codra_dsl.tooling.report.page import render_html
 from codra_dsl.tooling.selection import select
 
 VALID = Path(__file__).parents[2] / "cases/valid"
-KNOWN = (Shown.AGENT, Shown.TYPE, Shown.EDGE, Shown.TASK)
+KNOWN = (ShownKind.AGENT, ShownKind.TYPE, ShownKind.EDGE, ShownKind.TASK)
 KNOWING = (
     *(EdgeKind.OWNS, EdgeKind.READS, EdgeKind.REQUESTS),
     *(EdgeKind.EXECUTES, EdgeKind.LEADS_FROM, EdgeKind.LEADS_TO),

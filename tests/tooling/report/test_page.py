@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 
 from codra_dsl.compiler import plan_paths
 from codra_dsl.generation.algorithm2 import plan
-from codra_dsl.tooling.report.dot import MAX_QUICK
+from codra_dsl.tooling.report.dot import MAX_QUICK_NODES
 from codra_dsl.tooling.report.graphs import Graph, graph_of
 from codra_dsl.tooling.report.page import render_html
 from tests.language.check.checked_specs import Pi, checked_spec, variable
@@ -120,11 +120,11 @@ def test_the_page_has_a_drawing_of_every_node_and_edge(lab: Graph) -> None:
 
 
 def test_a_graph_that_is_slow_to_draw_is_laid_out_by_the_page() -> None:
-    many = [Pi(name=f"p{number}", identifies=[f"v{number}"]) for number in range(MAX_QUICK // 3 + 1)]
+    many = [Pi(name=f"p{number}", identifies=[f"v{number}"]) for number in range(MAX_QUICK_NODES // 3 + 1)]
 
     page = read(render_html(graph_of([plan(checked_spec(many))])))
 
-    assert len(page.data["nodes"]) > MAX_QUICK
+    assert len(page.data["nodes"]) > MAX_QUICK_NODES
     assert list(page.all("g")) == []
 
 

@@ -56,7 +56,7 @@ def test_the_name_of_a_folder_becomes_one_of_a_spec(folder: str, name: str) -> N
 # The origin of codra
 
 
-def recorded(**origin: object) -> str:
+def origin_text(**origin: object) -> str:
     return json.dumps(origin)
 
 
@@ -64,17 +64,22 @@ def recorded(**origin: object) -> str:
     ("origin", "requirement"),
     [
         (None, f"codra-dsl=={__version__}"),
-        (recorded(url="file:///home/me/codra", dir_info={"editable": True}), f"codra-dsl=={__version__}"),
-        (recorded(url="file:///tmp/codra.whl", archive_info={}), f"codra-dsl=={__version__}"),
+        (origin_text(url="file:///home/me/codra", dir_info={"editable": True}), f"codra-dsl=={__version__}"),
+        (origin_text(url="file:///tmp/codra.whl", archive_info={}), f"codra-dsl=={__version__}"),
         (
-            recorded(url="https://example.org/codra.git", vcs_info={"vcs": "git", "commit_id": COMMIT}),
+            origin_text(url="https://example.org/codra.git", vcs_info={"vcs": "git", "commit_id": COMMIT}),
             f"codra-dsl @ git+https://example.org/codra.git@{COMMIT}",
         ),
         (
-            recorded(url="https://example.org/all", subdirectory="dsl", vcs_info={"vcs": "git", "commit_id": COMMIT}),
+            origin_text(
+                url="https://example.org/all", subdirectory="dsl", vcs_info={"vcs": "git", "commit_id": COMMIT}
+            ),
             f"codra-dsl @ git+https://example.org/all@{COMMIT}#subdirectory=dsl",
         ),
-        (recorded(url="https://example.org/codra.whl", archive_info={}), "codra-dsl @ https://example.org/codra.whl"),
+        (
+            origin_text(url="https://example.org/codra.whl", archive_info={}),
+            "codra-dsl @ https://example.org/codra.whl",
+        ),
     ],
 )
 def test_a_project_requires_codra_as_installed_but_names_no_local_path(origin: str | None, requirement: str) -> None:

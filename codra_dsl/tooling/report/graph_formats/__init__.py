@@ -1,8 +1,8 @@
-"""The formats of `codra graph`: each module here declares one as `FORMAT`.
+"""The formats of `codra graph`: each module of this package declares one format as `FORMAT`.
 
 A new module needs no registration: the choices of `--format`, the endings of `--output` and the error messages come
-from `FORMATS`. Importing a module here must be cheap, because the command line reads the choices at every start; a
-module imports its renderer inside its `render` function.
+from `FORMATS`. Importing these modules must be fast, because the command line reads the choices at every start.
+Therefore each module imports its renderer inside its `render` function.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from codra_dsl.tooling.report.graphs import Graph
 
 Say = Callable[[str], None]
-"""Show one line to the user, beside the result."""
+"""Shows one line to the user. The line is not part of the result."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

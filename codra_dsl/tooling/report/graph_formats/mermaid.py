@@ -11,14 +11,14 @@ if TYPE_CHECKING:
 
 
 def _render(graph: Graph, say: Say) -> str:
-    """Return the flowchart, with a message if it omits nodes or has more edges than Mermaid draws by default."""
+    """Return the flowchart. Show a message if it is condensed, or if it exceeds the default limits of Mermaid."""
     from codra_dsl.tooling.report.mermaid import MAX_EDGES, flowchart
 
     chart = flowchart(graph)
     if not chart.is_complete:
         say("the graph is too large for Mermaid and was condensed: --select shows a part in full")
     if not chart.fits:
-        say(f"even so it has {chart.edges} edges: Mermaid draws {MAX_EDGES} unless its page sets maxEdges")
+        say(f"the flowchart has {chart.edges} edges: Mermaid draws at most {MAX_EDGES} unless its page sets maxEdges")
     return chart.text
 
 

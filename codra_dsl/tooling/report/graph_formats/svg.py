@@ -11,11 +11,11 @@ if TYPE_CHECKING:
 
 
 def _render(graph: Graph, say: Say) -> str:
-    """Return the picture; if drawing may take minutes, show a message first."""
-    from codra_dsl.tooling.report.dot import MAX_QUICK, render_svg
+    """Return the picture. If drawing may take minutes, show a message first."""
+    from codra_dsl.tooling.report.dot import MAX_QUICK_NODES, render_svg
 
-    if len(graph.elements) > MAX_QUICK:
-        say(f"laying out {len(graph.elements)} nodes may take minutes: --select takes a part, --format html is quicker")
+    if len(graph.elements) > MAX_QUICK_NODES:
+        say(f"drawing {len(graph.elements)} nodes may take minutes: --select draws a part, --format html is faster")
     return render_svg(graph)
 
 
