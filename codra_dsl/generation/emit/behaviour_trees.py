@@ -26,8 +26,16 @@ from codra_dsl.generation.emit.layout import (
 from codra_dsl.generation.emit.literals import literal, prose
 from codra_dsl.generation.emit.scripts import asked_text, operands, value_text
 from codra_dsl.language.behavior_trees import BehaviorTree, CheckedForest, Direction, NodeKind, NodeModel, TreeNode
-from codra_dsl.language.behavior_trees.catalogue import AFTER, AUTOREMAP, BEFORE, BUILT_IN, BuiltIn, BuiltInPort, Holds
-from codra_dsl.language.behavior_trees.ports import EntryKey, given
+from codra_dsl.language.behavior_trees.catalogue import (
+    AUTOREMAP,
+    BUILT_IN,
+    POST_SCRIPTS,
+    PRECONDITIONS,
+    BuiltIn,
+    BuiltInPort,
+    PortContent,
+)
+from codra_dsl.language.behavior_trees.ports import EntryKey, parse_port_value
 from codra_dsl.language.behavior_trees.scripts import ScriptProblem, Statement, parse_condition, parse_script
 from codra_dsl.language.expression import And, Or
 from codra_dsl.language.expression import Node as Script
@@ -102,8 +110,8 @@ class _Writer:
 
     def _conditions(self, node: TreeNode) -> dict[str, Expression]:
         given_ = {attribute.name: attribute.value for attribute in node.conditions}
-        before = {name: self._asked(given_[key]) for key, name in BEFORE.items() if key in given_}
-        after = {name: tuple_of(self._statements(given_[key])) for key, name in AFTER.items() if key in given_}
+        before = {name: self._asked(given_[key]) for key, name in PRECONDITIONS.items() if key in given_}
+        after = {name: tuple_of(self._statements(given_[key])) for key, name in POST_SCRIPTS.items() if key in given_}
         return {"conditions": self._call("Conditions", **before, **after)} if given_ else {}
 
     # Kinds
@@ -132,10 +140,10 @@ class _Writer:
         return self._call(built_in.word, *needed, **others)
 
     def _port(self, port: BuiltInPort, value: str) -> Expression:
-        if port.holds is Holds.CONDITION:
+        if port.content is PortContent.CONDITION:
             return self._asked(value)
-        setting = given(port.name, value)
-        if port.holds in (Holds.ENTRY, Holds.KEY):
+        setting = parse_port_value(port.name, value)
+        if port.content in (PortContent.ENTRY, PortContent.KEY):
             return literal(setting.key if isinstance(setting, EntryKey) else value)
         return self._setting(setting)
 
@@ -145,8 +153,12 @@ class _Writer:
     def _leaf(self, node: TreeNode) -> Expression:
         model = self._models.get((False, node.id))
         values = _with_defaults(node, model)
-        inputs = {name: given(name, value) for name, value in values.items() if _goes(model, name, Direction.IN)}
-        outputs = {name: given(name, value) for name, value in values.items() if _goes(model, name, Direction.OUT)}
+        inputs = {
+            name: parse_port_value(name, value) for name, value in values.items() if _goes(model, name, Direction.IN)
+        }
+        outputs = {
+            name: parse_port_value(name, value) for name, value in values.items() if _goes(model, name, Direction.OUT)
+        }
         entries = {name: setting for name, setting in outputs.items() if isinstance(setting, EntryKey)}
         keywords: dict[str, Expression] = {}
         if inputs:
@@ -161,7 +173,7 @@ class _Writer:
     def _subtree(self, node: TreeNode) -> Expression:
         values = _with_defaults(node, self._models.get((True, str(node.subtree))))
         remaps_all = values.pop(AUTOREMAP, "false") in ("true", "1")
-        settings = {name: given(name, value) for name, value in values.items()}
+        settings = {name: parse_port_value(name, value) for name, value in values.items()}
         remapped = {
             literal(name): literal(setting.key) for name, setting in settings.items() if isinstance(setting, EntryKey)
         }

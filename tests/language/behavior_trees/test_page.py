@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 from codra_dsl.language.behavior_trees import RULES
-from codra_dsl.language.behavior_trees.catalogue import AFTER, BEFORE, BUILT_IN, REFUSED
+from codra_dsl.language.behavior_trees.catalogue import BUILT_IN, POST_SCRIPTS, PRECONDITIONS, REFUSED_NODES
 from codra_dsl.language.behavior_trees.elements import MAX_DEPTH
 from codra_dsl.runtime.behavior_trees import Result, Robot
 from tests.language.behavior_trees.stories import document, main_tree
@@ -37,11 +37,11 @@ def test_every_supported_node_has_a_row_that_names_its_tests() -> None:
 def test_every_refused_node_has_a_row_with_its_help() -> None:
     named = rows("refused")
 
-    assert {node: named[f"`{node}`"] for node in REFUSED} == dict(REFUSED)
+    assert {node: named[f"`{node}`"] for node in REFUSED_NODES} == dict(REFUSED_NODES)
 
 
 def test_every_condition_and_every_finding_is_on_the_page() -> None:
-    assert [name for name in (*BEFORE, *AFTER) if f"`{name}`" not in PAGE] == []
+    assert [name for name in (*PRECONDITIONS, *POST_SCRIPTS) if f"`{name}`" not in PAGE] == []
     assert [
         rule.code for rule in RULES.values() if f"| {rule.code} | `{rule.name}` | {rule.severity} |" not in PAGE
     ] == []
