@@ -131,10 +131,10 @@ def _renewed(compilation: Compilation, folder: Path, check: bool) -> _Renewed:
 
 def _compared(compilation: Compilation, folder: Path) -> _Renewed:
     """Return how the output folder differs; nothing is written."""
-    from codra_dsl.generation.output import freshness, stale
+    from codra_dsl.generation.output import freshness, stale_finding
 
     compared = freshness(compilation.files, folder, compilation.covered)
-    findings = (*compared.diagnostics, *map(stale, compared.drifts))
+    findings = (*compared.diagnostics, *map(stale_finding, compared.drifts))
     return _Renewed(diagnostics=findings, diff="".join(drift.diff for drift in compared.drifts))
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from codra_dsl.generation.build_plan import BuildPlan, Node, NodeKind
-from codra_dsl.generation.build_plan.dependencies import types_shown
+from codra_dsl.generation.build_plan.dependencies import node_type_names
 from codra_dsl.language.check.checked.knowledge import CheckedAgent, CheckedKnowledge, CheckedPattern
 from codra_dsl.language.diagnostics import Place
 from codra_dsl.language.model import Variable
@@ -33,7 +33,7 @@ def known_nodes(plan: BuildPlan, knowledge: CheckedKnowledge) -> Iterator[tuple[
             yield Node(NodeKind.CONTEXT, variable.name), about_variable(variable)
     for agent in knowledge.agents:
         yield Node(NodeKind.AGENT, agent.name), _about_agent(agent)
-    for name in types_shown(world):
+    for name in node_type_names(world):
         declared = world.types.get(name)
         attributes = [attribute.name for attribute in declared.attributes] if declared is not None else []
         label = declared.label if declared is not None else ""
@@ -55,7 +55,7 @@ def _about_agent(agent: CheckedAgent) -> dict[str, object]:
 def known_places(plan: BuildPlan, knowledge: CheckedKnowledge) -> Iterator[tuple[str, Place]]:
     """Yield the place of each element of knowledge, and of each rule and pattern of agents, by its name in files."""
     world, name = knowledge.world, plan.name
-    for kind in types_shown(world):
+    for kind in node_type_names(world):
         declared = world.types.get(kind)
         yield f"{name}/type/{kind}", declared.place if declared is not None else _first_node(knowledge, kind)
     yield from ((f"{name}/node/{node.name}", node.place) for node in world.nodes.values())

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from codra_dsl.generation.build_plan import BuildPlan
-from codra_dsl.generation.build_plan.dependencies import types_shown
+from codra_dsl.generation.build_plan.dependencies import node_type_names
 from codra_dsl.generation.build_plan.names import camel_case, knowledge_class
 from codra_dsl.generation.emit.access import alias
 from codra_dsl.generation.emit.imports import Imports
@@ -272,7 +272,7 @@ def _names_of(agent: str, knowledge: CheckedKnowledge) -> _Names:
 
 
 def _types(world: DeclaredGraph) -> Iterator[str]:
-    yield from types_shown(world)
+    yield from node_type_names(world)
     if world.tasks:
         yield TASK_TYPE
     if any(variable.node == CONTEXT_NODE for variable in world.variables.values()):

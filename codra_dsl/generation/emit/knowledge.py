@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Mapping
 
 from codra_dsl.generation.build_plan import BuildPlan
-from codra_dsl.generation.build_plan.dependencies import types_shown
+from codra_dsl.generation.build_plan.dependencies import node_type_names
 from codra_dsl.generation.emit.conditions import condition
 from codra_dsl.generation.emit.declarations import names, non_default_fields, value_type
 from codra_dsl.generation.emit.handles import aliases, handles
@@ -101,7 +101,7 @@ class _Writer:
 
     def node_types(self) -> Iterable[Expression]:
         """Yield the types of nodes: those declared, then those that only nodes name."""
-        for name in types_shown(self._world):
+        for name in node_type_names(self._world):
             declared = self._world.types.get(name)
             if declared is None:
                 yield self._declaration("NodeTypeModel", name=literal(name))
@@ -117,7 +117,7 @@ class _Writer:
                 view="None" if declared.view is None else self._view(declared.view),
                 label=_label(declared.label, name),
             )
-        if self._of_context and CONTEXT_NODE not in types_shown(self._world):
+        if self._of_context and CONTEXT_NODE not in node_type_names(self._world):
             yield self._declaration("NodeTypeModel", name=literal(CONTEXT_NODE))
 
     def edge_type(self, edge: EdgeType) -> Expression:
