@@ -26,7 +26,7 @@ from codra_dsl.generation.emit import emit, package_text
 from codra_dsl.generation.emit.conditions import ConditionError
 from codra_dsl.generation.emit.conditions import condition as emitted_condition
 from codra_dsl.generation.emit.declarations import DEFAULTS
-from codra_dsl.generation.emit.layout import call, laid_out
+from codra_dsl.generation.emit.layout import call, lay_out
 from codra_dsl.generation.emit.literals import literal, prose, text_literal
 from codra_dsl.integrations.inspection.loading import load_start
 from codra_dsl.language.check.checked.spec import CheckedSpec
@@ -167,7 +167,7 @@ CONDITIONS = st.recursive(
 
 def in_a_call(python: str) -> str:
     expression, _ = emitted_condition(python)
-    return laid_out(call("Precondition", '"text"', expression, "perception"))
+    return lay_out(call("Precondition", '"text"', expression, "perception"))
 
 
 @settings(max_examples=8)
@@ -192,7 +192,7 @@ def test_a_condition_has_the_same_meaning_after_layout(python: str) -> None:
     words = {**vars(sys.modules["codra_dsl.runtime.values.conditions"])}
     expression, used = emitted_condition(python)
 
-    laid = laid_out(expression)
+    laid = lay_out(expression)
 
     assert repr(eval(f"({laid})", words)) == repr(eval(python, words))
     called = {node.id for node in ast.walk(ast.parse(python)) if isinstance(node, ast.Name)}
