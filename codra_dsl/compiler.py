@@ -24,7 +24,7 @@ from codra_dsl.language.load.yaml.source import AS_ON_DISK
 from codra_dsl.language.model import Spec
 from codra_dsl.language.project import relative
 from codra_dsl.workspace.cache import Run
-from codra_dsl.workspace.suppression import Settings, read_sources, settings_of, triaged
+from codra_dsl.workspace.suppression import Settings, read_sources, settings_of, triage
 from codra_dsl.workspace.timings import UNTIMED, Timings
 
 __all__ = [
@@ -181,7 +181,7 @@ def _plan_request(request: _Request, loaded: Iterable[Loaded], timings: Timings)
     with timings.stage("triage"):
         files_with_comments = (*files, *_part_files(request.files), *_tree_files(specs))
         sources = read_sources(files_with_comments, request.paths, request.root, request.texts)
-        triaged_diagnostics = triaged(diagnostics, settings, sources)
+        triaged_diagnostics = triage(diagnostics, settings, sources)
 
     plans = [spec.build_plan for spec in specs if spec.build_plan is not None]
     return Planned(
