@@ -1,4 +1,4 @@
-"""From spec files to a folder of packages: written, stale, refused and removed files; and reproducible bytes."""
+"""Specs become a folder of packages: files are written, stale, refused or removed, and their bytes are reproducible."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The page on trees names every node, supported or refused, every condition and every finding."""
+"""The page on trees names every supported or refused node, every condition and every finding."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ TESTS = "".join(path.read_text("utf-8") for path in sorted(FOLDER.glob("test_*.p
 
 
 def rows(heading: str) -> dict[str, str]:
-    """Return the last cell of each row of a table by the first cell; `heading` is the first heading."""
+    """Return the last cell of each row in a table; the key is its first cell. `heading` is the first heading."""
     table = PAGE.split(f"| {heading} |")[1].split("\n\n")[0].splitlines()[2:]
     cells = [re.split(r"(?<!\\\\) \| ", row.strip("| ")) for row in table]
     return {row[0]: row[-1] for row in cells}

@@ -154,7 +154,7 @@ def test_valid_settings_count_beside_wrong_ones(tmp_path: Path) -> None:
 def test_a_file_that_is_not_toml_is_reported_at_the_error(
     tmp_path: Path, text: str | bytes, line: int, column: int
 ) -> None:
-    """A duplicate key makes the file invalid, too."""
+    """A duplicate key makes the file invalid too."""
     _, (finding,) = read(tmp_path, text)
 
     assert place_of(finding)[:3] == ("CDR0020", line, column)
