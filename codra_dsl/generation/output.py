@@ -221,11 +221,8 @@ def _drift(path: str, change: Change, out: Path, expected_text: str) -> Drift:
     lines = difflib.unified_diff(
         current_lines, expected_lines, f"{shown_path} (as it is)", f"{shown_path} (as specified)"
     )
-    return Drift(path=shown_path, change=change, diff="".join(map(_with_line_end, lines)))
-
-
-def _with_line_end(line: str) -> str:
-    return line if line.endswith("\n") else f"{line}\n\\ No newline at end of file\n"
+    diff = "".join(line if line.endswith("\n") else f"{line}\n\\ No newline at end of file\n" for line in lines)
+    return Drift(path=shown_path, change=change, diff=diff)
 
 
 def _orphans(files: Mapping[str, str], out: Path, covered: Iterable[str]) -> list[str]:

@@ -71,10 +71,10 @@ class RemoteJob:
 class RemoteHandle:
     """A handle that stays in the program: its attributes are copied to the process, its methods run in the program."""
 
-    __slots__ = ("_asking", "_path")
+    __slots__ = ("_path", "_sender")
 
     def __init__(self, sender: _RequestSender, path: Sequence[str]) -> None:
-        object.__setattr__(self, "_asking", sender)
+        object.__setattr__(self, "_sender", sender)
         object.__setattr__(self, "_path", list(path))
 
     def __getattr__(self, name: str) -> Any:

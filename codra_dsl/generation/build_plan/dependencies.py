@@ -30,11 +30,9 @@ def dependencies(checked: CheckedSpec, forest: Iterable[Tree]) -> tuple[Edge, ..
     edges = edges if checked.mape is None else (*edges, *loop_edges(checked.mape))
     variables = {edge.target.name for edge in edges if edge.target.kind is NodeKind.CONTEXT} if checked.poses else ()
     pose_edges = [edge for name in checked.poses if name in variables for edge in _pose_edges(checked, name)]
-    return edges if checked.mape is None and not pose_edges else tuple(sorted({*edges, *pose_edges}, key=_sort_key))
-
-
-def _sort_key(edge: Edge) -> tuple[Node, EdgeKind, Node]:
-    return edge.source, edge.kind, edge.target
+    if checked.mape is None and not pose_edges:
+        return edges
+    return tuple(sorted({*edges, *pose_edges}, key=lambda edge: (edge.source, edge.kind, edge.target)))
 
 
 def _run_edges(tree: Tree) -> list[Edge]:

@@ -37,7 +37,7 @@ from codra_dsl.language.behavior_trees.catalogue import (
     PortContent,
 )
 from codra_dsl.language.behavior_trees.ports import EntryKey, parse_port_value
-from codra_dsl.language.behavior_trees.scripts import ScriptProblem, Statement, parse_condition, parse_script
+from codra_dsl.language.behavior_trees.scripts import ScriptProblem, parse_condition, parse_script
 from codra_dsl.language.expression import And, Or
 from codra_dsl.language.expression import Node as Script
 from codra_dsl.language.project import GENERATED_API
@@ -218,11 +218,8 @@ class _Writer:
         if isinstance(statements, ScriptProblem):
             raise TypeError(f"{text!r} was checked, but is not a script")
         for statement in statements:
-            yield self._statement(statement)
-
-    def _statement(self, statement: Statement) -> Expression:
-        value = self._script(statement.value, value_text(statement.value, self._enums))
-        return self._call("create" if statement.creates else "assign", literal(statement.entry), value)
+            value = self._script(statement.value, value_text(statement.value, self._enums))
+            yield self._call("create" if statement.creates else "assign", literal(statement.entry), value)
 
     def _script(self, node: Script, text: str) -> Expression:
         """Return a script as a function: a lambda, or, if the script is long, the name of a helper function."""

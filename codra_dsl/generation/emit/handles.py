@@ -117,12 +117,14 @@ def handle_signatures(method: str, handle_types: Sequence[tuple[Expression, str]
 
 def handles(plan: BuildPlan, knowledge: CheckedKnowledge, imports: Imports) -> list[Class]:
     """Return the classes of a spec's graph and of its agents' handles."""
-    named = named_handles(knowledge)
+    named_agents = named_handles(knowledge)
     classes = [
-        class_ for agent, name in named for class_ in _handle_classes(agent, name, _accepted_names(agent, knowledge))
+        class_
+        for agent, name in named_agents
+        for class_ in _handle_classes(agent, name, _accepted_names(agent, knowledge))
     ]
     other_agents = knowledge.writers[MOST_HANDLES:]
-    classes = [*classes, *_graph_classes(plan, named, other_agents)]
+    classes = [*classes, *_graph_classes(plan, named_agents, other_agents)]
     imports.use_in((text for class_ in classes for text in (class_.head, class_.stands_for, *class_.methods)), _TYPES)
     return classes
 
@@ -209,7 +211,9 @@ def _head(name: str, writes_class: str, base: str) -> str:
 _VALUE = ("value: object", "*", "evidence_s: float | None = None")
 
 
-def _graph_classes(plan: BuildPlan, named: list[tuple[str, str]], other_agents: Sequence[str]) -> Iterator[Class]:
+def _graph_classes(
+    plan: BuildPlan, named_agents: list[tuple[str, str]], other_agents: Sequence[str]
+) -> Iterator[Class]:
     """Yield the classes of the graph and its snapshots."""
     graph, snapshot = knowledge_class(plan.name), f"{plan.class_name}Snapshot"
     get = _method("get", "Reading[Any]", ("name: str", "attribute: AttributeName"))
@@ -236,7 +240,7 @@ def _graph_classes(plan: BuildPlan, named: list[tuple[str, str]], other_agents: 
         stands_for="Snapshot",
     )
     handle_types = [
-        *((literals([agent]), handle) for agent, handle in named),
+        *((literals([agent]), handle) for agent, handle in named_agents),
         *([(literals(other_agents), "AgentHandle")] if other_agents else []),
     ]
     last = _method("as_agent", "Any", ("name: Any",))

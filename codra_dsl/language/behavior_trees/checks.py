@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import chain
 
 from codra_dsl.language.behavior_trees.catalogue import (
     AUTOREMAP,
@@ -193,9 +194,9 @@ class _Checker:
                 self._read_port(attribute, path)
             return
         self._check_ports(node, [port.name for port in model.ports], path)
-        given_attributes = {attribute.name for attribute in node.ports}
+        attributes = {attribute.name for attribute in node.ports}
         for port in model.ports:
-            if port.direction is not Direction.OUT and port.default is None and port.name not in given_attributes:
+            if port.direction is not Direction.OUT and port.default is None and port.name not in attributes:
                 self._report_missing_port(node, port.name, path)
         for attribute in node.ports:
             declared = model.port(attribute.name)
@@ -263,9 +264,9 @@ class _Checker:
         self._findings.add("port-value", message, attribute.value_place, help=help_text, path=path)
 
     def _check_built_in(self, node: TreeNode, built_in: BuiltIn, path: str) -> None:
-        given_attributes = {attribute.name: attribute for attribute in node.ports}
+        attributes = {attribute.name: attribute for attribute in node.ports}
         for port in built_in.ports:
-            attribute = given_attributes.get(port.name)
+            attribute = attributes.get(port.name)
             if attribute is not None:
                 self._check_content(attribute, port, node, path)
             elif port.default is None:
@@ -317,45 +318,42 @@ class _Checker:
             self._findings.add("unknown-subtree", message, node.place, help=help_text, path=path)
             return
         model = self._models.get((True, tree.id))
-        remapped_entries = [attribute for attribute in node.ports if attribute.name != AUTOREMAP]
+        remappings = [attribute for attribute in node.ports if attribute.name != AUTOREMAP]
         for attribute in node.ports:
             if attribute.name == AUTOREMAP and not _is_valid_content(PortContent.TRUTH, attribute.value):
                 self._report_value(attribute, PortContent.TRUTH, "correct it", path)
-        for attribute in remapped_entries:
+        for attribute in remappings:
             self._read_port(attribute, path)
         if model is not None:
-            self._check_subtree_ports(node, model, remapped_entries, path)
+            self._check_subtree_ports(node, model, remappings, path)
             return
         used = self._entries.get(tree.id)
         if used is None:
-            used = self._entries[tree.id] = _entries_of(tree, self._models)
-        for attribute in remapped_entries:
+            names = (_entries_of_node(part, self._models.get((False, part.id))) for part in tree.root.walk())
+            used = self._entries[tree.id] = frozenset(chain.from_iterable(names))
+        for attribute in remappings:
             if attribute.name not in used:
                 help_text = self._findings.help_for(attribute.name, used, "remove it, or use the entry in the tree")
                 message = f"the tree '{tree.id}' does not use the entry '{attribute.name}'"
                 self._findings.add("unused-remap", message, attribute.place, help=help_text, path=path)
 
-    def _check_subtree_ports(
-        self, node: TreeNode, model: NodeModel, remapped_entries: list[Attribute], path: str
-    ) -> None:
+    def _check_subtree_ports(self, node: TreeNode, model: NodeModel, remappings: list[Attribute], path: str) -> None:
         known = [port.name for port in model.ports]
-        given_attributes = {attribute.name: attribute for attribute in remapped_entries}
-        for name, attribute in given_attributes.items():
+        attributes = {attribute.name: attribute for attribute in remappings}
+        for name, attribute in attributes.items():
             if name not in known:
                 help_text = self._findings.help_for(name, known, f"its ports are {', '.join(known) or 'none'}")
                 message = f"the tree '{model.id}' has no port '{name}'"
                 self._findings.add("unknown-port", message, attribute.place, help=help_text, path=path)
-        remaps_all_entries = any(
-            attribute.name == AUTOREMAP and attribute.value in ("true", "1") for attribute in node.ports
-        )
+        remaps_all = any(attribute.name == AUTOREMAP and attribute.value in ("true", "1") for attribute in node.ports)
         for port in model.ports:
-            if port.name not in given_attributes and port.default is None and not remaps_all_entries:
+            if port.name not in attributes and port.default is None and not remaps_all:
                 self._report_missing_port(node, port.name, path)
-            text = port.name in given_attributes and isinstance(
-                parse_port_value(port.name, given_attributes[port.name].value), str
+            is_text = port.name in attributes and isinstance(
+                parse_port_value(port.name, attributes[port.name].value), str
             )
-            if text and port.direction is not Direction.IN:
-                self._check_declared(given_attributes[port.name], port.direction, port.type, path)
+            if is_text and port.direction is not Direction.IN:
+                self._check_declared(attributes[port.name], port.direction, port.type, path)
 
     # Entries
 
@@ -468,12 +466,8 @@ def _size(root: TreeNode, counts: Mapping[str, tuple[int, int]]) -> tuple[int, i
     return nodes, levels
 
 
-def _entries_of(tree: BehaviorTree, models: Mapping[tuple[bool, str], NodeModel]) -> frozenset[str]:
-    """Return the names of all entries that occur in a tree."""
-    return frozenset(name for node in tree.root.walk() for name in _entries_of_node(node, models.get((False, node.id))))
-
-
 def _entries_of_node(node: TreeNode, model: NodeModel | None) -> Iterator[str]:
+    """Yield the names of all entries that occur in a node."""
     holds = {port.name: port.content for port in BUILT_IN[node.id].ports} if node.id in BUILT_IN else {}
     defaults = {port.name: port.default for port in model.ports if port.default is not None} if model else {}
     values = defaults | {attribute.name: attribute.value for attribute in node.ports}

@@ -209,10 +209,10 @@ def triage(diagnostics: Iterable[Diagnostic], settings: Settings, sources: Sourc
     unsilenced = [part for diagnostic in diagnostics for part in comments.unsilenced(diagnostic)]
     complete = not any(diagnostic.rule.severity is Severity.ERROR for diagnostic in unsilenced)
     findings = (*unsilenced, *comments.findings(complete=complete))
-    return in_file_order(_leveled(diagnostic, settings) for diagnostic in findings if settings.wants(diagnostic.rule))
+    return in_file_order(_at_level(diagnostic, settings) for diagnostic in findings if settings.wants(diagnostic.rule))
 
 
-def _leveled(diagnostic: Diagnostic, settings: Settings) -> Diagnostic:
+def _at_level(diagnostic: Diagnostic, settings: Settings) -> Diagnostic:
     level = settings.level(diagnostic.rule)
     return diagnostic if level is diagnostic.rule.severity else replace(diagnostic, level=level)
 

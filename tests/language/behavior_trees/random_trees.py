@@ -37,7 +37,7 @@ class RandomTree:
         body = self._node(depth)
         self.text = document(body, others="".join(self._subtrees))
         self.plans = " ".join(f"{leaf}={''.join(chance.choices('RSFK', [4, 4, 3, 1], k=24))}R" for leaf in ACTIONS)
-        """The results of each action, one letter per tick. The last letter is `R`, which repeats, so that few loops are endless."""
+        """The results of each action, one letter per tick. The last letter `R` repeats, so few loops are endless."""
 
     def _node(self, depth: int) -> str:
         kind = self._chance.random()
