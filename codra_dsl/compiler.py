@@ -24,7 +24,7 @@ from codra_dsl.language.load.yaml.source import AS_ON_DISK
 from codra_dsl.language.model import Spec
 from codra_dsl.language.project import relative
 from codra_dsl.workspace.cache import Run
-from codra_dsl.workspace.suppression import Settings, read_sources, settings_of, triaged
+from codra_dsl.workspace.suppression import Settings, read_sources, settings_of, triage
 from codra_dsl.workspace.timings import UNTIMED, Timings
 
 __all__ = [
@@ -82,11 +82,11 @@ class Compilation:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Request:
-    """The specs that one call asks for.
+    """The specs that one call requests.
 
     Attributes:
         root: the folder of the project.
-        files: the specs and parts below the requested paths.
+        files: the specs and parts at or below the requested paths.
         specs: the files of the specs, relative to the root.
         paths: the requested files and folders, relative to the root.
         texts: contents of files that are not read from disk.
@@ -100,7 +100,7 @@ class _Request:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Checked:
+class _SpecAfterCheck:
     """One spec after the stage `check`.
 
     Attributes:
@@ -117,7 +117,7 @@ class _Checked:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _PlannedSpec:
+class _SpecAfterPlan:
     """One spec after the stage `plan`; `build_plan` is None if an error prevents planning."""
 
     spec: Spec | None
@@ -141,7 +141,7 @@ def compile_paths(paths: Sequence[Path], root: Path, timings: Timings = UNTIMED)
 def plan_paths(
     paths: Sequence[Path], root: Path, texts: Mapping[str, bytes] = AS_ON_DISK, timings: Timings = UNTIMED
 ) -> Planned:
-    """Load, check and plan all specs at or below some paths; `texts` has files that are not read from disk."""
+    """Load, check and plan all specs at or below some paths; `texts` has contents that are not read from disk."""
     with timings.stage("find"):
         files = find_files(paths, root)
     request = _Request(
@@ -156,7 +156,7 @@ def plan_paths(
 
 @paused_collector()
 def plan_text(text: str | bytes, file: str, root: Path, timings: Timings = UNTIMED) -> Planned:
-    """Load, check and plan one spec that is given as text; findings call it `file`."""
+    """Load, check and plan one spec that is given as text; `file` is its name in findings."""
     data = text.encode(errors="surrogatepass") if isinstance(text, str) else text
     with timings.stage("load"):
         loaded = load_text(text, file, root)
@@ -168,20 +168,20 @@ def _plan_request(request: _Request, loaded: Iterable[Loaded], timings: Timings)
     """Return the plans of the loaded specs, with all findings after triage."""
     settings, settings_findings = settings_of(request.root)
 
-    checked = _check(loaded, request.root, timings)
-    specs = tuple(_plan(checked, timings))
+    checked_specs = _check(loaded, request.root, timings)
+    specs = tuple(_plan(checked_specs, timings))
 
     diagnostics = [*settings_findings, *request.files.diagnostics]
     diagnostics += (diagnostic for spec in specs for diagnostic in spec.diagnostics)
     diagnostics += _same_names(spec.spec for spec in specs if spec.spec is not None)
-    files = _files(request, specs)
+    files = _spec_files(request, specs)
     if not has_errors(diagnostics):
         diagnostics += request.files.unincluded(files, request.root)
 
     with timings.stage("triage"):
-        commented = (*files, *_part_files(request.files), *_tree_files(specs))
-        sources = read_sources(commented, request.paths, request.root, request.texts)
-        triaged_diagnostics = triaged(diagnostics, settings, sources)
+        files_with_comments = (*files, *_part_files(request.files), *_tree_files(specs))
+        sources = read_sources(files_with_comments, request.paths, request.root, request.texts)
+        triaged_diagnostics = triage(diagnostics, settings, sources)
 
     plans = [spec.build_plan for spec in specs if spec.build_plan is not None]
     return Planned(
@@ -196,27 +196,27 @@ def _plan_request(request: _Request, loaded: Iterable[Loaded], timings: Timings)
 
 
 def _load(files: Iterable[Path], root: Path, texts: Mapping[str, bytes], timings: Timings) -> Iterator[Loaded]:
-    """Yield each spec as it was read, with the findings about its text."""
+    """Yield each spec as it was read, with the findings of reading it."""
     for file in files:
         with timings.stage("load"):
             loaded = load_spec(file, root, texts)
         yield loaded
 
 
-def _check(loaded: Iterable[Loaded], root: Path, timings: Timings) -> Iterator[_Checked]:
-    """Yield each spec with the result of its checks and those of the behaviour trees that it names."""
+def _check(loaded: Iterable[Loaded], root: Path, timings: Timings) -> Iterator[_SpecAfterCheck]:
+    """Yield each spec with the results of its checks, and of the checks of the behaviour trees that it names."""
     for spec, load_findings in loaded:
         with timings.stage("check"):
-            checked = _check_spec(spec, load_findings, root)
-        yield checked
+            checked_spec = _check_spec(spec, load_findings, root)
+        yield checked_spec
 
 
-def _check_spec(spec: Spec | None, load_findings: tuple[Diagnostic, ...], root: Path) -> _Checked:
+def _check_spec(spec: Spec | None, load_findings: tuple[Diagnostic, ...], root: Path) -> _SpecAfterCheck:
     if spec is None:
-        return _Checked(spec=None, checked=None, tree_files=(), diagnostics=load_findings)
+        return _SpecAfterCheck(spec=None, checked=None, tree_files=(), diagnostics=load_findings)
     trees = read_trees(spec, root)
     checked, check_findings = check(spec, trees)
-    return _Checked(
+    return _SpecAfterCheck(
         spec=spec,
         checked=None if has_errors(load_findings) else checked,
         tree_files=tuple(files_read(spec, trees)),
@@ -224,18 +224,18 @@ def _check_spec(spec: Spec | None, load_findings: tuple[Diagnostic, ...], root: 
     )
 
 
-def _plan(checked_specs: Iterable[_Checked], timings: Timings) -> Iterator[_PlannedSpec]:
-    """Yield each spec with what to build for it."""
+def _plan(checked_specs: Iterable[_SpecAfterCheck], timings: Timings) -> Iterator[_SpecAfterPlan]:
+    """Yield each spec with its build plan."""
     for spec in checked_specs:
         with timings.stage("plan"):
             build_plan = plan(spec.checked) if spec.checked is not None else None
-        yield _PlannedSpec(
+        yield _SpecAfterPlan(
             spec=spec.spec, build_plan=build_plan, tree_files=spec.tree_files, diagnostics=spec.diagnostics
         )
 
 
 def _emit(plans: Iterable[BuildPlan], timings: Timings) -> Mapping[str, str]:
-    """Return the generated files of all plans, and the package that holds them."""
+    """Return the generated files of all plans, and the `__init__.py` of the package that contains them."""
     with timings.stage("emit"):
         files = {"__init__.py": package_text()}
         for build_plan in plans:
@@ -243,23 +243,23 @@ def _emit(plans: Iterable[BuildPlan], timings: Timings) -> Mapping[str, str]:
     return files
 
 
-def _files(request: _Request, specs: Iterable[_PlannedSpec]) -> tuple[str, ...]:
+def _spec_files(request: _Request, specs: Iterable[_SpecAfterPlan]) -> tuple[str, ...]:
     """Return the files of the specs and of the parts that they include."""
-    parts = (file for planned in specs if planned.spec is not None for file in planned.spec.files)
-    return tuple(sorted({*request.specs, *parts}))
+    included_files = (file for planned in specs if planned.spec is not None for file in planned.spec.files)
+    return tuple(sorted({*request.specs, *included_files}))
 
 
 def _part_files(files: Files) -> Iterator[str]:
-    """Return the files of all parts, also of those that no spec includes."""
+    """Return the files of all parts, including parts that no spec includes."""
     return (place.span.file for place in files.parts.values())
 
 
-def _tree_files(specs: Iterable[_PlannedSpec]) -> set[str]:
+def _tree_files(specs: Iterable[_SpecAfterPlan]) -> set[str]:
     """Return the files of behaviour trees that specs name."""
     return {file for planned in specs for file in planned.tree_files}
 
 
-def _module_files(specs: Iterable[_PlannedSpec]) -> set[str]:
+def _module_files(specs: Iterable[_SpecAfterPlan]) -> set[str]:
     """Return the files of Python modules that specs name."""
     return {file for planned in specs if planned.spec is not None for file in planned.spec.modules}
 

@@ -208,7 +208,7 @@ def _grouped(term: Term) -> str:
     return f"({term!r})" if isinstance(term, (_Conjunction, _Disjunction, _Comparison, _Arithmetic)) else repr(term)
 
 
-def _before_dot(term: Term) -> str:
+def _method_operand(term: Term) -> str:
     """Return the text of a term whose method is called: `.` binds closer than any operator."""
     is_prefixed = isinstance(term, _Negation) or (isinstance(term, _Function) and term.name == "-")
     return f"({term!r})" if is_prefixed else _grouped(term)
@@ -373,11 +373,11 @@ class _Membership(Term):
         return (self.term,)
 
     def evaluate(self, scope: Scope) -> Value | None:
-        tested = self.term.evaluate(scope)
-        return None if tested is None else tested in self.options
+        operand_value = self.term.evaluate(scope)
+        return None if operand_value is None else operand_value in self.options
 
     def __repr__(self) -> str:
-        return f"{_before_dot(self.term)}.is_in({', '.join(map(_constant, self.options))})"
+        return f"{_method_operand(self.term)}.is_in({', '.join(map(_constant, self.options))})"
 
 
 _ARITHMETIC: dict[str, Callable[[float, float], float]] = {

@@ -14,7 +14,7 @@ import pytest
 from codra_dsl.compiler import compile_paths, plan_text
 from codra_dsl.generation.algorithm2 import plan
 from codra_dsl.generation.emit import emit
-from codra_dsl.language.behavior_trees.catalogue import BUILT_IN, Holds
+from codra_dsl.language.behavior_trees.catalogue import BUILT_IN, PortContent
 from codra_dsl.language.fuzzy import compile_engine
 from codra_dsl.language.project import GENERATED_API
 from codra_dsl.runtime import generated_api
@@ -34,17 +34,17 @@ perception:
     identifies: {gate_open: {enter: gap > 60 cm, leave: gap < 50 cm, confirm: 2 of 3}}
 skills: {open_gate: {preview: [gate_open], changes: [gate_open]}}
 """
-PORTS: Mapping[Holds, str] = {
-    Holds.TEXT: "a",
-    Holds.INTEGER: "1",
-    Holds.MILLISECONDS: "1",
-    Holds.TRUTH: "true",
-    Holds.RESULT: "SUCCESS",
-    Holds.ENTRY: "a",
-    Holds.KEY: "a",
-    Holds.OUTPUT: "{a}",
-    Holds.CONDITION: "a == 1",
-    Holds.SCRIPT: "a := 1",
+PORTS: Mapping[PortContent, str] = {
+    PortContent.TEXT: "a",
+    PortContent.INTEGER: "1",
+    PortContent.MILLISECONDS: "1",
+    PortContent.TRUTH: "true",
+    PortContent.RESULT: "SUCCESS",
+    PortContent.ENTRY: "a",
+    PortContent.KEY: "a",
+    PortContent.OUTPUT: "{a}",
+    PortContent.CONDITION: "a == 1",
+    PortContent.SCRIPT: "a := 1",
 }
 LONG_CONDITION = " &amp;&amp; ".join(f"entry_{number} == {number}" for number in range(20))
 TREES = (f'<A _while="{LONG_CONDITION}"/>', '<Script code="a := 1; a = 2"/>')
@@ -54,7 +54,7 @@ def built_in_trees() -> Iterator[str]:
     """A tree for every built-in node except SubTree, with all of its ports."""
     for name, built_in in BUILT_IN.items():
         if built_in.word != "Subtree":
-            ports = " ".join(f'{port.name}="{PORTS[port.holds]}"' for port in built_in.ports)
+            ports = " ".join(f'{port.name}="{PORTS[port.content]}"' for port in built_in.ports)
             yield f"<{name} {ports}>{'<A/>' * built_in.least}</{name}>"
 
 

@@ -167,7 +167,7 @@ def test_division_by_zero_overflow_and_nan_are_unknown(term: Term) -> None:
 
 
 def test_an_infinite_value_can_be_compared() -> None:
-    """A range finder without an echo."""
+    """For example, a range finder measures infinity without an echo."""
     assert result(X > 1.5, x=math.inf) is True
 
 

@@ -20,7 +20,7 @@
     21        PROCESS_CONTEXT_VARIABLE(c'_i, F, M)
     23      F <- F + {O_i}
 
-`plan` decides only which trees exist, what goes into each, and what everything is called in Python. The paper
+`plan` decides only which trees exist, what each tree contains, and what everything is called in Python. The paper
 describes one variable and one algorithm per tree, but its text allows more (section 3.2, Figure 4C), and so do we:
 variables of one algorithm share a tree; algorithms that share a variable are alternatives in one tree, tried by rank;
 and trees with the same conditions are joined where `observers` names their variables together.
@@ -48,7 +48,7 @@ from codra_dsl.language.model import ObserverSetting
 def plan(checked: CheckedSpec) -> BuildPlan:
     """Return what to build for a checked spec, by Algorithm 2 (line 1)."""
     in_force, forest = _build_observer_system(checked)
-    result = BuildPlan(
+    build_plan = BuildPlan(
         checked=checked,
         class_name=class_name(checked.spec.name),
         in_force=in_force,
@@ -56,15 +56,15 @@ def plan(checked: CheckedSpec) -> BuildPlan:
         modules=modules(checked, forest),
         edges=dependencies(checked, forest),
     )
-    verify(result, checked)
-    return result
+    verify(build_plan, checked)
+    return build_plan
 
 
 def _build_observer_system(checked: CheckedSpec) -> tuple[tuple[str, ...], tuple[Tree, ...]]:
-    """Return C_M and F. A stack replaces the recursion of line 21, so that no chain exceeds the recursion limit.
+    """Return C_M and F. A stack replaces the recursion of line 21, so that no chain of variables is too long.
 
-    Each frame of the stack is a tree whose additional variables are being processed. The first frame has no tree, only
-    the decisions of line 3.
+    Each frame of the stack is a tree whose additional variables are being processed. The first frame has no tree: its
+    variables are the decisions of line 3.
     """
     outlines = _outlines(checked)
     in_force: dict[str, None] = {}  # line 2
@@ -77,11 +77,10 @@ def _build_observer_system(checked: CheckedSpec) -> tuple[tuple[str, ...], tuple
                 continue  # line 12
             in_force[variable] = None  # line 14
             if variable in outlines:  # line 15
-                created = _create_tree(checked, outlines[variable])  # lines 16 to 18, 20
-                in_force.update(
-                    dict.fromkeys(created.identifies)
-                )  # line 14, for the variables identified with this one
-                pending.append((created, iter(created.needs)))  # line 21
+                new_tree = _create_tree(checked, outlines[variable])  # lines 16 to 18, 20
+                # line 14, for the variables that are identified together with this one
+                in_force.update(dict.fromkeys(new_tree.identifies))
+                pending.append((new_tree, iter(new_tree.needs)))  # line 21
                 break
         else:
             pending.pop()
@@ -91,7 +90,7 @@ def _build_observer_system(checked: CheckedSpec) -> tuple[tuple[str, ...], tuple
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Outline:
-    """The algorithms that go into one tree, as groups of alternatives, and the tree's setting in `observers`."""
+    """The algorithms of one tree, as groups of alternatives, and the tree's setting in `observers`."""
 
     groups: tuple[tuple[str, ...], ...]
     setting: ObserverSetting | None
@@ -99,44 +98,45 @@ class _Outline:
 
 def _outlines(checked: CheckedSpec) -> Mapping[str, _Outline]:
     """Return, for each variable that has a perception algorithm, the outline of its tree (line 15)."""
-    group_of = {variable: group for group in _alternatives(checked) for variable in _identified(checked, group)}
+    groups_of_variables = {
+        variable: group for group in _alternatives(checked) for variable in _identified_variables(checked, group)
+    }
     outlines: dict[str, _Outline] = {}
     for setting in checked.spec.observers:
-        variables = [reference.name for reference in setting.identifies if reference.name in group_of]
-        groups = tuple(dict.fromkeys(group_of[name] for name in variables))
+        variables = [reference.name for reference in setting.identifies if reference.name in groups_of_variables]
+        groups = tuple(dict.fromkeys(groups_of_variables[name] for name in variables))
         outline = _Outline(groups=groups, setting=setting)
-        outlines |= {name: outline for group in groups for name in _identified(checked, group)}
-    alone = {group: _Outline(groups=(group,), setting=None) for group in group_of.values()}
-    return {name: alone[group] for name, group in group_of.items()} | outlines
+        outlines |= {name: outline for group in groups for name in _identified_variables(checked, group)}
+    single_group_outlines = {group: _Outline(groups=(group,), setting=None) for group in groups_of_variables.values()}
+    return {name: single_group_outlines[group] for name, group in groups_of_variables.items()} | outlines
 
 
 def _alternatives(checked: CheckedSpec) -> list[tuple[str, ...]]:
-    """Return the algorithms in groups that share variables, each group by rank."""
-    shares: dict[str, list[str]] = {name: [] for name in checked.algorithms}
+    """Return groups of algorithms that share variables. Each group is in order of rank, then of name."""
+    sharing_algorithms: dict[str, list[str]] = {name: [] for name in checked.algorithms}
     for names in checked.producers.values():
         for one, other in pairwise(names):
-            shares[one].append(other)
-            shares[other].append(one)
-    grouped: dict[str, tuple[str, ...]] = {}
+            sharing_algorithms[one].append(other)
+            sharing_algorithms[other].append(one)
+    groups: dict[str, tuple[str, ...]] = {}
     for name in checked.algorithms:
-        if name not in grouped:
-            group = sorted(graph.closure(shares, [name]), key=lambda algorithm: (_rank(checked, algorithm), algorithm))
-            grouped |= dict.fromkeys(group, tuple(group))
-    return list(dict.fromkeys(grouped.values()))
+        if name not in groups:
+            group = sorted(
+                graph.closure(sharing_algorithms, [name]),
+                key=lambda algorithm: (checked.algorithms[algorithm].algorithm.rank, algorithm),
+            )
+            groups |= dict.fromkeys(group, tuple(group))
+    return list(dict.fromkeys(groups.values()))
 
 
-def _rank(checked: CheckedSpec, name: str) -> int:
-    return checked.algorithms[name].algorithm.rank
-
-
-def _identified(checked: CheckedSpec, names: Iterable[str]) -> tuple[str, ...]:
-    """Return the variables that some algorithms identify, in the algorithms' order."""
+def _identified_variables(checked: CheckedSpec, names: Iterable[str]) -> tuple[str, ...]:
+    """Return the variables that some algorithms identify, in the order of the algorithms."""
     pairs = chain.from_iterable(checked.algorithms[name].identifies for name in names)
     return tuple(dict.fromkeys(variable for variable, _ in pairs))
 
 
 def _create_tree(checked: CheckedSpec, outline: _Outline) -> Tree:
-    """Return a tree with its perception behaviours (lines 16, 17) and its preconditions' variables (lines 18, 20)."""
+    """Return a tree with its perception behaviours (lines 16, 17) and variables of its preconditions (lines 18, 20)."""
     first, setting = outline.groups[0][0], outline.setting
     algorithms = [checked.algorithms[name] for group in outline.groups for name in group]
     name = setting.name if setting is not None else first
@@ -144,7 +144,7 @@ def _create_tree(checked: CheckedSpec, outline: _Outline) -> Tree:
         name=name,
         function=python_name(name.lower(), MODULE_NAMES),
         groups=tuple(tuple(_add_perception_behaviour(checked, name) for name in group) for group in outline.groups),
-        identifies=_identified(checked, chain.from_iterable(outline.groups)),
+        identifies=_identified_variables(checked, chain.from_iterable(outline.groups)),
         needs=tuple(dict.fromkeys(chain.from_iterable(map(_additional_context_variables, algorithms)))),
         period_s=setting.period_s if setting is not None else 1.0,  # P1, section 3.3: "a tick-rate of 1 s"
         priority=setting.priority if setting is not None else 0,
@@ -161,7 +161,7 @@ def _add_perception_behaviour(checked: CheckedSpec, name: str) -> Branch:
 
 
 def _additional_context_variables(algorithm: CheckedAlgorithm) -> Iterator[str]:
-    """Yield V_j of an algorithm in the order of its conditions (line 18)."""
+    """Yield the variables V_j of an algorithm, in the order of its conditions (line 18)."""
     for condition in algorithm.observable_when:
         yield from condition.variables
     yield from (reference.name for reference in algorithm.algorithm.given)

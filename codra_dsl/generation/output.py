@@ -1,9 +1,9 @@
 """The output folder: which files are ours, whether they are up to date, and how they are renewed.
 
-The folder holds an `__init__.py` and one package per spec. A package is ours if a manifest of codra's is in it. In our
-packages, every file that this run did not generate is an orphan, except `__pycache__` and names that begin with a dot,
-which are left alone. A whole package of ours is an orphan if this run compiled the file that it was made from and no
-longer generates the package.
+The folder contains an `__init__.py` and one package per spec. A package is ours if it contains a manifest that codra
+wrote. In the folder itself and in the packages that a run generates, every other file is an orphan, except
+`__pycache__` and names that begin with a dot, which are left alone. All files of another package of ours are orphans if
+the run covers the spec file from which that package was made.
 """
 
 from __future__ import annotations
@@ -53,8 +53,8 @@ class Drift:
     """A file that differs from the text that the specs define.
 
     Attributes:
-        path: beginning with the output folder's name, with `/`.
-        diff: from the current text to the text that the specs define, in unified form.
+        path: the path of the file, which begins with the name of the output folder and uses `/`.
+        diff: the difference from the current text to the text that the specs define, in unified form.
     """
 
     path: str
@@ -64,7 +64,7 @@ class Drift:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Freshness:
-    """How an output folder compares with its expected contents. With a finding, it was not compared."""
+    """How an output folder differs from its expected contents. If there is a finding, the folder was not compared."""
 
     drifts: tuple[Drift, ...] = ()
     diagnostics: tuple[Diagnostic, ...] = ()
@@ -72,17 +72,17 @@ class Freshness:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Written:
-    """The changes made to an output folder, by paths relative to it. After a finding, nothing more was done."""
+    """The changes made to an output folder, as paths relative to it. After a finding, nothing more was done."""
 
     changed: tuple[str, ...] = ()
     removed: tuple[str, ...] = ()
     diagnostics: tuple[Diagnostic, ...] = ()
 
 
-def stale(drifted: Drift) -> Diagnostic:
-    """Return a drift as a finding, for tools."""
-    message = f"'{drifted.path}' does not match the specs: {drifted.change.value}"
-    return about_output("stale-output", drifted.path, message, help="renew it with 'codra compile'")
+def stale_finding(drift: Drift) -> Diagnostic:
+    """Return the finding that reports a drift to tools."""
+    message = f"'{drift.path}' does not match the specs: {drift.change.value}"
+    return about_output("stale-output", drift.path, message, help="renew it with 'codra compile'")
 
 
 @paused_collector()
@@ -96,9 +96,9 @@ def freshness(files: Mapping[str, str], out: Path, covered: Iterable[str] = ()) 
     """
     if not _is_ours_or_new(out):
         return Freshness(diagnostics=(_refusal(out, out),))
-    compared = (_compared(path, text, out) for path, text in files.items())
+    file_drifts = (_drift_of_file(path, text, out) for path, text in files.items())
     orphans = (_drift(path, Change.ORPHAN, out, "") for path in _orphans(files, out, covered))
-    drifts = [*(drift for drift in compared if drift is not None), *orphans]
+    drifts = [*(drift for drift in file_drifts if drift is not None), *orphans]
     return Freshness(drifts=tuple(sorted(drifts, key=lambda drift: drift.path)))
 
 
@@ -116,7 +116,7 @@ def is_as_made(outputs: Mapping[str, str], out: Path, covered: Iterable[str] = (
 
 
 def digests(files: Mapping[str, str]) -> Mapping[str, str]:
-    """Return the digest of each output by its path."""
+    """Return the digest of each output; the key is its path."""
     return {path: _digest(text.encode()) for path, text in files.items()}
 
 
@@ -126,10 +126,10 @@ def _digest(data: bytes | None) -> str:
 
 @paused_collector()
 def write(files: Mapping[str, str], out: Path, covered: Iterable[str] = ()) -> Written:
-    """Bring an output folder up to date: write what changed, remove orphans, touch nothing else.
+    """Bring an output folder up to date: write changed files and remove orphans; nothing else is touched.
 
-    New text is compiled before it replaces the old, and each file is replaced atomically. A folder that is not ours is
-    left alone, with a finding.
+    New text is compiled before it replaces the old text, and each file is replaced atomically. A folder that is not
+    ours is left alone, with a finding.
 
     Args:
         files: the expected files, by path relative to the folder.
@@ -141,9 +141,9 @@ def write(files: Mapping[str, str], out: Path, covered: Iterable[str] = ()) -> W
     """
     from codra_dsl.generation.emit.self_check import prove  # noqa: PLC0415  only a run that writes needs the emitter
 
-    refused = tuple(_foreign(files, out))
-    if refused:
-        return Written(diagnostics=refused)
+    refusals = tuple(_foreign(files, out))
+    if refusals:
+        return Written(diagnostics=refusals)
     orphans = _orphans(files, out, covered)
     changed = {path: text for path, text in sorted(files.items()) if _bytes(out / path) != text.encode()}
     prove(changed)
@@ -159,7 +159,7 @@ def write(files: Mapping[str, str], out: Path, covered: Iterable[str] = ()) -> W
 
 
 def _foreign(files: Mapping[str, str], out: Path) -> Iterator[Diagnostic]:
-    """Yield a finding for each folder that would be written and is not ours."""
+    """Yield a finding for each folder that is not ours, but to which the run would write."""
     if not _is_ours_or_new(out):
         yield _refusal(out, out)
         return
@@ -170,15 +170,17 @@ def _foreign(files: Mapping[str, str], out: Path) -> Iterator[Diagnostic]:
 
 
 def _refusal(folder: Path, out: Path) -> Diagnostic:
-    shown = folder.relative_to(out.parent).as_posix() if folder != out else out.name
-    what = "is not a folder" if folder.exists() and not folder.is_dir() else "holds files that codra did not make"
-    what = "is a link" if folder.is_symlink() else what
+    shown_path = folder.relative_to(out.parent).as_posix() if folder != out else out.name
+    reason = "is not a folder" if folder.exists() and not folder.is_dir() else "holds files that codra did not make"
+    reason = "is a link" if folder.is_symlink() else reason
     help = "choose another folder with --out, or move its contents away"
-    return about_output("foreign-folder", shown, f"'{shown}' {what}, so nothing is written there", help=help)
+    return about_output(
+        "foreign-folder", shown_path, f"'{shown_path}' {reason}, so nothing is written there", help=help
+    )
 
 
 def _is_ours_or_new(out: Path) -> bool:
-    """Return whether an output folder is missing, empty, or holds our `__init__.py` or a package of ours."""
+    """Return whether an output folder is missing, is empty, or contains our `__init__.py` or a package of ours."""
     if not out.exists():
         return True
     if not out.is_dir():
@@ -192,12 +194,12 @@ def _is_ours_or_new(out: Path) -> bool:
 
 
 def _is_our_package(folder: Path) -> bool:
-    """Return whether a folder has a manifest of ours, even if the manifest was edited or has merge conflicts."""
+    """Return whether a folder contains a manifest of ours, even one that was edited or has merge conflicts."""
     return not folder.is_symlink() and f'"{MANIFEST_FORMAT}"' in _text(folder / MANIFEST)
 
 
 def _entries(folder: Path) -> list[Path]:
-    """Return the entries of a folder that may be output, sorted; [] if the folder does not exist."""
+    """Return the entries of a folder that can be output, sorted; an empty list if the folder does not exist."""
     if not folder.is_dir():
         return []
     return sorted(entry for entry in folder.iterdir() if entry.name != _CACHE and not entry.name.startswith("."))
@@ -206,35 +208,34 @@ def _entries(folder: Path) -> list[Path]:
 # ---------------------------------------------------------------------------------------------------- comparison
 
 
-def _compared(path: str, text: str, out: Path) -> Drift | None:
-    there = _bytes(out / path)
-    if there == text.encode():
+def _drift_of_file(path: str, text: str, out: Path) -> Drift | None:
+    current_data = _bytes(out / path)
+    if current_data == text.encode():
         return None
-    return _drift(path, Change.MISSING if there is None else Change.MODIFIED, out, text)
+    return _drift(path, Change.MISSING if current_data is None else Change.MODIFIED, out, text)
 
 
-def _drift(path: str, change: Change, out: Path, wanted: str) -> Drift:
-    shown = f"{out.name}/{path}"
-    there, made = _text(out / path).splitlines(keepends=True), wanted.splitlines(keepends=True)
-    lines = difflib.unified_diff(there, made, f"{shown} (as it is)", f"{shown} (as specified)")
-    return Drift(path=shown, change=change, diff="".join(map(_ended, lines)))
-
-
-def _ended(line: str) -> str:
-    return line if line.endswith("\n") else f"{line}\n\\ No newline at end of file\n"
+def _drift(path: str, change: Change, out: Path, expected_text: str) -> Drift:
+    shown_path = f"{out.name}/{path}"
+    current_lines, expected_lines = _text(out / path).splitlines(keepends=True), expected_text.splitlines(keepends=True)
+    lines = difflib.unified_diff(
+        current_lines, expected_lines, f"{shown_path} (as it is)", f"{shown_path} (as specified)"
+    )
+    diff = "".join(line if line.endswith("\n") else f"{line}\n\\ No newline at end of file\n" for line in lines)
+    return Drift(path=shown_path, change=change, diff=diff)
 
 
 def _orphans(files: Mapping[str, str], out: Path, covered: Iterable[str]) -> list[str]:
-    """Return the files in our folder and packages that this run does not generate, sorted."""
+    """Return the orphans: files in the folder and in packages of ours that this run does not generate, sorted."""
     packages = {path.split("/")[0] for path in files if "/" in path}
     prefixes = tuple(covered)
-    present: list[str] = []
+    existing_files: list[str] = []
     for entry in _entries(out):
         if not entry.is_dir() or entry.is_symlink():
-            present += [entry.name]
+            existing_files += [entry.name]
         elif entry.name in packages or (_is_our_package(entry) and _is_covered(entry, prefixes)):
-            present += _files_below(entry, out)
-    return sorted(path for path in present if path not in files)
+            existing_files += _files_below(entry, out)
+    return sorted(path for path in existing_files if path not in files)
 
 
 def _files_below(folder: Path, out: Path) -> Iterator[str]:
@@ -246,7 +247,7 @@ def _files_below(folder: Path, out: Path) -> Iterator[str]:
 
 
 def _is_covered(package: Path, covered: tuple[str, ...]) -> bool:
-    """Return whether the spec of a package is among the files and folders that this run covers."""
+    """Return whether this run covers the spec of a package."""
     try:
         spec = str(json.loads(_text(package / MANIFEST))["spec"])
     except (ValueError, TypeError, LookupError):
@@ -269,20 +270,20 @@ def _text(path: Path) -> str:
 
 
 def _replace(files: Mapping[str, str], out: Path) -> None:
-    """Write all files beside the output folder's packages, then move each to its place.
+    """Write all files to a temporary folder inside the output folder, then move each file to its place.
 
-    Manifests go first, so that a folder is recognised as ours even if writing is interrupted.
+    Manifests are moved first, so that a folder is recognised as ours even if writing is interrupted.
     """
     if not files:
         return
     out.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix=_STAGING, dir=out) as staging:
-        staged = {path: Path(staging) / str(number) for number, path in enumerate(files)}
-        for path, temporary in staged.items():
+        staged_files = {path: Path(staging) / str(number) for number, path in enumerate(files)}
+        for path, temporary in staged_files.items():
             temporary.write_bytes(files[path].encode())
         for path in sorted(files, key=lambda path: (not path.endswith(MANIFEST), path)):
             (out / path).parent.mkdir(exist_ok=True)
-            staged[path].replace(out / path)
+            staged_files[path].replace(out / path)
 
 
 def _remove(paths: Iterable[str], out: Path) -> None:
@@ -299,8 +300,12 @@ def _remove(paths: Iterable[str], out: Path) -> None:
 
 
 def _unwritable(error: OSError, out: Path) -> Diagnostic:
-    shown = Path(error.filename2 or error.filename or out)
-    path = shown.relative_to(out.parent).as_posix() if shown.is_relative_to(out.parent) else shown.as_posix()
+    shown_path = Path(error.filename2 or error.filename or out)
+    path = (
+        shown_path.relative_to(out.parent).as_posix()
+        if shown_path.is_relative_to(out.parent)
+        else shown_path.as_posix()
+    )
     message = f"cannot write '{path}': {error.strerror}"
     return about_output(
         "cannot-write", path, message, help="check the permissions, or choose another folder with --out"

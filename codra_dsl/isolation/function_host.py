@@ -1,4 +1,4 @@
-"""The target of a spec's `call`: a function, or a class with `perceive` and, optionally, `setup` and `close`."""
+"""Run the target of a spec's `call`: a function, or a class with `perceive` and, optionally, `setup` and `close`."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ class AbsentError(LookupError):
     """A `call` does not name a function or class that can perceive."""
 
 
-def resolved(call: str) -> Callable[..., Any]:
+def resolve_call(call: str) -> Callable[..., Any]:
     """Return the function or class that a `call` names.
 
     Raises:
-        AbsentError: if it names neither.
+        AbsentError: if the `call` names neither.
     """
     module, _, path = call.partition(":")
     try:
@@ -38,11 +38,11 @@ def resolved(call: str) -> Callable[..., Any]:
 
 
 class FunctionHost:
-    """A function, or the object of a class, which is created and set up once, when its first job begins."""
+    """A function, or an object of a class. The object is created and set up once, when its first job begins."""
 
     def __init__(self, call: Callable[..., Any]) -> None:
         self._class = call if isinstance(call, type) else None
-        self._made: Any = None
+        self._object: Any = None
         self._function: Callable[..., Any] | None = None if isinstance(call, type) else call
 
     @property
@@ -53,17 +53,17 @@ class FunctionHost:
     @property
     def is_open(self) -> bool:
         """Return whether there is an object to close."""
-        return self._made is not None
+        return self._object is not None
 
     def setup(self, given: Mapping[str, object]) -> None:
-        """Create the object, and call its `setup` with those values of `with` and handles that it declares."""
+        """Create the object, and call its `setup` with those values of `with` and handles that `setup` declares."""
         if self._class is None or self._function is not None:
             return
-        made = self._class()
-        begin = getattr(made, "setup", None)
-        if begin is not None:
-            begin(**_named(begin, given))
-        self._made, self._function = made, made.perceive
+        instance = self._class()
+        setup_method = getattr(instance, "setup", None)
+        if setup_method is not None:
+            setup_method(**_declared_arguments(setup_method, given))
+        self._object, self._function = instance, instance.perceive
 
     def perceive(self, **arguments: object) -> object:
         """Execute one job."""
@@ -73,16 +73,16 @@ class FunctionHost:
 
     def close(self) -> None:
         """Close the object, if it was set up."""
-        made, self._made = self._made, None
+        instance, self._object = self._object, None
         if self._class is not None:
             self._function = None
-        end = getattr(made, "close", None)
-        if end is not None:
-            end()
+        close_method = getattr(instance, "close", None)
+        if close_method is not None:
+            close_method()
 
 
-def _named(function: Callable[..., object], given: Mapping[str, object]) -> dict[str, object]:
-    """Return the arguments that a function declares, or all if it takes `**kwargs`."""
+def _declared_arguments(function: Callable[..., object], given: Mapping[str, object]) -> dict[str, object]:
+    """Return those of some arguments that a function declares, or all of them if it accepts `**kwargs`."""
     parameters = inspect.signature(function).parameters.values()
     if any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters):
         return dict(given)

@@ -14,10 +14,10 @@ from collections.abc import Mapping
 from typing import Any
 
 MAX_REPLY_BYTES = 2**20
-"""The maximum size of a frame from a process; its results are meant for decisions, not as payload."""
+"""The maximum size of a frame from a process. The results of a process are for decisions; they are not payload."""
 
 MAX_REQUEST_BYTES = 64 * 2**20
-"""The maximum size of a frame to a process; for comparison, the image of a large camera has 36 MB."""
+"""The maximum size of a frame to a process. For comparison: the image of a large camera has 36 MB."""
 
 MAX_SHOWN = 200
 """The maximum number of characters of a foreign text that a message shows."""
@@ -44,8 +44,8 @@ class Connection:
         """Send an object towards a process.
 
         Raises:
-            TypeError: if it cannot be copied.
-            ValueError: if it is too large.
+            TypeError: if the object cannot be copied.
+            ValueError: if the object is too large.
             OSError: if the process is gone.
         """
         try:
@@ -58,7 +58,7 @@ class Connection:
         self.connection.sendall(data)
 
     def receive(self) -> Any:
-        """Receive, in a process, an object from the program, which is trusted.
+        """Receive an object from the program. A process calls this method; it trusts the program.
 
         Raises:
             EOFError: if the program is gone.
@@ -69,7 +69,7 @@ class Connection:
         """Send a message of plain values towards the program.
 
         Raises:
-            ValueError: if it is too long.
+            ValueError: if the message is too long.
         """
         data = json.dumps(message).encode()
         if len(data) > MAX_REPLY_BYTES:
@@ -77,12 +77,12 @@ class Connection:
         self.connection.sendall(_HEAD.pack(len(data)) + data)
 
     def receive_reply(self) -> list[Any]:
-        """Receive a message of a process, which is not trusted.
+        """Receive a message from a process. The process is not trusted.
 
         Raises:
             EOFError: if the process is gone.
             TimeoutError: if the time limit of the connection has passed.
-            GarbageError: if it is not a valid message, or too long.
+            GarbageError: if the message is invalid or too long.
         """
         data = self._read(MAX_REPLY_BYTES)
         try:
@@ -101,25 +101,25 @@ class Connection:
 
     def _read_all(self, length: int) -> bytearray:
         data = bytearray(length)
-        left = memoryview(data)
-        while left:
+        remaining = memoryview(data)
+        while remaining:
             try:
-                count = self.connection.recv_into(left)
+                count = self.connection.recv_into(remaining)
             except ConnectionError:
                 count = 0
             if not count:
                 raise EOFError("the other end is closed")
-            left = left[count:]
+            remaining = remaining[count:]
         return data
 
 
 class _LongText(str):
-    """The beginning of a text that was too long to send; `len` returns the length of the full text."""
+    """The beginning of a text that was too long to send. `len` returns the length of the complete text."""
 
     def __new__(cls, beginning: str, length: int) -> _LongText:
-        made = super().__new__(cls, beginning)
-        made._length = length
-        return made
+        text = super().__new__(cls, beginning)
+        text._length = length
+        return text
 
     def __len__(self) -> int:
         return self._length
@@ -131,7 +131,7 @@ class _LongText(str):
 
 
 def encode_result(returned: object) -> object:
-    """Return a perception function's result as plain values; for foreign values, only the type's name is kept."""
+    """Return a perception function's result as plain values; of a value of another type, the name of the type."""
     if not isinstance(returned, Mapping):
         return _encode_value(returned)
     pairs: list[object] = []
@@ -143,7 +143,7 @@ def encode_result(returned: object) -> object:
 
 
 def decode_result(encoded: object) -> object:
-    """Return the result that `encode_result` encoded; foreign values become placeholders with the name of their type.
+    """Return the result that `encode_result` encoded. A value of another type is a placeholder with the type's name.
 
     Raises:
         GarbageError: if the message is not an encoded result.
@@ -157,13 +157,13 @@ def decode_result(encoded: object) -> object:
 
 
 def _encode_value(value: object) -> object:
-    plain = _plain(value)
-    if isinstance(plain, int) and abs(plain) > _MAX_INTEGER:
-        return {"bits": int(plain).bit_length()}
-    if isinstance(plain, str):
-        is_long = len(plain) > _MAX_TEXT
-        return {"text": plain[:_MAX_TEXT], "length": len(plain)} if is_long else str.__str__(plain)
-    return plain if isinstance(plain, (bool, int, float)) else {"foreign": type(plain).__name__}
+    plain_value = _without_numpy(value)
+    if isinstance(plain_value, int) and abs(plain_value) > _MAX_INTEGER:
+        return {"bits": int(plain_value).bit_length()}
+    if isinstance(plain_value, str):
+        is_long = len(plain_value) > _MAX_TEXT
+        return {"text": plain_value[:_MAX_TEXT], "length": len(plain_value)} if is_long else str.__str__(plain_value)
+    return plain_value if isinstance(plain_value, (bool, int, float)) else {"foreign": type(plain_value).__name__}
 
 
 def _decode_value(encoded: object) -> Any:
@@ -186,35 +186,37 @@ def _decode_value(encoded: object) -> Any:
 
 
 def encode_argument(value: object) -> object:
-    """Return an argument for a method of a handle: a number, a text, or a list or mapping of them.
+    """Return an argument for a method of a handle: a number, a text, None, or a list or mapping of such values.
 
     Raises:
         TypeError: if the argument is something else.
     """
-    plain = _plain(value)
-    if plain is None or isinstance(plain, (bool, int, float, str)):
-        return plain
-    if isinstance(plain, (list, tuple)):
-        return [encode_argument(part) for part in plain]
-    if isinstance(plain, dict) and all(isinstance(name, str) for name in plain):
-        return {name: encode_argument(part) for name, part in plain.items()}
-    raise TypeError(f"a handle takes numbers, texts, lists and mappings from a process, not a {type(plain).__name__}")
+    plain_value = _without_numpy(value)
+    if plain_value is None or isinstance(plain_value, (bool, int, float, str)):
+        return plain_value
+    if isinstance(plain_value, (list, tuple)):
+        return [encode_argument(part) for part in plain_value]
+    if isinstance(plain_value, dict) and all(isinstance(name, str) for name in plain_value):
+        return {name: encode_argument(part) for name, part in plain_value.items()}
+    raise TypeError(
+        f"a handle takes numbers, texts, lists and mappings from a process, not a {type(plain_value).__name__}"
+    )
 
 
-def _plain(given: object) -> object:
+def _without_numpy(value: object) -> object:
     """Return the number of a numpy scalar, and any other value unchanged."""
     try:
-        item = getattr(given, "item", None)
-        return item() if callable(item) else given
+        item = getattr(value, "item", None)
+        return item() if callable(item) else value
     except Exception:  # noqa: BLE001 - an array of several values, or a foreign object
-        return given
+        return value
 
 
 def described(error: BaseException) -> str:
-    """Return a short, encodable text for any error."""
+    """Return a short text for any error. The text can always be encoded."""
     try:
         message = str(error)
-    except Exception:  # noqa: BLE001 - even that may fail
+    except Exception:  # noqa: BLE001 - even `str` of an error may fail
         message = "its message cannot be shown"
-    shown = message if len(message) <= MAX_SHOWN else f"{message[:MAX_SHOWN]}..."
-    return f"{type(error).__name__}: {shown}".encode(errors="replace").decode()
+    shown_message = message if len(message) <= MAX_SHOWN else f"{message[:MAX_SHOWN]}..."
+    return f"{type(error).__name__}: {shown_message}".encode(errors="replace").decode()

@@ -2,7 +2,7 @@
 
 The supervisor runs no user code, so it never gets stuck. It is the parent of the process and adopts its orphans, so no
 descendant escapes. It watches a connection to the program. `TERMINATE` on this connection ends the process at once. If
-the program ends, for any reason, the process may end by itself for a short time and is then ended too.
+the program ends, for any reason, the process has a short time to end by itself, and is then ended too.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ LEAVE_MS = 500
 """How long a process may take to end by itself once the program hangs up."""
 
 TERMINATE_MS = 300
-"""How long it may take after SIGTERM."""
+"""How long a process may take to end after SIGTERM."""
 
-_LOOK_MS = 500
+_POLL_MS = 500
 _PR_SET_PDEATHSIG = 1
 _PR_SET_CHILD_SUBREAPER = 36
-_STANDARD = (0, 1, 2)
+_STANDARD_STREAMS = (0, 1, 2)
 
 
 def main(talk_fd: int, life_fd: int, program: int, call: str) -> None:
@@ -86,24 +86,24 @@ def _work(talk_fd: int, supervisor: int, call: str) -> None:
 
 
 def _await_end(worker: int, life: socket.socket, program: int) -> None:
-    """Return once the process has ended, by itself or by order, or was sent its last signal."""
-    ended = os.pidfd_open(worker)
-    while not (ready := _ready(ended, life, _LOOK_MS)):
+    """Return once the process has ended, by itself or after an order, or once the last signal was sent to it."""
+    end_descriptor = os.pidfd_open(worker)
+    while not (ready := _ready_descriptors(end_descriptor, life, _POLL_MS)):
         if os.getppid() != program:
             break
-    if ended in ready:
+    if end_descriptor in ready:
         return
     order = life.recv(1) if ready else b""
-    if order != TERMINATE and _ready(ended, None, LEAVE_MS):
+    if order != TERMINATE and _ready_descriptors(end_descriptor, None, LEAVE_MS):
         return
     _signal_group(worker, signal.SIGTERM)
-    if not _ready(ended, None, TERMINATE_MS):
+    if not _ready_descriptors(end_descriptor, None, TERMINATE_MS):
         _signal_group(worker, signal.SIGKILL)
 
 
-def _ready(ended: int, life: socket.socket | None, timeout_ms: int) -> list[int]:
+def _ready_descriptors(end_descriptor: int, life: socket.socket | None, timeout_ms: int) -> list[int]:
     poll = select.poll()
-    poll.register(ended, select.POLLIN)
+    poll.register(end_descriptor, select.POLLIN)
     if life is not None:
         poll.register(life, select.POLLIN)
     return [descriptor for descriptor, _ in poll.poll(timeout_ms)]
@@ -115,7 +115,7 @@ def _signal_group(worker: int, number: signal.Signals) -> None:
 
 
 def _end_rest() -> None:
-    """End the orphans of the process, which are the supervisor's children, regardless of their process group."""
+    """End the orphans of the process in any process group. They are now the supervisor's children."""
     children = Path(f"/proc/self/task/{os.getpid()}/children")  # Linux can be built without this file
     with contextlib.suppress(OSError):
         while True:
@@ -126,11 +126,11 @@ def _end_rest() -> None:
 
 
 def _release_output() -> None:
-    """Close the output pipe, so that its end marks the end of the process."""
-    null = os.open(os.devnull, os.O_RDWR)
-    for standard in _STANDARD:
-        os.dup2(null, standard)
-    os.close(null)
+    """Release the standard streams, so that the end of the output pipe marks the end of the process."""
+    null_device = os.open(os.devnull, os.O_RDWR)
+    for standard_stream in _STANDARD_STREAMS:
+        os.dup2(null_device, standard_stream)
+    os.close(null_device)
 
 
 def _prctl(option: int, argument: int) -> None:

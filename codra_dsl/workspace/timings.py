@@ -1,4 +1,4 @@
-"""The time that each stage of a command takes, by a clock that is passed as an argument."""
+"""Measure the time of each stage of a command, with a clock that is passed as an argument."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from contextlib import contextmanager
 
 
 class Timings:
-    """The time that is spent in each stage; without a clock nothing is measured."""
+    """The time that each stage takes; nothing is measured without a clock."""
 
     def __init__(self, clock_s: Callable[[], float] | None = None) -> None:
-        """Start to measure; `clock_s` returns seconds."""
+        """Start to measure; `clock_s` returns the time in seconds."""
         self._clock_s = clock_s
         self._began_s = 0.0 if clock_s is None else clock_s()
         self._stages_s: dict[str, float] = {}
@@ -28,7 +28,7 @@ class Timings:
             self._stages_s[name] = self._stages_s.get(name, 0.0) + self._clock_s() - began_s
 
     def table(self) -> str:
-        """Return the stages in the order of their first measurement, the rest, and the total until now."""
+        """Return a table: the stages in the order of their first measurement, the rest, and the total until now."""
         if self._clock_s is None:
             return ""
         total_s = self._clock_s() - self._began_s
@@ -39,4 +39,4 @@ class Timings:
 
 
 UNTIMED = Timings()
-"""Measures nothing."""
+"""Timings that measure nothing."""

@@ -136,7 +136,7 @@ def infer(
     *,
     previous: tuple[float, ...] = (math.nan,) * 4,
 ) -> Inference:
-    """Return the outputs and the strengths of the rules; `previous` are the outputs before."""
+    """Return the outputs and the strengths of the rules; `previous` has the previous outputs."""
     mission_completion_high = terms.ramp(mission_completion, 0.5, 0.8)
     safety_low = terms.ramp(safety, 0.5, 0.2)
     safety_medium = terms.triangle(safety, 0.2, 0.5, 0.8)
@@ -181,7 +181,7 @@ def infer_bounds(
     *,
     previous: tuple[Bounds, ...] = (bounds.UNKNOWN,) * 4,
 ) -> BoundedInference:
-    """Return the outputs and the strengths of the rules; `previous` are the outputs before."""
+    """Return the outputs and the strengths of the rules; `previous` has the previous outputs."""
     mission_completion_high = bounds.image(terms.ramp, mission_completion, 0.5, 0.8)
     safety_low = bounds.image(terms.ramp, safety, 0.5, 0.2)
     safety_medium = bounds.image(terms.triangle, safety, 0.2, 0.5, 0.8)

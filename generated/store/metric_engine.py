@@ -118,7 +118,7 @@ def infer(
     *,
     previous: tuple[float, ...] = (math.nan,) * 3,
 ) -> Inference:
-    """Return the outputs and the strengths of the rules; `previous` are the outputs before."""
+    """Return the outputs and the strengths of the rules; `previous` has the previous outputs."""
     bumped_false = terms.rectangle(bumped, -0.5, 0.5)
     bumped_true = terms.rectangle(bumped, 0.5, 1.5)
     person_distance_close = terms.ramp(person_distance, 2.5, 1.5)
@@ -161,7 +161,7 @@ def infer_bounds(
     *,
     previous: tuple[Bounds, ...] = (bounds.UNKNOWN,) * 3,
 ) -> BoundedInference:
-    """Return the outputs and the strengths of the rules; `previous` are the outputs before."""
+    """Return the outputs and the strengths of the rules; `previous` has the previous outputs."""
     bumped_false = bounds.image(terms.rectangle, bumped, -0.5, 0.5)
     bumped_true = bounds.image(terms.rectangle, bumped, 0.5, 1.5)
     person_distance_close = bounds.image(terms.ramp, person_distance, 2.5, 1.5)

@@ -1,4 +1,4 @@
-"""Algorithm 2 against the paper's recursion, and the gate against plans with one error each."""
+"""Algorithm 2 compared with the recursion of the paper, and the gate tested with plans that have one error each."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from codra_dsl.language.check.checked.spec import CheckedSpec
 from codra_dsl.language.model import ObserverSetting, Use
 from tests.language.check.checked_specs import Pi, checked_spec, condition, place, setting, skill, variable
 
-# The oracle: P1's Algorithm 2 as printed, a recursion, one variable at a time
+# The oracle is P1's Algorithm 2 as printed: a recursion that processes one variable at a time.
 
 
 @dataclass
 class System:
-    """F with the preconditions of each tree, and C_M, filled by the paper's procedures."""
+    """F with the preconditions of each tree, and C_M. The paper's procedures fill both."""
 
     spec: CheckedSpec
     forest: dict[frozenset[str], set[str]] = field(default_factory=dict)
@@ -50,7 +50,7 @@ def process_context_variable(c_i: str, system: System) -> None:
 
 
 def tree_of(c_i: str, spec: CheckedSpec) -> tuple[set[str], frozenset[str]]:
-    """The variables and algorithms that share a tree with a variable: the closure of sharing, starting from it."""
+    """Return the variables and algorithms in the tree of a variable: all that share algorithms or variables with it."""
     variables, algorithms = {c_i}, set[str]()
     while True:
         spread = {pi for name in variables for pi in spec.producers[name]}
@@ -70,7 +70,7 @@ def some(names: list[str], most: int) -> st.SearchStrategy[list[str]]:
 
 @st.composite
 def specs(draw: st.DrawFn) -> CheckedSpec:
-    """Specs with alternatives, joined and named trees, feedback, skills, and variables from other sources."""
+    """Return specs with alternatives, joined and named trees, feedback, skills, and variables from other sources."""
     count = draw(st.integers(1, 6))
     earlier = [f"given_{number}" for number in range(draw(st.integers(0, 2)))]
     algorithms, settings = list[Pi](), list[ObserverSetting]()
@@ -121,7 +121,7 @@ def test_a_variable_in_force_has_one_tree_or_another_source(spec: CheckedSpec) -
 
 
 def lab() -> CheckedSpec:
-    """Two machines as in P1, Figure 4: distance, view, lid, and a second way to see the lid."""
+    """Return a spec of two machines as in P1, Figure 4: distance, view, lid, and a second way to see the lid."""
     return checked_spec(
         [
             Pi(name="localize_lid", identifies=["open", "locked"], needs=["near", "base_in_view", "lid_in_view"]),

@@ -1,4 +1,4 @@
-"""What a process tells reaches the program as it was meant, or as garbage: never as anything that runs."""
+"""A message of a process reaches the program unchanged or is refused as garbage; it never becomes code that runs."""
 
 from __future__ import annotations
 

@@ -146,7 +146,7 @@ class WarmAndCold(RuleBasedStateMachine):
 
     @rule(data=st.data(), path=st.sampled_from(sorted(FILES)))
     def touch(self, data: st.DataObject, path: str) -> None:
-        """The contents of a file count, not the time of writing."""
+        """Only the contents of a file matter, not the time of writing."""
         for project in (self._warm, self._cold):
             if (project / path).exists():
                 time_ns = data.draw(st.integers(0, 2_000_000_000)) * 10**9
@@ -192,7 +192,7 @@ print(*sorted({library} & set(sys.modules)), code, file=sys.stderr)
 
 
 def imported(project: Path, *arguments: str) -> list[str]:
-    """Run a command in a separate process; return the compiler's libraries that it imported, and its exit code."""
+    """Run a command in a separate process; return the libraries of the compiler that it imported, and its exit code."""
     done = subprocess.run(
         [sys.executable, "-c", WHICH.format(library=set(LIBRARIES)), *arguments],
         cwd=project,
@@ -220,7 +220,7 @@ def test_a_run_is_stored_as_data_in_a_folder_that_git_ignores(project: Path) -> 
 
 
 def test_a_run_with_errors_is_not_stored(project: Path) -> None:
-    """Its errors may depend on files that do not exist."""
+    """The errors of a run may depend on files that do not exist."""
     (project / "door.yaml").write_text(DOOR.replace("parts/lamp", "parts/lump"))
 
     assert run(project, "lint", "door.yaml")[0] == 1
@@ -271,7 +271,7 @@ def test_in_ci_stored_runs_are_not_used(project: Path, monkeypatch: pytest.Monke
     forged = json.loads(kept.read_text())
     forged["run"]["diagnostics"] = []
     kept.write_text(json.dumps(forged))
-    assert run(project, "lint", "door.yaml") != expected, "the cache is believed elsewhere"
+    assert run(project, "lint", "door.yaml") != expected, "outside of CI the stored run is used"
 
     monkeypatch.setenv("CI", "true")
 
@@ -299,22 +299,22 @@ def test_runs_of_an_older_version_of_codra_are_not_used(project: Path) -> None:
 
 @pytest.mark.parametrize("damage", [0, -1, 7.5, None, True, "text", [], {}, [None], [["", 1, 1, 1, 1]]])
 def test_a_damaged_stored_run_causes_no_traceback(project: Path, damage: object) -> None:
-    """Each stored value in turn is replaced by something else; the run then behaves as if nothing was stored."""
+    """One stored value after another is replaced by something else. The run then behaves as if nothing were stored."""
     (project / "door.yaml").write_text(
         DOOR.replace("context:", "context:\n  unused: {type: bool, source: main_execution}")
     )
     expected = run(project, "lint", "door.yaml", "--no-cache")
     run(project, "lint", "door.yaml")
     (file,) = (project / FOLDER).glob("*.json")
-    stored = json.loads(file.read_text())
+    stored_record = json.loads(file.read_text())
 
-    for steps in paths_in(stored["run"]):
-        damaged = json.loads(json.dumps(stored))
+    for steps in paths_in(stored_record["run"]):
+        damaged = json.loads(json.dumps(stored_record))
         holder = damaged["run"]
         for step in steps[:-1]:
             holder = holder[step]
         if holder[steps[-1]] == damage or (isinstance(damage, str) and isinstance(holder[steps[-1]], str)):
-            continue  # a text in place of a text is another valid run
+            continue  # if a text replaces a text, the result is another valid run
         holder[steps[-1]] = damage
         file.write_text(json.dumps(damaged))
         code, _, output = run(project, "lint", "door.yaml")

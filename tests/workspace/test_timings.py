@@ -1,4 +1,4 @@
-"""The time that stages take, by a clock that is passed as an argument."""
+"""The times of stages are measured with a clock that is passed as an argument."""
 
 from __future__ import annotations
 

@@ -15,35 +15,32 @@ from codra_dsl.language.model import Skill
 
 
 def dependencies(checked: CheckedSpec, forest: Iterable[Tree]) -> tuple[Edge, ...]:
-    """Return the dependency graph of a forest and of the skills that decide on its variables.
+    """Return the dependency graph of a forest and of the skills that decide on its variables, without duplicate edges.
 
-    Edges are sorted by kind and name of their source, by their own kind, and by kind and name of their target. They are
-    generated in that order, without duplicates.
+    Edges are sorted by kind and name of their source, then by their own kind, then by kind and name of their target.
     """
     trees = sorted(forest, key=lambda tree: tree.name)
     algorithms = sorted(
         (branch.algorithm for tree in trees for branch in tree.branches), key=lambda algorithm: algorithm.name
     )
     skills = sorted(checked.spec.skills, key=lambda skill: skill.name)
-    parts = chain(map(_runs, trees), map(_perceives, algorithms), map(_decides, skills))
+    parts = chain(map(_run_edges, trees), map(_perception_edges, algorithms), map(_decision_edges, skills))
     knowledge_edges = [] if checked.knowledge is None else list(_knowledge_edges(checked.knowledge))
     edges = (*knowledge_edges, *chain.from_iterable(parts))
     edges = edges if checked.mape is None else (*edges, *loop_edges(checked.mape))
-    needed = {edge.target.name for edge in edges if edge.target.kind is NodeKind.CONTEXT} if checked.poses else ()
-    pose_edges = [edge for name in checked.poses if name in needed for edge in _pose_edges(checked, name)]
-    return edges if checked.mape is None and not pose_edges else tuple(sorted({*edges, *pose_edges}, key=_in_order))
+    variables = {edge.target.name for edge in edges if edge.target.kind is NodeKind.CONTEXT} if checked.poses else ()
+    pose_edges = [edge for name in checked.poses if name in variables for edge in _pose_edges(checked, name)]
+    if checked.mape is None and not pose_edges:
+        return edges
+    return tuple(sorted({*edges, *pose_edges}, key=lambda edge: (edge.source, edge.kind, edge.target)))
 
 
-def _in_order(edge: Edge) -> tuple[Node, EdgeKind, Node]:
-    return edge.source, edge.kind, edge.target
-
-
-def _runs(tree: Tree) -> list[Edge]:
+def _run_edges(tree: Tree) -> list[Edge]:
     source = Node(NodeKind.OBSERVER, tree.name)
     return _edges(source, EdgeKind.RUNS, NodeKind.PERCEPTION, [branch.name for branch in tree.branches])
 
 
-def _perceives(algorithm: CheckedAlgorithm) -> list[Edge]:
+def _perception_edges(algorithm: CheckedAlgorithm) -> list[Edge]:
     source = Node(NodeKind.PERCEPTION, algorithm.name)
     identified = [variable for variable, _ in algorithm.identifies]
     return [
@@ -53,43 +50,45 @@ def _perceives(algorithm: CheckedAlgorithm) -> list[Edge]:
     ]
 
 
-def _decides(skill: Skill) -> list[Edge]:
-    watched = (expectation.variable for expectation in skill.monitor)
-    names = [reference.name for reference in (*skill.preview, *watched)]
+def _decision_edges(skill: Skill) -> list[Edge]:
+    monitored = (expectation.variable for expectation in skill.monitor)
+    names = [reference.name for reference in (*skill.preview, *monitored)]
     return _edges(Node(NodeKind.SKILL, skill.name), EdgeKind.DECIDES_ON, NodeKind.CONTEXT, names)
 
 
 def _pose_edges(checked: CheckedSpec, variable: str) -> list[Edge]:
-    """Return the edges to the poses from which a variable may be derived."""
+    """Return the edges from a variable to the edges of the graph whose poses its value may depend on."""
     pose_condition, knowledge = checked.variables[variable].pose_condition, checked.knowledge
-    readings = () if pose_condition is None else names_in(pose_condition.tree)
-    nodes = [node for reading in readings for node in reads_of(reading.name)[1:]]
+    pose_terms = () if pose_condition is None else names_in(pose_condition.tree)
+    nodes = [node for pose_term in pose_terms for node in reads_of(pose_term.name)[1:]]
     names = [] if knowledge is None else [edge for node in nodes for edge in knowledge.world.climb(node)[1]]
     return _edges(Node(NodeKind.CONTEXT, variable), EdgeKind.READS, NodeKind.EDGE, names)
 
 
 def _edges(source: Node, kind: EdgeKind, target: NodeKind, names: Collection[str]) -> list[Edge]:
-    several = sorted(set(names)) if len(names) > 1 else names
-    return [Edge(source, Node(target, name), kind) for name in several]
+    sorted_names = sorted(set(names)) if len(names) > 1 else names
+    return [Edge(source, Node(target, name), kind) for name in sorted_names]
 
 
 def _knowledge_edges(knowledge: CheckedKnowledge) -> Iterator[Edge]:
-    """Yield the edges of knowledge, sorted like the others.
+    """Yield the edges of knowledge, sorted like all other edges.
 
-    They connect agents with the elements that they own and read and with the tasks that they request and execute, and
-    types of edges with the types of nodes at their ends.
+    They connect each agent with the elements that it owns or reads and with the tasks that it requests or executes, and
+    each type of edges with the types of nodes at its ends.
     """
     world = knowledge.world
-    types = frozenset(types_shown(world))
-    executed, asked = _handed(world)
-    by_name = {agent.name: agent for agent in knowledge.agents}
-    for name in sorted(by_name):
-        source, agent = Node(NodeKind.AGENT, name), by_name[name]
-        does, asks = executed.get(name, ()), asked.get(name, ())
-        yield from _edges(source, EdgeKind.EXECUTES, NodeKind.TASK, does)
-        yield from _touched(source, EdgeKind.OWNS, agent.owns, types)
-        yield from _touched(source, EdgeKind.READS, _read(agent, {*does, *asks}), types)
-        yield from _edges(source, EdgeKind.REQUESTS, NodeKind.TASK, asks)
+    types = frozenset(node_type_names(world))
+    executed, requested = _tasks_of_agents(world)
+    agents = {agent.name: agent for agent in knowledge.agents}
+    for name in sorted(agents):
+        source, agent = Node(NodeKind.AGENT, name), agents[name]
+        executed_tasks, requested_tasks = executed.get(name, ()), requested.get(name, ())
+        yield from _edges(source, EdgeKind.EXECUTES, NodeKind.TASK, executed_tasks)
+        yield from _element_edges(source, EdgeKind.OWNS, agent.owns, types)
+        yield from _element_edges(
+            source, EdgeKind.READS, _read_elements(agent, {*executed_tasks, *requested_tasks}), types
+        )
+        yield from _edges(source, EdgeKind.REQUESTS, NodeKind.TASK, requested_tasks)
     for name in sorted(world.edges):
         source, edge = Node(NodeKind.EDGE, name), world.edges[name]
         for kind, ends in ((EdgeKind.LEADS_FROM, edge.origins), (EdgeKind.LEADS_TO, edge.targets)):
@@ -99,33 +98,35 @@ def _knowledge_edges(knowledge: CheckedKnowledge) -> Iterator[Edge]:
             )
 
 
-def types_shown(world: DeclaredGraph) -> tuple[str, ...]:
-    """Return the types of nodes that a spec declares or uses for its nodes."""
+def node_type_names(world: DeclaredGraph) -> tuple[str, ...]:
+    """Return the node types of a spec: the declared types, then undeclared types of its nodes."""
     return tuple(dict.fromkeys((*world.types, *(node.type.name for node in world.nodes.values()))))
 
 
-def _handed(world: DeclaredGraph) -> tuple[Mapping[str, list[str]], Mapping[str, list[str]]]:
-    """Return the tasks that each agent executes, and those that it may request."""
+def _tasks_of_agents(world: DeclaredGraph) -> tuple[Mapping[str, list[str]], Mapping[str, list[str]]]:
+    """Return the tasks that each agent executes, and the tasks that it may request. The keys are the agents' names."""
     executed: dict[str, list[str]] = {}
-    asked: dict[str, list[str]] = {}
+    requested: dict[str, list[str]] = {}
     for task in world.tasks.values():
         executed.setdefault(task.by.name, []).append(task.name)
         for requester in task.requesters:
-            asked.setdefault(requester.name, []).append(task.name)
-    return executed, asked
+            requested.setdefault(requester.name, []).append(task.name)
+    return executed, requested
 
 
-def _read(agent: CheckedAgent, handed: Collection[str]) -> list[KnowledgeElement]:
-    """Return the elements that an agent reads, without its own elements and its tasks: those it knows in any case."""
-    known = {(element.section, element.name) for element in agent.owns} | {("tasks", name) for name in handed}
-    return [element for element in agent.reads if (element.section, element.name) not in known]
+def _read_elements(agent: CheckedAgent, tasks: Collection[str]) -> list[KnowledgeElement]:
+    """Return the elements that an agent reads, without those that it knows in any case: what it owns, and its tasks."""
+    known_elements = {(element.section, element.name) for element in agent.owns} | {("tasks", name) for name in tasks}
+    return [element for element in agent.reads if (element.section, element.name) not in known_elements]
 
 
 _KINDS = {"context": NodeKind.CONTEXT, "types": NodeKind.TYPE, "edges": NodeKind.EDGE, "tasks": NodeKind.TASK}
 
 
-def _touched(source: Node, kind: EdgeKind, elements: Iterable[KnowledgeElement], types: Collection[str]) -> list[Edge]:
-    """Return the edges from an agent to some elements; an attribute is represented by the element that has it."""
-    shown = (element for element in elements if element.section != "types" or element.name in types)
-    targets = {Node(_KINDS[element.section], element.name) for element in shown}
+def _element_edges(
+    source: Node, kind: EdgeKind, elements: Iterable[KnowledgeElement], types: Collection[str]
+) -> list[Edge]:
+    """Return the edges from an agent to some elements; for an attribute, the edge leads to the element that has it."""
+    visible_elements = (element for element in elements if element.section != "types" or element.name in types)
+    targets = {Node(_KINDS[element.section], element.name) for element in visible_elements}
     return [Edge(source, target, kind) for target in sorted(targets)]

@@ -13,57 +13,64 @@ from codra_dsl.language.check.checked.spec import CheckedSpec
 
 
 class PlanError(Exception):
-    """A plan that Algorithm 2 does not allow: a bug in the code that made it, never a user's mistake."""
+    """A plan that Algorithm 2 does not allow. This is a bug in the code that made the plan, never a user's mistake."""
 
 
 def verify(plan: BuildPlan, checked: CheckedSpec) -> None:
-    """Check that a plan is a correct plan for `checked`, independently of the code that made it.
+    """Check that a plan is a correct plan for `checked`, independently of the code that made the plan.
 
     Raises:
-        PlanError: with everything that is wrong.
+        PlanError: if anything is wrong, with a list of all problems.
     """
-    complaints = [complaint for rule in _RULES for complaint in rule(plan, checked)]
-    if complaints:
-        raise PlanError("\n".join(complaints))
+    problems = [problem for rule in _RULES for problem in rule(plan, checked)]
+    if problems:
+        raise PlanError("\n".join(problems))
 
 
 def _no_duplicates(plan: BuildPlan, checked: CheckedSpec) -> Iterator[str]:
-    """Each tree, algorithm and variable occurs once and is declared."""
-    yield from _repeated("tree", (tree.name.casefold() for tree in plan.forest))
-    yield from _repeated("algorithm", (branch.name for tree in plan.forest for branch in tree.branches))
-    yield from _repeated("variable in trees", (name for tree in plan.forest for name in tree.identifies))
-    yield from _repeated("variable in force", plan.in_force)
+    """Each tree, algorithm and variable occurs only once and is declared."""
+    yield from _duplicates("tree", (tree.name.casefold() for tree in plan.forest))
+    yield from _duplicates("algorithm", (branch.name for tree in plan.forest for branch in tree.branches))
+    yield from _duplicates("variable in trees", (name for tree in plan.forest for name in tree.identifies))
+    yield from _duplicates("variable in force", plan.in_force)
     yield from (f"{name} is not declared" for name in plan.in_force if name not in checked.variables)
     for tree in plan.forest:
-        made_up = [
+        undeclared_algorithms = [
             branch.name for branch in tree.branches if branch.algorithm is not checked.algorithms.get(branch.name)
         ]
-        yield from (f"{name} in tree {tree.name} is not an algorithm of the spec" for name in made_up)
+        yield from (f"{name} in tree {tree.name} is not an algorithm of the spec" for name in undeclared_algorithms)
 
 
 def _every_variable_has_an_origin(plan: BuildPlan, checked: CheckedSpec) -> Iterator[str]:
-    """One tree identifies a variable in force, with all its algorithms, or the variable has another source."""
+    """For each variable in force, a tree with all its algorithms identifies it, or the variable has another source."""
     producers = {name: {branch.name for branch in tree.branches} for tree in plan.forest for name in tree.identifies}
     for name in plan.in_force:
         missing = set(checked.producers.get(name, ())) - producers.get(name, set())
         yield from (f"{name} is in force, but its trees lack {algorithm}" for algorithm in sorted(missing))
-        outside = {source.name for source in checked.variables[name].sources} if name in checked.variables else set()
-        if name not in producers and outside <= {"observer"}:
+        other_sources = (
+            {source.name for source in checked.variables[name].sources} if name in checked.variables else set()
+        )
+        if name not in producers and other_sources <= {"observer"}:
             yield f"{name} is in force, but no tree identifies it and it names no other source"
 
 
 def _least_closed_set(plan: BuildPlan, checked: CheckedSpec) -> Iterator[str]:
     """The variables in force are exactly those that the decisions reach through the needs and results of algorithms."""
-    beside = {name: tree for tree in plan.forest for name in tree.identifies}
-    needs = {name: (*tree.identifies, *tree.needs) for name, tree in beside.items()}
+    trees_of_variables = {name: tree for tree in plan.forest for name in tree.identifies}
+    needs = {name: (*tree.identifies, *tree.needs) for name, tree in trees_of_variables.items()}
     reached = set(graph.closure(needs, checked.decisions))
     yield from (f"{name} is needed but not in force" for name in sorted(reached - set(plan.in_force)))
     yield from (f"{name} is in force but not needed" for name in sorted(set(plan.in_force) - reached))
-    yield from (f"tree {beside[name].name} is not needed" for name in sorted(set(beside) - reached))
+    yield from (
+        f"tree {trees_of_variables[name].name} is not needed" for name in sorted(set(trees_of_variables) - reached)
+    )
 
 
 def _trees_fit_their_algorithms(plan: BuildPlan, _: CheckedSpec) -> Iterator[str]:
-    """A tree identifies and needs what its algorithms do; the first of a group identifies all; groups are ranked."""
+    """A tree identifies and needs the same variables as its algorithms.
+
+    The first algorithm of each group identifies all variables of the group, and each group is in order of rank.
+    """
     for tree in plan.forest:
         identified = {name for branch in tree.branches for name, _ in branch.algorithm.identifies}
         if identified != set(tree.identifies):
@@ -77,13 +84,16 @@ def _trees_fit_their_algorithms(plan: BuildPlan, _: CheckedSpec) -> Iterator[str
             yield from (f"tree {tree.name} is not in order of rank" for _ in [0] if ranks != sorted(ranks))
 
 
-def _joined_only_where_asked(plan: BuildPlan, checked: CheckedSpec) -> Iterator[str]:
-    """Trees are joined only if `observers` asks for it and their conditions are equal; names follow `observers` too."""
+def _joined_only_on_request(plan: BuildPlan, checked: CheckedSpec) -> Iterator[str]:
+    """Trees are joined only if `observers` names their variables together and their conditions are equal.
+
+    A tree with a setting in `observers` has its name; any other tree has the name of its first algorithm.
+    """
     settings = {setting.name: setting for setting in checked.spec.observers}
     for tree in plan.forest:
         setting = settings.get(tree.name)
-        asked = {reference.name for reference in setting.identifies} if setting is not None else set()
-        if setting is not None and asked != set(tree.identifies):
+        requested_variables = {reference.name for reference in setting.identifies} if setting is not None else set()
+        if setting is not None and requested_variables != set(tree.identifies):
             yield f"tree {tree.name} identifies other variables than its entry in `observers`"
         if setting is None and tree.name != tree.branches[0].name:
             yield f"tree {tree.name} has neither a name from `observers` nor that of its first algorithm"
@@ -98,18 +108,18 @@ def _guards(branch: Branch) -> frozenset[str]:
 
 
 def _needed_trees_come_first(plan: BuildPlan, _: CheckedSpec) -> Iterator[str]:
-    """A tree comes after the trees that it needs, unless they need each other (feedback)."""
-    tree_of = {name: tree.name for tree in plan.forest for name in tree.identifies}
-    needs = {tree.name: [tree_of[name] for name in tree.needs if name in tree_of] for tree in plan.forest}
-    before: set[str] = set()
-    early: list[tuple[str, str]] = []
+    """A tree comes after each tree that it needs, unless the two need each other (feedback)."""
+    tree_names = {name: tree.name for tree in plan.forest for name in tree.identifies}
+    needs = {tree.name: [tree_names[name] for name in tree.needs if name in tree_names] for tree in plan.forest}
+    earlier_trees: set[str] = set()
+    early_needs: list[tuple[str, str]] = []
     for tree in plan.forest:
-        early += [(tree.name, need) for need in needs[tree.name] if need not in before]
-        before.add(tree.name)
-    circles = graph.strong_components(needs) if early else ()
-    circle = {name: index for index, names in enumerate(circles) for name in names}
-    for name, need in early:
-        if need not in circle or circle[need] != circle.get(name):
+        early_needs += [(tree.name, need) for need in needs[tree.name] if need not in earlier_trees]
+        earlier_trees.add(tree.name)
+    cycles = graph.strong_components(needs) if early_needs else ()
+    cycle_indices = {name: index for index, names in enumerate(cycles) for name in names}
+    for name, need in early_needs:
+        if need not in cycle_indices or cycle_indices[need] != cycle_indices.get(name):
             yield f"tree {name} comes before {need}, which it needs"
 
 
@@ -121,17 +131,19 @@ def _names_are_python(plan: BuildPlan, checked: CheckedSpec) -> Iterator[str]:
     taken = entry_names(checked.spec)
     trees = {tree.name: tree for tree in plan.forest}
     yield from _python_names("the package", [plan.class_name, *(module.name for module in plan.modules)], taken)
-    yield from _repeated("module", (module.name.casefold() for module in plan.modules))
+    yield from _duplicates("module", (module.name.casefold() for module in plan.modules))
     for module in plan.modules:
-        made = [trees[name] for name in module.trees if name in trees]
-        declared = [branch.constant for tree in made for branch in tree.branches]
-        yield from _python_names(module.name, declared + [tree.function for tree in made], MODULE_NAMES)
+        module_trees = [trees[name] for name in module.trees if name in trees]
+        algorithm_constants = [branch.constant for tree in module_trees for branch in tree.branches]
+        yield from _python_names(
+            module.name, algorithm_constants + [tree.function for tree in module_trees], MODULE_NAMES
+        )
     for tree in plan.forest:
         yield from _python_names(tree.name, [branch.local for branch in tree.branches], MODULE_NAMES)
 
 
 def _python_names(where: str, names: list[str], taken: frozenset[str]) -> Iterator[str]:
-    yield from _repeated(f"name in {where}", names)
+    yield from _duplicates(f"name in {where}", names)
     for name in names:
         if not (name.isidentifier() and name.isascii() and (name.endswith("_") or python_name(name, taken) == name)):
             yield f"{name!r} is not a valid name for {where}"
@@ -145,9 +157,9 @@ def _everything_has_a_module(plan: BuildPlan, checked: CheckedSpec) -> Iterator[
         "skills": [skill.name for skill in checked.spec.skills],
     }
     for section, names in expected.items():
-        placed = sorted(chain.from_iterable(getattr(module, section) for module in plan.modules))
-        if placed != sorted(names):
-            yield f"modules hold the {section} {placed}, not {sorted(names)}"
+        placed_names = sorted(chain.from_iterable(getattr(module, section) for module in plan.modules))
+        if placed_names != sorted(names):
+            yield f"modules hold the {section} {placed_names}, not {sorted(names)}"
 
 
 def _edges_are_those_of_the_forest(plan: BuildPlan, checked: CheckedSpec) -> Iterator[str]:
@@ -156,7 +168,7 @@ def _edges_are_those_of_the_forest(plan: BuildPlan, checked: CheckedSpec) -> Ite
         yield "the dependency graph is not that of the forest"
 
 
-def _repeated(what: str, names: Iterable[str]) -> Iterator[str]:
+def _duplicates(what: str, names: Iterable[str]) -> Iterator[str]:
     seen: set[str] = set()
     for name in names:
         if name in seen:
@@ -169,7 +181,7 @@ _RULES: tuple[Callable[[BuildPlan, CheckedSpec], Iterator[str]], ...] = (
     _every_variable_has_an_origin,
     _least_closed_set,
     _trees_fit_their_algorithms,
-    _joined_only_where_asked,
+    _joined_only_on_request,
     _needed_trees_come_first,
     _names_are_python,
     _everything_has_a_module,

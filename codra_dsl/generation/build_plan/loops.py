@@ -1,4 +1,4 @@
-"""The edges that loops add to the dependency graph: reads, weighs, switches, sets and executes."""
+"""The edges that loops add to the dependency graph, such as the edge from an adaptation to a variable that it sets."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ def loop_edges(mape: CheckedMape) -> Iterator[Edge]:
     )
     for kind, stage in ((NodeKind.METRIC, mape.metrics), (NodeKind.ACTION, mape.actions)):
         if stage is not None:
-            yield from _of_stage(kind, stage, metrics)
+            yield from _stage_edges(kind, stage, metrics)
     for adaptation in mape.adaptation:
-        yield from _of_adaptation(adaptation, metrics)
+        yield from _adaptation_edges(adaptation, metrics)
     for tree in mape.trees:
         yield from _edges(Node(NodeKind.TREE, tree.name), EdgeKind.REQUESTS, NodeKind.TASK, tree.tasks)
     for checked in mape.loops:
@@ -34,15 +34,15 @@ def _edges(source: Node, kind: EdgeKind, target: NodeKind, names: Iterable[str])
     return (Edge(source, Node(target, name), kind) for name in names)
 
 
-def _of_stage(kind: NodeKind, stage: CheckedStage, metrics: frozenset[str]) -> Iterator[Edge]:
+def _stage_edges(kind: NodeKind, stage: CheckedStage, metrics: frozenset[str]) -> Iterator[Edge]:
     for output, block in zip(stage.outputs, stage.engine.blocks, strict=True):
-        read = {proposition.variable for rule in block.rules for proposition in propositions(rule.antecedent)}
-        yield from _reads(Node(kind, output.output.name), read, metrics)
+        read_names = {proposition.variable for rule in block.rules for proposition in propositions(rule.antecedent)}
+        yield from _read_edges(Node(kind, output.output.name), read_names, metrics)
 
 
-def _of_adaptation(checked: CheckedAdaptation, metrics: frozenset[str]) -> Iterator[Edge]:
+def _adaptation_edges(checked: CheckedAdaptation, metrics: frozenset[str]) -> Iterator[Edge]:
     source, does = Node(NodeKind.ADAPTATION, checked.name), checked.adaptation.does
-    yield from _reads(source, checked.reads, metrics)
+    yield from _read_edges(source, checked.reads, metrics)
     if isinstance(does, Parameter):
         yield from _edges(source, EdgeKind.SETS, NodeKind.CONTEXT, (does.variable.name,))
     elif isinstance(does, Course):
@@ -50,7 +50,7 @@ def _of_adaptation(checked: CheckedAdaptation, metrics: frozenset[str]) -> Itera
         yield from _edges(source, EdgeKind.SWITCHES, NodeKind.TREE, (does.within.name,))
 
 
-def _reads(source: Node, names: Iterable[str], metrics: frozenset[str]) -> Iterator[Edge]:
+def _read_edges(source: Node, names: Iterable[str], metrics: frozenset[str]) -> Iterator[Edge]:
     for name in names:
         target = Node(NodeKind.METRIC if name in metrics else NodeKind.CONTEXT, name)
         yield Edge(source, target, EdgeKind.READS)

@@ -21,32 +21,32 @@ class _Contents:
 
 
 def modules(checked: CheckedSpec, forest: tuple[Tree, ...]) -> tuple[Module, ...]:
-    """Return the modules: one per spec file that has elements and per use of a template; equal names share a module.
+    """Return one module per spec file that has elements, and one per use of a template; equal names share a module.
 
-    A tree goes where its first algorithm is declared, and its other algorithms go with it.
+    A tree, with all its algorithms, is in the module in which its first algorithm is declared.
     """
     spec, contents = checked.spec, dict[str, _Contents]()
     taken = entry_names(spec)
 
-    def home(section: str, name: str, place: Place) -> _Contents:
+    def module_of(section: str, name: str, place: Place) -> _Contents:
         """Return the module in which an element is declared."""
         module = contents.setdefault(module_name(spec.origins[section, name], taken), _Contents())
         module.files |= {place.span.file} if place.use is None else set()
         return module
 
     for variable in spec.context:
-        home("context", variable.name, variable.place).variables.append(variable.name)
+        module_of("context", variable.name, variable.place).variables.append(variable.name)
     for tree in forest:
         algorithm = tree.branches[0].algorithm.algorithm
-        home("perception", algorithm.name, algorithm.place).trees.append(tree.name)
+        module_of("perception", algorithm.name, algorithm.place).trees.append(tree.name)
     for skill in spec.skills:
-        home("skills", skill.name, skill.place).skills.append(skill.name)
-    uses = {module_name(use.instance, taken): use for use in spec.uses}
+        module_of("skills", skill.name, skill.place).skills.append(skill.name)
+    uses_of_modules = {module_name(use.instance, taken): use for use in spec.uses}
     return tuple(
         Module(
             name=name,
             files=tuple(sorted(module.files)),
-            use=uses.get(name),
+            use=uses_of_modules.get(name),
             variables=tuple(module.variables),
             trees=tuple(module.trees),
             skills=tuple(module.skills),

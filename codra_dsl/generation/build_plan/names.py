@@ -1,7 +1,7 @@
-"""Names in Python for the elements of a spec: the same on every version of Python, and none that hides another.
+"""Names in Python for the elements of a spec. They are the same on every version of Python, and no name hides another.
 
-The language's identifiers start with a letter and differ from every other of their kind by more than case.
-Functions and branches are lower case and constants upper case, so that the two never collide.
+An identifier of the language starts with a letter, and differs by more than case from all other identifiers of its
+kind. Functions and branches are lower case and constants upper case, so that the two never collide.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ METRIC_ENGINE, ACTION_ENGINE = "metric_engine", "action_engine"
 """The modules of the two fuzzy engines of loops."""
 
 
-# Written out, since Python's own lists grow from version to version and with what `site` adds.
+# Written out, since Python's own lists grow from version to version, and by the names that `site` adds.
 _PYTHONS_WORDS = """
     False None True and as assert async await break class continue def del elif else except finally for from global if
     import in is lambda nonlocal not or pass raise return try while with yield case match type
@@ -52,14 +52,15 @@ _PYTHONS_NAMES = frozenset(_PYTHONS_WORDS.split())
 def python_name(text: str, taken: frozenset[str]) -> str:
     """Return an identifier of the language as a name in Python that is not a keyword, a builtin, or in `taken`.
 
-    Different names stay different: such a name that already ends in underscores gets one more as well.
+    A keyword, builtin or taken name gets an underscore at its end. So does each such name that already ends in
+    underscores, so that different names stay different.
     """
     plain = text.rstrip("_")
     return f"{text}_" if plain in taken or plain in _PYTHONS_NAMES else text
 
 
 def module_name(origin: str, taken: frozenset[str] = ENTRY_NAMES) -> str:
-    """Return the Python name of the module for what `load` calls the origin of an element, an identifier."""
+    """Return the Python name of the module for an origin, the identifier that `load` gives to a source of elements."""
     return python_name(origin.lower(), taken)
 
 
@@ -74,7 +75,7 @@ def knowledge_class(name: str) -> str:
 
 
 def entry_names(spec: Spec) -> frozenset[str]:
-    """Return the names that the entry of a spec's package uses itself; knowledge and loops add some."""
+    """Return the names that the entry of a spec's package uses itself; with knowledge or loops there are more."""
     taken = ENTRY_NAMES
     if spec.knows:
         taken |= {KNOWLEDGE_MODULE, "KNOWLEDGE", knowledge_class(spec.name)}

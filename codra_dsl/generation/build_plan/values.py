@@ -12,7 +12,7 @@ from codra_dsl.language.model import Use
 
 
 class EdgeKind(StrEnum):
-    """How two elements depend on each other; an edge reads as a sentence, `source kind target`."""
+    """How two elements depend on each other. An edge reads as a sentence: source, kind, target."""
 
     IDENTIFIES = "identifies"
     REQUIRES = "requires"
@@ -89,9 +89,9 @@ class Tree:
     """One observer O_i (P1, Equations 5 and 6).
 
     Attributes:
-        name: the name in `observers`, otherwise that of its first algorithm.
+        name: the name in `observers`, otherwise the name of its first algorithm.
         function: the Python name of the function that builds it.
-        groups: each group's branches are alternatives, by rank; several groups are joined under shared preconditions.
+        groups: the branches of a group are alternatives, by rank; several groups are joined under shared preconditions.
         identifies: V_i, in the order of the algorithms that identify them.
         needs: C_Oi (P1, Equation 7), in the order of the conditions.
     """
@@ -116,10 +116,11 @@ class Module:
 
     Attributes:
         name: the Python name of the module.
-        files: the spec files whose own elements it holds, sorted.
-        use: the use of a template whose elements it holds.
-        variables: names, in file order; also `skills`.
-        trees: names, in the order of the forest.
+        files: the spec files whose own elements it contains, sorted.
+        use: the use of a template whose elements it contains; None if there is none.
+        variables: the names of its variables, in file order.
+        trees: the names of its trees, in the order of the forest.
+        skills: the names of its skills, in file order.
     """
 
     name: str
@@ -136,10 +137,10 @@ class BuildPlan:
 
     Attributes:
         class_name: the Python name of the class of the spec's context.
-        in_force: the variables that Algorithm 2 adds to C_M, in its order.
-        forest: F, in Algorithm 2's order: a tree comes after the trees that it needs, except with feedback.
+        in_force: C_M, in the order in which Algorithm 2 adds the variables.
+        forest: F, in Algorithm 2's order: a tree comes after the trees that it needs, except for feedback.
         modules: sorted by name; together they hold every declared variable and skill, and every tree.
-        edges: sorted.
+        edges: the dependency graph, sorted.
     """
 
     checked: CheckedSpec

@@ -1,4 +1,4 @@
-"""Turn a plan into text: the files of a generated package. The emitter reads no disk, no clock and no environment."""
+"""Turn a plan into the text of a generated package's files. The emitter reads no disk, no clock and no environment."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ __all__ = ["emit", "package_text"]
 def emit(plan: BuildPlan) -> Mapping[str, str]:
     """Return the files of a plan's package by path, relative to the output folder, sorted.
 
-    The same plan gives the same bytes on every machine, with all settings and hash seeds. Only `sources.json` holds
-    the elements' places in the spec, so that a comment added there changes no other file.
+    The same plan gives the same bytes on every machine, with any settings and any hash seed. Only `sources.json` has
+    the places of elements in the spec, so that a comment added to the spec changes no other file.
     """
     outputs = {
         "__init__.py": entry_text(plan),

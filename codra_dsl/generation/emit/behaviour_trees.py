@@ -1,6 +1,7 @@
-"""Behaviour trees as a Python module with one function per tree. It only wires nodes; the runtime implements them.
+"""Write behaviour trees as a Python module with one function per tree.
 
-From codra it imports only `codra_dsl.runtime.generated_api`. The same trees give the same bytes.
+The module only connects nodes; the runtime implements them. From codra it imports only
+`codra_dsl.runtime.generated_api`. The same trees give the same bytes.
 """
 
 from __future__ import annotations
@@ -17,18 +18,26 @@ from codra_dsl.generation.emit.layout import (
     Grouped,
     call,
     dictionary,
-    laid_out,
+    lay_out,
     spread_call,
     spread_dictionary,
     spread_tuple,
     tuple_of,
 )
 from codra_dsl.generation.emit.literals import literal, prose
-from codra_dsl.generation.emit.scripts import asked_text, operands, value_text
+from codra_dsl.generation.emit.scripts import operands, truth_text, value_text
 from codra_dsl.language.behavior_trees import BehaviorTree, CheckedForest, Direction, NodeKind, NodeModel, TreeNode
-from codra_dsl.language.behavior_trees.catalogue import AFTER, AUTOREMAP, BEFORE, BUILT_IN, BuiltIn, BuiltInPort, Holds
-from codra_dsl.language.behavior_trees.ports import EntryKey, given
-from codra_dsl.language.behavior_trees.scripts import ScriptProblem, Statement, parse_condition, parse_script
+from codra_dsl.language.behavior_trees.catalogue import (
+    AUTOREMAP,
+    BUILT_IN,
+    POST_SCRIPTS,
+    PRECONDITIONS,
+    BuiltIn,
+    BuiltInPort,
+    PortContent,
+)
+from codra_dsl.language.behavior_trees.ports import EntryKey, parse_port_value
+from codra_dsl.language.behavior_trees.scripts import ScriptProblem, parse_condition, parse_script
 from codra_dsl.language.expression import And, Or
 from codra_dsl.language.expression import Node as Script
 from codra_dsl.language.project import GENERATED_API
@@ -37,15 +46,15 @@ __all__ = [
     "tree_module",
 ]
 
-_EXPORTED_AS: Mapping[str, str] = {"Node": "TreeNode", "Precondition": "TreePrecondition"}
-"""The names in `generated_api` of words that have another meaning in other generated modules."""
+_EXPORTED_NAMES: Mapping[str, str] = {"Node": "TreeNode", "Precondition": "TreePrecondition"}
+"""The names in `generated_api` of words that have another meaning in other generated modules; the key is the word."""
 
 _PYTHON_NAMES = {"else": "otherwise"}
 _RETURN = "    return "
 
 
 def tree_module(checked: CheckedForest) -> str:
-    """Return the text of the module of a file's trees and of the trees that it includes."""
+    """Return the text of the module with the trees of a file and of the files that it includes."""
     return _Writer(checked).module()
 
 
@@ -59,7 +68,7 @@ class _Writer:
         self._enums = dict(checked.enums)
         self._models = {(model.kind is NodeKind.SUBTREE, model.id): model for model in checked.forest.models}
         self._functions = _function_names(tree.id for tree in self._trees)
-        self._words: set[str] = {"Node"}
+        self._used_words: set[str] = {"Node"}
         self._tree = ""
         self._helpers: list[str] = []
 
@@ -73,22 +82,27 @@ class _Writer:
             f'"""Behaviour trees of {prose(self._file)}.\n\nMade by codra; edits are lost.\n"""\n\n',
             self._imports(),
             *(f"\n\n{text}" for text in functions),
-            f"\n\nTREES: Mapping[str, Callable[[], Node]] = {laid_out(trees)}\n",
+            f"\n\nTREES: Mapping[str, Callable[[], Node]] = {lay_out(trees)}\n",
             f"\nMAIN: str | None = {main}\n",
-            f"\nACTIONS: tuple[str, ...] = {laid_out(spread_tuple(map(literal, actions)))}\n",
+            f"\nACTIONS: tuple[str, ...] = {lay_out(spread_tuple(map(literal, actions)))}\n",
         ]
         return "".join(parts)
 
     def _imports(self) -> str:
-        """Return the import statements; ruff gives each renamed import a statement of its own, after the others."""
-        renamed = [f"{_EXPORTED_AS[word]} as {word}" for word in sorted(self._words & _EXPORTED_AS.keys())]
-        ours = [import_statement(GENERATED_API, names) for names in (self._words - _EXPORTED_AS.keys(), *zip(renamed))]
-        return "from collections.abc import Callable, Mapping\n\n" + "\n".join(ours) + "\n"
+        """Return the import statements. Each renamed import is a separate statement after the others, as in ruff."""
+        renamed_imports = [
+            f"{_EXPORTED_NAMES[word]} as {word}" for word in sorted(self._used_words & _EXPORTED_NAMES.keys())
+        ]
+        import_statements = [
+            import_statement(GENERATED_API, names)
+            for names in (self._used_words - _EXPORTED_NAMES.keys(), *zip(renamed_imports))
+        ]
+        return "from collections.abc import Callable, Mapping\n\n" + "\n".join(import_statements) + "\n"
 
     def _function(self, tree: BehaviorTree) -> str:
         self._helpers = []
         self._tree = name = self._functions[tree.id]
-        root = laid_out(self._node(tree.root), indent=4, before=len(_RETURN))
+        root = lay_out(self._node(tree.root), indent=4, before=len(_RETURN))
         text = f'def {name}() -> Node:\n    """Return the tree {prose(tree.id)}."""\n{_RETURN}{root}\n'
         return "\n\n".join([*self._helpers, text])
 
@@ -101,10 +115,18 @@ class _Writer:
         return make("Node", literal(node.label), self._kind(node), *children, **keywords)
 
     def _conditions(self, node: TreeNode) -> dict[str, Expression]:
-        given_ = {attribute.name: attribute.value for attribute in node.conditions}
-        before = {name: self._asked(given_[key]) for key, name in BEFORE.items() if key in given_}
-        after = {name: tuple_of(self._statements(given_[key])) for key, name in AFTER.items() if key in given_}
-        return {"conditions": self._call("Conditions", **before, **after)} if given_ else {}
+        condition_texts = {attribute.name: attribute.value for attribute in node.conditions}
+        before = {
+            name: self._condition_function(condition_texts[key])
+            for key, name in PRECONDITIONS.items()
+            if key in condition_texts
+        }
+        after = {
+            name: tuple_of(self._statements(condition_texts[key]))
+            for key, name in POST_SCRIPTS.items()
+            if key in condition_texts
+        }
+        return {"conditions": self._call("Conditions", **before, **after)} if condition_texts else {}
 
     # Kinds
 
@@ -119,23 +141,23 @@ class _Writer:
         values = {attribute.name: attribute.value for attribute in node.ports}
         if node.id == "Script":
             return self._call(built_in.word, *self._statements(values["code"]))
-        present = [port for port in built_in.ports if port.name in values]
-        needed = [self._port(port, values[port.name]) for port in present if port.default is None]
-        others = {
+        set_ports = [port for port in built_in.ports if port.name in values]
+        positional_arguments = [self._port(port, values[port.name]) for port in set_ports if port.default is None]
+        keywords = {
             _PYTHON_NAMES.get(port.name, port.name): self._port(port, values[port.name])
-            for port in present
+            for port in set_ports
             if port.default is not None
         }
         if built_in.word == "Switch" and self._enums:
             pairs = (tuple_of([literal(name), literal(value)]) for name, value in self._enums.items())
-            others["enums"] = tuple_of(pairs)
-        return self._call(built_in.word, *needed, **others)
+            keywords["enums"] = tuple_of(pairs)
+        return self._call(built_in.word, *positional_arguments, **keywords)
 
     def _port(self, port: BuiltInPort, value: str) -> Expression:
-        if port.holds is Holds.CONDITION:
-            return self._asked(value)
-        setting = given(port.name, value)
-        if port.holds in (Holds.ENTRY, Holds.KEY):
+        if port.content is PortContent.CONDITION:
+            return self._condition_function(value)
+        setting = parse_port_value(port.name, value)
+        if port.content in (PortContent.ENTRY, PortContent.KEY):
             return literal(setting.key if isinstance(setting, EntryKey) else value)
         return self._setting(setting)
 
@@ -145,8 +167,16 @@ class _Writer:
     def _leaf(self, node: TreeNode) -> Expression:
         model = self._models.get((False, node.id))
         values = _with_defaults(node, model)
-        inputs = {name: given(name, value) for name, value in values.items() if _goes(model, name, Direction.IN)}
-        outputs = {name: given(name, value) for name, value in values.items() if _goes(model, name, Direction.OUT)}
+        inputs = {
+            name: parse_port_value(name, value)
+            for name, value in values.items()
+            if _has_direction(model, name, Direction.IN)
+        }
+        outputs = {
+            name: parse_port_value(name, value)
+            for name, value in values.items()
+            if _has_direction(model, name, Direction.OUT)
+        }
         entries = {name: setting for name, setting in outputs.items() if isinstance(setting, EntryKey)}
         keywords: dict[str, Expression] = {}
         if inputs:
@@ -161,7 +191,7 @@ class _Writer:
     def _subtree(self, node: TreeNode) -> Expression:
         values = _with_defaults(node, self._models.get((True, str(node.subtree))))
         remaps_all = values.pop(AUTOREMAP, "false") in ("true", "1")
-        settings = {name: given(name, value) for name, value in values.items()}
+        settings = {name: parse_port_value(name, value) for name, value in values.items()}
         remapped = {
             literal(name): literal(setting.key) for name, setting in settings.items() if isinstance(setting, EntryKey)
         }
@@ -177,56 +207,53 @@ class _Writer:
 
     # Scripts
 
-    def _asked(self, text: str) -> Expression:
+    def _condition_function(self, text: str) -> Expression:
         node = parse_condition(text)
         if isinstance(node, ScriptProblem):
             raise TypeError(f"{text!r} was checked, but is not a condition")
-        return self._script(node, asked_text(node, self._enums))
+        return self._script(node, truth_text(node, self._enums))
 
     def _statements(self, text: str) -> Iterator[Expression]:
         statements = parse_script(text)
         if isinstance(statements, ScriptProblem):
             raise TypeError(f"{text!r} was checked, but is not a script")
         for statement in statements:
-            yield self._statement(statement)
-
-    def _statement(self, statement: Statement) -> Expression:
-        value = self._script(statement.value, value_text(statement.value, self._enums))
-        return self._call("create" if statement.creates else "assign", literal(statement.entry), value)
+            value = self._script(statement.value, value_text(statement.value, self._enums))
+            yield self._call("create" if statement.creates else "assign", literal(statement.entry), value)
 
     def _script(self, node: Script, text: str) -> Expression:
-        """Return a script as a function; a long one gets a name and lines of its own."""
+        """Return a script as a function: a lambda, or, if the script is long, the name of a helper function."""
         if len(text) <= SHORT:
             return f"lambda it: {text}"
-        self._words.add("Scope")
+        self._used_words.add("Scope")
         body: Expression = text
-        if isinstance(node, And | Or) and text == asked_text(node, self._enums):
+        if isinstance(node, And | Or) and text == truth_text(node, self._enums):
             first, *rest = operands(node, self._enums)
             sign = "and" if isinstance(node, And) else "or"
             body = Grouped("", Chain(first, tuple((sign, operand) for operand in rest)))
         fits = len(_RETURN) + len(text) <= WIDTH
         name = f"_script_{len(self._helpers) + 1}_of_{self._tree}"
-        laid = text if fits else laid_out(body, indent=4, before=WIDTH)
-        self._helpers.append(f"def {name}(it: Scope) -> object:\n{_RETURN}{laid}\n")
+        body_text = text if fits else lay_out(body, indent=4, before=WIDTH)
+        self._helpers.append(f"def {name}(it: Scope) -> object:\n{_RETURN}{body_text}\n")
         return name
 
     def _call(self, word: str, *arguments: Expression, **keywords: Expression) -> Expression:
-        self._words.add(word)
+        self._used_words.add(word)
         return call(word, *arguments, **keywords)
 
 
 def _with_defaults(node: TreeNode, model: NodeModel | None) -> dict[str, str]:
-    """Return the values of a node's ports, taken from the node or else from its model."""
+    """Return the values of a node's ports. A port that the node does not set has the default value of its model."""
     ports = model.ports if model is not None else ()
-    present = {attribute.name: attribute.value for attribute in node.ports}
-    defaults = {port.name: port.default for port in ports if port.default is not None and port.name not in present}
-    return {**defaults, **present}
+    node_values = {attribute.name: attribute.value for attribute in node.ports}
+    defaults = {port.name: port.default for port in ports if port.default is not None and port.name not in node_values}
+    return {**defaults, **node_values}
 
 
-def _goes(model: NodeModel | None, name: str, way: Direction) -> bool:
+def _has_direction(model: NodeModel | None, name: str, direction: Direction) -> bool:
     """Return whether a port has a direction; without a model, it has both."""
     port = model.port(name) if model is not None else None
-    return port is None or port.direction in (way, Direction.BOTH)
+    return port is None or port.direction in (direction, Direction.BOTH)
 
 
 def _function_names(ids: Iterable[str]) -> dict[str, str]:
@@ -237,6 +264,8 @@ def _function_names(ids: Iterable[str]) -> dict[str, str]:
         name = re.sub(r"[^a-z0-9]+", "_", words.lower()).strip("_").removesuffix("_tree") or "unnamed"
         name = f"{name}_tree" if name[0].isalpha() else f"tree_{name}_tree"
         taken = set(names.values())
-        numbered = (f"{name}_{number}" for number in range(2, len(taken) + 3))
-        names[id_] = name if name not in taken else next(candidate for candidate in numbered if candidate not in taken)
+        numbered_names = (f"{name}_{number}" for number in range(2, len(taken) + 3))
+        names[id_] = (
+            name if name not in taken else next(candidate for candidate in numbered_names if candidate not in taken)
+        )
     return names

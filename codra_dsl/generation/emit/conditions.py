@@ -1,4 +1,4 @@
-"""Lowered conditions as expressions of the words of `codra_dsl.runtime.values.conditions` and literals only."""
+"""Lowered conditions as expressions, only of literals and the words of `codra_dsl.runtime.values.conditions`."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ import re
 from collections.abc import Mapping
 from dataclasses import replace
 
-from codra_dsl.generation.emit.layout import WIDEST, Brackets, Chain, Expression, Grouped, bracketed, laid_out
+from codra_dsl.generation.emit.layout import WIDEST, Brackets, Chain, Expression, Grouped, lay_out, make_brackets
 from codra_dsl.generation.emit.literals import literal
 
 WORDS = frozenset(
     {"age", "between", "choose", "confirmed", "first_of", "known", "literal", "maximum", "minimum", "value"}
 )
-"""The functions of `codra_dsl.runtime.values.conditions` that conditions consist of."""
+"""The functions of `codra_dsl.runtime.values.conditions` that conditions call."""
 
 POSES = frozenset({"distance", "in_view"})
-"""The functions of `codra_dsl.runtime.knowledge.declarations` that conditions over knowledge may use as well."""
+"""The functions of `codra_dsl.runtime.knowledge.declarations` that conditions over knowledge can call too."""
 
 _CALLABLE = WORDS | POSES | {"abs"}
-_ALONE = {word: frozenset({word}) for word in WORDS}
+_SINGLE_WORDS = {word: frozenset({word}) for word in WORDS}
 _METHODS = frozenset({"is_in"})
 # The form of most conditions. All others go through Python's own parser, with the same result.
 _SIMPLE = re.compile(
@@ -48,19 +48,19 @@ _LOGICAL = 1
 
 
 class ConditionError(Exception):
-    """A lowered condition does not use the words of the runtime: a bug of the code that lowered it."""
+    """A lowered condition uses something else than the words of the runtime: a bug in the code that lowered it."""
 
 
 def condition(python: str) -> tuple[Expression, frozenset[str]]:
     """Return a lowered condition as an expression, and the words that it uses.
 
     Raises:
-        ConditionError: if it contains anything except those words, operators and literals.
+        ConditionError: if the condition contains anything except words of conditions, operators and literals.
     """
     simple = _SIMPLE.fullmatch(python)
     if simple is not None:
         word, _, name, comparison = simple.groups()
-        return f'{word}("{name}"){comparison or ""}', _ALONE[word]
+        return f'{word}("{name}"){comparison or ""}', _SINGLE_WORDS[word]
     try:
         tree = ast.parse(python, mode="eval").body
     except SyntaxError as error:
@@ -76,13 +76,13 @@ def _expression(node: ast.expr) -> Expression:
         case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if name in _CALLABLE:
             return _call(name, arguments)
         case ast.Call(func=ast.Attribute(value=item, attr=name), args=options, keywords=[]) if name in _METHODS:
-            return _call(f"{_flat(_operand(item))}.{name}", options)
+            return _call(f"{_one_line(_operand(item))}.{name}", options)
         case ast.Tuple(elts=elements):
-            return bracketed("(", tuple(map(_expression, elements)), ",)" if len(elements) == 1 else ")")
+            return make_brackets("(", tuple(map(_expression, elements)), ",)" if len(elements) == 1 else ")")
         case ast.UnaryOp(op=ast.Invert(), operand=operand):
-            return _prefixed("~", _operand(operand))
+            return _with_prefix("~", _operand(operand))
         case ast.UnaryOp(op=ast.USub(), operand=operand):
-            return _prefixed("-", _operand(operand))
+            return _with_prefix("-", _operand(operand))
         case ast.Compare(left=left, ops=[operator], comparators=[right]) if type(operator) in _COMPARISONS:
             return Chain(_side(left), ((_COMPARISONS[type(operator)], _side(right)),))
         case ast.BinOp(op=operator) if type(operator) in _OPERATORS:
@@ -91,60 +91,60 @@ def _expression(node: ast.expr) -> Expression:
 
 
 def _call(function: str, arguments: list[ast.expr]) -> Brackets:
-    return bracketed(f"{function}(", tuple(map(_expression, arguments)), ")")
+    return make_brackets(f"{function}(", tuple(map(_expression, arguments)), ")")
 
 
 def _operand(node: ast.expr) -> Expression:
     """Return an operand, in parentheses unless it is a call, a constant or a tuple."""
     expression = _expression(node)
-    alone = isinstance(node, (ast.Call, ast.Constant, ast.Tuple))
-    return expression if alone else Grouped("", expression)
+    is_atomic = isinstance(node, (ast.Call, ast.Constant, ast.Tuple))
+    return expression if is_atomic else Grouped("", expression)
 
 
 def _side(node: ast.expr) -> Expression:
-    """Return a side of a comparison; arithmetic needs no parentheses there, the rest is easier to read with them."""
-    plain = isinstance(node, ast.UnaryOp) or (isinstance(node, ast.BinOp) and _strength(node) > _LOGICAL)
-    return _expression(node) if plain else _operand(node)
+    """Return a side of a comparison. Arithmetic needs no parentheses there; others are easier to read with them."""
+    is_bare = isinstance(node, ast.UnaryOp) or (isinstance(node, ast.BinOp) and _strength(node) > _LOGICAL)
+    return _expression(node) if is_bare else _operand(node)
 
 
-def _prefixed(sign: str, operand: Expression) -> Expression:
+def _with_prefix(sign: str, operand: Expression) -> Expression:
     if isinstance(operand, Brackets):
-        return bracketed(sign + operand.opening, operand.items, operand.closing)
+        return make_brackets(sign + operand.opening, operand.items, operand.closing)
     if isinstance(operand, Grouped):
         return replace(operand, prefix=sign + operand.prefix)
-    return sign + _flat(operand)
+    return sign + _one_line(operand)
 
 
 def _chain(node: ast.BinOp) -> Chain:
-    """Return operators of equal precedence as one chain; it grows to the left, so a loop takes it apart."""
+    """Return operators of equal precedence as one chain. Python nests their left operands, so a loop collects them."""
     operator, strength = _OPERATORS[type(node.op)]
     rest = [(operator, _right(node))]
     first = node.left
     while isinstance(first, ast.BinOp) and _continues(first, operator, strength):
         rest.append((_OPERATORS[type(first.op)][0], _right(first)))
         first = first.left
-    return Chain(_within(first, strength), tuple(reversed(rest)))
+    return Chain(_chain_operand(first, strength), tuple(reversed(rest)))
 
 
 def _continues(node: ast.BinOp, operator: str, strength: int) -> bool:
-    """Return whether a left operand is part of the same chain; `&` and `|` are never mixed without parentheses."""
+    """Return whether a left operand belongs to the chain; `&` and `|` are never mixed without parentheses."""
     symbol, other = _OPERATORS.get(type(node.op), ("", 0))
     return other == strength and (strength > _LOGICAL or symbol == operator)
 
 
 def _right(node: ast.BinOp) -> Expression:
-    """Return a right operand; one of equal precedence keeps its parentheses, as it is evaluated first."""
-    return _within(node.right, _strength(node))
+    """Return a right operand. An operator of equal precedence keeps its parentheses, since it is evaluated first."""
+    return _chain_operand(node.right, _strength(node))
 
 
-def _within(node: ast.expr, strength: int) -> Expression:
-    stronger = isinstance(node, ast.BinOp) and _strength(node) > strength > _LOGICAL
-    return _expression(node) if stronger or isinstance(node, ast.UnaryOp) else _operand(node)
+def _chain_operand(node: ast.expr, strength: int) -> Expression:
+    binds_tighter = isinstance(node, ast.BinOp) and _strength(node) > strength > _LOGICAL
+    return _expression(node) if binds_tighter or isinstance(node, ast.UnaryOp) else _operand(node)
 
 
 def _strength(node: ast.BinOp) -> int:
     return _OPERATORS.get(type(node.op), ("", 0))[1]
 
 
-def _flat(expression: Expression) -> str:
-    return laid_out(expression, before=-WIDEST)
+def _one_line(expression: Expression) -> str:
+    return lay_out(expression, before=-WIDEST)

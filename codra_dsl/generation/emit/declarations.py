@@ -1,4 +1,4 @@
-"""The declarations in generated modules, in the words of `codra_dsl.runtime.values.model`."""
+"""Write the declarations in generated modules as calls of classes of `codra_dsl.runtime.values.model`."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ DEFAULTS: Mapping[str, Mapping[str, Expression]] = {
         "pose_condition": "None",
     },
 }
-"""The defaults of the runtime, which generated code leaves out."""
+"""The default values of the runtime. Generated code leaves out a field that has its default value."""
 
 _TYPES: Mapping[Kind, str] = {
     Kind.BOOL: "boolean",
@@ -49,41 +49,46 @@ _TYPES: Mapping[Kind, str] = {
 
 def algorithm(branch: Branch, imports: Imports) -> Expression:
     """Return the declaration of a perception algorithm."""
-    declared = branch.algorithm.algorithm
-    fields = _non_default(
+    declared_algorithm = branch.algorithm.algorithm
+    fields = _fields(
         "Algorithm",
         imports,
-        name=literal(declared.name),
-        call=literal(declared.call),
-        parameters=dictionary({text_literal(name): literal(value) for name, value in declared.parameters}),
-        handles=names(usage.resource.name for usage in declared.uses if usage.access is Access.READ),
-        slots=names(usage.resource.name for usage in declared.uses if usage.access is Access.SLOT),
-        given=names(reference.name for reference in declared.given),
+        name=literal(declared_algorithm.name),
+        call=literal(declared_algorithm.call),
+        parameters=dictionary({text_literal(name): literal(value) for name, value in declared_algorithm.parameters}),
+        handles=names(usage.resource.name for usage in declared_algorithm.uses if usage.access is Access.READ),
+        slots=names(usage.resource.name for usage in declared_algorithm.uses if usage.access is Access.SLOT),
+        given=names(reference.name for reference in declared_algorithm.given),
         returns=dictionary(
-            {text_literal(returned.name): _returned(returned, imports) for returned in declared.returns}
+            {text_literal(returned.name): _result_type(returned, imports) for returned in declared_algorithm.returns}
         ),
-        **{setting.field_name: literal(getattr(declared, setting.field_name)) for setting in ALGORITHM_SETTINGS},
+        **{
+            setting.field_name: literal(getattr(declared_algorithm, setting.field_name))
+            for setting in ALGORITHM_SETTINGS
+        },
     )
     return spread_call("Algorithm", **fields)
 
 
-def variable(declared: Variable, poses: Mapping[str, str], imports: Imports) -> Expression:
-    """Return the declaration of a context-variable; `poses` has the comparisons of those derived from poses."""
+def variable(declared_variable: Variable, poses: Mapping[str, str], imports: Imports) -> Expression:
+    """Return the declaration of a context-variable; `poses` has the comparison of each variable derived from poses."""
     pose_condition, words = (
-        condition(poses[declared.name]) if declared.pose_condition is not None else ("None", frozenset[str]())
+        condition(poses[declared_variable.name])
+        if declared_variable.pose_condition is not None
+        else ("None", frozenset[str]())
     )
     imports.use(*words)
-    fields = _non_default(
+    fields = _fields(
         "VariableModel",
         imports,
-        name=literal(declared.name),
-        type=value_type(declared.type, imports),
-        label=literal(declared.label if declared.label != declared.name else ""),
-        sources=names([reference.name for reference in declared.sources] or ["observer"]),
-        valid_for_s=literal(declared.valid_for_s),
-        when_unobservable=text_literal(declared.when_unobservable),
-        refresh=text_literal(declared.refresh),
-        history=literal(declared.history),
+        name=literal(declared_variable.name),
+        type=value_type(declared_variable.type, imports),
+        label=literal(declared_variable.label if declared_variable.label != declared_variable.name else ""),
+        sources=names([reference.name for reference in declared_variable.sources] or ["observer"]),
+        valid_for_s=literal(declared_variable.valid_for_s),
+        when_unobservable=text_literal(declared_variable.when_unobservable),
+        refresh=text_literal(declared_variable.refresh),
+        history=literal(declared_variable.history),
         pose_condition=pose_condition,
     )
     return call("VariableModel", **fields)
@@ -91,7 +96,7 @@ def variable(declared: Variable, poses: Mapping[str, str], imports: Imports) -> 
 
 def observer(tree: Tree, imports: Imports) -> Expression:
     """Return the declaration of an observer."""
-    fields = _non_default(
+    fields = _fields(
         "ObserverModel",
         imports,
         name=literal(tree.name),
@@ -103,74 +108,72 @@ def observer(tree: Tree, imports: Imports) -> Expression:
     return call("ObserverModel", **fields)
 
 
-def skill(declared: Skill, expectations: Iterable[CheckedExpectation], imports: Imports) -> Expression:
+def skill(declared_skill: Skill, expectations: Iterable[CheckedExpectation], imports: Imports) -> Expression:
     """Return the declaration of a skill."""
-    fields = _non_default(
+    fields = _fields(
         "SkillModel",
         imports,
-        name=literal(declared.name),
-        preview=names(reference.name for reference in declared.preview),
-        monitor=names(expectation.variable.name for expectation in declared.monitor),
-        changes=names(reference.name for reference in declared.changes),
+        name=literal(declared_skill.name),
+        preview=names(reference.name for reference in declared_skill.preview),
+        monitor=names(expectation.variable.name for expectation in declared_skill.monitor),
+        changes=names(reference.name for reference in declared_skill.changes),
         expects=tuple_of(_expectation(expectation, imports) for expectation in expectations),
     )
     return call("SkillModel", **fields)
 
 
-def resource(declared: Resource, imports: Imports) -> Expression:
+def resource(declared_resource: Resource, imports: Imports) -> Expression:
     """Return the declaration of a resource."""
-    slots = "None" if declared.slots is None else literal(declared.slots)
-    return call("ResourceModel", **_non_default("ResourceModel", imports, name=literal(declared.name), slots=slots))
+    slots = "None" if declared_resource.slots is None else literal(declared_resource.slots)
+    return call("ResourceModel", **_fields("ResourceModel", imports, name=literal(declared_resource.name), slots=slots))
 
 
-def _expectation(expected: CheckedExpectation, imports: Imports) -> Expression:
-    expression, words = condition(expected.python)
+def _expectation(expectation: CheckedExpectation, imports: Imports) -> Expression:
+    expression, words = condition(expectation.python)
     imports.use(*words)
-    within_s = literal(math.inf if expected.within_s is None else expected.within_s)
-    fields = _non_default(
-        "ExpectationModel", imports, text=literal(expected.text), condition=expression, within_s=within_s
+    within_s = literal(math.inf if expectation.within_s is None else expectation.within_s)
+    fields = _fields(
+        "ExpectationModel", imports, text=literal(expectation.text), condition=expression, within_s=within_s
     )
     return call("ExpectationModel", **fields)
 
 
-def _non_default(model: str, imports: Imports, **fields: Expression) -> dict[str, Expression]:
+def _fields(model: str, imports: Imports, **fields: Expression) -> dict[str, Expression]:
     return non_default_fields(model, DEFAULTS[model], imports, fields)
 
 
 def non_default_fields(
     model: str, defaults: Mapping[str, Expression], imports: Imports, fields: Mapping[str, Expression]
 ) -> dict[str, Expression]:
-    """Return the fields that differ from the defaults of the runtime, and record their imports."""
+    """Return the fields that differ from the defaults of the runtime; their imports are recorded."""
     imports.use(model)
-    given = {
-        name: value for name, value in fields.items() if name not in defaults or _on_one_line(value) != defaults[name]
+    kept_fields = {
+        name: value
+        for name, value in fields.items()
+        if name not in defaults or (value if isinstance(value, str) else value.flat) != defaults[name]
     }
-    imports.use_math_for(given.values())
-    return given
+    imports.use_math_for(kept_fields.values())
+    return kept_fields
 
 
-def _on_one_line(value: Expression) -> str | None:
-    return value if isinstance(value, str) else value.flat
-
-
-def names(several: Iterable[str]) -> Expression:
+def names(items: Iterable[str]) -> Expression:
     """Return a tuple of names without duplicates."""
-    return tuple_of(text_literal(name) for name in dict.fromkeys(several))
+    return tuple_of(text_literal(name) for name in dict.fromkeys(items))
 
 
-def _returned(returned: Returned, imports: Imports) -> Expression:
+def _result_type(returned: Returned, imports: Imports) -> Expression:
     return (
         value_type(returned.type, imports, optional="True") if returned.optional else value_type(returned.type, imports)
     )
 
 
-def value_type(declared: ValueType, imports: Imports, **optional: Expression) -> Expression:
-    """Return the type of a value; the bounds of an integer are integers."""
-    function = _TYPES[declared.kind]
+def value_type(declared_type: ValueType, imports: Imports, **optional: Expression) -> Expression:
+    """Return the declaration of a value's type; finite bounds of an integer are written as integers."""
+    function = _TYPES[declared_type.kind]
     imports.use(function)
-    bounds = declared.range if declared.range is not None else ()
-    has_integer_bounds = declared.kind is Kind.INT and all(map(math.isfinite, bounds))
+    bounds = declared_type.range if declared_type.range is not None else ()
+    has_integer_bounds = declared_type.kind is Kind.INT and all(map(math.isfinite, bounds))
     arguments = [literal(int(bound) if has_integer_bounds else bound) for bound in bounds]
     imports.use_math_for(arguments)
-    unit = {"unit": literal(declared.unit)} if declared.unit is not None else {}
-    return call(function, *arguments, *map(text_literal, declared.values), **unit, **optional)
+    unit = {"unit": literal(declared_type.unit)} if declared_type.unit is not None else {}
+    return call(function, *arguments, *map(text_literal, declared_type.values), **unit, **optional)

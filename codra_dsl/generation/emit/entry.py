@@ -8,9 +8,9 @@ from codra_dsl.generation.build_plan import BuildPlan
 from codra_dsl.generation.build_plan.names import camel_case, entry_names, knowledge_class
 from codra_dsl.generation.emit.access import Values, alias, methods
 from codra_dsl.generation.emit.declarations import resource
-from codra_dsl.generation.emit.handles import NARROWER, literals, named_handles, taking
+from codra_dsl.generation.emit.handles import IGNORE_OVERRIDE, handle_signatures, literals, named_handles
 from codra_dsl.generation.emit.imports import Imports, statement
-from codra_dsl.generation.emit.layout import WIDTH, Expression, call, laid_out, spread_call, spread_tuple, tuple_of
+from codra_dsl.generation.emit.layout import WIDTH, Expression, call, lay_out, spread_call, spread_tuple, tuple_of
 from codra_dsl.generation.emit.literals import text_literal
 from codra_dsl.generation.emit.rendering import made_by, render
 from codra_dsl.language.check.checked.knowledge import CheckedKnowledge
@@ -20,7 +20,7 @@ _PLAIN: Mapping[Kind, str] = {Kind.BOOL: "bool", Kind.INT: "int", Kind.FLOAT: "f
 
 
 MOST_ENUMS = 50
-"""The number of enums that get types of their own; variables of further enums are strings for editors and mypy."""
+"""The maximum number of enums with their own type; variables of further enums are strings for editors and mypy."""
 
 
 def entry_text(plan: BuildPlan) -> str:
@@ -30,7 +30,7 @@ def entry_text(plan: BuildPlan) -> str:
     kinds, knowledge = _values(plan), plan.checked.knowledge
     imports.use_math_for(["math.inf"] if kinds else [])
     imports.use(*(["TYPE_CHECKING"] if knowledge is not None else []))
-    agents = [] if knowledge is None else list(_agents(knowledge, imports))
+    agents = [] if knowledge is None else list(_agent_signatures(knowledge, imports))
     adapts = plan.checked.mape is not None
     imports.use(*(["Leaves", "Mape"] if adapts else []))
     imports.use(*(["TYPE_CHECKING", "Callable", "Reading", "TypeVar"] if kinds else []))
@@ -39,9 +39,9 @@ def entry_text(plan: BuildPlan) -> str:
     imports.use(*(word for word in ("Literal", "Never") if any(f" = {word}" in alias for alias in aliases)))
     return render(
         "entry.py.j2",
-        title=f"The context of '{plan.name}': {_counted(plan)}.",
+        title=f"The context of '{plan.name}': {_counts_text(plan)}.",
         made_by=made_by(plan),
-        model=laid_out(_model(plan, imports)),
+        model=lay_out(_model(plan, imports)),
         imports=imports.lines(),
         modules=_local_imports(plan),
         aliases=aliases,
@@ -55,8 +55,8 @@ def entry_text(plan: BuildPlan) -> str:
 
 
 def _values(plan: BuildPlan) -> list[Values]:
-    """Return the variables by type, in the order in which the types first appear."""
-    by_type: dict[tuple[Kind, tuple[str, ...]], list[str]] = {}
+    """Return the variables in groups of one type, in the order in which the types first appear."""
+    variables_by_type: dict[tuple[Kind, tuple[str, ...]], list[str]] = {}
     enums: set[tuple[str, ...]] = set()
     for variable in plan.checked.variables.values():
         if variable.pose_condition is not None:
@@ -66,43 +66,45 @@ def _values(plan: BuildPlan) -> list[Values]:
             enums.add(members)
         elif kind is Kind.ENUM:
             kind, members = Kind.STR, ()
-        by_type.setdefault((kind, members), []).append(variable.name)
-    taken = {plan.class_name, "Agent", "AgentHandle", *entry_names(plan.checked.spec), *_handles(plan)}
-    return [_named(kind, members, names, taken) for (kind, members), names in by_type.items()]
+        variables_by_type.setdefault((kind, members), []).append(variable.name)
+    taken = {plan.class_name, "Agent", "AgentHandle", *entry_names(plan.checked.spec), *_handle_names(plan)}
+    return [_named_values(kind, members, names, taken) for (kind, members), names in variables_by_type.items()]
 
 
-def _handles(plan: BuildPlan) -> list[str]:
+def _handle_names(plan: BuildPlan) -> list[str]:
     """Return the names of the types of agents' handles."""
     knowledge = plan.checked.knowledge
     return [] if knowledge is None else [handle for _, handle in named_handles(knowledge)]
 
 
-def _agents(knowledge: CheckedKnowledge, imports: Imports) -> Iterator[str]:
-    """Yield the signatures of `agent`, which returns the handles of agents."""
-    named = named_handles(knowledge)
-    rest = knowledge.writers[len(named) :]
-    taken = [(literals([agent]), f"Agent[VariableName, {handle}]") for agent, handle in named]
-    taken += [(literals(rest), "Agent[VariableName, AgentHandle]")] if rest else []
-    imports.use(*(["Agent", "Literal"] if taken else []), *(["AgentHandle"] if rest else []))
-    imports.use(*(["overload", "Any"] if len(taken) > 1 else []))
-    several = len(taken) > 1
-    for number, signature in enumerate(taking("agent", taken, "def agent(self, name: Any) -> Any:")):
+def _agent_signatures(knowledge: CheckedKnowledge, imports: Imports) -> Iterator[str]:
+    """Yield the signatures of the method `agent`, which returns the handle of an agent."""
+    handle_names = named_handles(knowledge)
+    other_agents = knowledge.writers[len(handle_names) :]
+    agent_types = [(literals([agent]), f"Agent[VariableName, {handle}]") for agent, handle in handle_names]
+    agent_types += [(literals(other_agents), "Agent[VariableName, AgentHandle]")] if other_agents else []
+    imports.use(*(["Agent", "Literal"] if agent_types else []), *(["AgentHandle"] if other_agents else []))
+    imports.use(*(["overload", "Any"] if len(agent_types) > 1 else []))
+    is_overloaded = len(agent_types) > 1
+    for number, signature in enumerate(handle_signatures("agent", agent_types, "def agent(self, name: Any) -> Any:")):
         if number:
             yield signature
         else:
             yield (
-                signature.replace("@overload", f"@overload{NARROWER}")
-                if several
-                else signature.removesuffix(" ...") + NARROWER
+                signature.replace("@overload", f"@overload{IGNORE_OVERRIDE}")
+                if is_overloaded
+                else signature.removesuffix(" ...") + IGNORE_OVERRIDE
             )
 
 
-def _named(kind: Kind, members: tuple[str, ...], variables: list[str], taken: set[str]) -> Values:
-    """Return a group with names for it; those of an enum are derived from its first variable."""
+def _named_values(kind: Kind, members: tuple[str, ...], variables: list[str], taken: set[str]) -> Values:
+    """Return variables of one type, with names for that type. Those for an enum are derived from its first variable."""
     if kind in _PLAIN:
-        plain = _PLAIN[kind]
-        stem = plain.capitalize()
-        return Values(variables=tuple(variables), alias=f"{stem}Name", type=plain, answer=f"{stem}Answer", members=())
+        python_type = _PLAIN[kind]
+        stem = python_type.capitalize()
+        return Values(
+            variables=tuple(variables), alias=f"{stem}Name", type=python_type, answer=f"{stem}Answer", members=()
+        )
     stem = camel_case(variables[0])
     while {stem, f"{stem}Name", f"{stem}Answer"} & taken:
         stem += "_"
@@ -121,7 +123,7 @@ def _variable_aliases(kinds: list[Values]) -> Iterator[str]:
         yield alias("VariableName", [name for values in kinds for name in values.variables])
     for values in kinds:
         variable = call("TypeVar", text_literal(values.answer), bound=f"{values.type} | None")
-        yield f"{values.answer} = {laid_out(variable, before=len(values.answer) + 3)}"
+        yield f"{values.answer} = {lay_out(variable, before=len(values.answer) + 3)}"
 
 
 def _union(name: str, types: list[str]) -> str:
@@ -131,7 +133,7 @@ def _union(name: str, types: list[str]) -> str:
     return flat if len(flat) <= WIDTH else f"{name} = (\n    {spread}\n)"
 
 
-def _counted(plan: BuildPlan) -> str:
+def _counts_text(plan: BuildPlan) -> str:
     """Return the number of elements of each kind, for the docstring."""
     counts = (
         (len(plan.forest), "observer"),
@@ -144,27 +146,27 @@ def _counted(plan: BuildPlan) -> str:
 def _local_imports(plan: BuildPlan) -> str:
     names = [module.name for module in plan.modules]
     flat = f"from . import {', '.join(names)}"
-    known = []
+    statements = []
     if plan.checked.knowledge is not None:
-        known = [statement(".knowledge", ["KNOWLEDGE", knowledge_class(plan.name), *_handles(plan)])]
-    known += [] if plan.checked.mape is None else ["from .mape import MAPE"]
+        statements = [statement(".knowledge", ["KNOWLEDGE", knowledge_class(plan.name), *_handle_names(plan)])]
+    statements += [] if plan.checked.mape is None else ["from .mape import MAPE"]
     if not names:
-        return "\n".join(known)
-    plain = flat if len(flat) <= WIDTH else f"from . import {laid_out(spread_tuple(names))}"
-    return "\n".join([plain, *known])
+        return "\n".join(statements)
+    module_import = flat if len(flat) <= WIDTH else f"from . import {lay_out(spread_tuple(names))}"
+    return "\n".join([module_import, *statements])
 
 
 def _model(plan: BuildPlan, imports: Imports) -> Expression:
-    resources = [resource(declared, imports) for declared in plan.checked.spec.resources]
+    resources = [resource(declared_resource, imports) for declared_resource in plan.checked.spec.resources]
     return spread_call(
         "ContextModel",
         name=text_literal(plan.name),
-        variables=_gathered(plan, "VARIABLES"),
-        observers=_gathered(plan, "OBSERVERS"),
-        skills=_gathered(plan, "SKILLS"),
+        variables=_elements_of_modules(plan, "VARIABLES"),
+        observers=_elements_of_modules(plan, "OBSERVERS"),
+        skills=_elements_of_modules(plan, "SKILLS"),
         resources=tuple_of(resources),
     )
 
 
-def _gathered(plan: BuildPlan, what: str) -> Expression:
+def _elements_of_modules(plan: BuildPlan, what: str) -> Expression:
     return tuple_of(f"*{module.name}.{what}" for module in plan.modules)

@@ -1,11 +1,11 @@
-"""The graph nodes and places of knowledge, for the files beside the code."""
+"""The nodes of knowledge in the dependency graph, and the places of knowledge, for the files beside the code."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
 from codra_dsl.generation.build_plan import BuildPlan, Node, NodeKind
-from codra_dsl.generation.build_plan.dependencies import types_shown
+from codra_dsl.generation.build_plan.dependencies import node_type_names
 from codra_dsl.language.check.checked.knowledge import CheckedAgent, CheckedKnowledge, CheckedPattern
 from codra_dsl.language.diagnostics import Place
 from codra_dsl.language.model import Variable
@@ -16,24 +16,24 @@ def node_id(plan: BuildPlan, node: Node) -> str:
     return f"{plan.name}/{node.kind}/{node.name}"
 
 
-def about_variable(variable: Variable) -> dict[str, object]:
+def variable_entry(variable: Variable) -> dict[str, object]:
     """Return the entry of a context-variable in the dependency graph."""
     return {"label": variable.label, "type": variable.type.kind.value}
 
 
-def known_nodes(plan: BuildPlan, knowledge: CheckedKnowledge) -> Iterator[tuple[Node, dict[str, object]]]:
+def knowledge_nodes(plan: BuildPlan, knowledge: CheckedKnowledge) -> Iterator[tuple[Node, dict[str, object]]]:
     """Yield the nodes of knowledge in the dependency graph with their entries, kind by kind in file order.
 
-    The first are context-variables that no decision needs, but that agents own or read.
+    The first nodes are context-variables that no decision needs, but that agents own or read.
     """
     world = knowledge.world
-    touched = {edge.target.name for edge in plan.edges if edge.target.kind is NodeKind.CONTEXT}
+    target_names = {edge.target.name for edge in plan.edges if edge.target.kind is NodeKind.CONTEXT}
     for variable in plan.checked.variables.values():
-        if variable.name in touched and variable.name not in plan.in_force:
-            yield Node(NodeKind.CONTEXT, variable.name), about_variable(variable)
+        if variable.name in target_names and variable.name not in plan.in_force:
+            yield Node(NodeKind.CONTEXT, variable.name), variable_entry(variable)
     for agent in knowledge.agents:
-        yield Node(NodeKind.AGENT, agent.name), _about_agent(agent)
-    for name in types_shown(world):
+        yield Node(NodeKind.AGENT, agent.name), _agent_entry(agent)
+    for name in node_type_names(world):
         declared = world.types.get(name)
         attributes = [attribute.name for attribute in declared.attributes] if declared is not None else []
         label = declared.label if declared is not None else ""
@@ -45,33 +45,33 @@ def known_nodes(plan: BuildPlan, knowledge: CheckedKnowledge) -> Iterator[tuple[
         yield Node(NodeKind.TASK, task.name), {"label": task.label or task.name, "results": results}
 
 
-def _about_agent(agent: CheckedAgent) -> dict[str, object]:
+def _agent_entry(agent: CheckedAgent) -> dict[str, object]:
     conduct = agent.agent.conduct
     phase = {} if conduct.phase is None else {"phase": conduct.phase.value}
     wakes = [pattern.text for pattern in agent.wakes]
     return {"label": conduct.label or agent.name, **phase, **({"wakes": wakes} if wakes else {})}
 
 
-def known_places(plan: BuildPlan, knowledge: CheckedKnowledge) -> Iterator[tuple[str, Place]]:
-    """Yield the place of each element of knowledge, and of each rule and pattern of agents, by its name in files."""
+def knowledge_places(plan: BuildPlan, knowledge: CheckedKnowledge) -> Iterator[tuple[str, Place]]:
+    """Yield the name in files and the place of each element of knowledge, and of each rule and pattern of agents."""
     world, name = knowledge.world, plan.name
-    for kind in types_shown(world):
+    for kind in node_type_names(world):
         declared = world.types.get(kind)
         yield f"{name}/type/{kind}", declared.place if declared is not None else _first_node(knowledge, kind)
     yield from ((f"{name}/node/{node.name}", node.place) for node in world.nodes.values())
     yield from ((f"{name}/edge/{edge.name}", edge.place) for edge in world.edges.values())
     yield from ((f"{name}/task/{task.name}", task.place) for task in world.tasks.values())
     for agent in knowledge.agents:
-        own = f"{name}/agent/{agent.name}"
-        yield own, agent.agent.place
-        yield from _numbered(f"{own}/wakes", agent.wakes)
+        agent_name = f"{name}/agent/{agent.name}"
+        yield agent_name, agent.agent.place
+        yield from _numbered_places(f"{agent_name}/wakes", agent.wakes)
         for rule in agent.rules:
-            yield f"{own}/rules/{rule.name}", rule.place
+            yield f"{agent_name}/rules/{rule.name}", rule.place
             for moment in ("before", "during", "after"):
-                yield from _numbered(f"{own}/rules/{rule.name}/{moment}", getattr(rule, moment))
+                yield from _numbered_places(f"{agent_name}/rules/{rule.name}/{moment}", getattr(rule, moment))
 
 
-def _numbered(name: str, patterns: tuple[CheckedPattern, ...]) -> Iterator[tuple[str, Place]]:
+def _numbered_places(name: str, patterns: tuple[CheckedPattern, ...]) -> Iterator[tuple[str, Place]]:
     return ((f"{name}/{number}", pattern.place) for number, pattern in enumerate(patterns))
 
 

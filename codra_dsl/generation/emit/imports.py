@@ -1,4 +1,4 @@
-"""The imports of a generated module: the names that it uses, sorted as ruff sorts them."""
+"""Collect the imports of a generated module: the names that the module uses, in ruff's order."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ import re
 from collections.abc import Iterable, Mapping
 
 from codra_dsl.generation.emit.conditions import POSES, WORDS
-from codra_dsl.generation.emit.layout import WIDTH, Expression, laid_out, spread_tuple
+from codra_dsl.generation.emit.layout import WIDTH, Expression, lay_out, spread_tuple
 from codra_dsl.language.project import GENERATED_API
 
-_HOMES: Mapping[str, Iterable[str]] = {
+_NAMES_OF_MODULES: Mapping[str, Iterable[str]] = {
     "collections.abc": ["Callable", "Mapping"],
     "contextlib": ["AbstractContextManager"],
     "typing": ["TYPE_CHECKING", "Any", "Literal", "Never", "TypeVar", "overload"],
@@ -44,14 +44,14 @@ _HOMES: Mapping[str, Iterable[str]] = {
         *["Bounds", "End", "Leaves", "terms"],
     ],
 }
-_HOME = {name: home for home, names in _HOMES.items() for name in names}
+_MODULE_OF_NAME = {name: module for module, names in _NAMES_OF_MODULES.items() for name in names}
 _TEXT = re.compile(r"""(["'])(?:(?!\1)[^\\]|\\.)*\1""")
 _WORD = re.compile(r"\w+")
 _SECTIONS = (("collections.abc", "contextlib", "typing"), ("py_trees",), ("codra_dsl",))
 
 
 class Imports:
-    """Collects names while a module is written."""
+    """Collects the imported names of a module while it is written."""
 
     def __init__(self) -> None:
         self._names: set[str] = set()
@@ -62,37 +62,37 @@ class Imports:
         self._names.update(names)
 
     def use_in(self, code: Iterable[str], names: Iterable[str]) -> None:
-        """Record that the module uses those of some names that occur in its code, outside of literals."""
+        """Record that the module uses some names, but only those that occur in its code outside of literals."""
         self._names.update(set(names).intersection(_WORD.findall(_TEXT.sub("", "\n".join(code)))))
 
     def use_math_for(self, values: Iterable[Expression]) -> None:
-        """Record that the module contains some values, which may be infinite."""
+        """Record that the module contains some values; if one of them is infinite, the module imports `math`."""
         self._math = self._math or any(value in ("math.inf", "-math.inf") for value in values)
 
     def lines(self) -> str:
-        """Return the import statements: Python's own, then py_trees', then ours, separated by blank lines."""
-        by_home: dict[str, list[str]] = {}
+        """Return the import statements: of Python, then of py_trees, then of codra, separated by blank lines."""
+        names_of_modules: dict[str, list[str]] = {}
         for name in self._names:
-            by_home.setdefault(_HOME[name], []).append(name)
-        statements = [(home, statement(home, by_home[home])) for home in sorted(by_home)]
-        plain = ["import math"] if self._math else []
+            names_of_modules.setdefault(_MODULE_OF_NAME[name], []).append(name)
+        statements = [(module, statement(module, names_of_modules[module])) for module in sorted(names_of_modules)]
+        math_import = ["import math"] if self._math else []
         sections = [
-            [*(plain if number == 0 else []), *(text for home, text in statements if home.startswith(homes))]
-            for number, homes in enumerate(_SECTIONS)
+            [*(math_import if number == 0 else []), *(text for home, text in statements if home.startswith(modules))]
+            for number, modules in enumerate(_SECTIONS)
         ]
         return "\n\n".join("\n".join(section) for section in sections if section)
 
 
-def statement(home: str, names: Iterable[str]) -> str:
+def statement(module: str, names: Iterable[str]) -> str:
     """Return the statement that imports names from a module."""
-    before = f"from {home} import "
-    flat = ", ".join(sorted(names, key=_by_kind))
+    before = f"from {module} import "
+    flat = ", ".join(sorted(names, key=_sort_key))
     if len(before) + len(flat) <= WIDTH:
         return before + flat
-    return before + laid_out(spread_tuple(flat.split(", ")))
+    return before + lay_out(spread_tuple(flat.split(", ")))
 
 
-def _by_kind(name: str) -> tuple[int, list[str | int]]:
-    """Return ruff's sort key: constants, classes, the rest; numbers within names by their value."""
+def _sort_key(name: str) -> tuple[int, list[str | int]]:
+    """Return ruff's sort key: constants, then classes, then other names. Numbers in names are sorted by value."""
     parts = [int(part) if part.isdecimal() else part for part in re.split("([0-9]+)", name)]
     return (0 if name.isupper() else 1 if name[0].isupper() else 2, parts)

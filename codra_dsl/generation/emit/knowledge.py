@@ -1,4 +1,4 @@
-"""The module of a spec's knowledge and agents, in the words of the runtime: declarations as literals."""
+"""Write the module of a spec's knowledge and agents: each declaration is a call of a class of the runtime."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ import math
 from collections.abc import Iterable, Mapping
 
 from codra_dsl.generation.build_plan import BuildPlan
-from codra_dsl.generation.build_plan.dependencies import types_shown
+from codra_dsl.generation.build_plan.dependencies import node_type_names
 from codra_dsl.generation.emit.conditions import condition
 from codra_dsl.generation.emit.declarations import names, non_default_fields, value_type
 from codra_dsl.generation.emit.handles import aliases, handles
 from codra_dsl.generation.emit.imports import Imports
-from codra_dsl.generation.emit.layout import Expression, call, dictionary, laid_out, spread_call, spread_tuple, tuple_of
+from codra_dsl.generation.emit.layout import Expression, call, dictionary, lay_out, spread_call, spread_tuple, tuple_of
 from codra_dsl.generation.emit.literals import literal, text_literal
 from codra_dsl.generation.emit.rendering import made_by, render
 from codra_dsl.language.check.checked.knowledge import CheckedAgent, CheckedKnowledge, CheckedPattern, CheckedRule
@@ -24,7 +24,6 @@ from codra_dsl.language.model import (
     Motion,
     StartingPose,
     Task,
-    ValueType,
     Variable,
     View,
     Writer,
@@ -49,12 +48,13 @@ KNOWLEDGE_DEFAULTS: Mapping[str, Mapping[str, Expression]] = {
     "TaskModel": {"acknowledge_s": "math.inf", "finish_s": "math.inf", "attributes": "()", "label": '""'},
     "ViewModel": {"nearest_m": "0.0", "farthest_m": "math.inf"},
 }
-"""The defaults of the runtime for knowledge, which generated code leaves out."""
+"""The runtime's default values for knowledge. Generated code leaves out a field that has its default value."""
 
-_DIGITS = 12
-"""The digits of sines and cosines.
+_DECIMAL_PLACES = 12
+"""The decimal places of a quaternion's components.
 
-They are few enough that no byte depends on the library that computed them. The runtime normalises the result.
+There are so few that the generated text is the same, whichever library computed the sines and cosines. The runtime
+normalises the quaternion.
 """
 
 
@@ -74,34 +74,33 @@ def knowledge_text(plan: BuildPlan, knowledge: CheckedKnowledge) -> str:
         agents=spread_tuple(map(writer.agent, knowledge.agents)),
     )
     imports.use("KnowledgeModel")
-    written, named = handles(plan, knowledge, imports), list(aliases(knowledge))
-    imports.use_in(named, ("Literal", "Never"))
+    classes, type_aliases = handles(plan, knowledge, imports), list(aliases(knowledge))
+    imports.use_in(type_aliases, ("Literal", "Never"))
     return render(
         "knowledge.py.j2",
         title=f"The declared knowledge of '{plan.name}', and who may write it.",
         made_by=made_by(plan),
-        aliases=named,
-        model=laid_out(model),
-        handles=written,
+        aliases=type_aliases,
+        model=lay_out(model),
+        handles=classes,
         imports=imports.lines(),
     )
 
 
 class _Writer:
-    """Writes the declarations of one spec; every method returns one."""
+    """Writes the declarations of one spec. Each public method returns one declaration, or yields several."""
 
     def __init__(self, knowledge: CheckedKnowledge, imports: Imports) -> None:
         self._knowledge = knowledge
         self._world: DeclaredGraph = knowledge.world
         self._imports = imports
-        self._of_context = [variable for variable in self._world.variables.values() if self._is_of_context(variable)]
-
-    def _is_of_context(self, variable: Variable) -> bool:
-        return variable.node == CONTEXT_NODE and CONTEXT_NODE not in self._world.nodes
+        self._has_context_node = CONTEXT_NODE not in self._world.nodes and any(
+            variable.node == CONTEXT_NODE for variable in self._world.variables.values()
+        )
 
     def node_types(self) -> Iterable[Expression]:
-        """Yield the types of nodes: those declared, then those that only nodes name."""
-        for name in types_shown(self._world):
+        """Yield the node types: first the declared types, then types that are not declared but that a node has."""
+        for name in node_type_names(self._world):
             declared = self._world.types.get(name)
             if declared is None:
                 yield self._declaration("NodeTypeModel", name=literal(name))
@@ -117,11 +116,11 @@ class _Writer:
                 view="None" if declared.view is None else self._view(declared.view),
                 label=_label(declared.label, name),
             )
-        if self._of_context and CONTEXT_NODE not in types_shown(self._world):
+        if self._has_context_node and CONTEXT_NODE not in node_type_names(self._world):
             yield self._declaration("NodeTypeModel", name=literal(CONTEXT_NODE))
 
     def edge_type(self, edge: EdgeType) -> Expression:
-        """Return a type of edges."""
+        """Return the declaration of a type of edges."""
         return self._declaration(
             "EdgeTypeModel",
             name=literal(edge.name),
@@ -148,7 +147,7 @@ class _Writer:
                 values=dictionary(values),
                 label=_label(node.label, node.name),
             )
-        if self._of_context:
+        if self._has_context_node:
             name = literal(CONTEXT_NODE)
             yield self._declaration("NodeModel", name=name, type=name, attributes=self._variables_of(CONTEXT_NODE))
 
@@ -162,7 +161,7 @@ class _Writer:
                 yield self._declaration("EdgeModel", **ends, **pose)
 
     def task(self, task: Task) -> Expression:
-        """Return a task."""
+        """Return the declaration of a task."""
         return self._declaration(
             "TaskModel",
             name=literal(task.name),
@@ -177,7 +176,7 @@ class _Writer:
         )
 
     def agent(self, agent: CheckedAgent) -> Expression:
-        """Return an agent."""
+        """Return the declaration of an agent."""
         phase = agent.agent.conduct.phase
         if phase is not None:
             self._imports.use("Phase")
@@ -186,8 +185,8 @@ class _Writer:
             name=literal(agent.name),
             phase="None" if phase is None else f"Phase.{phase.name}",
             wakes=tuple_of(map(self._pattern, agent.wakes)),
-            owns=names(self._named(element) for element in agent.owns),
-            reads=names(self._named(element) for element in agent.reads),
+            owns=names(self._runtime_name(element) for element in agent.owns),
+            reads=names(self._runtime_name(element) for element in agent.reads),
             rules=tuple_of(map(self._rule, agent.rules)),
             label=_label(agent.agent.conduct.label, agent.name),
         )
@@ -196,7 +195,7 @@ class _Writer:
         moments = {moment: tuple_of(map(self._pattern, getattr(rule, moment))) for moment in _MOMENTS}
         return self._declaration("RuleModel", name=literal(rule.name), **moments)
 
-    def _named(self, element: KnowledgeElement) -> str:
+    def _runtime_name(self, element: KnowledgeElement) -> str:
         """Return the name of an element that an agent owns or reads, as the runtime spells it."""
         if element.section == "context":
             return f"{self._world.variables[element.name].node}.{element.name}"
@@ -220,18 +219,19 @@ class _Writer:
         return self._declaration(
             "AttributeModel",
             name=literal(declared.name),
-            type=self._type(declared.type),
+            type=value_type(declared.type, self._imports),
             sources=sources,
             valid_for_s=literal(declared.valid_for_s),
             history=literal(declared.history),
             label=_label(declared.label, declared.name),
         )
 
-    def _type(self, declared: ValueType) -> Expression:
-        return value_type(declared, self._imports)
-
     def _sources(self, writers: tuple[Writer, ...]) -> Expression:
-        """Return who may write an element; if the priorities all differ, the order expresses them."""
+        """Return the writers of an element.
+
+        If all priorities are equal, they are left out. If all of them differ, the writers are only listed, the one with
+        the highest priority first.
+        """
         priorities = [writer.priority or 0 for writer in writers]
         if len(set(priorities)) <= 1:
             self._imports.use(*(["by"] if writers else []))
@@ -258,18 +258,18 @@ class _Writer:
         )
 
     def _motion(self, motion: Motion) -> Expression:
-        stated = {
+        set_limits = {
             name: literal(value)
             for name in ("history_s", "extrapolate_s", "valid_for_s")
             if (value := getattr(motion, name)) is not None
         }
-        return self._declaration("Motion", **stated, is_static=literal(motion.is_static))
+        return self._declaration("Motion", **set_limits, is_static=literal(motion.is_static))
 
     def _pose(self, pose: StartingPose) -> Expression:
         self._imports.use("Pose")
-        moved, turned = tuple_of(map(literal, pose.translation_m)), _quaternion(pose.rotation_rad)
-        turn = () if turned == (1.0, 0.0, 0.0, 0.0) else (tuple_of(map(literal, turned)),)
-        return call("Pose.of", moved, *turn)
+        translation, quaternion = tuple_of(map(literal, pose.translation_m)), _quaternion(pose.rotation_rad)
+        rotation = () if quaternion == (1.0, 0.0, 0.0, 0.0) else (tuple_of(map(literal, quaternion)),)
+        return call("Pose.of", translation, *rotation)
 
     def _pattern(self, pattern: CheckedPattern) -> Expression:
         if pattern.path is not None:
@@ -289,9 +289,9 @@ class _Writer:
     def _place(self, term: NodeTerm) -> Expression:
         if term.name:
             return literal(term.name)
-        word, kind = ("some", [literal(term.type)]) if term.type else ("anything", [])
+        word, type_arguments = ("some", [literal(term.type)]) if term.type else ("anything", [])
         self._imports.use(word)
-        return call(word, *kind, **({"called": literal(term.called)} if term.called else {}))
+        return call(word, *type_arguments, **({"called": literal(term.called)} if term.called else {}))
 
     def _link(self, link: EdgeTerm) -> Expression:
         if not link.is_backward:
@@ -313,10 +313,10 @@ def _label(label: str, name: str) -> str:
 def _quaternion(rotation_rad: tuple[float, float, float]) -> tuple[float, ...]:
     """Return the unit quaternion (w, x, y, z) of turns about the fixed axes x, then y, then z."""
     (cr, sr), (cp, sp), (cy, sy) = ((math.cos(angle_rad / 2), math.sin(angle_rad / 2)) for angle_rad in rotation_rad)
-    exact = (
+    exact_components = (
         cr * cp * cy + sr * sp * sy,
         sr * cp * cy - cr * sp * sy,
         cr * sp * cy + sr * cp * sy,
         cr * cp * sy - sr * sp * cy,
     )
-    return tuple(round(component, _DIGITS) + 0.0 for component in exact)
+    return tuple(round(component, _DECIMAL_PLACES) + 0.0 for component in exact_components)

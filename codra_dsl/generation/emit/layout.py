@@ -1,7 +1,7 @@
-"""Python expressions laid out in lines, exactly as `ruff format` writes them.
+"""Lay out Python expressions in lines, exactly as `ruff format` writes them.
 
-An expression stays on its line if it fits. Otherwise it is opened from the outside in: brackets hold one item a line,
-with a comma after the last, and a chain of operators breaks before each operator of the lowest precedence.
+An expression stays on one line if it fits. Otherwise its outermost part is broken first: brackets contain one item a
+line, with a comma after the last item, and a chain of operators breaks before each operator of the lowest precedence.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ WIDEST = 10_000
 """Wider than any line that must not be broken."""
 
 SHORT = 70
-"""A text of at most this length fits everywhere: no declaration or behaviour is indented by half the width."""
+"""A text of at most this length fits on every line: no declaration or behaviour is indented by half the width."""
 
 
 class Brackets(NamedTuple):
-    """A call, tuple, list or dictionary, made by `bracketed`.
+    """A call, tuple, list or dictionary, made by `make_brackets`.
 
     Attributes:
         opening: the text up to and including the bracket, e.g. `Accept(` or `type=real(`.
@@ -44,7 +44,7 @@ class Chain:
     @property
     def flat(self) -> str | None:
         """Return the chain on one line, or None if part of it always takes several lines."""
-        parts = [_flat(self.first), *(_flat(operand) for _, operand in self.rest)]
+        parts = [_one_line(self.first), *(_one_line(operand) for _, operand in self.rest)]
         operators = ["", *(f" {operator} " for operator, _ in self.rest)]
         texts = [text for pair in zip(operators, parts, strict=True) for text in pair if text is not None]
         return None if None in parts else "".join(texts)
@@ -60,14 +60,14 @@ class Grouped:
     @property
     def flat(self) -> str | None:
         """Return the expression on one line, or None if part of it always takes several lines."""
-        inner = _flat(self.inner)
+        inner = _one_line(self.inner)
         return None if inner is None else f"{self.prefix}({inner})"
 
 
 Expression = str | Brackets | Chain | Grouped
 
 
-def bracketed(opening: str, items: tuple[Expression, ...], closing: str) -> Brackets:
+def make_brackets(opening: str, items: tuple[Expression, ...], closing: str) -> Brackets:
     """Return items in brackets."""
     return Brackets(opening, items, closing, _on_one_line(opening, items, closing))
 
@@ -76,30 +76,32 @@ def _on_one_line(opening: str, items: tuple[Expression, ...], closing: str) -> s
     try:
         return f"{opening}{', '.join(items)}{closing}"  # type: ignore[arg-type]  # most often all items are texts
     except TypeError:
-        texts = [text for text in map(_flat, items) if text is not None]
+        texts = [text for text in map(_one_line, items) if text is not None]
         return f"{opening}{', '.join(texts)}{closing}" if len(texts) == len(items) else None
 
 
 def call(function: str, *arguments: Expression, **keywords: Expression) -> Expression:
     """Return a call."""
-    return _short(f"{function}(", (*arguments, *_named(keywords, "=")) if keywords else arguments, ")")
+    return _short_brackets(f"{function}(", (*arguments, *_with_names(keywords, "=")) if keywords else arguments, ")")
 
 
 def spread_call(function: str, *arguments: Expression, **keywords: Expression) -> Brackets:
     """Return a call with one argument a line."""
-    return Brackets(f"{function}(", (*arguments, *_named(keywords, "=")), ")", None)
+    return Brackets(f"{function}(", (*arguments, *_with_names(keywords, "=")), ")", None)
 
 
 def tuple_of(items: Iterable[Expression]) -> Expression:
-    """Return a tuple; a single item keeps its comma."""
-    several = tuple(items)
-    return _short("(", several, ",)" if len(several) == 1 else ")")
+    """Return a tuple; a single item is followed by a comma."""
+    elements = tuple(items)
+    return _short_brackets("(", elements, ",)" if len(elements) == 1 else ")")
 
 
 def spread_tuple(items: Iterable[Expression]) -> Brackets:
-    """Return a tuple with one item a line, but a single item, with its comma, on one."""
-    several = tuple(items)
-    return Brackets("(", several, ")", None) if len(several) > 1 else bracketed("(", several, ",)" if several else ")")
+    """Return a tuple with one item a line; a single item is on the same line as the brackets."""
+    elements = tuple(items)
+    if len(elements) > 1:
+        return Brackets("(", elements, ")", None)
+    return make_brackets("(", elements, ",)" if elements else ")")
 
 
 def spread_list(items: Iterable[Expression]) -> Brackets:
@@ -109,24 +111,24 @@ def spread_list(items: Iterable[Expression]) -> Brackets:
 
 def spread_dictionary(items: Mapping[str, Expression]) -> Brackets:
     """Return a dictionary with one item a line; keys are literals."""
-    return Brackets("{", tuple(_named(items, ": ")), "}", None if items else "{}")
+    return Brackets("{", tuple(_with_names(items, ": ")), "}", None if items else "{}")
 
 
 def dictionary(items: Mapping[str, Expression]) -> Expression:
     """Return a dictionary; keys are literals."""
-    return _short("{", tuple(_named(items, ": ")), "}")
+    return _short_brackets("{", tuple(_with_names(items, ": ")), "}")
 
 
-def _named(items: Mapping[str, Expression], sign: str) -> list[Expression]:
-    """Return items with their names in front."""
+def _with_names(items: Mapping[str, Expression], sign: str) -> list[Expression]:
+    """Return items, each with its name and a sign in front."""
     return [
-        f"{name}{sign}{item}" if isinstance(item, str) else _behind(f"{name}{sign}", item)
+        f"{name}{sign}{item}" if isinstance(item, str) else _with_text_in_front(f"{name}{sign}", item)
         for name, item in items.items()
     ]
 
 
-def _behind(text: str, item: Expression) -> Expression:
-    """Return an item with a text in front of its first line."""
+def _with_text_in_front(text: str, item: Expression) -> Expression:
+    """Return an item whose first line has a text in front."""
     match item:
         case str():
             return text + item
@@ -135,59 +137,59 @@ def _behind(text: str, item: Expression) -> Expression:
         case Grouped(prefix, inner):
             return Grouped(text + prefix, inner)
         case Chain(first, rest):
-            return Chain(_behind(text, first), rest)
+            return Chain(_with_text_in_front(text, first), rest)
 
 
-def _short(opening: str, items: tuple[Expression, ...], closing: str) -> Expression:
-    """Return items in brackets, as plain text if it is so short that it fits everywhere."""
+def _short_brackets(opening: str, items: tuple[Expression, ...], closing: str) -> Expression:
+    """Return items in brackets; as plain text, if this text is so short that it fits everywhere."""
     flat = _on_one_line(opening, items, closing)
     return Brackets(opening, items, closing, flat) if flat is None or len(flat) > SHORT else flat
 
 
-def laid_out(expression: Expression, *, indent: int = 0, before: int = 0, after: int = 0) -> str:
+def lay_out(expression: Expression, *, indent: int = 0, before: int = 0, after: int = 0) -> str:
     """Return an expression as text.
 
     Args:
         expression: the expression to lay out.
-        indent: columns before the statement that it belongs to.
-        before: columns taken on its first line, `indent` included.
-        after: columns needed on its last line by the text that follows.
+        indent: the columns before the statement to which the expression belongs.
+        before: the columns before the expression on its first line, including `indent`.
+        after: the columns that the following text needs on the last line of the expression.
     """
-    flat = _flat(expression)
+    flat = _one_line(expression)
     if flat is not None and before + len(flat) + after <= WIDTH:
         return flat
     if isinstance(expression, Brackets) and expression.items:
-        return _opened(expression, indent)
+        return _open_brackets(expression, indent)
     if isinstance(expression, Chain):
-        return _broken(expression, indent, before, after)
+        return _break_chain(expression, indent, before, after)
     if isinstance(expression, Grouped):
-        inner = laid_out(expression.inner, indent=indent + _STEP, before=indent + _STEP)
+        inner = lay_out(expression.inner, indent=indent + _STEP, before=indent + _STEP)
         return f"{expression.prefix}(\n{' ' * (indent + _STEP)}{inner}\n{' ' * indent})"
     return flat or ""
 
 
-def _flat(expression: Expression) -> str | None:
+def _one_line(expression: Expression) -> str | None:
     """Return an expression on one line, or None if part of it always takes several lines."""
     return expression if isinstance(expression, str) else expression.flat
 
 
-def _opened(expression: Brackets, indent: int) -> str:
+def _open_brackets(expression: Brackets, indent: int) -> str:
     inner = indent + _STEP
     width = WIDTH - inner - len(",")
     lines: list[str] = []
     for item in expression.items:
         flat = item if isinstance(item, str) else item.flat
         fits = flat is not None and len(flat) <= width
-        lines.append(flat if flat is not None and fits else laid_out(item, indent=inner, before=inner, after=len(",")))
+        lines.append(flat if flat is not None and fits else lay_out(item, indent=inner, before=inner, after=len(",")))
     separator = ",\n" + " " * inner
     closing = f",\n{' ' * indent}{expression.closing.lstrip(',')}"
     return f"{expression.opening}\n{' ' * inner}{separator.join(lines)}{closing}"
 
 
-def _broken(expression: Chain, indent: int, before: int, after: int) -> str:
-    lines = [laid_out(expression.first, indent=indent, before=before)]
+def _break_chain(expression: Chain, indent: int, before: int, after: int) -> str:
+    lines = [lay_out(expression.first, indent=indent, before=before)]
     for number, (operator, operand) in enumerate(expression.rest, start=1):
         following = after if number == len(expression.rest) else 0
         column = indent + len(operator) + 1
-        lines.append(f"{operator} {laid_out(operand, indent=indent, before=column, after=following)}")
+        lines.append(f"{operator} {lay_out(operand, indent=indent, before=column, after=following)}")
     return f"\n{' ' * indent}".join(lines)

@@ -1,7 +1,7 @@
-"""Values as Python literals: the only form in which contents of a spec reach the code.
+"""Write values as Python literals: the only form in which contents of a spec reach the code.
 
-Literals are ASCII, so that the bytes do not depend on Python's version of Unicode and no character is invisible in an
-editor.
+Literals are ASCII, so that the bytes do not depend on the version of Unicode in Python, and so that no character is
+invisible in an editor.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ def literal(value: Value) -> str:
 
 def text_literal(text: str) -> str:
     """Return the literal of a string, in double quotes unless single quotes need fewer escapes."""
-    if text.isascii() and text.isprintable() and '"' not in text and "\\" not in text:  # as most texts are
+    if text.isascii() and text.isprintable() and '"' not in text and "\\" not in text:  # most texts are like this
         return f'"{text}"'
-    # With both kinds of quote ahead of it, `ascii` takes single quotes and escapes those of the text alone.
+    # With both kinds of quotes before the text, `ascii` uses single quotes outside and escapes only those in the text.
     body = ascii("'\"" + text)[4:-1]
     if text.count('"') > text.count("'"):
         return f"'{body}'"

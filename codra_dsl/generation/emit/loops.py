@@ -1,4 +1,4 @@
-"""The modules of a spec's loops: its fuzzy engines, its trees, and the declarations that connect them."""
+"""Write the modules of a spec's loops: its fuzzy engines, its trees, and the declarations that connect them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from codra_dsl.generation.emit.layout import (
     Expression,
     call,
     dictionary,
-    laid_out,
+    lay_out,
     spread_call,
     spread_tuple,
     tuple_of,
@@ -73,7 +73,7 @@ MAPE_DEFAULTS: Mapping[str, Mapping[str, Expression]] = {
         "repeat": "Repeat.ALWAYS",
     },
 }
-"""The defaults of the runtime for loops, which generated code leaves out."""
+"""The runtime's default values for loops. Generated code leaves out a field that has its default value."""
 
 
 def mape_texts(plan: BuildPlan, mape: CheckedMape) -> Iterator[tuple[str, str]]:
@@ -97,10 +97,10 @@ def _mape_text(plan: BuildPlan, mape: CheckedMape) -> str:
         loops=spread_tuple(map(writer.loop, mape.loops)),
         metrics=writer.stage(METRIC_ENGINE, mape.metrics),
         actions=writer.stage(ACTION_ENGINE, mape.actions),
-        rates=_listed(map(writer.rate, mape.rates)),
-        courses=_listed(map(writer.course, courses)),
-        parameters=_listed(map(writer.parameter, parameters)),
-        trees=_listed(map(writer.tree, mape.trees)),
+        rates=_tuple_of_declarations(map(writer.rate, mape.rates)),
+        courses=_tuple_of_declarations(map(writer.course, courses)),
+        parameters=_tuple_of_declarations(map(writer.parameter, parameters)),
+        trees=_tuple_of_declarations(map(writer.tree, mape.trees)),
     )
     return render(
         "mape.py.j2",
@@ -108,13 +108,13 @@ def _mape_text(plan: BuildPlan, mape: CheckedMape) -> str:
         made_by=made_by(plan),
         imports=imports.lines(),
         modules=_local_imports(mape),
-        model=laid_out(spread_call("MapeModel", **fields), before=len("MAPE = ")),
+        model=lay_out(spread_call("MapeModel", **fields), before=len("MAPE = ")),
     )
 
 
-def _listed(items: Iterable[Expression]) -> Expression:
-    several = list(items)
-    return spread_tuple(several) if several else "()"
+def _tuple_of_declarations(declarations: Iterable[Expression]) -> Expression:
+    items = list(declarations)
+    return spread_tuple(items) if items else "()"
 
 
 def _local_imports(mape: CheckedMape) -> str:
@@ -124,11 +124,11 @@ def _local_imports(mape: CheckedMape) -> str:
     if not modules:
         return ""
     flat = f"from . import {', '.join(sorted(modules))}"
-    return flat if len(flat) <= WIDTH else f"from . import {laid_out(spread_tuple(sorted(modules)))}"
+    return flat if len(flat) <= WIDTH else f"from . import {lay_out(spread_tuple(sorted(modules)))}"
 
 
 class _Writer:
-    """Writes the declarations of one spec; every method returns one."""
+    """Writes the declarations of one spec. Each public method except `fields` returns one declaration."""
 
     def __init__(self, imports: Imports) -> None:
         self._imports = imports
@@ -138,7 +138,7 @@ class _Writer:
         return non_default_fields(model, MAPE_DEFAULTS[model], self._imports, fields)
 
     def loop(self, checked: CheckedLoop) -> Expression:
-        """Return a loop."""
+        """Return the declaration of a loop."""
         loop = checked.loop
         fields = self.fields(
             "LoopModel",
@@ -152,13 +152,13 @@ class _Writer:
         return call("LoopModel", **fields)
 
     def stage(self, module: str, stage: CheckedStage | None) -> Expression:
-        """Return an engine, bound to variables."""
+        """Return the declaration of a stage: an engine and its variables; `None` without a stage."""
         if stage is None:
             return "None"
-        blocks = [rule for block in stage.engine.blocks for rule in block.rules]
-        reads = [
+        rules = [rule for block in stage.engine.blocks for rule in block.rules]
+        variables_of_rules = [
             tuple(dict.fromkeys(proposition.variable for proposition in propositions(rule.antecedent)))
-            for rule in blocks
+            for rule in rules
         ]
         fields = self.fields(
             "StageModel",
@@ -175,20 +175,20 @@ class _Writer:
                         "StageRuleModel", text=literal(rule.text), concludes=names([rule.output]), reads=names(read)
                     ),
                 )
-                for rule, read in zip(stage.rules, reads, strict=True)
+                for rule, read in zip(stage.rules, variables_of_rules, strict=True)
             ),
         )
         return spread_call("StageModel", **fields)
 
-    def _input(self, given: CheckedInput) -> Expression:
+    def _input(self, checked_input: CheckedInput) -> Expression:
         self._imports.use("Bounds")
-        is_bare = given.variable.type.kind in (Kind.BOOL, Kind.ENUM)
-        terms = {literal(term.name): self._membership(term) for term in given.terms}
+        is_bare = checked_input.variable.type.kind in (Kind.BOOL, Kind.ENUM)
+        terms = {literal(term.name): self._membership(term) for term in checked_input.terms}
         fields = self.fields(
             "InputModel",
-            variable=literal(given.variable.name),
-            range=call("Bounds", literal(float(given.minimum)), literal(float(given.maximum))),
-            members=names(given.members) if is_bare else "()",
+            variable=literal(checked_input.variable.name),
+            range=call("Bounds", literal(float(checked_input.minimum)), literal(float(checked_input.maximum))),
+            members=names(checked_input.members) if is_bare else "()",
             terms=dictionary(terms),
         )
         return call("InputModel", **fields)
@@ -203,7 +203,7 @@ class _Writer:
         return call("OutputModel", **fields)
 
     def rate(self, rate: CheckedRate) -> Expression:
-        """Return a rate."""
+        """Return the declaration of a rate."""
         fields = self.fields(
             "RateModel",
             variable=literal(rate.variable.name),
@@ -214,7 +214,7 @@ class _Writer:
         return call("RateModel", **fields)
 
     def course(self, checked: CheckedAdaptation) -> Expression:
-        """Return a choice among actions."""
+        """Return the declaration of a course, the choice among actions."""
         adaptation, course = checked.adaptation, checked.adaptation.does
         assert isinstance(course, Course)
         rules = (self._hard_rule(rule, python) for rule, python in zip(course.always, checked.python, strict=True))
@@ -246,7 +246,7 @@ class _Writer:
         return call("HardRuleModel", **fields)
 
     def parameter(self, checked: CheckedAdaptation) -> Expression:
-        """Return a variable that is set."""
+        """Return the declaration of a parameter, a variable that is set."""
         adaptation, parameter = checked.adaptation, checked.adaptation.does
         assert isinstance(parameter, Parameter)
         value, words = condition(checked.python[0])
@@ -262,7 +262,7 @@ class _Writer:
         return call("ParameterModel", **fields)
 
     def tree(self, tree: CheckedTree) -> Expression:
-        """Return a tree and its branches."""
+        """Return the declaration of a tree with its branches."""
         element = tree.element
         self._imports.use(*(["Repeat"] if element.repeat is Repeat.ON_SWITCH else []))
         module, main = tree_module_name(tree.name), tree.forest.forest.main or ""

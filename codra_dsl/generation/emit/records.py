@@ -1,4 +1,4 @@
-"""The files beside the code: the dependency graph, the manifest, and the places of all elements in the spec.
+"""Write the files beside the code: the dependency graph, the manifest, and the places of all elements in the spec.
 
 Lists and mappings are written with one entry a line, so that a diff shows only the entries that changed.
 """
@@ -16,7 +16,7 @@ from typing import Any
 
 from codra_dsl import __version__
 from codra_dsl.generation.build_plan import BuildPlan, Edge, Node, NodeKind
-from codra_dsl.generation.emit.graph_nodes import about_variable, known_nodes, known_places, node_id
+from codra_dsl.generation.emit.graph_nodes import knowledge_nodes, knowledge_places, node_id, variable_entry
 from codra_dsl.generation.emit.loop_plans import loop_nodes, loop_places
 from codra_dsl.language.check import CheckedSpec
 from codra_dsl.language.diagnostics import Place, Span
@@ -28,20 +28,20 @@ SOURCES = "sources.json"
 FORMAT_VERSION = 1
 
 # The place of an element and its parsed form are not part of a spec's meaning.
-_WITHOUT_MEANING = frozenset({"letters", "place", "places", "tree"})
-# The conduct of agents is digested with the knowledge, and these fields of variables with the loops.
-_DIGESTED_APART = frozenset(
+_FIELDS_WITHOUT_MEANING = frozenset({"letters", "place", "places", "tree"})
+# Conduct is digested with the knowledge, and these fields of variables are digested with the loops.
+_SEPARATELY_DIGESTED_FIELDS = frozenset(
     {(Agent, "conduct"), *((Variable, name) for name in ("terms", "rate", "is_derived", "pose_condition"))}
 )
 # A checked algorithm holds an algorithm's conditions a second time, lowered.
-_CHECKED_TOO = frozenset((Algorithm, name) for name in ("observable_when", "accept_when", "identifies"))
+_REPEATED_FIELDS = frozenset((Algorithm, name) for name in ("observable_when", "accept_when", "identifies"))
 
 
 def graph_nodes(plan: BuildPlan) -> Iterator[tuple[Node, dict[str, object]]]:
     """Yield the nodes of the dependency graph with their entries, kind by kind in the order of the plan."""
     checked = plan.checked
     for name in plan.in_force:
-        yield Node(NodeKind.CONTEXT, name), about_variable(checked.variables[name])
+        yield Node(NodeKind.CONTEXT, name), variable_entry(checked.variables[name])
     for tree in plan.forest:
         for branch in tree.branches:
             call = branch.algorithm.algorithm.call
@@ -51,21 +51,21 @@ def graph_nodes(plan: BuildPlan) -> Iterator[tuple[Node, dict[str, object]]]:
     for skill in checked.spec.skills:
         yield Node(NodeKind.SKILL, skill.name), {"label": skill.name}
     if checked.knowledge is not None:
-        yield from known_nodes(plan, checked.knowledge)
+        yield from knowledge_nodes(plan, checked.knowledge)
     if checked.mape is not None:
         yield from loop_nodes(plan, checked.mape)
 
 
 def graph_edge(plan: BuildPlan, edge: Edge) -> dict[str, object]:
-    """Return an edge as it is written to files; it reads as a sentence, `source kind target`."""
+    """Return an edge as it is written to files. An edge reads as a sentence: source, kind, target."""
     return {"source": node_id(plan, edge.source), "target": node_id(plan, edge.target), "kind": edge.kind.value}
 
 
 def graph_text(plan: BuildPlan) -> str:
     """Return the text of `graph.json`, without places."""
     nodes = [
-        f'{{"id": {json_text(node_id(plan, node))}, "kind": "{node.kind}", {_entries(about)}}}'
-        for node, about in graph_nodes(plan)
+        f'{{"id": {json_text(node_id(plan, node))}, "kind": "{node.kind}", {_entries(entry)}}}'
+        for node, entry in graph_nodes(plan)
     ]
     name = plan.name
     edges = [
@@ -73,15 +73,16 @@ def graph_text(plan: BuildPlan) -> str:
         f'"target": {json_text(f"{name}/{target.kind}/{target.name}")}, "kind": "{kind}"}}'
         for source, target, kind in plan.edges
     ]
-    return object_of(format_version="1", nodes=_listed(nodes), edges=_listed(edges))
+    return object_of(format_version="1", nodes=_json_list(nodes), edges=_json_list(edges))
 
 
 def manifest_text(plan: BuildPlan, outputs: Mapping[str, str]) -> str:
     """Return the text of `manifest.json`.
 
-    It holds digests of the checked model and of `outputs`, but not of `sources.json`, whose places may change alone.
+    It has digests of the checked model and of `outputs`, but no digest of `sources.json`, since places can change while
+    everything else stays the same.
     """
-    variables = {name: _about(variable) for name, variable in plan.checked.variables.items()}
+    variables = {name: _type_entries(variable) for name, variable in plan.checked.variables.items()}
     digests = {path: _digest(outputs[path]) for path in sorted(outputs)}
     return object_of(
         format=json.dumps(MANIFEST_FORMAT),
@@ -95,20 +96,20 @@ def manifest_text(plan: BuildPlan, outputs: Mapping[str, str]) -> str:
     )
 
 
-def _about(variable: Variable) -> dict[str, object]:
+def _type_entries(variable: Variable) -> dict[str, object]:
     """Return the type of a variable, for tools that read the manifest alone."""
     declared = variable.type
-    about = {"type": declared.kind.value, "unit": declared.unit, "range": declared.range, "values": declared.values}
-    return {key: value for key, value in about.items() if value}
+    entry = {"type": declared.kind.value, "unit": declared.unit, "range": declared.range, "values": declared.values}
+    return {key: value for key, value in entry.items() if value}
 
 
 def sources_text(plan: BuildPlan) -> str:
-    """Return the text of `sources.json`: the file and line of each element and condition, and those of its use."""
-    return _mapped([f"{json_text(name)}: {_where(place)}" for name, place in places(plan)]) + "\n"
+    """Return the text of `sources.json`: file and line of each element and condition, and of its template's use."""
+    return _json_object([f"{json_text(name)}: {_place_text(place)}" for name, place in places(plan)]) + "\n"
 
 
 def places(plan: BuildPlan) -> Iterator[tuple[str, Place]]:
-    """Yield the place of each element of a spec and of each of its conditions, by its name in files."""
+    """Yield the name in files and the place of each element of a spec and of each of its conditions."""
     spec = plan.checked.spec
     for variable in spec.context:
         yield node_id(plan, Node(NodeKind.CONTEXT, variable.name)), variable.place
@@ -126,46 +127,46 @@ def places(plan: BuildPlan) -> Iterator[tuple[str, Place]]:
     for skill in spec.skills:
         yield node_id(plan, Node(NodeKind.SKILL, skill.name)), skill.place
     if plan.checked.knowledge is not None:
-        yield from known_places(plan, plan.checked.knowledge)
+        yield from knowledge_places(plan, plan.checked.knowledge)
     if plan.checked.mape is not None:
         yield from loop_places(plan, plan.checked.mape)
 
 
-def _where(place: Place) -> str:
-    use = "" if place.use is None else f', "use": {{{_line(place.use)}}}'
-    return f"{{{_line(place.span)}{use}}}"
+def _place_text(place: Place) -> str:
+    use = "" if place.use is None else f', "use": {{{_line_entries(place.use)}}}'
+    return f"{{{_line_entries(place.span)}{use}}}"
 
 
-def _line(span: Span) -> str:
+def _line_entries(span: Span) -> str:
     return f'"file": {json_text(span.file)}, "line": {span.line}'
 
 
 def object_of(**parts: str) -> str:
-    """Return a JSON object, with one part a line; the parts are JSON already."""
+    """Return a JSON object, with one entry a line; the values are already JSON."""
     inner = ",\n".join(f"{json.dumps(key)}: {text}" for key, text in parts.items())
     return f"{{\n{inner}\n}}\n"
 
 
 def list_of(items: Iterable[object]) -> str:
     """Return a JSON list, with one item a line."""
-    return _listed(list(map(json.dumps, items)))
+    return _json_list(list(map(json.dumps, items)))
 
 
 def mapping_of(items: Mapping[str, object]) -> str:
     """Return a JSON object, with one entry a line."""
-    return _mapped([f"{json.dumps(key)}: {json.dumps(value)}" for key, value in items.items()])
+    return _json_object([f"{json.dumps(key)}: {json.dumps(value)}" for key, value in items.items()])
 
 
-def _listed(lines: list[str]) -> str:
+def _json_list(lines: list[str]) -> str:
     return "[\n" + ",\n".join(lines) + "\n]" if lines else "[]"
 
 
-def _mapped(lines: list[str]) -> str:
+def _json_object(lines: list[str]) -> str:
     return "{\n" + ",\n".join(lines) + "\n}" if lines else "{}"
 
 
 def _entries(items: Mapping[str, object]) -> str:
-    """Return the entries of a JSON object, on one line without its braces."""
+    """Return the entries of a JSON object, without its braces and on one line."""
     texts = (json_text(value) if type(value) is str else json.dumps(value) for value in items.values())
     return ", ".join([f'"{key}": {text}' for key, text in zip(items, texts, strict=True)])
 
@@ -175,9 +176,9 @@ def _digest(text: str) -> str:
 
 
 def model_digest(plan: BuildPlan) -> str:
-    """Return a digest of a checked spec's meaning, which is independent of the places of its elements."""
+    """Return a digest of the meaning of a checked spec. The digest does not depend on the places of elements."""
     checked, spec = plan.checked, plan.checked.spec
-    basic = (
+    basic_values = (
         spec.name,
         tuple(checked.variables.values()),
         tuple(checked.algorithms.values()),
@@ -188,13 +189,15 @@ def model_digest(plan: BuildPlan) -> str:
         spec.resources,
         spec.agents,
     )
-    knowledge = (spec.types, spec.nodes, spec.edges, spec.tasks, tuple(agent.conduct for agent in spec.agents))
-    meaning = (*basic, *knowledge) if spec.knows else basic
-    return _digest(_meaning((*meaning, *_looping(checked)) if checked.mape is not None else meaning))
+    knowledge_values = (spec.types, spec.nodes, spec.edges, spec.tasks, tuple(agent.conduct for agent in spec.agents))
+    meaningful_values = (*basic_values, *knowledge_values) if spec.knows else basic_values
+    if checked.mape is not None:
+        meaningful_values = (*meaningful_values, *_loop_values(checked))
+    return _digest(_meaning(meaningful_values))
 
 
-def _looping(checked: CheckedSpec) -> tuple[object, ...]:
-    """Return the meaning of a spec's loops, with the contents of its trees' files."""
+def _loop_values(checked: CheckedSpec) -> tuple[object, ...]:
+    """Return the values that are the meaning of a spec's loops, including the contents of its trees' files."""
     spec = checked.spec
     terms = tuple((variable.terms, variable.rate) for variable in spec.context)
     trees = tuple(tree.forest for tree in checked.mape.trees) if checked.mape is not None else ()
@@ -203,36 +206,38 @@ def _looping(checked: CheckedSpec) -> tuple[object, ...]:
 
 def _meaning(value: Any) -> str:
     """Return a value as the text of tuples and plain values; different meanings give different texts."""
-    return _WRITERS.get(type(value), _written)(value)
+    return _WRITERS.get(type(value), _meaning_of_new_type)(value)
 
 
-def _written(value: Any) -> str:
-    """Return the meaning of a value whose type occurs for the first time."""
+def _meaning_of_new_type(value: Any) -> str:
+    """Return the meaning of a value whose type occurs for the first time, and keep the writer of this type."""
     kind = type(value)
-    _WRITERS[kind] = _writer(kind)
+    _WRITERS[kind] = _make_writer(kind)
     return _WRITERS[kind](value)
 
 
-def _writer(kind: Any) -> Callable[[Any], str]:
-    """Return the function that writes the values of a type: of an enumeration, or of frozen values."""
+def _make_writer(kind: Any) -> Callable[[Any], str]:
+    """Return the function that writes the values of a type, which is an enumeration or a dataclass."""
     if issubclass(kind, Enum):
         return lambda value: ascii(value.value)
     names = [field.name for field in dataclasses.fields(kind)]
-    relevant = [
-        name for name in names if name not in _WITHOUT_MEANING and (kind, name) not in _CHECKED_TOO | _DIGESTED_APART
+    relevant_names = [
+        name
+        for name in names
+        if name not in _FIELDS_WITHOUT_MEANING and (kind, name) not in _REPEATED_FIELDS | _SEPARATELY_DIGESTED_FIELDS
     ]
-    shape = f"({', '.join([ascii(kind.__name__), *('%s' for _ in relevant)])}{'' if relevant else ','})"
-    fields = [attrgetter(name) for name in relevant]
+    shape = f"({', '.join([ascii(kind.__name__), *('%s' for _ in relevant_names)])}{'' if relevant_names else ','})"
+    fields = [attrgetter(name) for name in relevant_names]
     return lambda value: shape % tuple([_meaning(field(value)) for field in fields])
 
 
-def _several(values: tuple[Any, ...]) -> str:
-    """Return the meanings of several values as the text of a tuple."""
+def _tuple_meaning(values: tuple[Any, ...]) -> str:
+    """Return the meanings of some values as the text of a tuple."""
     return f"({', '.join(map(_meaning, values))}{',' if len(values) == 1 else ''})"
 
 
 _WRITERS: dict[type, Callable[[Any], str]] = {
     **dict.fromkeys((bool, int, float, str, type(None)), ascii),
-    tuple: _several,
+    tuple: _tuple_meaning,
 }
 """The functions that write the values of each type; types of the model are added on first use."""

@@ -1,4 +1,4 @@
-"""The packaged templates. They only arrange texts: every value arrives as the text of a Python expression."""
+"""Fill the packaged templates. Templates only arrange texts: every value arrives as the text of a Python expression."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def render(template: str, **texts: object) -> str:
-    """Return a template filled with texts."""
+    """Return the text of a template that is filled with texts."""
     return _environment().get_template(template).render(**texts)
 
 

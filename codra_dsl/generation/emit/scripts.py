@@ -1,6 +1,6 @@
-"""Scripts of behaviour trees as Python: entries are `it["name"]`, everything else is Python's own operator.
+"""Write scripts of behaviour trees as Python: an entry is `it["name"]`, and operators are Python's operators.
 
-The values that a scope hands out implement the differences to Python, such as a text that compares as a number.
+The values that a scope returns implement the differences from Python, such as a text that compares as a number.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ from codra_dsl.language.expression import (
 
 Enums = Mapping[str, int]
 
-_CHOICE, _OR, _AND, _NOT, _COMPARE, _SUM, _PRODUCT, _SIGN, _ALONE = range(1, 10)
+_CHOICE, _OR, _AND, _NOT, _COMPARE, _SUM, _PRODUCT, _SIGN, _ATOM = range(1, 10)
 
 
-def asked_text(node: Node, enums: Enums) -> str:
-    """Return a script as Python, for a place that uses only its truth."""
+def truth_text(node: Node, enums: Enums) -> str:
+    """Return a script as Python, for a place that uses only whether its value is true."""
     if isinstance(node, And | Or):
         sign = " and " if isinstance(node, And) else " or "
         return sign.join(operands(node, enums))
@@ -37,49 +37,49 @@ def asked_text(node: Node, enums: Enums) -> str:
 
 
 def operands(node: And | Or, enums: Enums) -> list[str]:
-    """Return the operands of `&&` or `||`, each in parentheses where it needs them."""
+    """Return the operands of `&&` or `||`, in parentheses where they are necessary."""
     power = _AND if isinstance(node, And) else _OR
-    return [_asked(operand, power + 1, enums) for operand in node.operands]
+    return [_truth_operand(operand, power + 1, enums) for operand in node.operands]
 
 
 def value_text(node: Node, enums: Enums) -> str:
     """Return a script as Python, for a place that uses its value."""
-    return _text(node, enums)[0]
+    return _text_and_power(node, enums)[0]
 
 
-def _asked(node: Node, power: int, enums: Enums) -> str:
+def _truth_operand(node: Node, power: int, enums: Enums) -> str:
     if isinstance(node, And | Or):
-        own = _AND if isinstance(node, And) else _OR
-        text = asked_text(node, enums)
-        return text if own >= power else f"({text})"
-    return _grouped(node, power, enums)
+        own_power = _AND if isinstance(node, And) else _OR
+        text = truth_text(node, enums)
+        return text if own_power >= power else f"({text})"
+    return _value_operand(node, power, enums)
 
 
-def _grouped(node: Node, power: int, enums: Enums) -> str:
-    text, own = _text(node, enums)
-    return text if own >= power else f"({text})"
+def _value_operand(node: Node, power: int, enums: Enums) -> str:
+    text, own_power = _text_and_power(node, enums)
+    return text if own_power >= power else f"({text})"
 
 
-def _text(node: Node, enums: Enums) -> tuple[str, int]:
-    """Return the text and its precedence."""
+def _text_and_power(node: Node, enums: Enums) -> tuple[str, int]:
+    """Return the text of a node and the precedence of the text."""
     match node:
         case Name(name=name):
-            return (literal(enums[name]), _SIGN) if name in enums else (f"it[{literal(name)}]", _ALONE)
+            return (literal(enums[name]), _SIGN) if name in enums else (f"it[{literal(name)}]", _ATOM)
         case Number(value=value) | Text(value=value) | Truth(value=value):
-            return literal(value), _ALONE
+            return literal(value), _ATOM
         case Negative(operand=operand):
-            return f"-{_grouped(operand, _SIGN, enums)}", _SIGN
+            return f"-{_value_operand(operand, _SIGN, enums)}", _SIGN
         case Not(operand=operand):
-            return f"not {_asked(operand, _NOT, enums)}", _NOT
+            return f"not {_truth_operand(operand, _NOT, enums)}", _NOT
         case And() | Or():
-            return f"bool({asked_text(node, enums)})", _ALONE
+            return f"bool({truth_text(node, enums)})", _ATOM
         case Compare(first=first, rest=rest):
-            links = "".join(f" {sign} {_grouped(operand, _SUM, enums)}" for sign, operand in rest)
-            return _grouped(first, _SUM, enums) + links, _COMPARE
+            links = "".join(f" {sign} {_value_operand(operand, _SUM, enums)}" for sign, operand in rest)
+            return _value_operand(first, _SUM, enums) + links, _COMPARE
         case Arithmetic(operator=sign, left=left, right=right):
             power = _SUM if sign in "+-" else _PRODUCT
-            return f"{_grouped(left, power, enums)} {sign} {_grouped(right, power + 1, enums)}", power
+            return f"{_value_operand(left, power, enums)} {sign} {_value_operand(right, power + 1, enums)}", power
         case Choice(then=then, condition=condition, otherwise=otherwise):
-            sides = _grouped(then, _OR, enums), _asked(condition, _OR, enums), _grouped(otherwise, _CHOICE, enums)
-            return "{} if {} else {}".format(*sides), _CHOICE
+            value, other_value = _value_operand(then, _OR, enums), _value_operand(otherwise, _CHOICE, enums)
+            return f"{value} if {_truth_operand(condition, _OR, enums)} else {other_value}", _CHOICE
     raise TypeError(f"{type(node).__name__} is not a node of a script")

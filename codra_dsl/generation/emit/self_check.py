@@ -1,9 +1,9 @@
-"""Prove that emitted text is Python or JSON, at a cost that depends only on the differences in it.
+"""Prove that emitted text is valid Python or JSON, without compiling equal parts more than once.
 
-Compiling all of a large output takes longer than generating it, though most of its parts differ only in names and
+Compiling all of a large output takes longer than generating it, although most of its parts differ only in names and
 strings. So a module is cut into pieces that are complete by themselves: the statements between blank lines, and the
-items of long tuples. Of pieces that differ only in plain strings and in names that the emitter chooses, one is
-compiled. A module that cannot be cut safely is compiled as a whole: cutting may make a proof slower, never weaker.
+items of long tuples. Among pieces that differ only in plain strings and in names that the emitter chooses, only one is
+compiled. A module that cannot be cut safely is compiled as a whole: cutting can make a proof slower, but never weaker.
 """
 
 from __future__ import annotations
@@ -13,17 +13,17 @@ import keyword
 import re
 from collections.abc import Iterator, Mapping
 
-_PLAIN = r"[ !#-\[\]-~]*"  # printable ASCII without quotes and backslashes
-_PLAIN_DOCSTRING = re.compile(f'"""{_PLAIN}"""')
-_PLAIN_STRING = re.compile(f'"{_PLAIN}"')
-_MISLEADING = ("'", "\\", "#", "\0", *(f'{prefix}""' for prefix in "bBfFrRuU"))
-"""If one of these is left, a match that looked like a plain string may be something else."""
+_PLAIN_TEXT = r"[ !#-\[\]-~]*"  # printable ASCII without quotes and backslashes
+_PLAIN_DOCSTRING = re.compile(f'"""{_PLAIN_TEXT}"""')
+_PLAIN_STRING = re.compile(f'"{_PLAIN_TEXT}"')
+_MISLEADING_MARKS = ("'", "\\", "#", "\0", *(f'{prefix}""' for prefix in "bBfFrRuU"))
+"""If one of these marks is left, a match that looked like a plain string may be something else."""
 
-_ACROSS_PIECES = ("__future__", "global")
-"""Statements that are valid in one piece only because of another piece."""
+_WORDS_ACROSS_PIECES = ("__future__", "global")
+"""Words of statements whose validity in one piece depends on other pieces."""
 
-_GIVEN_NAMES = tuple(re.compile(before + r"([A-Za-z][A-Za-z0-9_]*)\b") for before in ("\ndef ", r"branch\(", "build="))
-_GIVEN_NAME = re.compile(r"\n([A-Za-z][A-Za-z0-9_]*) = Algorithm\(")
+_CHOSEN_NAMES = tuple(re.compile(before + r"([A-Za-z][A-Za-z0-9_]*)\b") for before in ("\ndef ", r"branch\(", "build="))
+_CHOSEN_ALGORITHM_NAME = re.compile(r"\n([A-Za-z][A-Za-z0-9_]*) = Algorithm\(")
 _LONG_TUPLE = re.compile(r"\w+: tuple\[\w+, \.\.\.\] = \(\n    \w+\(")
 _NEXT_ITEM = re.compile(r"\n    (?![ )])")
 
@@ -33,10 +33,10 @@ class BrokenOutputError(Exception):
 
 
 def prove(files: Mapping[str, str]) -> None:
-    """Parse every file, by its path: `.py` with Python's compiler, the others as JSON.
+    """Parse the text of every path: with Python's compiler if the path ends in `.py`, otherwise as JSON.
 
     Raises:
-        BrokenOutputError: with the first file that cannot be parsed and the error.
+        BrokenOutputError: if a text cannot be parsed, with the first such path and the error.
     """
     proven: set[str] = set()
     for path, text in files.items():
@@ -50,12 +50,12 @@ def prove(files: Mapping[str, str]) -> None:
 
 
 def _is_proven_in_pieces(text: str, proven: set[str]) -> bool:
-    """Compile the pieces of a module that are not `proven`; return whether that proves the whole module."""
-    before, _, rest = text.partition('"""')
+    """Compile the pieces of a module that are not in `proven`, and return whether this proves the whole module."""
+    code_before, _, rest = text.partition('"""')
     docstring, closing, statements = rest.partition('"""')
-    inside = docstring.replace("\n", "")
-    is_plain = inside.isascii() and inside.isprintable() and "\\" not in inside
-    if before or not closing or not is_plain or not statements.startswith("\n"):
+    docstring_line = docstring.replace("\n", "")
+    is_plain = docstring_line.isascii() and docstring_line.isprintable() and "\\" not in docstring_line
+    if code_before or not closing or not is_plain or not statements.startswith("\n"):
         return False
     shape = _shape(statements)
     if shape is None:
@@ -71,29 +71,29 @@ def _is_proven_in_pieces(text: str, proven: set[str]) -> bool:
 
 
 def _shape(statements: str) -> str | None:
-    """Return statements without the parts in which pieces may differ, or None if those cannot be recognised."""
+    """Return statements without the parts in which pieces may differ, or None if these parts cannot be recognised."""
     shape = _PLAIN_DOCSTRING.sub('""', statements)
     if '"""' in shape:
         return None
     shape = _PLAIN_STRING.sub('""', shape)
-    if any(mark in shape for mark in (*_MISLEADING, *_ACROSS_PIECES)):
+    if any(mark in shape for mark in (*_MISLEADING_MARKS, *_WORDS_ACROSS_PIECES)):
         return None
-    for names in _GIVEN_NAMES:
-        shape = names.sub(_anonymous, shape)
-    return _GIVEN_NAME.sub(_anonymous, shape)
+    for names in _CHOSEN_NAMES:
+        shape = names.sub(_with_fixed_name, shape)
+    return _CHOSEN_ALGORITHM_NAME.sub(_with_fixed_name, shape)
 
 
-def _anonymous(name: re.Match[str]) -> str:
-    """Return a match with its name replaced, unless the name is a keyword."""
+def _with_fixed_name(name: re.Match[str]) -> str:
+    """Return a match whose name is replaced by a fixed name, unless the name is a keyword."""
     return name[0] if keyword.iskeyword(name[1]) else name[0].replace(name[1], "name", 1)
 
 
 def _pieces(shape: str) -> Iterator[str]:
-    """Yield the pieces of a module, which compiles if each of them does."""
+    """Yield the pieces of a module. The module compiles if each piece compiles."""
     for piece in shape.split("\n\n"):
         opening, *items = _NEXT_ITEM.split(piece.rstrip("\n").removesuffix("\n)"))
-        closed = piece.rstrip("\n").endswith(",\n)") and all(item.endswith(",") for item in items)
-        if closed and _LONG_TUPLE.match(piece.lstrip("\n")):
+        is_closed = piece.rstrip("\n").endswith(",\n)") and all(item.endswith(",") for item in items)
+        if is_closed and _LONG_TUPLE.match(piece.lstrip("\n")):
             yield f"{opening}\n)"
             yield from (f"(\n    {item}\n)" for item in items)
         else:

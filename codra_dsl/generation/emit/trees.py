@@ -1,8 +1,9 @@
-"""The function that builds an observer's tree, in the order of P1's Figure 4.
+"""Write the function that builds an observer's tree, with the nodes in the order of P1's Figure 4.
 
-Control flag, preconditions, due or running, perception, refinements, identify. Alternatives are children of a selector,
-each under its own preconditions; joined algorithms are children of a parallel under the preconditions that they share.
-Each is wrapped in `FailureIsSuccess`, because py_trees' `Parallel` would cancel the other job when one fails.
+This order is: control flag, preconditions, due or running, perception, refinements, identify. Alternatives are children
+of a selector, each under its own preconditions. Joined algorithms are children of a parallel, under the preconditions
+that they share; each child is wrapped in `FailureIsSuccess`, because py_trees' `Parallel` would cancel the other jobs
+when one child fails.
 """
 
 from __future__ import annotations
@@ -14,19 +15,19 @@ from dataclasses import dataclass
 from codra_dsl.generation.build_plan import Branch, Tree
 from codra_dsl.generation.emit.conditions import condition
 from codra_dsl.generation.emit.imports import Imports
-from codra_dsl.generation.emit.layout import WIDTH, Expression, call, laid_out, spread_call, spread_list
+from codra_dsl.generation.emit.layout import WIDTH, Expression, call, lay_out, spread_call, spread_list
 from codra_dsl.generation.emit.literals import literal
 
-_ONLY = "perception"
+_SINGLE_BRANCH = "perception"
 _BODY = "    return "
 
 
 @dataclass(frozen=True, slots=True)
 class TreeText:
-    """A tree in the form that its template takes: only names and texts.
+    """A tree in the form that its template needs: only names and texts.
 
     Attributes:
-        branches: (local name, constant) of each algorithm.
+        branches: the local name and the constant of each algorithm.
     """
 
     function: str
@@ -43,7 +44,7 @@ def tree_text(tree: Tree, imports: Imports) -> TreeText:
         function=tree.function,
         docstring=_docstring(tree),
         branches=tuple((writer.local(branch), branch.constant) for branch in tree.branches),
-        body=laid_out(writer.body(), indent=4, before=len(_BODY)),
+        body=lay_out(writer.body(), indent=4, before=len(_BODY)),
     )
 
 
@@ -54,13 +55,13 @@ def _docstring(tree: Tree) -> str:
     line = f"Identify {names} (P1, Figure 4)."
     if len(line) + 10 <= WIDTH:
         return line
-    wrapped = textwrap.fill(f"They are {names}.", WIDTH - 4, break_long_words=False)
-    listed = textwrap.indent(wrapped, "    ")
-    return f"Identify {len(tree.identifies)} context-variables (P1, Figure 4).\n\n{listed}\n    "
+    wrapped_names = textwrap.fill(f"They are {names}.", WIDTH - 4, break_long_words=False)
+    indented_names = textwrap.indent(wrapped_names, "    ")
+    return f"Identify {len(tree.identifies)} context-variables (P1, Figure 4).\n\n{indented_names}\n    "
 
 
 class _TreeWriter:
-    """Writes one tree; every method returns a part of it."""
+    """Writes one tree; each method returns a part of the tree."""
 
     def __init__(self, tree: Tree, imports: Imports) -> None:
         self._tree = tree
@@ -68,39 +69,39 @@ class _TreeWriter:
 
     def local(self, branch: Branch) -> str:
         """Return the name of a branch within the function."""
-        return branch.local if len(self._tree.branches) > 1 else _ONLY
+        return branch.local if len(self._tree.branches) > 1 else _SINGLE_BRANCH
 
     def body(self) -> Expression:
         """Return the whole tree."""
         flag = self._behaviour("ControlFlag", "observer")
-        return self._sequence(self._tree.name, [flag, *self._below_the_flag()])
+        return self._sequence(self._tree.name, [flag, *self._nodes_below_flag()])
 
-    def _below_the_flag(self) -> list[Expression]:
+    def _nodes_below_flag(self) -> list[Expression]:
         groups = self._tree.groups
         if len(groups) > 1:
             branches = self._tree.branches
             return [*self._preconditions(branches), self._parallel(groups)]
         (group,) = groups
         if len(group) > 1:
-            return [self._selector((branch.name, self._guarded(branch)) for branch in group)]
-        return self._guarded(group[0])
+            return [self._selector((branch.name, self._guarded_branch(branch)) for branch in group)]
+        return self._guarded_branch(group[0])
 
-    def _guarded(self, branch: Branch) -> list[Expression]:
-        return [*self._preconditions((branch,)), *self._looking(branch)]
+    def _guarded_branch(self, branch: Branch) -> list[Expression]:
+        return [*self._preconditions((branch,)), *self._perception_nodes(branch)]
 
     def _parallel(self, groups: Iterable[tuple[Branch, ...]]) -> Expression:
-        """Return joined groups side by side; a failing group must not fail the parallel and so cancel the others."""
+        """Return joined groups as a parallel. A failing group must not fail it: that would cancel the other groups."""
         self._imports.use("Parallel", "ParallelPolicy", "FailureIsSuccess")
-        together = (
+        wrapped_groups = (
             spread_call("FailureIsSuccess", name=literal(group[0].name), child=self._group(group)) for group in groups
         )
         policy = call("ParallelPolicy.SuccessOnAll", synchronise="False")
-        return spread_call("Parallel", name=literal("joined"), policy=policy, children=spread_list(together))
+        return spread_call("Parallel", name=literal("joined"), policy=policy, children=spread_list(wrapped_groups))
 
     def _group(self, group: tuple[Branch, ...]) -> Expression:
         if len(group) > 1:
-            return self._selector((branch.name, self._looking(branch)) for branch in group)
-        return self._sequence(group[0].name, self._looking(group[0]))
+            return self._selector((branch.name, self._perception_nodes(branch)) for branch in group)
+        return self._sequence(group[0].name, self._perception_nodes(group[0]))
 
     def _selector(self, alternatives: Iterable[tuple[str, list[Expression]]]) -> Expression:
         self._imports.use("Selector")
@@ -112,16 +113,16 @@ class _TreeWriter:
         return spread_call("Sequence", name=literal(name), memory="False", children=spread_list(children))
 
     def _preconditions(self, branches: tuple[Branch, ...]) -> Iterator[Expression]:
-        """Yield Algorithm 2's precondition nodes; joined branches have the same ones."""
-        locals_ = [self.local(branch) for branch in branches]
+        """Yield the precondition nodes of Algorithm 2. Joined branches have the same preconditions."""
+        local_names = [self.local(branch) for branch in branches]
         algorithm = branches[0].algorithm
         for checked in algorithm.observable_when:
-            yield self._behaviour("Precondition", literal(checked.text), self._condition(checked.python), *locals_)
+            yield self._behaviour("Precondition", literal(checked.text), self._condition(checked.python), *local_names)
         for reference in algorithm.algorithm.given:
-            known = self._condition(f"known({literal(reference.name)})")
-            yield self._behaviour("Precondition", literal(f"known({reference.name})"), known, *locals_)
+            known_condition = self._condition(f"known({literal(reference.name)})")
+            yield self._behaviour("Precondition", literal(f"known({reference.name})"), known_condition, *local_names)
 
-    def _looking(self, branch: Branch) -> list[Expression]:
+    def _perception_nodes(self, branch: Branch) -> list[Expression]:
         """Return perception and the nodes that process its result."""
         local, algorithm = self.local(branch), branch.algorithm
         return [

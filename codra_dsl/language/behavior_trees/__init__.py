@@ -1,6 +1,7 @@
-"""Behaviour trees of BehaviorTree.CPP version 4: XML in, values, findings with places, XML out (P2, section 5.2).
+"""Behaviour trees of BehaviorTree.CPP version 4 (P2, section 5.2).
 
-This package reads and checks trees; `emit` compiles valid ones to Python.
+This package reads trees from XML to values, checks them, reports findings with places, and writes trees as XML. `emit`
+compiles valid trees to Python.
 """
 
 from codra_dsl.language.behavior_trees.checks import check

@@ -1,4 +1,4 @@
-"""The built-in nodes with their ports, and the nodes of BehaviorTree.CPP that are refused, each with help."""
+"""The built-in nodes with their ports, and the refused nodes of BehaviorTree.CPP with the help for each of them."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from enum import StrEnum
 from codra_dsl.language.behavior_trees.values import NodeKind
 
 
-class Holds(StrEnum):
-    """The content of a port of a built-in node."""
+class PortContent(StrEnum):
+    """What the port of a built-in node may contain."""
 
     TEXT = "a text"
     INTEGER = "a whole number"
@@ -29,11 +29,11 @@ class BuiltInPort:
     """A port of a built-in node.
 
     Attributes:
-        default: its value if it is not given; None if it must be given.
+        default: the value of the port if a node does not give one; None if the node must give one.
     """
 
     name: str
-    holds: Holds
+    content: PortContent
     default: str | None = None
 
 
@@ -68,16 +68,20 @@ def _leaf(word: str, *ports: BuiltInPort, kind: NodeKind = NodeKind.ACTION) -> B
 
 def _switch(cases: int) -> BuiltIn:
     names = ("variable", *(f"case_{number}" for number in range(1, cases + 1)))
-    return _control("Switch", *(BuiltInPort(name, Holds.TEXT) for name in names), least=cases + 1, most=cases + 1)
+    return _control("Switch", *(BuiltInPort(name, PortContent.TEXT) for name in names), least=cases + 1, most=cases + 1)
 
 
 def _loop(word: str) -> BuiltIn:
-    ports = (("queue", Holds.TEXT, None), ("value", Holds.OUTPUT, ""), ("if_empty", Holds.RESULT, "SUCCESS"))
+    ports = (
+        ("queue", PortContent.TEXT, None),
+        ("value", PortContent.OUTPUT, ""),
+        ("if_empty", PortContent.RESULT, "SUCCESS"),
+    )
     return _decorator(word, *(BuiltInPort(*port) for port in ports))
 
 
-_ENTRY = BuiltInPort("entry", Holds.ENTRY)
-_CODE = BuiltInPort("code", Holds.SCRIPT)
+_ENTRY = BuiltInPort("entry", PortContent.ENTRY)
+_CODE = BuiltInPort("code", PortContent.SCRIPT)
 
 BUILT_IN: Mapping[str, BuiltIn] = {
     "Sequence": _control("sequence"),
@@ -89,10 +93,10 @@ BUILT_IN: Mapping[str, BuiltIn] = {
     "ReactiveFallback": _control("reactive_fallback"),
     "Parallel": _control(
         "Parallel",
-        BuiltInPort("success_count", Holds.INTEGER, "-1"),
-        BuiltInPort("failure_count", Holds.INTEGER, "1"),
+        BuiltInPort("success_count", PortContent.INTEGER, "-1"),
+        BuiltInPort("failure_count", PortContent.INTEGER, "1"),
     ),
-    "ParallelAll": _control("ParallelAll", BuiltInPort("max_failures", Holds.INTEGER, "1")),
+    "ParallelAll": _control("ParallelAll", BuiltInPort("max_failures", PortContent.INTEGER, "1")),
     "IfThenElse": _control("IfThenElse", least=2, most=3),
     "WhileDoElse": _control("WhileDoElse", least=2, most=3),
     **{f"Switch{cases}": _switch(cases) for cases in range(2, 7)},
@@ -100,13 +104,13 @@ BUILT_IN: Mapping[str, BuiltIn] = {
     "ForceSuccess": _decorator("force_success"),
     "ForceFailure": _decorator("force_failure"),
     "KeepRunningUntilFailure": _decorator("keep_running_until_failure"),
-    "Repeat": _decorator("repeat", BuiltInPort("num_cycles", Holds.INTEGER)),
-    "RetryUntilSuccessful": _decorator("retry_until_successful", BuiltInPort("num_attempts", Holds.INTEGER)),
-    "Delay": _decorator("Delay", BuiltInPort("delay_msec", Holds.MILLISECONDS)),
-    "Timeout": _decorator("Timeout", BuiltInPort("msec", Holds.MILLISECONDS)),
-    "RunOnce": _decorator("RunOnce", BuiltInPort("then_skip", Holds.TRUTH, "true")),
+    "Repeat": _decorator("repeat", BuiltInPort("num_cycles", PortContent.INTEGER)),
+    "RetryUntilSuccessful": _decorator("retry_until_successful", BuiltInPort("num_attempts", PortContent.INTEGER)),
+    "Delay": _decorator("Delay", BuiltInPort("delay_msec", PortContent.MILLISECONDS)),
+    "Timeout": _decorator("Timeout", BuiltInPort("msec", PortContent.MILLISECONDS)),
+    "RunOnce": _decorator("RunOnce", BuiltInPort("then_skip", PortContent.TRUTH, "true")),
     "Precondition": _decorator(
-        "Precondition", BuiltInPort("if", Holds.CONDITION), BuiltInPort("else", Holds.RESULT, "FAILURE")
+        "Precondition", BuiltInPort("if", PortContent.CONDITION), BuiltInPort("else", PortContent.RESULT, "FAILURE")
     ),
     "SkipUnlessUpdated": _decorator("skip_unless_updated", _ENTRY),
     "WaitValueUpdate": _decorator("wait_value_update", _ENTRY),
@@ -117,15 +121,17 @@ BUILT_IN: Mapping[str, BuiltIn] = {
     "SubTree": BuiltIn(NodeKind.SUBTREE, "Subtree"),
     "AlwaysSuccess": _leaf("always_success"),
     "AlwaysFailure": _leaf("always_failure"),
-    "Sleep": _leaf("Sleep", BuiltInPort("msec", Holds.MILLISECONDS)),
+    "Sleep": _leaf("Sleep", BuiltInPort("msec", PortContent.MILLISECONDS)),
     "Script": _leaf("script", _CODE),
-    "ScriptCondition": _leaf("script_condition", BuiltInPort("code", Holds.CONDITION), kind=NodeKind.CONDITION),
-    "SetBlackboard": _leaf("set_blackboard", BuiltInPort("value", Holds.TEXT), BuiltInPort("output_key", Holds.KEY)),
-    "UnsetBlackboard": _leaf("unset_blackboard", BuiltInPort("key", Holds.KEY)),
+    "ScriptCondition": _leaf("script_condition", BuiltInPort("code", PortContent.CONDITION), kind=NodeKind.CONDITION),
+    "SetBlackboard": _leaf(
+        "set_blackboard", BuiltInPort("value", PortContent.TEXT), BuiltInPort("output_key", PortContent.KEY)
+    ),
+    "UnsetBlackboard": _leaf("unset_blackboard", BuiltInPort("key", PortContent.KEY)),
     "WasEntryUpdated": _leaf("WasEntryUpdated", _ENTRY),
 }
 
-REFUSED: Mapping[str, str] = {
+REFUSED_NODES: Mapping[str, str] = {
     "ManualSelector": "it asks a person at a terminal: use Switch2 to Switch6 with an entry that a page writes",
     "TestNode": "it replaces nodes in tests: give the robot another action of the same name there",
     "LoopNode": "write LoopInt, LoopDouble, LoopString or LoopBool",
@@ -142,13 +148,13 @@ REFUSED: Mapping[str, str] = {
     **{f"BlackboardCheck{type_}": "write Precondition with a script" for type_ in ("Int", "Double", "String", "Bool")},
 }
 
-BEFORE = {"_failureIf": "failure_if", "_successIf": "success_if", "_skipIf": "skip_if", "_while": "while_true"}
-"""The conditions before a tick, in the order of their evaluation, and their names in Python."""
+PRECONDITIONS = {"_failureIf": "failure_if", "_successIf": "success_if", "_skipIf": "skip_if", "_while": "while_true"}
+"""The attributes with conditions that are evaluated before a tick, in this order, and their names in Python."""
 
-AFTER = {"_onSuccess": "on_success", "_onFailure": "on_failure", "_post": "post", "_onHalted": "on_halted"}
-"""The scripts after a tick, and their names in Python."""
+POST_SCRIPTS = {"_onSuccess": "on_success", "_onFailure": "on_failure", "_post": "post", "_onHalted": "on_halted"}
+"""The attributes with scripts that run after a tick, and their names in Python."""
 
 AUTOREMAP = "_autoremap"
 
-OF_EDITORS = frozenset({"_uid", "_fullpath", "_description"})
-"""Attributes that editors write, without any effect."""
+EDITOR_ATTRIBUTES = frozenset({"_uid", "_fullpath", "_description"})
+"""Attributes that editors write, and that have no effect."""

@@ -1,21 +1,22 @@
-"""Check well-formed trees, and report all findings in one run. Only `check` creates a CheckedForest."""
+"""Check well-formed trees. One run reports all findings, and only `check` creates a CheckedForest."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import chain
 
 from codra_dsl.language.behavior_trees.catalogue import (
-    AFTER,
     AUTOREMAP,
-    BEFORE,
     BUILT_IN,
-    OF_EDITORS,
-    REFUSED,
+    EDITOR_ATTRIBUTES,
+    POST_SCRIPTS,
+    PRECONDITIONS,
+    REFUSED_NODES,
     BuiltIn,
     BuiltInPort,
-    Holds,
+    PortContent,
 )
-from codra_dsl.language.behavior_trees.ports import EntryKey, given, is_key, refused_in_name
+from codra_dsl.language.behavior_trees.ports import EntryKey, first_refused_letter, is_key, parse_port_value
 from codra_dsl.language.behavior_trees.rules import TreeFindings
 from codra_dsl.language.behavior_trees.scripts import ScriptProblem, parse_condition, parse_script
 from codra_dsl.language.behavior_trees.values import (
@@ -33,35 +34,35 @@ from codra_dsl.language.expression import names_in
 from codra_dsl.language.graph import Needs, shortest_cycle, strong_components
 
 MAX_NODES = 10_000
-"""The maximum number of nodes of a tree, with subtrees counted at each use."""
+"""The maximum number of nodes in a tree; the nodes of a subtree count once for each use of the subtree."""
 
 MAX_LEVELS = 100
-"""The maximum depth of a tree."""
+"""The maximum number of levels in a tree, with its subtrees."""
 
 RESULTS = ("SUCCESS", "FAILURE", "SKIPPED", "RUNNING")
-_OF_ROBOT = (NodeKind.ACTION, NodeKind.CONDITION)
+_ROBOT_KINDS = (NodeKind.ACTION, NodeKind.CONDITION)
 
 
 def check(
     forest: Forest, enums: Mapping[str, int] | None = None
 ) -> tuple[CheckedForest | None, tuple[Diagnostic, ...]]:
-    """Return the trees if they can be compiled, and all findings.
+    """Return the trees, or None if they cannot be compiled; and all findings.
 
     Args:
-        forest: the trees as read.
-        enums: names for integers in scripts and switches.
+        forest: the trees as they were read.
+        enums: the names that scripts and switches can use for integers, with these integers.
     """
     findings = TreeFindings()
     checker = _Checker(forest, findings)
-    checker.names()
+    checker.check_names()
     for tree in forest.trees:
         for node in tree.root.walk():
-            checker.node(node, tree)
-        checker.types(tree)
-    checker.sizes()
-    ordered = in_file_order(findings.all())
+            checker.check_node(node, tree)
+        checker.check_types(tree)
+    checker.check_sizes()
+    ordered_findings = in_file_order(findings.all())
     values = tuple(sorted((enums or {}).items()))
-    return (None if has_errors(ordered) else CheckedForest(forest=forest, enums=values)), ordered
+    return (None if has_errors(ordered_findings) else CheckedForest(forest=forest, enums=values)), ordered_findings
 
 
 class _Checker:
@@ -77,9 +78,9 @@ class _Checker:
 
     # The complete forest
 
-    def names(self) -> None:
+    def check_names(self) -> None:
         """Check that ids of trees and models are unique, and that the main tree exists."""
-        self._unique("tree", ((tree.id, tree.place) for tree in self._forest.trees))
+        self._check_unique("tree", ((tree.id, tree.place) for tree in self._forest.trees))
         for tree in self._forest.trees:
             if tree.id in self._known:
                 self._findings.add(
@@ -90,12 +91,12 @@ class _Checker:
                 )
         models = self._forest.models
         for tree in self._forest.trees:
-            self._portable(tree.id, tree.place)
+            self._check_name(tree.id, tree.place)
         for model in models:
-            self._portable(model.id, model.place)
+            self._check_name(model.id, model.place)
             for port in model.ports:
-                self._portable(port.name, port.place)
-        self._unique("model", ((f"{model.kind} {model.id}", model.place) for model in models))
+                self._check_name(port.name, port.place)
+        self._check_unique("model", ((f"{model.kind} {model.id}", model.place) for model in models))
         first = self._forest.files[0]
         if not self._forest.trees:
             self._findings.add(
@@ -105,7 +106,7 @@ class _Checker:
             help_text = self._findings.help_for(first.main, self._trees, "name one of the trees")
             self._findings.add("unknown-subtree", f"there is no tree '{first.main}'", first.main_place, help=help_text)
         for model in models:
-            if model.kind not in (*_OF_ROBOT, NodeKind.SUBTREE) and model.id not in BUILT_IN:
+            if model.kind not in (*_ROBOT_KINDS, NodeKind.SUBTREE) and model.id not in BUILT_IN:
                 self._findings.add(
                     "unsupported-tree-node",
                     f"'{model.id}' is a {model.kind.lower()} node of the robot",
@@ -113,13 +114,13 @@ class _Checker:
                     help="a robot can only have actions and conditions: build it from built-in nodes",
                 )
 
-    def _portable(self, name: str, place: Place) -> None:
-        letter = refused_in_name(name)
+    def _check_name(self, name: str, place: Place) -> None:
+        letter = first_refused_letter(name)
         if letter is not None:
             message = f"{letter!r} in the name {name!r}: newer versions of BehaviorTree.CPP refuse the file"
             self._findings.add("library-refuses-name", message, place, help="use letters, digits, '_' and '-'")
 
-    def _unique(self, noun: str, named: Iterable[tuple[str, Place]]) -> None:
+    def _check_unique(self, noun: str, named: Iterable[tuple[str, Place]]) -> None:
         first: dict[str, Place] = {}
         for name, place in named:
             before = first.setdefault(name, place)
@@ -128,11 +129,11 @@ class _Checker:
                     "duplicate-tree",
                     f"there is already a {noun} '{name}'",
                     place,
-                    help="rename one of them, or remove it",
+                    help="rename or remove one of the two",
                     related=[Related("the first one", before)],
                 )
 
-    def sizes(self) -> None:
+    def check_sizes(self) -> None:
         """Check that no tree contains itself, and that no tree is too large with its subtrees."""
         uses = {name: _uses(tree, self._trees) for name, tree in self._trees.items()}
         needs: Needs = {name: tuple(used) for name, used in uses.items()}
@@ -157,28 +158,28 @@ class _Checker:
 
     # One node
 
-    def node(self, node: TreeNode, tree: BehaviorTree) -> None:
+    def check_node(self, node: TreeNode, tree: BehaviorTree) -> None:
         """Check one node."""
         path = f"{tree.id}.{node.label}"
-        self._scripts(node, path)
-        self._without_effect(node, path)
-        if node.id in REFUSED and (False, node.id) not in self._models:
+        self._check_scripts(node, path)
+        self._check_extras(node, path)
+        if node.id in REFUSED_NODES and (False, node.id) not in self._models:
             message = f"'{node.id}' cannot be compiled"
-            self._findings.add("unsupported-tree-node", message, node.place, help=REFUSED[node.id], path=path)
+            self._findings.add("unsupported-tree-node", message, node.place, help=REFUSED_NODES[node.id], path=path)
         elif node.subtree is not None:
-            self._children(node, 0, 0, path)
-            self._subtree(node, path)
+            self._check_children(node, 0, 0, path)
+            self._check_subtree(node, path)
         elif node.id in BUILT_IN and node.id != "SubTree":
             built_in = BUILT_IN[node.id]
-            self._children(node, built_in.least, built_in.most, path)
-            self._ports(node, [port.name for port in built_in.ports], path)
-            self._built_in(node, built_in, path)
+            self._check_children(node, built_in.least, built_in.most, path)
+            self._check_ports(node, [port.name for port in built_in.ports], path)
+            self._check_built_in(node, built_in, path)
         else:
-            self._of_robot(node, path)
+            self._check_robot_node(node, path)
 
-    def _of_robot(self, node: TreeNode, path: str) -> None:
+    def _check_robot_node(self, node: TreeNode, path: str) -> None:
         model = self._models.get((False, node.id))
-        if model is None and node.kind not in _OF_ROBOT:
+        if model is None and node.kind not in _ROBOT_KINDS:
             otherwise = f'declare it: <TreeNodesModel><Action ID="{node.id}"/></TreeNodesModel>'
             if node.id in self._trees:
                 otherwise = f'write <SubTree ID="{node.id}"/>'
@@ -187,31 +188,31 @@ class _Checker:
             )
             self._findings.add("unknown-tree-node", f"unknown node '{node.id}'", node.place, help=help_text, path=path)
             return
-        self._children(node, 0, 0, path)
+        self._check_children(node, 0, 0, path)
         if model is None:
             for attribute in node.ports:
-                self._given(attribute, path)
+                self._read_port(attribute, path)
             return
-        self._ports(node, [port.name for port in model.ports], path)
-        present = {attribute.name for attribute in node.ports}
+        self._check_ports(node, [port.name for port in model.ports], path)
+        attributes = {attribute.name for attribute in node.ports}
         for port in model.ports:
-            if port.direction is not Direction.OUT and port.default is None and port.name not in present:
-                self._missing(node, port.name, path)
+            if port.direction is not Direction.OUT and port.default is None and port.name not in attributes:
+                self._report_missing_port(node, port.name, path)
         for attribute in node.ports:
             declared = model.port(attribute.name)
-            setting = self._given(attribute, path)
+            setting = self._read_port(attribute, path)
             if declared is not None and isinstance(setting, str):
-                self._declared(attribute, declared.direction, declared.type, path)
+                self._check_declared(attribute, declared.direction, declared.type, path)
 
-    def _declared(self, attribute: Attribute, direction: Direction, type_: str | None, path: str) -> None:
+    def _check_declared(self, attribute: Attribute, direction: Direction, type_: str | None, path: str) -> None:
         """Check a text that is given to a port with a declared direction and type."""
         if direction is not Direction.IN:
             name = attribute.value if is_key(attribute.value) else "entry"
-            self._value(attribute, "an entry, since the node writes it", f"write {{{name}}}", path)
+            self._report_value(attribute, "an entry, since the node writes it", f"write {{{name}}}", path)
         elif not _is_value_of(type_, attribute.value):
-            self._value(attribute, f"a value of the type {type_}", "write one, or an entry {name}", path)
+            self._report_value(attribute, f"a value of the type {type_}", "write one, or an entry {name}", path)
 
-    def _children(self, node: TreeNode, least: int, most: int | None, path: str) -> None:
+    def _check_children(self, node: TreeNode, least: int, most: int | None, path: str) -> None:
         count = len(node.children)
         if least <= count and (most is None or count <= most):
             return
@@ -224,77 +225,77 @@ class _Checker:
             help_text = "close it at once: <.../>"
         self._findings.add("wrong-children", message, node.place, help=help_text, path=path)
 
-    def _ports(self, node: TreeNode, known: Sequence[str], path: str) -> None:
+    def _check_ports(self, node: TreeNode, known: Sequence[str], path: str) -> None:
         for attribute in node.ports:
             if attribute.name not in known:
                 listed = f"its ports are {', '.join(known)}" if known else "it has none"
-                help_text = self._findings.help_for(attribute.name, [*known, *BEFORE, *AFTER], listed)
+                help_text = self._findings.help_for(attribute.name, [*known, *PRECONDITIONS, *POST_SCRIPTS], listed)
                 message = f"'{node.id}' has no port '{attribute.name}'"
                 self._findings.add("unknown-port", message, attribute.place, help=help_text, path=path)
 
-    def _missing(self, node: TreeNode, port: str, path: str) -> None:
+    def _report_missing_port(self, node: TreeNode, port: str, path: str) -> None:
         message = f"'{node.id}' needs its port '{port}'"
         self._findings.add(
             "missing-port", message, node.place, help=f'write {port}="..." or {port}="{{entry}}"', path=path
         )
 
-    def _without_effect(self, node: TreeNode, path: str) -> None:
-        conditions = [*BEFORE, *AFTER, AUTOREMAP]
+    def _check_extras(self, node: TreeNode, path: str) -> None:
+        conditions = [*PRECONDITIONS, *POST_SCRIPTS, AUTOREMAP]
         for attribute in node.extras:
             help_text = self._findings.help_for(attribute.name, conditions, "")
             if help_text:
                 message = f"unknown condition '{attribute.name}'"
                 self._findings.add("unknown-port", message, attribute.place, help=help_text, path=path)
-            elif attribute.name not in OF_EDITORS:
+            elif attribute.name not in EDITOR_ATTRIBUTES:
                 message = f"'{attribute.name}' has no effect"
                 help_text = "remove it; codra keeps it when it writes the file"
                 self._findings.add("attribute-without-effect", message, attribute.place, help=help_text, path=path)
 
     # Values
 
-    def _given(self, attribute: Attribute, path: str) -> EntryKey | str | None:
-        setting = given(attribute.name, attribute.value)
+    def _read_port(self, attribute: Attribute, path: str) -> EntryKey | str | None:
+        setting = parse_port_value(attribute.name, attribute.value)
         if setting is None:
-            self._value(attribute, "a text or an entry", "write {name}: letters, digits and _", path)
+            self._report_value(attribute, "a text or an entry", "write {name}: letters, digits and _", path)
         return setting
 
-    def _value(self, attribute: Attribute, wanted: str, help_text: str, path: str) -> None:
+    def _report_value(self, attribute: Attribute, wanted: str, help_text: str, path: str) -> None:
         message = f"'{attribute.name}' is {attribute.value[:60]!r}, not {wanted}"
         self._findings.add("port-value", message, attribute.value_place, help=help_text, path=path)
 
-    def _built_in(self, node: TreeNode, built_in: BuiltIn, path: str) -> None:
-        present = {attribute.name: attribute for attribute in node.ports}
+    def _check_built_in(self, node: TreeNode, built_in: BuiltIn, path: str) -> None:
+        attributes = {attribute.name: attribute for attribute in node.ports}
         for port in built_in.ports:
-            attribute = present.get(port.name)
+            attribute = attributes.get(port.name)
             if attribute is not None:
-                self._holds(attribute, port, node, path)
+                self._check_content(attribute, port, node, path)
             elif port.default is None:
-                self._missing(node, port.name, path)
+                self._report_missing_port(node, port.name, path)
 
-    def _holds(self, attribute: Attribute, port: BuiltInPort, node: TreeNode, path: str) -> None:
-        if port.holds is Holds.CONDITION:
-            self._script(attribute, parse_condition(attribute.value), path)
+    def _check_content(self, attribute: Attribute, port: BuiltInPort, node: TreeNode, path: str) -> None:
+        if port.content is PortContent.CONDITION:
+            self._check_script(attribute, parse_condition(attribute.value), path)
             return
-        if port.holds is Holds.SCRIPT:
-            self._script(attribute, parse_script(attribute.value), path)
+        if port.content is PortContent.SCRIPT:
+            self._check_script(attribute, parse_script(attribute.value), path)
             return
-        setting = self._given(attribute, path)
+        setting = self._read_port(attribute, path)
         if setting is None:
             return
         if isinstance(setting, EntryKey):
-            if port.holds is Holds.KEY:
-                self._value(attribute, port.holds, f"write {setting.key}", path)
-        elif not _holds(port.holds, setting):
-            self._value(attribute, port.holds, "correct it", path)
+            if port.content is PortContent.KEY:
+                self._report_value(attribute, port.content, f"write {setting.key}", path)
+        elif not _is_valid_content(port.content, setting):
+            self._report_value(attribute, port.content, "correct it", path)
         elif port.name.endswith(("_count", "_failures")) and int(setting) > len(node.children):
-            self._value(attribute, f"at most {len(node.children)}, the number of children", "correct it", path)
+            self._report_value(attribute, f"at most {len(node.children)}, the number of children", "correct it", path)
 
-    def _scripts(self, node: TreeNode, path: str) -> None:
+    def _check_scripts(self, node: TreeNode, path: str) -> None:
         for attribute in node.conditions:
-            parse = parse_condition if attribute.name in BEFORE else parse_script
-            self._script(attribute, parse(attribute.value), path)
+            parse = parse_condition if attribute.name in PRECONDITIONS else parse_script
+            self._check_script(attribute, parse(attribute.value), path)
 
-    def _script(self, attribute: Attribute, parsed: object, path: str) -> None:
+    def _check_script(self, attribute: Attribute, parsed: object, path: str) -> None:
         if not isinstance(parsed, ScriptProblem):
             return
         place = attribute.value_place
@@ -307,7 +308,7 @@ class _Checker:
 
     # Subtrees
 
-    def _subtree(self, node: TreeNode, path: str) -> None:
+    def _check_subtree(self, node: TreeNode, path: str) -> None:
         tree = self._trees.get(str(node.subtree))
         if tree is None:
             help_text = self._findings.help_for(
@@ -317,51 +318,54 @@ class _Checker:
             self._findings.add("unknown-subtree", message, node.place, help=help_text, path=path)
             return
         model = self._models.get((True, tree.id))
-        remaps = [attribute for attribute in node.ports if attribute.name != AUTOREMAP]
+        remappings = [attribute for attribute in node.ports if attribute.name != AUTOREMAP]
         for attribute in node.ports:
-            if attribute.name == AUTOREMAP and not _holds(Holds.TRUTH, attribute.value):
-                self._value(attribute, Holds.TRUTH, "correct it", path)
-        for attribute in remaps:
-            self._given(attribute, path)
+            if attribute.name == AUTOREMAP and not _is_valid_content(PortContent.TRUTH, attribute.value):
+                self._report_value(attribute, PortContent.TRUTH, "correct it", path)
+        for attribute in remappings:
+            self._read_port(attribute, path)
         if model is not None:
-            self._ports_of_subtree(node, model, remaps, path)
+            self._check_subtree_ports(node, model, remappings, path)
             return
         used = self._entries.get(tree.id)
         if used is None:
-            used = self._entries[tree.id] = _entries_of(tree, self._models)
-        for attribute in remaps:
+            names = (_entries_of_node(part, self._models.get((False, part.id))) for part in tree.root.walk())
+            used = self._entries[tree.id] = frozenset(chain.from_iterable(names))
+        for attribute in remappings:
             if attribute.name not in used:
                 help_text = self._findings.help_for(attribute.name, used, "remove it, or use the entry in the tree")
                 message = f"the tree '{tree.id}' does not use the entry '{attribute.name}'"
                 self._findings.add("unused-remap", message, attribute.place, help=help_text, path=path)
 
-    def _ports_of_subtree(self, node: TreeNode, model: NodeModel, remaps: list[Attribute], path: str) -> None:
+    def _check_subtree_ports(self, node: TreeNode, model: NodeModel, remappings: list[Attribute], path: str) -> None:
         known = [port.name for port in model.ports]
-        present = {attribute.name: attribute for attribute in remaps}
-        for name, attribute in present.items():
+        attributes = {attribute.name: attribute for attribute in remappings}
+        for name, attribute in attributes.items():
             if name not in known:
                 help_text = self._findings.help_for(name, known, f"its ports are {', '.join(known) or 'none'}")
                 message = f"the tree '{model.id}' has no port '{name}'"
                 self._findings.add("unknown-port", message, attribute.place, help=help_text, path=path)
         remaps_all = any(attribute.name == AUTOREMAP and attribute.value in ("true", "1") for attribute in node.ports)
         for port in model.ports:
-            if port.name not in present and port.default is None and not remaps_all:
-                self._missing(node, port.name, path)
-            text = port.name in present and isinstance(given(port.name, present[port.name].value), str)
-            if text and port.direction is not Direction.IN:
-                self._declared(present[port.name], port.direction, port.type, path)
+            if port.name not in attributes and port.default is None and not remaps_all:
+                self._report_missing_port(node, port.name, path)
+            is_text = port.name in attributes and isinstance(
+                parse_port_value(port.name, attributes[port.name].value), str
+            )
+            if is_text and port.direction is not Direction.IN:
+                self._check_declared(attributes[port.name], port.direction, port.type, path)
 
     # Entries
 
-    def types(self, tree: BehaviorTree) -> None:
-        """Check that all ports of the robot's nodes that read or write an entry of a tree have the same type."""
+    def check_types(self, tree: BehaviorTree) -> None:
+        """Check that each entry of a tree has the same type in all ports of the robot's nodes that read or write it."""
         first: dict[str, tuple[str, Place]] = {}
         for node in tree.root.walk():
             model = self._models.get((False, node.id))
             for attribute in node.ports if model is not None else ():
                 port = model.port(attribute.name) if model is not None else None
-                setting = given(attribute.name, attribute.value)
-                if port is None or not isinstance(setting, EntryKey) or _any_type(port.type):
+                setting = parse_port_value(attribute.name, attribute.value)
+                if port is None or not isinstance(setting, EntryKey) or _accepts_any_value(port.type):
                     continue
                 type_, place = first.setdefault(setting.key, (str(port.type), attribute.place))
                 if _family(type_) != _family(str(port.type)):
@@ -375,28 +379,30 @@ class _Checker:
                     )
 
 
-_NUMBERS = frozenset(
+_NUMBER_TYPES = frozenset(
     {"int", "unsigned", "double", "float", "bool", "int64_t", "uint64_t", "unsigned int", "std::size_t"}
 )
-_INTEGERS = frozenset({"int", "unsigned", "int64_t", "uint64_t", "unsigned int", "std::size_t"})
-_ANY = frozenset({"", "BT::Any", "BT::AnyTypeAllowed", "AnyTypeAllowed", "std::string", "string"})
+_INTEGER_TYPES = frozenset({"int", "unsigned", "int64_t", "uint64_t", "unsigned int", "std::size_t"})
+_ANY_TYPES = frozenset({"", "BT::Any", "BT::AnyTypeAllowed", "AnyTypeAllowed", "std::string", "string"})
 
 
-def _any_type(type_: str | None) -> bool:
-    """Return whether a port accepts any value; a text can be read as any type."""
-    return type_ is None or type_ in _ANY
+def _accepts_any_value(type_: str | None) -> bool:
+    """Return whether a port accepts any value, as do ports for texts: a text can be read as any type."""
+    return type_ is None or type_ in _ANY_TYPES
 
 
 def _family(type_: str) -> str:
-    return "number" if type_ in _NUMBERS else type_
+    return "number" if type_ in _NUMBER_TYPES else type_
 
 
 def _is_value_of(type_: str | None, text: str) -> bool:
-    """Return whether a text is a value of a C++ type, if the type is known here."""
+    """Return whether a text is a value of a C++ type; true for types that are not known here."""
     if type_ == "bool":
-        return _holds(Holds.TRUTH, text)
-    if type_ in _INTEGERS:
-        return _holds(Holds.INTEGER, text) and not (str(type_).startswith("u") and text.strip().startswith("-"))
+        return _is_valid_content(PortContent.TRUTH, text)
+    if type_ in _INTEGER_TYPES:
+        return _is_valid_content(PortContent.INTEGER, text) and not (
+            str(type_).startswith("u") and text.strip().startswith("-")
+        )
     if type_ in ("double", "float"):
         try:
             float(text)
@@ -405,19 +411,19 @@ def _is_value_of(type_: str | None, text: str) -> bool:
     return True
 
 
-def _holds(holds: Holds, text: str) -> bool:
+def _is_valid_content(content: PortContent, text: str) -> bool:
     """Return whether a text is valid for a built-in port."""
-    match holds:
-        case Holds.INTEGER | Holds.MILLISECONDS:
-            digits = text.removeprefix("-") if holds is Holds.INTEGER else text
+    match content:
+        case PortContent.INTEGER | PortContent.MILLISECONDS:
+            digits = text.removeprefix("-") if content is PortContent.INTEGER else text
             return digits.isascii() and digits.isdigit() and len(digits) < 10
-        case Holds.TRUTH:
+        case PortContent.TRUTH:
             return text in ("true", "false", "1", "0")
-        case Holds.RESULT:
+        case PortContent.RESULT:
             return text in RESULTS
-        case Holds.ENTRY | Holds.KEY:
+        case PortContent.ENTRY | PortContent.KEY:
             return is_key(text)
-        case Holds.OUTPUT:
+        case PortContent.OUTPUT:
             return False
     return True
 
@@ -432,23 +438,23 @@ def _uses(tree: BehaviorTree, trees: Mapping[str, BehaviorTree]) -> dict[str, Tr
 
 
 def _leaves_first(needs: Needs) -> list[str]:
-    """Return names in an order in which each follows the names that it needs; there must be no cycle."""
-    done: dict[str, None] = {}
+    """Return all names, each of them after the names that it needs; there must be no cycle."""
+    ordered_names: dict[str, None] = {}
     pending = [(name, False) for name in reversed(list(needs))]
     while pending:
-        name, needs_done = pending.pop()
-        if name in done:
+        name, are_needs_ordered = pending.pop()
+        if name in ordered_names:
             continue
-        if needs_done:
-            done[name] = None
+        if are_needs_ordered:
+            ordered_names[name] = None
             continue
         pending.append((name, True))
-        pending.extend((other, False) for other in needs[name] if other not in done)
-    return list(done)
+        pending.extend((other, False) for other in needs[name] if other not in ordered_names)
+    return list(ordered_names)
 
 
 def _size(root: TreeNode, counts: Mapping[str, tuple[int, int]]) -> tuple[int, int]:
-    """Return the number of nodes and of levels of a tree with its subtrees."""
+    """Return the number of nodes and the number of levels in a tree with its subtrees."""
     nodes = levels = 0
     pending = [(root, 1)]
     while pending:
@@ -460,31 +466,27 @@ def _size(root: TreeNode, counts: Mapping[str, tuple[int, int]]) -> tuple[int, i
     return nodes, levels
 
 
-def _entries_of(tree: BehaviorTree, models: Mapping[tuple[bool, str], NodeModel]) -> frozenset[str]:
-    """Return the entries that a tree names."""
-    return frozenset(name for node in tree.root.walk() for name in _mentioned(node, models.get((False, node.id))))
-
-
-def _mentioned(node: TreeNode, model: NodeModel | None) -> Iterator[str]:
-    holds = {port.name: port.holds for port in BUILT_IN[node.id].ports} if node.id in BUILT_IN else {}
+def _entries_of_node(node: TreeNode, model: NodeModel | None) -> Iterator[str]:
+    """Yield the names of all entries that occur in a node."""
+    holds = {port.name: port.content for port in BUILT_IN[node.id].ports} if node.id in BUILT_IN else {}
     defaults = {port.name: port.default for port in model.ports if port.default is not None} if model else {}
     values = defaults | {attribute.name: attribute.value for attribute in node.ports}
     for name, value in values.items():
-        setting = given(name, value)
-        if holds.get(name) in (Holds.CONDITION, Holds.SCRIPT):
-            yield from _names(value, is_condition=holds[name] is Holds.CONDITION)
+        setting = parse_port_value(name, value)
+        if holds.get(name) in (PortContent.CONDITION, PortContent.SCRIPT):
+            yield from _entries_in_script(value, is_condition=holds[name] is PortContent.CONDITION)
         elif isinstance(setting, EntryKey):
             yield setting.key
-        elif holds.get(name) in (Holds.KEY, Holds.ENTRY):
+        elif holds.get(name) in (PortContent.KEY, PortContent.ENTRY):
             yield value
     for attribute in node.conditions:
-        yield from _names(attribute.value, is_condition=attribute.name in BEFORE)
+        yield from _entries_in_script(attribute.value, is_condition=attribute.name in PRECONDITIONS)
 
 
-def _names(text: str, *, is_condition: bool) -> Iterator[str]:
+def _entries_in_script(text: str, *, is_condition: bool) -> Iterator[str]:
     if is_condition:
-        asked = parse_condition(text)
-        yield from () if isinstance(asked, ScriptProblem) else (name.name for name in names_in(asked))
+        condition = parse_condition(text)
+        yield from () if isinstance(condition, ScriptProblem) else (name.name for name in names_in(condition))
         return
     statements = parse_script(text)
     for statement in () if isinstance(statements, ScriptProblem) else statements:

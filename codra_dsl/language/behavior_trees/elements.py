@@ -1,6 +1,7 @@
-"""XML text -> elements with places. Reading stops at the first XML error, and entities are never expanded.
+"""Read XML: text -> elements with places.
 
-A document type is refused before it is read, so that a file cannot declare entities.
+Reading stops at the first XML error. No entity of a file is ever expanded: a document type, which could declare
+entities, is refused before it is read.
 """
 
 from __future__ import annotations
@@ -23,8 +24,8 @@ MAX_ELEMENTS = 10_000
 MAX_ATTRIBUTES = 64
 MAX_VALUE = 4000
 
-WITH_TEXT = frozenset({"input_port", "output_port", "inout_port"})
-"""Elements whose text is kept: it describes a port."""
+TAGS_WITH_TEXT = frozenset({"input_port", "output_port", "inout_port"})
+"""The tags of elements whose text is kept, since it describes a port."""
 
 _ATTRIBUTE = re.compile(r"""\s([^\s=/>"']+)\s*=\s*(?:"([^"]*)"|'([^']*)')""")
 
@@ -36,7 +37,7 @@ class Element:
     Attributes:
         comments: the comments before it.
         last_comments: the comments after its last child.
-        text: its text, if that has a meaning (`WITH_TEXT`).
+        text: its text, for the elements in `TAGS_WITH_TEXT`.
     """
 
     tag: str
@@ -57,14 +58,14 @@ class _RefusedError(Exception):
 
 
 def elements(source: Source, findings: TreeFindings) -> Element | None:
-    """Return the root of a text, or None if it is not accepted XML."""
+    """Return the root element of a text, or None after a finding if its XML cannot be accepted."""
     data = source.text.encode("utf-8")
     if len(data) > MAX_BYTES:
         findings.add(
             "tree-file-too-large",
             f"'{source.file}' has more than {MAX_BYTES // 1024 // 1024} MiB",
             source.place(0, 0),
-            help="split it, and include the parts",
+            help="split the file, and include the parts",
         )
         return None
     reader = _Reader(source, data, findings)
@@ -79,13 +80,13 @@ def elements(source: Source, findings: TreeFindings) -> Element | None:
             "xml-syntax",
             f"invalid XML: {reason}",
             source.place(min(offset, len(source.text)), min(offset + 1, len(source.text))),
-            help=_HELP.get(error.code, "correct it; an XML editor shows matching tags"),
+            help=_HELP_TEXTS.get(error.code, "correct it; an XML editor shows matching tags"),
         )
         return None
     return reader.root
 
 
-_HELP = {
+_HELP_TEXTS = {
     expat.errors.codes[expat.errors.XML_ERROR_TAG_MISMATCH]: "close the element that was opened last",
     expat.errors.codes[expat.errors.XML_ERROR_NO_ELEMENTS]: 'begin with <root BTCPP_format="4">',
     expat.errors.codes[expat.errors.XML_ERROR_DUPLICATE_ATTRIBUTE]: "remove one of the two",
@@ -102,10 +103,10 @@ class _Reader:
         self._source = source
         self._data = data
         self._findings = findings
-        self._open: list[Element] = []
+        self._open_elements: list[Element] = []
         self._comments: list[str] = []
         self._count = 0
-        self._known = (0, 0)
+        self._last_position = (0, 0)
         self._parser = expat.ParserCreate("utf-8")
 
     def read(self) -> None:
@@ -114,13 +115,13 @@ class _Reader:
         parser.ordered_attributes = True
         parser.buffer_text = True
         handlers: dict[str, Callable[..., object]] = {
-            "StartElementHandler": self._start,
-            "EndElementHandler": self._end,
+            "StartElementHandler": self._start_element,
+            "EndElementHandler": self._end_element,
             "CommentHandler": lambda text: self._comments.append(text.strip()),
-            "CharacterDataHandler": self._text,
-            "ProcessingInstructionHandler": self._instruction,
-            "StartDoctypeDeclHandler": self._doctype,
-            "XmlDeclHandler": self._declaration,
+            "CharacterDataHandler": self._add_text,
+            "ProcessingInstructionHandler": self._report_instruction,
+            "StartDoctypeDeclHandler": self._refuse_doctype,
+            "XmlDeclHandler": self._check_declaration,
         }
         for name, handler in handlers.items():
             setattr(parser, name, handler)
@@ -129,32 +130,37 @@ class _Reader:
             self.root.last_comments += tuple(self._comments)
 
     def _offset(self) -> int:
-        """Return the position of expat, in code points; it only increases."""
-        byte, offset = self._known
+        """Return the position of expat in the text, in code points. The position only increases."""
+        byte, offset = self._last_position
         now = self._parser.CurrentByteIndex
         if now < byte:
             byte = offset = 0
         offset += len(self._data[byte:now].decode("utf-8", "replace"))
-        self._known = now, offset
+        self._last_position = now, offset
         return offset
 
-    def _start(self, tag: str, pairs: list[str]) -> None:
+    def _start_element(self, tag: str, pairs: list[str]) -> None:
         start = self._offset()
         self._count += 1
         place = self._source.place(start, start + 1 + len(tag))
-        self._limit(len(self._open) < MAX_DEPTH, "tree-too-deep", f"more than {MAX_DEPTH} elements deep", place)
+        self._limit(
+            len(self._open_elements) < MAX_DEPTH, "tree-too-deep", f"more than {MAX_DEPTH} elements deep", place
+        )
         self._limit(self._count <= MAX_ELEMENTS, "too-many-tree-nodes", f"more than {MAX_ELEMENTS:,} elements", place)
         self._limit(len(pairs) <= 2 * MAX_ATTRIBUTES, "too-many-tree-nodes", f"over {MAX_ATTRIBUTES} attributes", place)
         element = Element(tag=tag, attributes=self._attributes(start, tag, pairs), place=place)
         element.comments, self._comments = tuple(self._comments), []
-        if self._open:
-            self._open[-1].children.append(element)
+        if self._open_elements:
+            self._open_elements[-1].children.append(element)
         else:
             self.root = element
-        self._open.append(element)
+        self._open_elements.append(element)
 
     def _attributes(self, start: int, tag: str, pairs: list[str]) -> tuple[Attribute, ...]:
-        """Return attributes with their places. Expat has accepted the tag, so a pattern is enough to locate them."""
+        """Return attributes with their places.
+
+        Expat has accepted the tag, so a pattern is enough to find each attribute.
+        """
         attributes: list[Attribute] = []
         position = start + 1 + len(tag)
         for name, value in zip(pairs[::2], pairs[1::2], strict=True):
@@ -184,13 +190,13 @@ class _Reader:
             self._findings.add(rule, f"{excess}: too large for a tree", place, help="split it into subtrees")
             raise _RefusedError
 
-    def _end(self, _: str) -> None:
-        element = self._open.pop()
+    def _end_element(self, _: str) -> None:
+        element = self._open_elements.pop()
         element.last_comments, self._comments = tuple(self._comments), []
 
-    def _text(self, text: str) -> None:
-        if self._open and self._open[-1].tag in WITH_TEXT:
-            element = self._open[-1]
+    def _add_text(self, text: str) -> None:
+        if self._open_elements and self._open_elements[-1].tag in TAGS_WITH_TEXT:
+            element = self._open_elements[-1]
             element.text += text
             self._limit(
                 len(element.text) <= MAX_VALUE,
@@ -207,12 +213,12 @@ class _Reader:
                 help="remove it, or make it a comment: <!-- ... -->",
             )
 
-    def _instruction(self, target: str, _: str) -> None:
+    def _report_instruction(self, target: str, _: str) -> None:
         start = self._offset()
         place = self._source.place(start, start + 2 + len(target))
         self._findings.add("xml-not-kept", f"<?{target} ...?> has no meaning in a tree", place, help="remove it")
 
-    def _doctype(self, *_: object) -> None:
+    def _refuse_doctype(self, *_: object) -> None:
         start = self._offset()
         self._findings.add(
             "xml-doctype",
@@ -222,7 +228,7 @@ class _Reader:
         )
         raise _RefusedError
 
-    def _declaration(self, _: str, encoding: str | None, __: int) -> None:
+    def _check_declaration(self, _: str, encoding: str | None, __: int) -> None:
         if encoding is not None and encoding.lower() not in ("utf-8", "utf8", "us-ascii"):
             self._findings.add(
                 "xml-encoding",

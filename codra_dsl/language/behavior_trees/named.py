@@ -1,7 +1,7 @@
 """Read and check the trees that a spec names.
 
-This happens between `load` and `check`, so that neither of them depends on the format of tree files. Findings are
-reported at the lines of these files.
+This happens between the stages `load` and `check`, so that neither of them depends on the format of tree files. The
+places of findings are lines of these files.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from codra_dsl.language.diagnostics import Diagnostic
 from codra_dsl.language.model import Spec
 
 Read = tuple[CheckedForest | None, tuple[Diagnostic, ...]]
-"""The trees of a file, None if an error prevents their compilation, and the findings about it."""
+"""The trees of a file, or None if an error prevents their compilation; and the findings about the file."""
 
 
 UNREAD: Read = (None, ())
@@ -26,35 +26,37 @@ UNREAD: Read = (None, ())
 
 
 def read_trees(spec: Spec, root: Path) -> Mapping[str, Read]:
-    """Return the result of reading each tree of a spec, by name; each file is read once.
+    """Return the result of reading the file of each tree in a spec. The key is the name of the tree.
+
+    Each file is read once, and only the first tree that names a file has the findings about it.
 
     Args:
-        spec: the loaded spec.
-        root: of the project: findings name files relative to it, and files outside of it are not read.
+        spec: the spec as it was loaded.
+        root: the folder of the project. Paths in findings are relative to it, and files outside of it are not read.
     """
-    by_file: dict[Path, Read] = {}
+    results_by_file: dict[Path, Read] = {}
     results: dict[str, Read] = {}
     for tree in spec.trees:
-        holder = root / tree.file.place.span.file
-        path = Path(os.path.normpath(holder.parent / tree.file.name)) if tree.file.name else root
-        inside = Path(os.path.realpath(path)).is_relative_to(os.path.realpath(root))
-        if not tree.file.name or not inside or not os.path.isfile(path):  # noqa: PTH113 - it never raises
+        spec_file = root / tree.file.place.span.file
+        path = Path(os.path.normpath(spec_file.parent / tree.file.name)) if tree.file.name else root
+        is_inside = Path(os.path.realpath(path)).is_relative_to(os.path.realpath(root))
+        if not tree.file.name or not is_inside or not os.path.isfile(path):  # noqa: PTH113 - it never raises
             findings = TreeFindings()
             message = (
-                f"there is no file '{tree.file.name}'" if inside else f"'{tree.file.name}' is outside of the project"
+                f"there is no file '{tree.file.name}'" if is_inside else f"'{tree.file.name}' is outside of the project"
             )
             help_text = "name a file of the project, by a path relative to this one"
             findings.add("tree-include", message, tree.file.place, help=help_text, path=f"trees.{tree.name}.file")
             results[tree.name] = None, findings.all() if tree.file.name else ()
-        elif path in by_file:
-            results[tree.name] = by_file[path][0], ()
+        elif path in results_by_file:
+            results[tree.name] = results_by_file[path][0], ()
         else:
-            results[tree.name] = by_file[path] = _read(path, root)
+            results[tree.name] = results_by_file[path] = _read(path, root)
     return results
 
 
 def files_read(spec: Spec, trees: Mapping[str, Read]) -> Iterator[str]:
-    """Yield the files of the trees of a spec, including those that do not exist."""
+    """Yield the files from which trees of a spec were read, and the files that it names, even if they do not exist."""
     for tree in spec.trees:
         forest, _ = trees.get(tree.name, UNREAD)
         path = os.path.normpath(PurePosixPath(tree.file.place.span.file).parent / tree.file.name)

@@ -1,4 +1,4 @@
-"""The value of a port: a text, or an entry in braces."""
+"""Read the value of a port: a text, or an entry in braces."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class EntryKey:
 _NOT_IN_NAMES = re.compile(r"""[\s<>&"'/\\:*?|.\x00-\x1f\x7f]""")
 
 
-def refused_in_name(name: str) -> str | None:
+def first_refused_letter(name: str) -> str | None:
     """Return the first letter that BehaviorTree.CPP refuses in the name of a tree, a node or a port, or None."""
     letter = _NOT_IN_NAMES.search(name)
     return None if letter is None else letter[0]
@@ -30,8 +30,8 @@ def is_key(text: str) -> bool:
     return _KEY.fullmatch(text) is not None
 
 
-def given(port: str, value: str) -> EntryKey | str | None:
-    """Return the entry or the text that a port is given; None for invalid braces. `{=}` means the port's own name."""
+def parse_port_value(port: str, value: str) -> EntryKey | str | None:
+    """Return the entry or text that a port gets, or None for invalid braces. `{=}` is the entry named as the port."""
     inside = value.strip(" ")
     if inside in _SAME:
         return EntryKey(port)

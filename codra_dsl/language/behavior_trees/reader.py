@@ -1,4 +1,4 @@
-"""Files -> tree values: the shape of a BehaviorTree.CPP file and of the files that it includes."""
+"""Read a file of BehaviorTree.CPP and the files that it includes: elements -> tree values. Their shape is checked."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import os
 from collections.abc import Iterable
 from pathlib import Path
 
-from codra_dsl.language.behavior_trees.catalogue import AFTER, BEFORE
+from codra_dsl.language.behavior_trees.catalogue import POST_SCRIPTS, PRECONDITIONS
 from codra_dsl.language.behavior_trees.elements import MAX_ATTRIBUTES, Element, elements
 from codra_dsl.language.behavior_trees.rules import TreeFindings
 from codra_dsl.language.behavior_trees.values import (
@@ -31,72 +31,74 @@ FORMAT = "4"
 MAX_FILES = 100
 _MODELS = "TreeNodesModel"
 _EXPLICIT = frozenset(kind.value for kind in NodeKind)
-_CONDITIONS = frozenset({*BEFORE, *AFTER})
+_CONDITIONS = frozenset({*PRECONDITIONS, *POST_SCRIPTS})
 
 
 def read(path: Path, root: Path) -> tuple[Forest | None, tuple[Diagnostic, ...]]:
-    """Return the trees of a file and its includes, and the findings; the trees are None if a file cannot be read.
+    """Return the trees of a file and of the files that it includes, or None if one cannot be read; and the findings.
 
     Args:
-        path: of the file.
-        root: of the project: files outside of it are not included, and places are relative to it.
+        path: the path of the file.
+        root: the folder of the project: files outside of it are not included, and places are relative to it.
     """
     findings = TreeFindings()
     files: dict[Path, TreeFile | None] = {}
     pending: list[tuple[Path, Place | None]] = [(path, None)]
     while pending:
-        next_path, wanted_at = pending.pop(0)
-        where = Path(os.path.realpath(next_path))
-        if where in files:
+        current_path, included_at = pending.pop(0)
+        real_path = Path(os.path.realpath(current_path))
+        if real_path in files:
             continue
-        if len(files) == MAX_FILES and wanted_at is not None:
-            findings.add("tree-include", f"more than {MAX_FILES} files", wanted_at, help="include fewer")
+        if len(files) == MAX_FILES and included_at is not None:
+            findings.add("tree-include", f"more than {MAX_FILES} files", included_at, help="include fewer")
             break
-        files[where] = file = _file(next_path, root, findings)
-        pending += [] if file is None else _wanted(file, next_path, root, findings)
-    complete = [file for file in files.values() if file is not None]
-    return (Forest(files=tuple(complete)) if len(complete) == len(files) else None), findings.all()
+        files[real_path] = file = _read_file(current_path, root, findings)
+        pending += [] if file is None else _included_files(file, current_path, root, findings)
+    readable_files = [file for file in files.values() if file is not None]
+    return (Forest(files=tuple(readable_files)) if len(readable_files) == len(files) else None), findings.all()
 
 
 def read_text(data: bytes, file: str) -> tuple[TreeFile | None, tuple[Diagnostic, ...]]:
-    """Return the trees in the bytes of one file, without its includes, and the findings."""
+    """Return the trees in the bytes of one file, without the files that it includes; and the findings."""
     findings, unreadable = TreeFindings(), Findings()
     source = decode(data, file, unreadable)
     findings.extend(unreadable.all())
-    return (None if source is None else _of_source(source, findings)), findings.all()
+    return (None if source is None else _read_source(source, findings)), findings.all()
 
 
-def _file(path: Path, root: Path, findings: TreeFindings) -> TreeFile | None:
+def _read_file(path: Path, root: Path, findings: TreeFindings) -> TreeFile | None:
     unreadable = Findings()
     source = read_source(path, relative(path, root), unreadable)
     findings.extend(unreadable.all())
-    return None if source is None else _of_source(source, findings)
+    return None if source is None else _read_source(source, findings)
 
 
-def _wanted(file: TreeFile, path: Path, root: Path, findings: TreeFindings) -> Iterable[tuple[Path, Place | None]]:
+def _included_files(
+    file: TreeFile, path: Path, root: Path, findings: TreeFindings
+) -> Iterable[tuple[Path, Place | None]]:
     """Yield the files that a file includes, if they are in the project."""
     for include in file.includes:
-        wanted = path.parent / include.path
-        inside = Path(os.path.realpath(wanted)).is_relative_to(os.path.realpath(root))
-        if Path(include.path).is_absolute() or not inside:
+        included_path = path.parent / include.path
+        is_inside = Path(os.path.realpath(included_path)).is_relative_to(os.path.realpath(root))
+        if Path(include.path).is_absolute() or not is_inside:
             findings.add(
                 "tree-include",
                 f"'{include.path}' is outside of the project",
                 include.place,
                 help="include files of the project, by a path relative to this file",
             )
-        elif not os.path.isfile(wanted):  # noqa: PTH113 - it never raises
+        elif not os.path.isfile(included_path):  # noqa: PTH113 - it never raises
             findings.add("tree-include", f"there is no file '{include.path}'", include.place, help="correct the path")
         else:
-            yield wanted, include.place
+            yield included_path, include.place
 
 
-def _of_source(source: Source, findings: TreeFindings) -> TreeFile | None:
+def _read_source(source: Source, findings: TreeFindings) -> TreeFile | None:
     root = elements(source, findings)
-    return None if root is None else _Shape(source.file, findings).file(root)
+    return None if root is None else _FileBuilder(source.file, findings).file(root)
 
 
-class _Shape:
+class _FileBuilder:
     """Converts the elements of one file to values."""
 
     def __init__(self, file: str, findings: TreeFindings) -> None:
@@ -104,7 +106,7 @@ class _Shape:
         self._findings = findings
 
     def file(self, root: Element) -> TreeFile | None:
-        """Return the file, or None if it is not a file of trees."""
+        """Return the file as a value, or None if it is not a file of trees."""
         version = root.get("BTCPP_format")
         if root.tag != "root" or version is None or version.value != FORMAT:
             place = root.place if version is None else version.place
@@ -121,7 +123,7 @@ class _Shape:
         known = ("BehaviorTree", _MODELS, "include")
         for tag, child in children:
             if tag not in known:
-                self._misplaced(child, "<root>", known)
+                self._report_misplaced(child, "<root>", known)
         trees = (self._tree(child) for tag, child in children if tag == "BehaviorTree")
         models = (model for tag, child in children if tag == _MODELS for model in self._models(child))
         includes = (self._include(child) for tag, child in children if tag == "include")
@@ -132,7 +134,7 @@ class _Shape:
             includes=tuple(include for include in includes if include is not None),
             trees=tuple(tree for tree in trees if tree is not None),
             models=tuple(models),
-            extras=_others(root, "BTCPP_format", "main_tree_to_execute"),
+            extras=_other_attributes(root, "BTCPP_format", "main_tree_to_execute"),
             last_comments=(*root.comments, *comments, *root.last_comments),
             place=root.place,
             main_place=root.place if main is None else main.place,
@@ -148,11 +150,11 @@ class _Shape:
                 help="copy the file into the project, and include it by its path",
             )
             return None
-        path = self._needed(element, "path")
+        path = self._required(element, "path")
         return None if path is None else Include(path=path.value, place=path.place)
 
     def _tree(self, element: Element) -> BehaviorTree | None:
-        name = self._needed(element, "ID")
+        name = self._required(element, "ID")
         if len(element.children) != 1:
             self._findings.add(
                 "wrong-children",
@@ -166,7 +168,7 @@ class _Shape:
         return BehaviorTree(
             id=name.value,
             root=roots[0],
-            extras=_others(element, "ID"),
+            extras=_other_attributes(element, "ID"),
             comments=element.comments,
             last_comments=element.last_comments,
             place=name.value_place,
@@ -174,33 +176,33 @@ class _Shape:
 
     def _node(self, element: Element) -> TreeNode | None:
         """Return a node with all nodes below it, or None if its id is missing."""
-        explicit = element.tag in _EXPLICIT
-        kind = NodeKind(element.tag) if explicit else None
-        named = self._needed(element, "ID") if explicit else None
+        is_explicit = element.tag in _EXPLICIT
+        kind = NodeKind(element.tag) if is_explicit else None
+        id_attribute = self._required(element, "ID") if is_explicit else None
         children = [self._node(child) for child in element.children]
-        if explicit and named is None:
+        if is_explicit and id_attribute is None:
             return None
         is_subtree = kind is NodeKind.SUBTREE
-        others = [
+        other_attributes = [
             attribute
             for attribute in element.attributes
-            if attribute.name not in (("ID", "name") if explicit else ("name",))
+            if attribute.name not in (("ID", "name") if is_explicit else ("name",))
         ]
         name = element.get("name")
         return TreeNode(
-            id="SubTree" if is_subtree else element.tag if named is None else named.value,
+            id="SubTree" if is_subtree else element.tag if id_attribute is None else id_attribute.value,
             kind=None if is_subtree else kind,
-            subtree=named.value if is_subtree and named is not None else None,
+            subtree=id_attribute.value if is_subtree and id_attribute is not None else None,
             name=None if name is None else name.value,
             ports=tuple(
                 attribute
-                for attribute in others
+                for attribute in other_attributes
                 if not attribute.name.startswith("_") or attribute.name == "_autoremap"
             ),
-            conditions=tuple(attribute for attribute in others if attribute.name in _CONDITIONS),
+            conditions=tuple(attribute for attribute in other_attributes if attribute.name in _CONDITIONS),
             extras=tuple(
                 attribute
-                for attribute in others
+                for attribute in other_attributes
                 if attribute.name.startswith("_")
                 and attribute.name not in _CONDITIONS
                 and attribute.name != "_autoremap"
@@ -214,10 +216,14 @@ class _Shape:
     def _models(self, element: Element) -> Iterable[NodeModel]:
         for child in element.children:
             if child.tag not in _EXPLICIT:
-                self._misplaced(child, f"<{_MODELS}>", sorted(_EXPLICIT))
+                self._report_misplaced(child, f"<{_MODELS}>", sorted(_EXPLICIT))
                 continue
-            name = self._needed(child, "ID")
-            ports = [port for inner in child.children[:MAX_ATTRIBUTES] if (port := self._port(inner)) is not None]
+            name = self._required(child, "ID")
+            ports = [
+                port
+                for port_element in child.children[:MAX_ATTRIBUTES]
+                if (port := self._port(port_element)) is not None
+            ]
             if len(child.children) > MAX_ATTRIBUTES:
                 message = f"over {MAX_ATTRIBUTES} ports: a node cannot have so many attributes"
                 self._findings.add("too-many-tree-nodes", message, child.place, help="split it into several nodes")
@@ -226,7 +232,7 @@ class _Shape:
                     kind=NodeKind(child.tag),
                     id=name.value,
                     ports=tuple(ports),
-                    extras=_others(child, "ID"),
+                    extras=_other_attributes(child, "ID"),
                     place=name.value_place,
                 )
 
@@ -237,9 +243,9 @@ class _Shape:
             )
             return None
         if element.tag not in set(Direction):
-            self._misplaced(element, "the model of a node", list(Direction))
+            self._report_misplaced(element, "the model of a node", list(Direction))
             return None
-        name = self._needed(element, "name")
+        name = self._required(element, "name")
         if name is None:
             return None
         values = {attribute.name: attribute.value for attribute in element.attributes}
@@ -252,7 +258,7 @@ class _Shape:
             place=name.value_place,
         )
 
-    def _needed(self, element: Element, name: str) -> Attribute | None:
+    def _required(self, element: Element, name: str) -> Attribute | None:
         attribute = element.get(name)
         if attribute is not None and attribute.value:
             return attribute
@@ -264,21 +270,21 @@ class _Shape:
         )
         return None
 
-    def _misplaced(self, element: Element, where: str, allowed: Iterable[str]) -> None:
+    def _report_misplaced(self, element: Element, parent: str, allowed: Iterable[str]) -> None:
         listed = ", ".join(f"<{tag}>" for tag in allowed)
-        help_text = self._findings.help_for(element.tag, allowed, f"{where} may contain {listed}")
+        help_text = self._findings.help_for(element.tag, allowed, f"{parent} may contain {listed}")
         self._findings.add(
-            "misplaced-element", f"<{element.tag}> is not allowed in {where}", element.place, help=help_text
+            "misplaced-element", f"<{element.tag}> is not allowed in {parent}", element.place, help=help_text
         )
 
 
 def _all_comments(element: Element) -> Iterable[str]:
-    """Yield the comments of an element that does not keep them, and of all elements inside it."""
+    """Yield the comments of an element, whose value has no field for them, and of all elements inside it."""
     yield from element.comments
     for child in element.children:
         yield from _all_comments(child)
     yield from element.last_comments
 
 
-def _others(element: Element, *known: str) -> tuple[Attribute, ...]:
+def _other_attributes(element: Element, *known: str) -> tuple[Attribute, ...]:
     return tuple(attribute for attribute in element.attributes if attribute.name not in known)

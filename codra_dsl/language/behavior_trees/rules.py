@@ -44,7 +44,7 @@ RULES = rules(
 )
 
 MAX_SUGGESTIONS = 200
-"""The maximum number of searches for similar names: they cost time, which a hostile file must not multiply."""
+"""The maximum number of searches for similar names. Each search costs time, and a hostile file could cause many."""
 
 
 class TreeFindings:

@@ -1,7 +1,8 @@
-"""Scripts of BehaviorTree.CPP -> syntax trees of the condition language, with assignments around them.
+"""Parse scripts of BehaviorTree.CPP: text -> syntax trees of the condition language, and assignments with such trees.
 
-From loosest to tightest: `a ? b : c`, `||` or `&&`, comparisons, `+ -`, `* /`, then `! -`. Comparisons form chains.
-Operations that the condition language does not have, such as those on bits, are refused with their place.
+The operators, from loosest to tightest binding: `a ? b : c`, `||` or `&&`, comparisons, `+ -`, `* /`, then `! -`.
+Comparisons form chains. Operations that the condition language does not have, such as those on bits, are refused with
+their place.
 """
 
 from __future__ import annotations
@@ -41,15 +42,15 @@ _TOKEN = re.compile(
     re.VERBOSE,
 )
 _ASSIGNMENTS = frozenset({":=", "=", "+=", "-=", "*=", "/="})
-_JOINING = frozenset({"&&", "||"})
+_LOGICAL_OPERATORS = frozenset({"&&", "||"})
 _COMPARISONS = frozenset(Comparison)
-_BITS = frozenset({"&", "|", "^", "~"})
+_BIT_OPERATORS = frozenset({"&", "|", "^", "~"})
 _MAX_NUMBER_LETTERS = 40
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Statement:
-    """`entry := value`; or `entry = value` if `creates` is false."""
+    """`entry := value`, which also creates the entry; or `entry = value` if `creates` is false."""
 
     entry: str
     value: Node
@@ -67,7 +68,7 @@ class ScriptProblem:
     end: int
 
 
-class _SlipError(Exception):
+class _ScriptError(Exception):
     def __init__(self, problem: ScriptProblem) -> None:
         super().__init__(problem.message)
         self.problem = problem
@@ -82,19 +83,19 @@ class _Token:
 
 
 def parse_condition(text: str) -> Node | ScriptProblem:
-    """Return a script that is a condition, or its problem. Never raises."""
+    """Return the syntax tree of a script that is a condition, or its problem. This function never raises."""
     try:
         return _Parser(_tokens(text)).condition()
-    except _SlipError as slip:
-        return slip.problem
+    except _ScriptError as error:
+        return error.problem
 
 
 def parse_script(text: str) -> tuple[Statement, ...] | ScriptProblem:
-    """Return a script that writes entries, or its problem. Never raises."""
+    """Return the statements of a script that writes entries, or its problem. This function never raises."""
     try:
         return _Parser(_tokens(text)).statements()
-    except _SlipError as slip:
-        return slip.problem
+    except _ScriptError as error:
+        return error.problem
 
 
 def _tokens(text: str) -> list[_Token]:
@@ -104,7 +105,7 @@ def _tokens(text: str) -> list[_Token]:
         match = _TOKEN.match(text, position)
         if match is None:
             help_text = "put texts between '...'" if text[position] in "\"'" else "remove it"
-            raise _slip(f"unexpected {text[position]!r} in a script", position, position + 1, help_text)
+            raise _script_error(f"unexpected {text[position]!r} in a script", position, position + 1, help_text)
         kind = str(match.lastgroup)
         if kind != "blank":
             tokens.append(_Token(kind, match[0], position, match.end()))
@@ -113,8 +114,8 @@ def _tokens(text: str) -> list[_Token]:
     return tokens
 
 
-def _slip(message: str, start: int, end: int, help_text: str, rule: str = "script-syntax") -> _SlipError:
-    return _SlipError(ScriptProblem(rule, message, help_text, start, end))
+def _script_error(message: str, start: int, end: int, help_text: str, rule: str = "script-syntax") -> _ScriptError:
+    return _ScriptError(ScriptProblem(rule, message, help_text, start, end))
 
 
 class _Parser:
@@ -130,7 +131,7 @@ class _Parser:
         node = self._choice()
         token = self._next
         if token.text in _ASSIGNMENTS:
-            raise _slip(
+            raise _script_error(
                 "a condition cannot assign",
                 token.start,
                 token.end,
@@ -148,13 +149,13 @@ class _Parser:
             statements.append(self._statement())
             if len(statements) > MAX_STATEMENTS:
                 help_text = "make it an action of the robot"
-                raise _slip(f"more than {MAX_STATEMENTS} statements", 0, 1, help_text, "script-unsupported")
+                raise _script_error(f"more than {MAX_STATEMENTS} statements", 0, 1, help_text, "script-unsupported")
             if self._next.text == ";":
                 self._take()
             elif self._next.kind != "end":
                 raise self._unexpected()
         if not statements:
-            raise _slip("the script is empty", 0, self._next.end, "write a statement such as done := true")
+            raise _script_error("the script is empty", 0, self._next.end, "write a statement such as done := true")
         return tuple(statements)
 
     @property
@@ -170,7 +171,7 @@ class _Parser:
         first = self._take()
         sign = self._take()
         if first.kind != "name" or first.text in ("true", "false") or sign.text not in _ASSIGNMENTS:
-            raise _slip(
+            raise _script_error(
                 "a statement assigns to an entry",
                 first.start,
                 max(first.end, first.start + 1),
@@ -187,8 +188,8 @@ class _Parser:
         self._depth += 1
         if self._depth > MAX_DEPTH:
             at = self._next
-            raise _slip("the script is nested too deeply", at.start, at.end, "split it", "script-unsupported")
-        condition = self._series()
+            raise _script_error("the script is nested too deeply", at.start, at.end, "split it", "script-unsupported")
+        condition = self._logical()
         if self._next.text == "?":
             self._take()
             then = self._choice()
@@ -200,16 +201,19 @@ class _Parser:
         self._depth -= 1
         return condition
 
-    def _series(self) -> Node:
-        """Read operands joined by `&&` or by `||`, not mixed: the library evaluates both from left to right."""
+    def _logical(self) -> Node:
+        """Read operands joined by `&&` or by `||`.
+
+        The two cannot be mixed: the library evaluates both from left to right.
+        """
         operands = [self._comparison()]
         sign = self._next.text
-        while self._next.text in _JOINING:
-            joined = self._next
-            if joined.text != sign:
-                message = "'&&' and '||' side by side are read from left to right, not as in C"
+        while self._next.text in _LOGICAL_OPERATORS:
+            token = self._next
+            if token.text != sign:
+                message = "'&&' and '||' side by side are evaluated from left to right, not as in C"
                 help_text = "group them with parentheses"
-                raise _slip(message, joined.start, joined.end, help_text, "script-unsupported")
+                raise _script_error(message, token.start, token.end, help_text, "script-unsupported")
             self._take()
             operands.append(self._comparison())
         if len(operands) == 1:
@@ -218,14 +222,16 @@ class _Parser:
         return kind(start=operands[0].start, end=operands[-1].end, operands=tuple(operands))
 
     def _comparison(self) -> Node:
-        first = self._left(("+", "-"), lambda: self._left(("*", "/"), self._signed))
+        first = self._left_associative(("+", "-"), lambda: self._left_associative(("*", "/"), self._unary))
         rest: list[tuple[Comparison, Node]] = []
         while self._next.text in _COMPARISONS:
             operator = Comparison(self._take().text)
-            rest.append((operator, self._left(("+", "-"), lambda: self._left(("*", "/"), self._signed))))
+            rest.append(
+                (operator, self._left_associative(("+", "-"), lambda: self._left_associative(("*", "/"), self._unary)))
+            )
         return Compare(start=first.start, end=rest[-1][1].end, first=first, rest=tuple(rest)) if rest else first
 
-    def _left(self, signs: Iterable[str], operand: Callable[[], Node]) -> Node:
+    def _left_associative(self, signs: Iterable[str], operand: Callable[[], Node]) -> Node:
         left = operand()
         count = 0
         while self._next.text in signs:
@@ -234,16 +240,16 @@ class _Parser:
             left = Arithmetic(start=left.start, end=right.end, operator=operator, left=left, right=right)
             count += 1
             if count > MAX_DEPTH:
-                raise _slip("the script is too long", left.start, left.end, "split it", "script-unsupported")
+                raise _script_error("the script is too long", left.start, left.end, "split it", "script-unsupported")
         return left
 
-    def _signed(self) -> Node:
+    def _unary(self) -> Node:
         """Read signs and their operand."""
         signs: list[_Token] = []
         while self._next.text in ("!", "-"):
             signs.append(self._take())
         if len(signs) > MAX_DEPTH:
-            raise _slip("the script is nested too deeply", signs[0].start, signs[0].end, "remove signs")
+            raise _script_error("the script is nested too deeply", signs[0].start, signs[0].end, "remove signs")
         node = self._operand()
         for sign in reversed(signs):
             kind = Not if sign.text == "!" else Negative
@@ -273,26 +279,28 @@ class _Parser:
             raise self._unexpected()
         self._take()
 
-    def _unexpected(self) -> _SlipError:
+    def _unexpected(self) -> _ScriptError:
         token = self._next
         if token.kind == "end":
-            return _slip("the script ends too early", max(token.start - 1, 0), token.end, "complete it")
-        if token.text in _BITS:
+            return _script_error("the script ends too early", max(token.start - 1, 0), token.end, "complete it")
+        if token.text in _BIT_OPERATORS:
             help_text = "use &&, || and !, or compute it in an action of the robot"
             message = f"'{token.text}' works on bits, which conditions do not support"
-            return _slip(message, token.start, token.end, help_text, "script-unsupported")
+            return _script_error(message, token.start, token.end, help_text, "script-unsupported")
         if token.text == "..":
-            return _slip("'..' joins texts", token.start, token.end, "write '+'", "script-unsupported")
-        return _slip(f"unexpected {token.text!r}", token.start, token.end, "remove it, or add an operator")
+            return _script_error("'..' joins texts", token.start, token.end, "write '+'", "script-unsupported")
+        return _script_error(f"unexpected {token.text!r}", token.start, token.end, "remove it, or add an operator")
 
 
 def _number(token: _Token) -> int | float:
     text = token.text
     if len(text) > _MAX_NUMBER_LETTERS:
-        raise _slip("the number is too long", token.start, token.end, "shorten it", "script-unsupported")
+        raise _script_error("the number is too long", token.start, token.end, "shorten it", "script-unsupported")
     if text[:2].lower() == "0x":
         return int(text, 16)
     value = int(text) if text.isdigit() else float(text)
     if math.isinf(value):
-        raise _slip("the number is too large", token.start, token.end, "write a smaller one", "script-unsupported")
+        raise _script_error(
+            "the number is too large", token.start, token.end, "write a smaller one", "script-unsupported"
+        )
     return value

@@ -1,4 +1,4 @@
-"""Behaviour trees as values, compared without places."""
+"""Behaviour trees as values. Comparisons ignore their places."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ class Attribute:
     """`name="value"`.
 
     Attributes:
-        place: of the attribute.
-        value_place: of the text between the quotes.
+        place: the place of the attribute.
+        value_place: the place of the text between the quotes.
         is_literal: whether the value is written without references such as `&lt;`.
     """
 
@@ -50,9 +50,9 @@ class TreeNode:
 
     Attributes:
         id: the name under which it is registered, e.g. `Sequence`; `SubTree` for a subtree.
-        kind: from the explicit form, `<Action ID="..."/>`; None in the compact form.
-        subtree: the id of the tree, for a subtree.
-        name: distinguishes nodes of the same id; None if it has no name.
+        kind: the kind in the explicit form, `<Action ID="..."/>`; None in the compact form.
+        subtree: for a subtree, the id of its tree; otherwise None.
+        name: a name that distinguishes nodes with the same id; None if the node has no name.
         ports: in the order of the file.
         conditions: the attributes such as `_skipIf` and `_onSuccess`.
         extras: other attributes that begin with `_`, which have no effect.
@@ -82,7 +82,7 @@ class TreeNode:
 
     @property
     def label(self) -> str:
-        """Return its name for people."""
+        """Return the name of the node for people."""
         return self.name or self.subtree or self.id
 
 
@@ -112,7 +112,7 @@ class Port:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NodeModel:
-    """An entry of `TreeNodesModel`: the robot's nodes of one id, or a tree as a subtree."""
+    """An entry of `TreeNodesModel`: the robot's nodes with one id, or a tree that is used as a subtree."""
 
     kind: NodeKind
     id: str
@@ -139,7 +139,7 @@ class TreeFile:
 
     Attributes:
         file: relative to the project root, with `/`.
-        main: the tree to start with; None if the file does not name it.
+        main: the id of the tree to start with; None if the file does not name one.
         extras: other attributes of `root`.
         last_comments: the comments after the last tree.
     """
@@ -163,7 +163,7 @@ class Forest:
 
     @property
     def main(self) -> str | None:
-        """Return the tree to start with: the one that the first file names, or its only one."""
+        """Return the id of the tree to start with: the main tree of the first file, or its only tree."""
         first = self.files[0]
         if first.main is None and len(first.trees) == 1:
             return first.trees[0].id
@@ -185,7 +185,7 @@ class CheckedForest:
     """Trees without errors; only `check` creates one.
 
     Attributes:
-        enums: names for integers in scripts and switches.
+        enums: the names that scripts and switches can use for integers, with these integers.
     """
 
     forest: Forest

@@ -1,4 +1,4 @@
-"""Fuzzy engines as values: read from and written to the FuzzyLite Language, compiled to Python."""
+"""Fuzzy engines as values, which are read from and written to the FuzzyLite Language (FLL), and compiled to Python."""
 
 from codra_dsl.language.fuzzy.compile import compile_engine
 from codra_dsl.language.fuzzy.read import Read, read_fll

@@ -1,4 +1,4 @@
-"""Parse the text of a rule: tokens -> tree, with the engine's variables and terms."""
+"""Parse the text of a rule: tokens -> tree. Names are checked with the engine's variables and terms."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from codra_dsl.language.fuzzy.source import Findings, Word, number, shown, split
 from codra_dsl.language.fuzzy.words import KEYWORDS, Hedge
 
 MAX_DEPTH = 40
-"""The maximum nesting depth of an antecedent; consecutive `and` and `or` count as nesting."""
+"""The maximum nesting depth of an antecedent. Each consecutive `and` or `or` counts as one level."""
 
 MAX_LEVELS = 100
 """The maximum nesting depth of operators and hedges together; Python allows at most 200 nested parentheses."""
@@ -185,7 +185,7 @@ def _levels(antecedent: Antecedent) -> int:
 
 
 def parse_rule(text: Word, all_terms: Names, outputs: Names, findings: Findings) -> Rule | None:
-    """Return a rule, or None if it cannot be read; unknown names are reported and kept."""
+    """Return a rule, or None if it cannot be read. Unknown names are reported, and the rule keeps them."""
     reader = _Reader(list(split(text, _TOKEN)), text, all_terms, outputs, findings)
     try:
         antecedent = reader.condition()
@@ -199,7 +199,7 @@ def parse_rule_about(
 ) -> Rule | None:
     """Return a rule about one output, `if ANTECEDENT then HEDGES TERM`; `output is` is allowed before the conclusion.
 
-    Return None if it cannot be read. Unknown names are reported and kept.
+    Return None if the rule cannot be read. Unknown names are reported, and the rule keeps them.
     """
     reader = _Reader(list(split(text, _TOKEN)), text, all_terms, {output: terms}, findings)
     try:

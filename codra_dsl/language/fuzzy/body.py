@@ -1,4 +1,4 @@
-"""The body of a compiled function: memberships, rules block by block, and outputs, in FuzzyLite's order."""
+"""Write the body of a compiled function, in FuzzyLite's order: memberships, rules block by block, and outputs."""
 
 from __future__ import annotations
 
@@ -31,10 +31,11 @@ def _hedge(word: Hedge) -> str:
 
 
 class Body:
-    """Writes one function.
+    """Writes one of the two functions of an engine.
 
     Attributes:
-        conclusions: for each output, in the order in which they act: the index of the term and the implication.
+        conclusions: the conclusions about each output, in the order in which they act. Each one is the index of its
+            term and its implication.
     """
 
     def __init__(self, engine: Engine, dialect: Dialect, constants: Mapping[str, str], taken: frozenset[str]) -> None:
@@ -48,48 +49,52 @@ class Body:
         self._memberships: dict[tuple[str, str], str] = {}
         self._lines: list[str] = []
         self._strengths: list[str] = []
-        self._before: dict[str, int] = {}
+        self._previous_names: dict[str, int] = {}
         self._acting: dict[str, list[tuple[str, str]]] = {output.name: [] for output in engine.outputs}
         self.conclusions: dict[str, list[tuple[int, str]]] = {output.name: [] for output in engine.outputs}
 
     def function(self, name: str) -> str:
         """Return the source of the function."""
-        self._begin()
+        self._assign_inputs()
         blocks = [block for block in self._engine.blocks if block.is_enabled]
         self._assign_memberships(blocks)
         for block in blocks:
-            self._block(block)
+            self._write_block(block)
         for output in self._engine.outputs:
-            self._output(output)
+            self._write_output(output)
         dialect, count = self._dialect, len(self._engine.outputs)
         unknown = "math.nan" if dialect.is_of_numbers else "bounds.UNKNOWN"
-        inputs = "".join(f"    {argument}: {dialect.value},\n" for argument in self._inputs)
-        previous = f"    *,\n    previous: tuple[{dialect.value}, ...] = ({unknown},) * {count},\n"
+        inputs = "".join(f"    {argument}: {dialect.value_type},\n" for argument in self._inputs)
+        previous = f"    *,\n    previous: tuple[{dialect.value_type}, ...] = ({unknown},) * {count},\n"
         values = tuple_of([self._results[output.name] for output in self._engine.outputs])
         strengths = tuple_of(self._strengths) if self._strengths else "()"
-        lines = [*self._lines, f"return {dialect.answer}({values}, {strengths})"]
-        docstring = '    """Return the outputs and the strengths of the rules; `previous` are the outputs before."""\n'
+        lines = [*self._lines, f"return {dialect.inference_type}({values}, {strengths})"]
+        docstring = (
+            '    """Return the outputs and the strengths of the rules; `previous` has the previous outputs."""\n'
+        )
         body = "".join(f"    {line}\n" for line in self._without_unused(lines))
-        return f"def {name}(\n{inputs}{previous}) -> {dialect.answer}:\n{docstring}{body}".rstrip()
+        return f"def {name}(\n{inputs}{previous}) -> {dialect.inference_type}:\n{docstring}{body}".rstrip()
 
     def _assign(self, name: str, source: str) -> str:
         self._lines.append(f"{name} = {source}")
         return name
 
-    def _begin(self) -> None:
+    def _assign_inputs(self) -> None:
         for variable in self._engine.inputs:
             if variable.is_locked:
                 name = self._locals[variable.name]
-                self._assign(name, f"{self._dialect.clipped}({name}, {_ends(variable.minimum, variable.maximum)})")
+                self._assign(
+                    name, f"{self._dialect.clip_function}({name}, {_range_ends(variable.minimum, variable.maximum)})"
+                )
         for index, output in enumerate(self._engine.outputs):
             if self._needs_previous(output):
                 before = self._names.claim(f"{self._results[output.name]}_before")
-                self._before[before] = index
+                self._previous_names[before] = index
                 self._locals[output.name] = self._assign(before, f"previous[{index}]")
 
     def _without_unused(self, lines: list[str]) -> list[str]:
-        """Return the lines without those that read a previous value that is never used."""
-        before = {f"{name} = previous[{at}]": name for name, at in self._before.items()}
+        """Return the lines, but leave out each one that reads a previous value which no other line uses."""
+        before = {f"{name} = previous[{at}]": name for name, at in self._previous_names.items()}
         words = Counter(word for line in lines for word in re.findall(r"\w+", line))
         return [line for line in lines if line not in before or words[before[line]] > 1]
 
@@ -104,8 +109,8 @@ class Body:
         return is_named or output.keeps_previous or not output.is_enabled
 
     def _assign_memberships(self, blocks: Iterable[RuleBlock]) -> None:
-        """Compute each degree that some rule reads once."""
-        needed = {
+        """Compute all degrees that some rule reads, each of them only once."""
+        needed_terms = {
             (part.variable, part.term): None
             for block in blocks
             for rule in block.rules
@@ -113,7 +118,7 @@ class Body:
         }
         for variable in self._engine.inputs:
             for term in variable.terms:
-                if variable.is_enabled and (variable.name, term.name) in needed:
+                if variable.is_enabled and (variable.name, term.name) in needed_terms:
                     name = self._names.claim(f"{self._locals[variable.name]}_{term.name}")
                     source = self._membership(term, self._locals[variable.name])
                     self._memberships[variable.name, term.name] = self._assign(name, source)
@@ -123,13 +128,13 @@ class Body:
 
     # Rules
 
-    def _block(self, block: RuleBlock) -> None:
+    def _write_block(self, block: RuleBlock) -> None:
         assert block.activation is not None
         method, count = block.activation.method, len(self._strengths)
         rules = [(rule, self._names.claim(f"rule_{count + at}")) for at, rule in enumerate(block.rules, start=1)]
         self._strengths += [name for _, name in rules]
         if method in (Method.HIGHEST, Method.LOWEST, Method.PROPORTIONAL):
-            self._together(block, rules)
+            self._activate_together(block, rules)
             return
         gate = ""
         if method in (Method.FIRST, Method.LAST):
@@ -137,9 +142,9 @@ class Body:
             gate = self._assign(self._names.claim("gate"), f"{self._dialect.activations}.Gate({limits})")
         for rule, name in reversed(rules) if method is Method.LAST else rules:
             self._assign(name, self._strength(rule, block))
-            self._conclude(rule, self._gated(name, block, gate), block)
+            self._conclude(rule, self._acting_degree(name, block, gate), block)
 
-    def _gated(self, name: str, block: RuleBlock, gate: str) -> str:
+    def _acting_degree(self, name: str, block: RuleBlock, gate: str) -> str:
         assert block.activation is not None
         if gate:
             return self._assign(self._names.claim(f"acting_{name}"), f"{gate}.admit({name})")
@@ -149,7 +154,7 @@ class Body:
         source = f"{self._dialect.activations}.threshold({name}, {literal(str(comparator))}, {literal(limit)})"
         return self._assign(self._names.claim(f"acting_{name}"), source)
 
-    def _together(self, block: RuleBlock, rules: list[tuple[Rule, str]]) -> None:
+    def _activate_together(self, block: RuleBlock, rules: list[tuple[Rule, str]]) -> None:
         assert block.activation is not None
         for rule, name in rules:
             self._assign(name, self._strength(rule, block))
@@ -214,7 +219,7 @@ class Body:
 
     # Outputs
 
-    def _output(self, output: OutputVariable) -> None:
+    def _write_output(self, output: OutputVariable) -> None:
         result, dialect = self._results[output.name], self._dialect
         if not output.is_enabled:
             self._locals[output.name] = self._assign(result, self._locals[output.name])
@@ -225,9 +230,9 @@ class Body:
         substitutes = [self._locals[output.name]] if output.keeps_previous else []
         substitutes += [] if output.default is None else [dialect.number(output.default)]
         if substitutes:
-            self._assign(result, f"{dialect.known}({', '.join([result, *substitutes])})")
+            self._assign(result, f"{dialect.first_known_function}({', '.join([result, *substitutes])})")
         if output.is_locked:
-            self._assign(result, f"{dialect.clipped}({result}, {_ends(output.minimum, output.maximum)})")
+            self._assign(result, f"{dialect.clip_function}({result}, {_range_ends(output.minimum, output.maximum)})")
         self._locals[output.name] = result
 
     def _degrees(self, output: OutputVariable) -> str:
@@ -255,7 +260,7 @@ class Body:
         return f"bounded_outputs.{'average' if is_average else 'total'}({constant}, {degrees}, {values})"
 
     def _number(self, term: AnyTerm, output: OutputVariable) -> str:
-        """Return the source of the number of a concluded term: a value, or a function of its degree."""
+        """Return the source text of a concluded term's number: a value, or a function of the term's degree."""
         assert output.defuzzifier is not None
         weighting = output.defuzzifier.weighting
         if weighting is Weighting.AUTOMATIC:
@@ -271,5 +276,5 @@ class Body:
         return f"lambda x: {source}" if needs_x else source
 
 
-def _ends(minimum: float, maximum: float) -> str:
+def _range_ends(minimum: float, maximum: float) -> str:
     return f"{literal(minimum)}, {literal(maximum)}"

@@ -26,8 +26,8 @@ class EngineProblem:
     """One mistake in an engine.
 
     Attributes:
-        at: the part of the engine: `("engine",)`, `("variable", name)`, `("term", variable, name)`, `("block", index)`.
-        rule: the name of the kind of finding.
+        at: the faulty part: `("engine",)`, `("variable", name)`, `("term", variable, name)` or `("block", index)`.
+        rule: the name of the rule of the finding.
     """
 
     at: tuple[object, ...]
@@ -42,16 +42,16 @@ def engine_problems(engine: Engine) -> Iterator[EngineProblem]:
         yield EngineProblem(("engine",), "fll-missing", "the engine has no outputs", "write an OutputVariable")
     for output in engine.outputs:
         if output.is_enabled:
-            yield from _of_output(output, engine)
+            yield from _output_problems(output, engine)
     for index, block in enumerate(engine.blocks):
         if block.is_enabled:
-            yield from _of_block(index, block, engine)
+            yield from _block_problems(index, block, engine)
     for variable in engine.variables:
         for term in variable.terms:
-            yield from _of_term(("term", variable.name, term.name), term, engine)
+            yield from _term_problems(("term", variable.name, term.name), term, engine)
 
 
-def _of_output(output: OutputVariable, engine: Engine) -> Iterator[EngineProblem]:
+def _output_problems(output: OutputVariable, engine: Engine) -> Iterator[EngineProblem]:
     at = ("variable", output.name)
     if output.defuzzifier is None:
         yield EngineProblem(at, "fll-missing", "the output has no defuzzifier", "write one, such as 'Centroid 100'")
@@ -89,17 +89,17 @@ def concluded_terms(output: OutputVariable, engine: Engine) -> tuple[AnyTerm, ..
 
 
 def natural_weighting(term: AnyTerm) -> Weighting:
-    """Return the default weighting of a term; AUTOMATIC means its membership of its degree."""
+    """Return the default weighting of a term; AUTOMATIC means that its membership function is applied to its degree."""
     if isinstance(term, FormulaTerm) or term.shape in (Shape.Constant, Shape.Linear):
         return Weighting.TAKAGI_SUGENO
     return Weighting.TSUKAMOTO if term.shape.value.is_monotone else Weighting.AUTOMATIC
 
 
-def _of_block(index: int, block: RuleBlock, engine: Engine) -> Iterator[EngineProblem]:
+def _block_problems(index: int, block: RuleBlock, engine: Engine) -> Iterator[EngineProblem]:
     at = ("block", index)
     if block.activation is None:
         yield EngineProblem(at, "fll-missing", "the block has no activation", "write 'activation: General'")
-    kinds = {kind for rule in block.rules for kind in _kinds(rule.antecedent)}
+    kinds = {kind for rule in block.rules for kind in _connectives(rule.antecedent)}
     if And in kinds and block.conjunction is None:
         yield EngineProblem(at, "fll-missing", "'and' needs a conjunction", "write a 'conjunction', such as Minimum")
     if Or in kinds and block.disjunction is None:
@@ -112,7 +112,7 @@ def _of_block(index: int, block: RuleBlock, engine: Engine) -> Iterator[EnginePr
         yield EngineProblem(at, "fll-missing", "'then' needs an implication", "write an 'implication', such as Minimum")
 
 
-def _kinds(antecedent: Antecedent) -> Iterator[type]:
+def _connectives(antecedent: Antecedent) -> Iterator[type]:
     waiting = [antecedent]
     while waiting:
         part = waiting.pop()
@@ -121,7 +121,7 @@ def _kinds(antecedent: Antecedent) -> Iterator[type]:
             waiting += [part.left, part.right]
 
 
-def _of_term(at: tuple[object, ...], term: AnyTerm, engine: Engine) -> Iterator[EngineProblem]:
+def _term_problems(at: tuple[object, ...], term: AnyTerm, engine: Engine) -> Iterator[EngineProblem]:
     if isinstance(term, FormulaTerm):
         known = {"x"} | {variable.name for variable in engine.variables}
         for name in sorted(names_in(term.formula) - known):
@@ -143,7 +143,7 @@ def names_in(formula: Formula) -> frozenset[str]:
 
 
 def depends_on_inputs(output: OutputVariable, engine: Engine) -> bool:
-    """Return whether a concluded term of an output depends on the inputs."""
+    """Return whether the membership of a concluded term of an output depends on the engine's variables."""
     return any(
         names_in(term.formula) - {"x"} if isinstance(term, FormulaTerm) else term.shape is Shape.Linear
         for term in concluded_terms(output, engine)

@@ -14,7 +14,7 @@ from codra_dsl.language.fuzzy.write import rule_text
 from codra_dsl.language.project import GENERATED_API
 
 _LONGEST_LINE = 120
-_CLASSES = ("BoundedInference", "Bounds", "Inference")
+_IMPORTED_CLASSES = ("BoundedInference", "Bounds", "Inference")
 _MODULES = (
     "activations",
     "bounded_activations",
@@ -31,26 +31,28 @@ _MODULES = (
 
 
 def compile_engine(engine: Engine) -> str:
-    """Return the module of an engine for which `read_fll` or `check.complaints` reports no mistakes.
+    """Return the module of an engine for which `read_fll` or `check.engine_problems` reports no mistakes.
 
     The module has `infer(*inputs, previous=...) -> Inference` and `infer_bounds(*inputs, previous=...) ->
-    BoundedInference`; the names `INPUTS`, `OUTPUTS` and `RULES`, in the order of values and strengths; and `RANGES`,
-    the bounds of inputs while they are unknown. Of codra it imports only `codra_dsl.runtime.generated_api`. The same
-    engine gives the same text.
+    BoundedInference`. `INPUTS`, `OUTPUTS` and `RULES` are the names of the arguments, values and strengths, in their
+    order. `RANGES` has the bounds of each input while it is unknown. From codra, the module imports only
+    `codra_dsl.runtime.generated_api`. The same engine gives the same text.
     """
     names = Names()
     constants = {output.name: names.claim(output.name.upper()) for output in engine.outputs}
     parts = [
-        _names("INPUTS", [variable.name for variable in engine.inputs]),
-        _ranges(engine),
-        _names("OUTPUTS", [output.name for output in engine.outputs]),
-        _names("RULES", [rule_text(rule) for block in engine.blocks if block.is_enabled for rule in block.rules]),
+        _names_source("INPUTS", [variable.name for variable in engine.inputs]),
+        _ranges_source(engine),
+        _names_source("OUTPUTS", [output.name for output in engine.outputs]),
+        _names_source(
+            "RULES", [rule_text(rule) for block in engine.blocks if block.is_enabled for rule in block.rules]
+        ),
     ]
     numbers = Body(engine, NUMBERS, constants, names.taken)
     bounds = Body(engine, BOUNDS, constants, names.taken)
     functions = [numbers.function("infer"), bounds.function("infer_bounds")]
     outputs = [
-        _output(output, engine, constants[output.name], numbers.conclusions[output.name])
+        _output_source(output, engine, constants[output.name], numbers.conclusions[output.name])
         for output in engine.outputs
         if output.is_enabled
     ]
@@ -63,20 +65,20 @@ def _heading(engine: Engine) -> str:
     return f'"""Fuzzy engine {name or "without a name"}: made from its declaration, not to be edited."""\n'
 
 
-def _names(constant: str, values: list[str]) -> str:
+def _names_source(constant: str, values: list[str]) -> str:
     if not values:
         return f"{constant}: tuple[str, ...] = ()"
     return f"{constant} = (\n" + "".join(f"    {literal(value)},\n" for value in values) + ")"
 
 
-def _ranges(engine: Engine) -> str:
+def _ranges_source(engine: Engine) -> str:
     ends = [f"    Bounds({literal(variable.minimum)}, {literal(variable.maximum)}),\n" for variable in engine.inputs]
     return f"RANGES: tuple[Bounds, ...] = (\n{''.join(ends)})" if ends else "RANGES: tuple[Bounds, ...] = ()"
 
 
 def _imports(body: str) -> str:
     modules = [module for module in _MODULES if re.search(rf"(?<![\w.']){module}\.", body)]
-    names = [*_CLASSES, *modules]
+    names = [*_IMPORTED_CLASSES, *modules]
     lines = ["from __future__ import annotations\n"]
     if "math." in body:
         lines.append("import math\n")
@@ -90,7 +92,7 @@ def _norm(word: str | None) -> str:
     return "norms.unbounded_sum" if word is None else f"norms.{snake_case(word)}"
 
 
-def _output(output: OutputVariable, engine: Engine, constant: str, conclusions: list[tuple[int, str]]) -> str:
+def _output_source(output: OutputVariable, engine: Engine, constant: str, conclusions: list[tuple[int, str]]) -> str:
     assert output.defuzzifier is not None
     if output.defuzzifier.method.is_weighted:
         indices = tuple_of([str(term) for term, _ in conclusions]) if conclusions else "()"
@@ -109,6 +111,6 @@ def _output(output: OutputVariable, engine: Engine, constant: str, conclusions: 
     else:
         memberships = [f"        lambda x: {membership(term, 'x', {'x': 'x'}, [], NUMBERS)},\n" for term in terms]
         lines.append(f"    memberships=(\n{''.join(memberships)}    ),")
-    made = [f"        outputs.Conclusion(term={term}, implication={norm}),\n" for term, norm in conclusions]
-    lines.append(f"    conclusions=(\n{''.join(made)}    )," if made else "    conclusions=(),")
+    conclusion_lines = [f"        outputs.Conclusion(term={term}, implication={norm}),\n" for term, norm in conclusions]
+    lines.append(f"    conclusions=(\n{''.join(conclusion_lines)}    )," if conclusion_lines else "    conclusions=(),")
     return "\n".join([*lines, ")"])

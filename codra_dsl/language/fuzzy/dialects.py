@@ -17,7 +17,7 @@ _INLINE = ("+", "-", "*")
 
 
 class Kind(Enum):
-    """The kinds of functions; each has a counterpart for bounds."""
+    """The kinds of functions that compute with numbers; one function of `bounds` per kind applies them to bounds."""
 
     IMAGE = auto()
     INVERSE = auto()
@@ -36,7 +36,7 @@ def literal(value: float | str) -> str:
 
 
 def snake_case(word: str) -> str:
-    """Return the name of the run-time function of a FuzzyLite word."""
+    """Return the name of the run-time function for a word of FuzzyLite."""
     return re.sub(r"(?<!^)(?=[A-Z])", "_", word).lower()
 
 
@@ -50,17 +50,20 @@ class Dialect:
     """How generated source calls the run-time arithmetic.
 
     Attributes:
-        value: the type of a value.
-        answer: the type of an inference.
-        activations: the module of the activation functions; `outputs` likewise.
+        value_type: the type of a value.
+        inference_type: the type of an inference.
+        activations: the module of the activation functions.
+        outputs: the module of the functions for outputs.
+        clip_function: the function that limits a value to a range.
+        first_known_function: the function that returns the first known value.
     """
 
-    value: str
-    answer: str
+    value_type: str
+    inference_type: str
     activations: str
     outputs: str
-    clipped: str
-    known: str
+    clip_function: str
+    first_known_function: str
     is_of_numbers: bool
 
     def call(self, kind: Kind, function: str, *operands: str) -> str:
@@ -99,20 +102,20 @@ class Dialect:
 
 
 NUMBERS = Dialect(
-    value="float",
-    answer="Inference",
+    value_type="float",
+    inference_type="Inference",
     activations="activations",
     outputs="outputs",
-    clipped="outputs.clipped",
-    known="outputs.known",
+    clip_function="outputs.clipped",
+    first_known_function="outputs.known",
     is_of_numbers=True,
 )
 BOUNDS = Dialect(
-    value="Bounds",
-    answer="BoundedInference",
+    value_type="Bounds",
+    inference_type="BoundedInference",
     activations="bounded_activations",
     outputs="bounded_outputs",
-    clipped="bounds.clipped",
-    known="bounds.known",
+    clip_function="bounds.clipped",
+    first_known_function="bounds.known",
     is_of_numbers=False,
 )

@@ -16,7 +16,7 @@ MAX_TOKENS = 500
 
 @dataclass(frozen=True, slots=True)
 class Operator:
-    """The binding of an operator: a higher precedence binds tighter."""
+    """How an operator binds: one with a higher precedence binds tighter."""
 
     operands: int
     precedence: int
@@ -40,14 +40,16 @@ OPERATORS: Mapping[str, Operator] = MappingProxyType(
         "or": Operator(2, 50),
     }
 )
-"""The operators of formulas; a minus before a number is `~` or `.-`."""
+"""The operators of formulas. A minus sign before a number is written as `~` or `.-`."""
 
-_ONE = "acos asin atan ceil cos cosh exp abs fabs floor log log10 round sin sinh sqrt tan tanh log1p acosh asinh atanh"
-_TWO = "gt ge eq neq le lt min max pow atan2 fmod"
-FUNCTIONS: Mapping[str, int] = MappingProxyType(
-    {"pi": 0} | dict.fromkeys(_ONE.split(), 1) | dict.fromkeys(_TWO.split(), 2)
+_ONE_OPERAND = (
+    "acos asin atan ceil cos cosh exp abs fabs floor log log10 round sin sinh sqrt tan tanh log1p acosh asinh atanh"
 )
-"""The functions of formulas, with their numbers of operands."""
+_TWO_OPERANDS = "gt ge eq neq le lt min max pow atan2 fmod"
+FUNCTIONS: Mapping[str, int] = MappingProxyType(
+    {"pi": 0} | dict.fromkeys(_ONE_OPERAND.split(), 1) | dict.fromkeys(_TWO_OPERANDS.split(), 2)
+)
+"""The functions of formulas, each with its number of operands."""
 
 _TOKEN = r"\d+\.?\d*(?:[eE][+-]?\d+)?|\.\d+(?:[eE][+-]?\d+)?|\*\*|\.-|\.\+|[!~^*/%+\-(),]|\w+|\S"
 MAX_DEPTH = 40
@@ -69,48 +71,48 @@ def parse_formula(word: Word, findings: Findings) -> Formula | None:
 
 def _postfix(tokens: list[Word], findings: Findings) -> list[Word] | None:
     """Return the tokens in postfix order (Dijkstra's shunting yard)."""
-    done: list[Word] = []
-    waiting: list[Word] = []
+    output: list[Word] = []
+    stack: list[Word] = []
     for token in tokens:
         if token.text in FUNCTIONS or token.text == "(":
-            waiting.append(token)
+            stack.append(token)
         elif token.text in OPERATORS:
-            while waiting and _goes_first(waiting[-1].text, OPERATORS[token.text]):
-                done.append(waiting.pop())
-            waiting.append(token)
+            while stack and _binds_before(stack[-1].text, OPERATORS[token.text]):
+                output.append(stack.pop())
+            stack.append(token)
         elif token.text in (",", ")"):
-            if not _close(token, done, waiting):
-                _unmatched(token, findings)
+            if not _close(token, output, stack):
+                _report_unmatched(token, findings)
                 return None
         else:
-            done.append(token)
-    opened = next((token for token in waiting if token.text == "("), None)
+            output.append(token)
+    opened = next((token for token in stack if token.text == "("), None)
     if opened:
-        _unmatched(opened, findings)
+        _report_unmatched(opened, findings)
         return None
-    return [*done, *reversed(waiting)]
+    return [*output, *reversed(stack)]
 
 
-def _goes_first(top: str, operator: Operator) -> bool:
+def _binds_before(top: str, operator: Operator) -> bool:
     if top == "(":
         return False
     precedence = OPERATORS[top].precedence if top in OPERATORS else _TIGHTEST
     return precedence > operator.precedence or (precedence == operator.precedence and not operator.is_from_right)
 
 
-def _close(token: Word, done: list[Word], waiting: list[Word]) -> bool:
-    while waiting and waiting[-1].text != "(":
-        done.append(waiting.pop())
-    if not waiting:
+def _close(token: Word, output: list[Word], stack: list[Word]) -> bool:
+    while stack and stack[-1].text != "(":
+        output.append(stack.pop())
+    if not stack:
         return False
     if token.text == ")":
-        waiting.pop()
-        if waiting and waiting[-1].text in FUNCTIONS:
-            done.append(waiting.pop())
+        stack.pop()
+        if stack and stack[-1].text in FUNCTIONS:
+            output.append(stack.pop())
     return True
 
 
-def _unmatched(token: Word, findings: Findings) -> None:
+def _report_unmatched(token: Word, findings: Findings) -> None:
     findings.add("fll-wrong-formula", f"{shown(token.text)} is unmatched", token.place, "match each parenthesis")
 
 
@@ -127,17 +129,19 @@ def _tree(word: Word, postfix: list[Word], findings: Findings) -> Formula | None
             stack.append((leaf, 1))
             continue
         if count > len(stack):
-            help = f"it takes {count} operands; a minus before a number is '~' or '.-'"
+            help = f"it takes {count} operands; write a minus before a number as '~' or '.-'"
             findings.add("fll-wrong-formula", f"{shown(token.text)} lacks operands", token.place, help)
             return None
         operands = stack[len(stack) - count :]
-        depth = 1 + max((below for _, below in operands), default=0)
+        depth = 1 + max((operand_depth for _, operand_depth in operands), default=0)
         if depth > MAX_DEPTH:
             findings.add("fll-too-large", f"a formula nested deeper than {MAX_DEPTH}", word.place, "split it")
             return None
         stack[len(stack) - count :] = [(Call(token.text, tuple(operand for operand, _ in operands)), depth)]
     if len(stack) != 1:
-        findings.add("fll-wrong-formula", "this is not one formula", word.place, "join its parts by operators")
+        findings.add(
+            "fll-wrong-formula", "this is not one formula", word.place, "join the parts of the formula by operators"
+        )
         return None
     return stack[0][0]
 

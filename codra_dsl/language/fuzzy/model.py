@@ -1,4 +1,4 @@
-"""A fuzzy engine as a frozen value, compared without places."""
+"""A fuzzy engine as a frozen value. It has no places, so equal engines are equal values wherever they were read."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ class Term:
     """A fuzzy set of a known shape.
 
     Attributes:
-        parameters: in the order of the shape's names; the points x1 y1 x2 y2 ... for `Discrete`, the coefficients for
-            `Linear`.
+        parameters: in the order of the names in the shape's form; for `Discrete` the points x1 y1 x2 y2 ..., for
+            `Linear` the coefficients.
     """
 
     name: str
@@ -69,7 +69,7 @@ class InputVariable:
     """An input of an engine.
 
     Attributes:
-        minimum: with `maximum` its range, in its unit.
+        minimum: the lower end of its range, in its unit; `maximum` is the upper end.
         is_locked: whether a value outside of the range counts as its nearest end.
     """
 
@@ -88,7 +88,10 @@ class InputVariable:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Defuzzifier:
-    """How an output becomes a number; the resolution applies to integrals, the weighting to weighted methods."""
+    """How the conclusions about an output become a number.
+
+    The resolution applies only to integrals, and the weighting only to weighted methods.
+    """
 
     method: Defuzzification
     resolution: int = DEFAULT_RESOLUTION
@@ -102,7 +105,7 @@ class OutputVariable:
     Attributes:
         is_locked: whether a value outside of the range is moved to its nearest end.
         keeps_previous: whether it keeps its previous value if no rule acts.
-        default: the fallback value.
+        default: its value if no other is known; None if it has no default.
     """
 
     name: str
@@ -127,7 +130,7 @@ Variable = InputVariable | OutputVariable
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Proposition:
-    """`variable is hedges term`; without a term if a hedge is `any`."""
+    """`variable is hedges term`; there is no term if the last hedge is `any`."""
 
     variable: str
     term: str = ""
@@ -178,7 +181,7 @@ class Activation:
     """Which rules act.
 
     Attributes:
-        rules: their number, for First, Last, Highest and Lowest.
+        rules: the maximum number of rules that act, for First, Last, Highest and Lowest.
         threshold: the minimum degree for First and Last; the limit for Threshold.
     """
 

@@ -1,11 +1,11 @@
-"""The names in an engine's module."""
+"""Unique names for the generated module of an engine."""
 
 from __future__ import annotations
 
 import builtins
 import keyword
 
-_OF_MODULES = frozenset(
+_MODULE_NAMES = frozenset(
     {
         "activations",
         "bounded_activations",
@@ -20,8 +20,12 @@ _OF_MODULES = frozenset(
         "terms",
     }
 )
-_OF_OURS = frozenset({"infer", "infer_bounds", "previous", "x", "y", "Bounds", "BoundedInference", "Inference"})
-_TAKEN = _OF_MODULES | _OF_OURS | {"INPUTS", "OUTPUTS", "RANGES", "RULES", "annotations", "math"}
+_NAMES_OF_FUNCTIONS_AND_CLASSES = frozenset(
+    {"infer", "infer_bounds", "previous", "x", "y", "Bounds", "BoundedInference", "Inference"}
+)
+_TAKEN = (
+    _MODULE_NAMES | _NAMES_OF_FUNCTIONS_AND_CLASSES | {"INPUTS", "OUTPUTS", "RANGES", "RULES", "annotations", "math"}
+)
 
 
 class Names:
@@ -31,7 +35,7 @@ class Names:
         self._taken = set(_TAKEN | taken | set(keyword.kwlist) | set(dir(builtins)))
 
     def claim(self, wanted: str) -> str:
-        """Return an unused name; characters that ASCII identifiers cannot contain are spelt out."""
+        """Return an unused name. A character that an ASCII identifier cannot contain becomes `u` and its code point."""
         name = "".join(
             letter if f"_{letter}".isidentifier() and letter.isascii() else f"u{ord(letter):x}" for letter in wanted
         )

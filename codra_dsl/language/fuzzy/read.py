@@ -1,4 +1,4 @@
-"""FLL -> (Engine | None, findings): all mistakes at once, with places."""
+"""Read FLL: bytes -> engine, or None, and findings. All mistakes are reported in one run, with their places."""
 
 from __future__ import annotations
 
@@ -38,10 +38,10 @@ from codra_dsl.language.fuzzy.words import (
 )
 
 MAX_RESOLUTION = 100_000
-"""The maximum number of points at which an output is sampled."""
+"""The maximum resolution: the number of points at which an output is sampled."""
 
 MAX_RULES_ACTING = 1_000_000
-"""The maximum number of rules in an activation."""
+"""The maximum number of rules that an activation may state."""
 
 _T = TypeVar("_T")
 _VARIABLE_KEYS = ("description", "enabled", "range", "lock-range", "term")
@@ -52,7 +52,7 @@ _KEYS: Mapping[str, tuple[str, ...]] = {
     "RuleBlock": ("description", "enabled", "conjunction", "disjunction", "implication", "activation", "rule"),
 }
 _REPEATABLE = ("term", "rule")
-_NUMBERED = (Method.FIRST, Method.LAST, Method.HIGHEST, Method.LOWEST)
+_METHODS_WITH_NUMBER = (Method.FIRST, Method.LAST, Method.HIGHEST, Method.LOWEST)
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +82,7 @@ def read_fll(data: bytes, file: str) -> Read:
 
     Args:
         data: the text in UTF-8.
-        file: its name in findings: relative to the project root, with `/`; `-` for standard input.
+        file: the name of the file in findings: relative to the project root, with `/`; `-` for standard input.
     """
     findings = Findings()
     text = decode(data, file, findings)
@@ -102,11 +102,11 @@ def _sections(definitions: Iterable[Line], findings: Findings) -> list[_Section]
             message = f"{shown(line.key.text)} comes before any section"
             findings.add("fll-unknown-key", message, line.key.place, "begin with 'Engine: NAME'")
         else:
-            _put(line, sections[-1], findings)
+            _add_line(line, sections[-1], findings)
     return sections
 
 
-def _put(line: Line, section: _Section, findings: Findings) -> None:
+def _add_line(line: Line, section: _Section, findings: Findings) -> None:
     key, kind = line.key, section.head.key.text
     if key.text not in _KEYS[kind]:
         findings.unknown("fll-unknown-key", f"key of {kind}", key, (*_KEYS[kind], *_KEYS))
@@ -128,24 +128,27 @@ class _Builder:
 
     def engine(self, sections: list[_Section]) -> Engine | None:
         """Return the engine, or None after a finding."""
-        of_kind: dict[str, list[_Section]] = {kind: [] for kind in _KEYS}
+        sections_of_kind: dict[str, list[_Section]] = {kind: [] for kind in _KEYS}
         for section in sections:
-            of_kind[section.head.key.text].append(section)
-        for other in of_kind["Engine"][1:]:
+            sections_of_kind[section.head.key.text].append(section)
+        for other in sections_of_kind["Engine"][1:]:
             self._findings.add("fll-repeated", "a second engine", other.head.key.place, "write one engine per file")
-        if not of_kind["Engine"]:
+        if not sections_of_kind["Engine"]:
             place = sections[0].head.key.place if sections else Place(Span(self._file, 1, 1, 1, 1))
             self._findings.add("fll-missing", "there is no engine", place, "begin with 'Engine: NAME'")
             return None
-        head = of_kind["Engine"][0]
+        head = sections_of_kind["Engine"][0]
         self._places[("engine",)] = head.head.key.place
-        inputs = tuple(self._input(section) for section in of_kind["InputVariable"])
-        outputs = tuple(self._output(section) for section in of_kind["OutputVariable"])
-        self._twice([section.head.value for kind in _KEYS if "Var" in kind for section in of_kind[kind]], "variable")
-        of_outputs = _names(of_kind["OutputVariable"])
-        all_terms = _names(of_kind["InputVariable"]) | of_outputs
+        inputs = tuple(self._input(section) for section in sections_of_kind["InputVariable"])
+        outputs = tuple(self._output(section) for section in sections_of_kind["OutputVariable"])
+        self._report_repeated(
+            [section.head.value for kind in _KEYS if "Var" in kind for section in sections_of_kind[kind]], "variable"
+        )
+        output_terms = _names(sections_of_kind["OutputVariable"])
+        all_terms = _names(sections_of_kind["InputVariable"]) | output_terms
         blocks = tuple(
-            self._block(section, index, all_terms, of_outputs) for index, section in enumerate(of_kind["RuleBlock"])
+            self._block(section, index, all_terms, output_terms)
+            for index, section in enumerate(sections_of_kind["RuleBlock"])
         )
         engine = Engine(
             name=head.head.value.text,
@@ -159,9 +162,9 @@ class _Builder:
 
     def _complain(self, engine: Engine) -> None:
         if self._findings.all():
-            return  # missing parts may be unreadable ones
-        for complaint in engine_problems(engine):
-            self._findings.add(complaint.rule, complaint.message, self._places[complaint.at], complaint.help)
+            return  # a part that seems to be missing may be one that could not be read
+        for problem in engine_problems(engine):
+            self._findings.add(problem.rule, problem.message, self._places[problem.at], problem.help)
 
     def _input(self, section: _Section) -> InputVariable:
         name, (minimum, maximum) = self._name(section.head.value, "variable"), self._range(section)
@@ -195,12 +198,12 @@ class _Builder:
             description=self._text(section, "description"),
         )
 
-    def _block(self, section: _Section, index: int, all_terms: Names, of_outputs: Names) -> RuleBlock:
+    def _block(self, section: _Section, index: int, all_terms: Names, output_terms: Names) -> RuleBlock:
         self._places[("block", index)] = section.head.key.place
         rules: list[Rule] = []
         for line in section.repeated:
             self._places[("rule", index, len(rules))] = line.value.place
-            rule = parse_rule(line.value, all_terms, of_outputs, self._findings)
+            rule = parse_rule(line.value, all_terms, output_terms, self._findings)
             if rule is not None:
                 rules.append(rule)
         return RuleBlock(
@@ -221,11 +224,11 @@ class _Builder:
             help = "write letters, digits and underscores, and begin with a letter or underscore"
             self._findings.add("fll-wrong-value", f"{shown(word.text)} is not a name", word.place, help)
         elif word.text in KEYWORDS or word.text in set(Hedge) or word.text == "x":
-            help = "choose another: it is a word of rules or formulas"
+            help = "choose another name: this is a word of rules or formulas"
             self._findings.add("fll-wrong-value", f"{shown(word.text)} is not a name", word.place, help)
         return word.text
 
-    def _twice(self, words: Iterable[Word], noun: str) -> None:
+    def _report_repeated(self, words: Iterable[Word], noun: str) -> None:
         seen: set[str] = set()
         for word in words:
             if word.text in seen:
@@ -274,7 +277,7 @@ class _Builder:
         method = self._word(words[0], "defuzzifier", Defuzzification) if words else None
         if method is None:
             return None
-        self._no_more(words[2:])
+        self._expect_end(words[2:])
         if len(words) == 1:
             return Defuzzifier(method=method)
         if method.is_weighted:
@@ -295,22 +298,22 @@ class _Builder:
             comparator = self._word(words[1], "comparator", Comparator)
             threshold = quantity(words[2], self._findings)
             return Activation(method=method, comparator=comparator or Comparator.MORE, threshold=threshold or 0.0)
-        if method in _NUMBERED and len(words) > 1:
+        if method in _METHODS_WITH_NUMBER and len(words) > 1:
             rules = natural(words[1], MAX_RULES_ACTING, self._findings)
             has_threshold = method in (Method.FIRST, Method.LAST) and len(words) == 3
             threshold = quantity(words[2], self._findings) if has_threshold else 0.0
-            self._no_more(words[3 if has_threshold else 2 :])
+            self._expect_end(words[3 if has_threshold else 2 :])
             return Activation(method=method, rules=rules or 0, threshold=threshold or 0.0)
-        self._no_more(words[1:])
+        self._expect_end(words[1:])
         return activation
 
-    def _no_more(self, words: list[Word]) -> None:
+    def _expect_end(self, words: list[Word]) -> None:
         if words:
             self._findings.add("fll-wrong-value", f"unexpected {shown(words[0].text)}", words[0].place, "remove it")
 
     def _terms(self, section: _Section, variable: str) -> tuple[AnyTerm, ...]:
         terms = [self._term(line, variable) for line in section.repeated]
-        self._twice([line.words()[0] for line in section.repeated if line.words()], "term")
+        self._report_repeated([line.words()[0] for line in section.repeated if line.words()], "term")
         return tuple(term for term in terms if term is not None)
 
     def _term(self, line: Line, variable: str) -> AnyTerm | None:
@@ -368,7 +371,10 @@ class _Builder:
 
 
 def _names(sections: Iterable[_Section]) -> dict[str, frozenset[str]]:
-    """Return the declared names, readable or not, so that a mistake in a term causes no findings in rules."""
+    """Return the terms of each declared variable.
+
+    Terms that could not be read are included, so that a mistake in a term causes no findings in rules.
+    """
     return {
         section.head.value.text: frozenset(line.words()[0].text for line in section.repeated if line.words())
         for section in sections

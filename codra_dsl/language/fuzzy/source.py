@@ -1,4 +1,4 @@
-"""FLL text as lines and words with places, and the findings about one text."""
+"""Split FLL text into lines and words with places, and collect the findings about one text."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ MAX_FINDINGS = 200
 """The maximum number of findings about one text."""
 
 MAX_SHOWN = 60
-"""The maximum number of letters of a text in a message."""
+"""The maximum number of characters that a message shows of a text."""
 
 MAX_LISTED = 12
-"""The maximum number of words in a message."""
+"""The maximum number of allowed words that a message lists."""
 
 _NUMBER = re.compile(r"[+-]?(?:(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|inf|nan)", re.ASCII)
 
@@ -58,7 +58,7 @@ class Findings:
         self._findings: list[Diagnostic] = []
 
     def add(self, rule: str, message: str, place: Place, help: str) -> None:
-        """Report one finding of `RULES`; after MAX_FINDINGS they are dropped."""
+        """Report one finding of a rule in `RULES`; after MAX_FINDINGS, further findings are dropped."""
         if len(self._findings) < MAX_FINDINGS:
             self._findings.append(Diagnostic(rule=RULES[rule], message=message, place=place, help=help))
 
@@ -82,14 +82,14 @@ def shown(text: str) -> str:
 
 
 def split(word: Word, pattern: str) -> Iterator[Word]:
-    """Yield the parts of a word that match, with their places."""
+    """Yield the parts of a word that match a pattern, with their places."""
     span = word.place.span
     for match in re.finditer(pattern, word.text):
         yield Word(match[0], _place(span.file, span.line, span.column + match.start(), len(match[0])))
 
 
 def decode(data: bytes, file: str, findings: Findings) -> str | None:
-    """Return the text of bytes, or None if they are too many or not UTF-8."""
+    """Return the text in some bytes, or None if it is not UTF-8, or has too many bytes or lines."""
     start = _place(file, 1, 1, 0)
     if len(data) > MAX_BYTES:
         findings.add("fll-too-large", f"more than {MAX_BYTES} bytes", start, "name a file that describes one engine")
@@ -108,7 +108,7 @@ def decode(data: bytes, file: str, findings: Findings) -> str | None:
 
 
 def lines(text: str, file: str, findings: Findings) -> Iterator[Line]:
-    """Yield the definitions of a text; report lines that are not `key: value`."""
+    """Yield the definitions of a text; report each other line, unless it is empty or a comment."""
     for number, raw in enumerate(text.split("\n"), start=1):
         content = raw.split("#", 1)[0].rstrip()
         body = content.lstrip()
@@ -136,7 +136,7 @@ def _place(file: str, line: int, column: int, length: int) -> Place:
 
 
 def number(word: Word, findings: Findings) -> float | None:
-    """Return the number of a word; NaN only for `nan`."""
+    """Return the number that a word is, or None after a finding; NaN only for `nan`."""
     if not _NUMBER.fullmatch(word.text):
         findings.add("fll-wrong-value", f"{shown(word.text)} is not a number", word.place, "write a number such as 0.5")
         return None
@@ -144,7 +144,7 @@ def number(word: Word, findings: Findings) -> float | None:
 
 
 def quantity(word: Word, findings: Findings) -> float | None:
-    """Return the number of a word, which may be infinite but not NaN."""
+    """Return the number that a word is, which may be infinite but not NaN, or None after a finding."""
     value = number(word, findings)
     if value is not None and math.isnan(value):
         findings.add("fll-wrong-value", "nan is not allowed here", word.place, "write a number")
@@ -153,7 +153,7 @@ def quantity(word: Word, findings: Findings) -> float | None:
 
 
 def natural(word: Word, most: int, findings: Findings) -> int | None:
-    """Return the count of a word, from 0 to `most`."""
+    """Return the whole number that a word is, from 0 to `most`, or None after a finding."""
     if re.fullmatch(r"\d{1,9}", word.text, re.ASCII) and int(word.text) <= most:
         return int(word.text)
     findings.add("fll-wrong-value", f"{shown(word.text)} is not a count", word.place, f"write a count from 0 to {most}")

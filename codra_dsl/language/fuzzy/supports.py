@@ -1,4 +1,4 @@
-"""The support and the core of a term: enough to determine which rules can act, without computing degrees."""
+"""Compute the support and the core of a term. They tell which rules can act, without computing degrees."""
 
 from __future__ import annotations
 
@@ -19,9 +19,10 @@ class Extent:
     """The support and the core of a term.
 
     Attributes:
-        open: open intervals in which its degree is above 0.
-        full: closed intervals in which its degree is 1; they also belong to the support.
-        peak: closed intervals in which its degree is largest, if that is below 1.
+        open: open intervals in which the term's degree is above 0.
+        full: closed intervals in which the degree is 1; they belong to the support too.
+        peak: closed intervals in which the degree is largest, if the largest degree is below 1. For `Discrete`: all
+            given points at which the degree is above 0.
     """
 
     open: tuple[Interval, ...] = ()
@@ -29,17 +30,17 @@ class Extent:
     peak: tuple[Interval, ...] = ()
 
     def holds(self, x: float) -> bool:
-        """Return whether the degree of a number is above 0."""
+        """Return whether a number's degree in the term is above 0."""
         inside = any(low < x < high for low, high in self.open)
         return inside or any(low <= x <= high for low, high in (*self.full, *self.peak))
 
     def is_full_at(self, x: float) -> bool:
-        """Return whether the degree of a number is 1."""
+        """Return whether a number's degree in the term is 1."""
         return any(low <= x <= high for low, high in self.full)
 
     @property
     def ends(self) -> tuple[float, ...]:
-        """Return the numbers between which neither support nor core changes."""
+        """Return the numbers between which neither the support nor the core begins or ends."""
         numbers = {end for interval in (*self.open, *self.full, *self.peak) for end in interval}
         return tuple(sorted(end for end in numbers if math.isfinite(end)))
 
@@ -48,8 +49,10 @@ def extent(term: Term) -> Extent:
     """Return the extent of a term."""
     if term.height <= 0.0:
         return Extent()
-    unscaled = _points(term.parameters) if term.shape is Shape.Discrete else _EXTENTS[term.shape](*term.parameters)
-    return unscaled if term.height == 1.0 else Extent(open=unscaled.open, peak=unscaled.full)
+    unscaled_extent = (
+        _points(term.parameters) if term.shape is Shape.Discrete else _EXTENTS[term.shape](*term.parameters)
+    )
+    return unscaled_extent if term.height == 1.0 else Extent(open=unscaled_extent.open, peak=unscaled_extent.full)
 
 
 def _slope(start: float, end: float) -> Extent:

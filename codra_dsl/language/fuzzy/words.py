@@ -36,7 +36,7 @@ class SNorm(StrEnum):
 
 
 class Hedge(StrEnum):
-    """A word before a term."""
+    """A word before a term, which modifies its degree."""
 
     ANY = "any"
     EXTREMELY = "extremely"
@@ -82,12 +82,12 @@ class Defuzzification(StrEnum):
 
     @property
     def is_weighted(self) -> bool:
-        """Whether conclusions are numbers rather than fuzzy sets."""
+        """Whether each conclusion is a number rather than a fuzzy set."""
         return self in (Defuzzification.WEIGHTED_AVERAGE, Defuzzification.WEIGHTED_SUM)
 
 
 class Weighting(StrEnum):
-    """How a conclusion becomes a number, if conclusions are numbers."""
+    """How a conclusion becomes a number, for methods whose conclusions are numbers."""
 
     AUTOMATIC = "Automatic"
     TAKAGI_SUGENO = "TakagiSugeno"
@@ -100,8 +100,8 @@ class Form:
 
     Attributes:
         function: the name of its membership function at run time.
-        names: of its parameters; empty if their number varies.
-        has_height: whether a height may follow.
+        names: the names of its parameters; empty if the number of parameters varies.
+        has_height: whether a height may follow the parameters.
     """
 
     function: str
@@ -116,7 +116,7 @@ _SIGMOIDS = ("left", "rising", "falling", "right")
 
 
 class Shape(Enum):
-    """The shape of a term; `Function` is not a shape, its terms are formulas."""
+    """The shape of a term. `Function` is not a shape: terms with this word are formulas."""
 
     Arc = Form("arc", _ENDS, is_monotone=True)
     Bell = Form("bell", ("center", "width", "slope"))

@@ -1,4 +1,4 @@
-"""Engine -> FLL. The same engine gives the same bytes, and reading them gives an equal engine."""
+"""Write an engine as FLL. The same engine gives the same bytes, and reading these bytes gives an equal engine."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ def _activation(activation: Activation | None) -> str:
 
 
 def rule_text(rule: Rule) -> str:
-    """Return a rule in FLL, with no more parentheses than it needs."""
+    """Return a rule in FLL, only with the parentheses that are necessary."""
     weight = "" if rule.weight == 1.0 else f" with {number_text(rule.weight)}"
     conclusions = " and ".join(map(_proposition, rule.conclusions))
     return f"if {_antecedent(rule.antecedent)} then {conclusions}{weight}"

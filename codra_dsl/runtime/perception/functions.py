@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from typing import Protocol
 
-from codra_dsl.isolation.function_host import AbsentError, resolved
+from codra_dsl.isolation.function_host import AbsentError, resolve_call
 from codra_dsl.runtime.errors import unknown
 from codra_dsl.runtime.perception.job import RunningJob
 from codra_dsl.runtime.values.model import Algorithm, ResourceModel
@@ -69,7 +69,7 @@ def imported(algorithm: Algorithm) -> Function:
         CallError: if there is no such function or class.
     """
     try:
-        return resolved(algorithm.call)
+        return resolve_call(algorithm.call)
     except AbsentError as error:
         raise call_error(algorithm, error) from error.__cause__
 

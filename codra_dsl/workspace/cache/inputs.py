@@ -1,4 +1,4 @@
-"""The inputs that determine the result of a run, as digests, never as times."""
+"""Digests of the inputs that determine the result of a run. Times of files are never used."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pathlib import Path
 from codra_dsl.language.project import SETTINGS, yaml_files
 
 MAX_BYTES = 64 * 1024 * 1024
-"""Runs on larger files are not stored."""
+"""The maximum size of a file; runs on larger files are not stored."""
 
 _LIBRARIES = ("yaml", "jsonschema", "jsonschema_rs", "networkx", "jinja2")
 _NOT_THE_COMPILER = frozenset({"__pycache__", "cli", "integrations", "runtime"})
@@ -22,13 +22,14 @@ _ABSENT = "absent"
 
 
 def digests_of(root: Path, paths: Sequence[Path]) -> dict[str, str] | None:
-    """Return digests by path of the files at or below some paths; None if a path is not a file or is too large.
+    """Return the digest of each file at or below some paths; None if one of them is not a file or is too large.
 
-    All YAML files below a folder count, whether or not they are specs; the project's settings always count.
+    The key is the path of the file. All YAML files below a folder are included, whether or not they are specs. The
+    settings of the project are always included.
     """
-    asked = [file for path in paths for file in (yaml_files(path) if path.is_dir() else (path,))]
+    requested_files = [file for path in paths for file in (yaml_files(path) if path.is_dir() else (path,))]
     digests: dict[str, str] = {}
-    for file in (*asked, root / SETTINGS):
+    for file in (*requested_files, root / SETTINGS):
         name = os.path.relpath(file, root)
         if name not in digests:
             digest = _digest(file, root)
@@ -39,32 +40,32 @@ def digests_of(root: Path, paths: Sequence[Path]) -> dict[str, str] | None:
 
 
 def _digest(file: Path, root: Path) -> str | None:
-    """Return the digest of a file's bytes and of its location after links are followed."""
+    """Return the digest of a file's bytes and of its real location, behind all links."""
     try:
-        about = file.stat()
-        if not stat.S_ISREG(about.st_mode) or about.st_size > MAX_BYTES:
+        status = file.stat()
+        if not stat.S_ISREG(status.st_mode) or status.st_size > MAX_BYTES:
             return None
         data = file.read_bytes()
     except FileNotFoundError:
         return _ABSENT
     except OSError:
         return None
-    where = os.path.relpath(os.path.realpath(file), os.path.realpath(root))
-    return hashlib.sha256(os.fsencode(where) + b"\0" + data).hexdigest()
+    location = os.path.relpath(os.path.realpath(file), os.path.realpath(root))
+    return hashlib.sha256(os.fsencode(location) + b"\0" + data).hexdigest()
 
 
 @cache
-def made_with() -> str:
+def compiler_digest() -> str:
     """Return a digest of everything that turns inputs into results: the compiler's files, its libraries, and Python."""
     package = Path(__file__).parents[2]
     digest = hashlib.sha256(sys.version.encode())
-    for around, folders, files in os.walk(package):
-        folders[:] = sorted(name for name in folders if name not in _NOT_THE_COMPILER)
+    for folder, subfolders, files in os.walk(package):
+        subfolders[:] = sorted(name for name in subfolders if name not in _NOT_THE_COMPILER)
         for name in sorted(files):
-            file = Path(around, name)
+            file = Path(folder, name)
             digest.update(f"{file.relative_to(package).as_posix()}\0".encode())
             digest.update(hashlib.sha256(file.read_bytes()).digest())
-    for library in _LIBRARIES:  # their first module contains their version; it is read, not run
+    for library in _LIBRARIES:  # the first module of a library contains its version; the module is read, not run
         spec = find_spec(library)
         if spec is not None and spec.origin is not None:
             digest.update(hashlib.sha256(Path(spec.origin).read_bytes()).digest())

@@ -1,4 +1,4 @@
-"""Findings as plain data and back. Data is validated when it is read, because a cache file may hold anything."""
+"""Convert findings to data and back. Data is validated when it is read, because a cache file may contain anything."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ def record_of(diagnostic: Diagnostic) -> dict[str, object]:
     return {
         "rule": [diagnostic.rule.code, diagnostic.rule.name, diagnostic.rule.severity],
         "message": diagnostic.message,
-        "place": _of_place(diagnostic.place),
+        "place": _place_record(diagnostic.place),
         "path": diagnostic.path,
         "help": diagnostic.help,
-        "related": [[related.message, _of_place(related.place)] for related in diagnostic.related],
-        "fix": None if diagnostic.fix is None else _of_fix(diagnostic.fix),
+        "related": [[related.message, _place_record(related.place)] for related in diagnostic.related],
+        "fix": None if diagnostic.fix is None else _fix_record(diagnostic.fix),
         "level": diagnostic.level,
         "each_use": [record_of(use) for use in diagnostic.use_findings],
     }
@@ -57,8 +57,8 @@ def texts_from(values: object) -> tuple[str, ...]:
     return tuple(map(text_from, values))
 
 
-def _of_place(place: Place) -> list[object]:
-    return [_of_span(place.span), None if place.use is None else _of_span(place.use)]
+def _place_record(place: Place) -> list[object]:
+    return [_span_record(place.span), None if place.use is None else _span_record(place.use)]
 
 
 def _place(record: Any) -> Place:
@@ -66,7 +66,7 @@ def _place(record: Any) -> Place:
     return Place(_span(span), None if use is None else _span(use))
 
 
-def _of_span(span: Span) -> list[object]:
+def _span_record(span: Span) -> list[object]:
     return [span.file, span.line, span.column, span.end_line, span.end_column]
 
 
@@ -78,8 +78,8 @@ def _span(record: Any) -> Span:
     return Span(text_from(file), line, column, end_line, end_column)
 
 
-def _of_fix(fix: Fix) -> dict[str, object]:
-    edits = [[_of_span(edit.span), edit.text] for edit in fix.edits]
+def _fix_record(fix: Fix) -> dict[str, object]:
+    edits = [[_span_record(edit.span), edit.text] for edit in fix.edits]
     return {"message": fix.message, "edits": edits, "applicability": fix.applicability}
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from codra_dsl.language.diagnostics import Diagnostic, Severity, has_errors
 from codra_dsl.language.project import project_of
-from codra_dsl.workspace.cache.inputs import digests_of, made_with
+from codra_dsl.workspace.cache.inputs import compiler_digest, digests_of
 from codra_dsl.workspace.cache.records import finding_from, record_of, text_from, texts_from
 
 FOLDER = ".codra_cache"
@@ -20,8 +20,8 @@ FOLDER = ".codra_cache"
 
 _FORMAT = "codra-cache-1"
 
-_ABOUT_FOLDERS = "call-not-found"
-"""Its suggested module names depend on which files exist, not only on their contents."""
+_FOLDER_RULE = "call-not-found"
+"""The rule whose findings suggest names of modules. They depend on which files exist, not only on their contents."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,9 +29,10 @@ class Run:
     """The results of a run that a command shows.
 
     Attributes:
-        specs: the files of the specs, relative to the project's root; `files` also has those of their parts and of the
-            Python modules with which calls were compared.
-        fail_on: the least severity that makes a command fail, from the project's settings.
+        specs: the files of the specs, relative to the project's root.
+        files: the files of the specs, of their parts, of the Python modules with which calls were compared, and of
+            behaviour trees, relative to the root.
+        fail_on: the lowest severity that makes a command fail, from the project's settings.
         outputs: the digest of each generated file, by its path in the output folder.
         covered: the files and folders that were compiled, relative to the root.
     """
@@ -45,58 +46,59 @@ class Run:
 
 
 def cache_of(root: Path, command: str, paths: Sequence[Path]) -> Cache | None:
-    """Return the cache for a command and its paths; None outside of a project, since nothing is written elsewhere.
+    """Return the cache for a command and its paths; None outside of a project, where nothing is written.
 
-    In CI (if the environment variable `CI` is set) and if the folder is a link, the result is None: the folder could
-    have come with the change that is checked.
+    The result is also None in CI (if the environment variable `CI` is set), and if the folder is a link: in both cases
+    the folder could have come with the change that is checked.
     """
     is_trusted = not os.environ.get("CI") and not (root / FOLDER).is_symlink()
     return Cache(root, command, paths) if is_trusted and project_of(root) == root else None
 
 
 class Cache:
-    """The cache for one command and the paths that it was called with."""
+    """The cache for one command and the paths with which it was called."""
 
     def __init__(self, root: Path, command: str, paths: Sequence[Path]) -> None:
-        """Take digests of the paths' present contents, to which `remember` ties a run."""
+        """Compute digests of the present contents of the paths; `remember` stores a run with these digests."""
         self._root = root
         self._paths = tuple(paths)
-        asked = [_FORMAT, command, *(os.path.relpath(path, root) for path in paths)]
-        name = hashlib.sha256("\0".join(asked).encode(errors="surrogateescape")).hexdigest()[:32]
+        key_parts = [_FORMAT, command, *(os.path.relpath(path, root) for path in paths)]
+        name = hashlib.sha256("\0".join(key_parts).encode(errors="surrogateescape")).hexdigest()[:32]
         self._file = root / FOLDER / f"{name}.json"
-        self._before = digests_of(root, paths)
+        self._digests_before = digests_of(root, paths)
 
     def recall(self) -> Run | None:
-        """Return the stored run, if nothing that it depends on has changed since."""
+        """Return the stored run, or None if anything that it depends on has changed since."""
         try:
             if not self._file.is_file():
                 return None
             stored = json.loads(self._file.read_bytes())
             run = _run_from(stored["run"])
-            fresh = stored["made_with"] == made_with() and stored["inputs"] == self._inputs(run.files)
+            is_fresh = stored["made_with"] == compiler_digest() and stored["inputs"] == self._inputs(run.files)
         except (OSError, ValueError, TypeError, LookupError, AttributeError, RecursionError):
             return None
-        return run if fresh else None
+        return run if is_fresh else None
 
     def remember(self, run: Run) -> None:
         """Store a run, unless it found an error or its inputs have changed in the meantime."""
-        if self._before != digests_of(self._root, self._paths) or has_errors(run.diagnostics):
+        if self._digests_before != digests_of(self._root, self._paths) or has_errors(run.diagnostics):
             return
-        if any(diagnostic.rule.name == _ABOUT_FOLDERS for diagnostic in run.diagnostics):
+        if any(diagnostic.rule.name == _FOLDER_RULE for diagnostic in run.diagnostics):
             return
         inputs = self._inputs(run.files)
         if inputs is None:
             return
-        record = {"made_with": made_with(), "inputs": inputs, "run": _record_of_run(run)}
+        record = {"made_with": compiler_digest(), "inputs": inputs, "run": _record_of_run(run)}
         try:
             _write(self._file, json.dumps(record))
         except OSError:
             return
 
     def _inputs(self, files: Iterable[str]) -> dict[str, str] | None:
-        """Return the digests that the paths had at the beginning, and those of a run's parts elsewhere."""
-        parts = digests_of(self._root, [self._root / file for file in files if file not in (self._before or ())])
-        return None if self._before is None or parts is None else {**parts, **self._before}
+        """Return the digests of the paths at the beginning, and the digests of a run's files elsewhere."""
+        before = self._digests_before
+        other_digests = digests_of(self._root, [self._root / file for file in files if file not in (before or ())])
+        return None if before is None or other_digests is None else {**other_digests, **before}
 
 
 def _write(file: Path, text: str) -> None:

@@ -6,7 +6,7 @@ Errors of phases 0 to 6 are binding: settings and comments cannot silence them, 
 from codra_dsl.workspace.suppression.fixing import Fixed, fix_all
 from codra_dsl.workspace.suppression.rules import RULES, known_rules, nearest_code
 from codra_dsl.workspace.suppression.settings import Settings, settings_of
-from codra_dsl.workspace.suppression.suppressions import Sources, read_sources, triaged
+from codra_dsl.workspace.suppression.suppressions import Sources, read_sources, triage
 from codra_dsl.workspace.suppression.writing import rewritable, rewrite, unified
 
 __all__ = [
@@ -21,6 +21,6 @@ __all__ = [
     "rewritable",
     "rewrite",
     "settings_of",
-    "triaged",
+    "triage",
     "unified",
 ]

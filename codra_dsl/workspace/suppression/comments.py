@@ -1,6 +1,7 @@
-"""Find the comments of a text, above all in YAML: the contents of a scalar are text, even if they look like a comment.
+"""Find the comments in YAML and XML texts.
 
-PyYAML's events carry no comments, but they contain the start and end of scalars. Comments are between scalars, and
+In YAML, the contents of a scalar are text, even if they look like a comment.
+The events of PyYAML contain no comments, but the start and the end of each scalar. Comments are between scalars, and
 after the head of a block scalar.
 """
 
@@ -13,34 +14,37 @@ import yaml
 
 from codra_dsl.language.load.yaml.compose import Parser
 
-_BETWEEN = re.compile(r"[&*!][^\s,\[\]{}]*|^%[^\s#]*(?:[ \t]+[^\s#][^\s]*)*|(?P<comment>#[^\r\n]*)", re.MULTILINE)
-_AFTER_HEAD = re.compile(r"[|>][-+0-9]*[ \t]+(?P<comment>#[^\r\n]*)")
-_UNREADABLE = re.compile(r"(?:^|(?<=\s))(?P<comment>#[^\r\n]*)", re.MULTILINE)
+_BETWEEN_SCALARS = re.compile(
+    r"[&*!][^\s,\[\]{}]*|^%[^\s#]*(?:[ \t]+[^\s#][^\s]*)*|(?P<comment>#[^\r\n]*)", re.MULTILINE
+)
+_AFTER_BLOCK_HEAD = re.compile(r"[|>][-+0-9]*[ \t]+(?P<comment>#[^\r\n]*)")
+_IN_INVALID_TEXT = re.compile(r"(?:^|(?<=\s))(?P<comment>#[^\r\n]*)", re.MULTILINE)
 
 
 def comments(text: str) -> Iterator[tuple[int, int]]:
     """Yield the range of each comment, from `#` to the end of its line.
 
-    If a text is not valid YAML, everything from the error on that follows blanks and `#` counts as a comment.
+    If a text is not valid YAML, each `#` after the last scalar before the error begins a comment, if it is at the
+    beginning of a line or after a blank.
     """
-    at = 0
+    position = 0
     parser = Parser(text)
     try:
         while (event := parser.get_event()) is not None:
             if isinstance(event, yaml.ScalarEvent) and event.start_mark and event.end_mark:
                 start, end = event.start_mark.index, event.end_mark.index
-                yield from _comment_spans(_BETWEEN, text, at, start)
+                yield from _comment_spans(_BETWEEN_SCALARS, text, position, start)
                 if event.style in ("|", ">"):
                     start = max(text.find(event.style, start, end), start)  # after a tag or an anchor
-                    head = _AFTER_HEAD.match(text, start, end)
+                    head = _AFTER_BLOCK_HEAD.match(text, start, end)
                     yield from [head.span("comment")] if head else ()
-                at = max(at, end)
+                position = max(position, end)
     except yaml.YAMLError:
-        yield from _comment_spans(_UNREADABLE, text, at, len(text))
+        yield from _comment_spans(_IN_INVALID_TEXT, text, position, len(text))
         return
     finally:
         parser.dispose()
-    yield from _comment_spans(_BETWEEN, text, at, len(text))
+    yield from _comment_spans(_BETWEEN_SCALARS, text, position, len(text))
 
 
 XML_START = "<!--"
@@ -49,16 +53,16 @@ _OPENING = re.compile(r"<!--|<!\[CDATA\[")
 
 
 def xml_comments(text: str) -> Iterator[tuple[int, int]]:
-    """Yield the range of each comment of an XML text that is on one line, without `-->`."""
-    at = 0
-    while (opening := _OPENING.search(text, at)) is not None:
+    """Yield the range of each comment in an XML text, without `-->`; comments of several lines are left out."""
+    position = 0
+    while (opening := _OPENING.search(text, position)) is not None:
         closing = XML_END if opening[0] == XML_START else "]]>"
         end = text.find(closing, opening.end())
         if end < 0:
             return  # an unclosed comment is not XML; the text is not searched twice
         if closing == XML_END and "\n" not in text[opening.start() : end]:
             yield opening.start(), end
-        at = end + len(closing)
+        position = end + len(closing)
 
 
 def _comment_spans(pattern: re.Pattern[str], text: str, start: int, end: int) -> Iterator[tuple[int, int]]:

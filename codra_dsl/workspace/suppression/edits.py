@@ -30,10 +30,11 @@ class Splice:
 
 @dataclass(frozen=True, slots=True)
 class EditableText:
-    """A file's text in terms of edits: lines and columns as in findings, after a byte order mark.
+    """A file's text, with the lines and columns of findings, which do not count a byte order mark.
 
     Attributes:
-        line_break: the line break of its first line, which edits use as well.
+        line_starts: the offset of the first character of each line.
+        line_break: the line break of the first line; edits use it too.
     """
 
     text: str
@@ -65,7 +66,7 @@ class EditableText:
         return "".join([*pieces, self.text[at:]]).encode()
 
 
-def editable(data: bytes) -> EditableText | None:
+def editable_text(data: bytes) -> EditableText | None:
     """Return a file's bytes as an editable text; None if they are not UTF-8."""
     try:
         text = data.decode("utf-8")

@@ -1,6 +1,7 @@
-"""Safe fixes, applied in rounds until nothing more can be fixed, and never at the cost of a new error.
+"""Apply safe fixes in rounds until nothing more can be fixed. A fix that causes a new error is left out.
 
-Texts are values here: `fix_all` neither reads nor writes files. Its argument `lint` returns the findings about them.
+Texts are values here: `fix_all` neither reads nor writes files. Its argument `lint` returns the findings about
+the texts.
 """
 
 from __future__ import annotations
@@ -12,19 +13,19 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from codra_dsl.language.diagnostics import Diagnostic, Edit, Severity, is_safe
-from codra_dsl.workspace.suppression.edits import EditableText, Splice, editable, splices_of
+from codra_dsl.workspace.suppression.edits import EditableText, Splice, editable_text, splices_of
 
 MAX_ROUNDS = 50
-"""The maximum number of rounds in which fixes are applied to the results of fixes."""
+"""The maximum number of rounds; each round applies fixes to the texts of the round before."""
 
 MAX_LINTS = 300
-"""The maximum number of times that specs are linted; beyond it, nothing is fixed."""
+"""The maximum number of times that specs are linted; if more are necessary, nothing is fixed."""
 
 Texts = Mapping[str, bytes]
 """The contents of files, by their names in findings."""
 
 Lint = Callable[[Texts], Sequence[Diagnostic]]
-"""Return the findings about specs with some files changed."""
+"""A function that returns the findings about specs in which some files have changed."""
 
 _INDEX = re.compile(r"\.[0-9]+(?=\.|$)")
 
@@ -38,7 +39,7 @@ class Fixed:
     Attributes:
         texts: the files that change, with their new contents.
         applied: the findings that were fixed, in the order of fixing.
-        diagnostics: the findings afterwards.
+        diagnostics: the findings after fixing.
     """
 
     texts: Texts
@@ -49,11 +50,11 @@ class Fixed:
 def fix_all(lint: Lint, texts: Texts) -> Fixed:
     """Return the result of applying the safe fixes of specs.
 
-    All fixes are tried together. If that causes an error, the first fix that causes one is left out and the others are
-    tried again from the beginning.
+    All fixes are tried together. If this causes an error, the first fix that causes an error is left out, and the other
+    fixes are tried again from the beginning.
 
     Args:
-        lint: called with those of the files that have changed.
+        lint: returns the findings about specs; its argument has only the files that have changed.
         texts: the files that may be changed.
     """
     fixing = _Fixing(lint, texts)
@@ -64,7 +65,7 @@ def fix_all(lint: Lint, texts: Texts) -> Fixed:
 
 
 class _TooManyError(Exception):
-    """End the search for fixes that cause no error."""
+    """The limit of lints is reached; this ends the search for fixes that cause no error."""
 
 
 @dataclass(slots=True)
@@ -77,32 +78,36 @@ class _State:
 
 
 class _Fixing:
-    """Attributes: `before` holds the findings before anything is fixed."""
+    """Searches for fixes that cause no error.
+
+    Attributes:
+        before: the findings before anything is fixed.
+    """
 
     def __init__(self, lint: Lint, texts: Texts) -> None:
         self._lint = lint
         self._originals = texts
-        self._left = MAX_LINTS
-        self.before = self._linted({})
+        self._lints_left = MAX_LINTS
+        self.before = self._lint_texts({})
 
     def run(self) -> Fixed:
         """Return the result of all fixes that cause no new error."""
-        refused: set[_Key] = set()
+        refused_keys: set[_Key] = set()
         while True:
-            state = self._to_end(lambda key: key not in refused)
-            if not self._worse(state):
+            state = self._fix_to_end(lambda key: key not in refused_keys)
+            if not self._has_new_errors(state):
                 changed = {file: data for file, data in state.texts.items() if data != self._originals[file]}
                 applied = tuple(state.applied) if changed else ()
                 return Fixed(texts=changed, applied=applied, diagnostics=state.diagnostics)
-            refused.add(self._culprit(list(dict.fromkeys(map(_key, state.applied))), refused))
+            refused_keys.add(self._culprit(list(dict.fromkeys(map(_key, state.applied))), refused_keys))
 
-    def _linted(self, texts: Texts) -> tuple[Diagnostic, ...]:
-        self._left -= 1
-        if self._left < 0:
+    def _lint_texts(self, texts: Texts) -> tuple[Diagnostic, ...]:
+        self._lints_left -= 1
+        if self._lints_left < 0:
             raise _TooManyError
         return tuple(self._lint(texts))
 
-    def _to_end(self, allowed: Callable[[_Key], bool]) -> _State:
+    def _fix_to_end(self, allowed: Callable[[_Key], bool]) -> _State:
         """Apply the allowed fixes, round by round, until there is nothing more to fix."""
         state = _State(self.before)
         seen: list[dict[str, bytes]] = []
@@ -111,23 +116,23 @@ class _Fixing:
             if not applied or texts in seen:
                 break
             seen.append(texts)
-            state = _State(self._linted(texts), texts, [*state.applied, *applied])
+            state = _State(self._lint_texts(texts), texts, [*state.applied, *applied])
         return state
 
     def _round(self, state: _State, allowed: Callable[[_Key], bool]) -> tuple[dict[str, bytes], list[Diagnostic]]:
-        """Apply fixes that do not overlap; of overlapping ones, the first."""
+        """Apply all fixes that do not overlap, and the first of overlapping fixes."""
         texts: dict[str, EditableText] = {}
         taken: dict[str, list[Splice]] = {}
         applied: list[Diagnostic] = []
-        wanted = (diagnostic for diagnostic in state.diagnostics if is_safe(diagnostic) and allowed(_key(diagnostic)))
-        for diagnostic in wanted:
+        fixable = (diagnostic for diagnostic in state.diagnostics if is_safe(diagnostic) and allowed(_key(diagnostic)))
+        for diagnostic in fixable:
             splices = self._splices(diagnostic, state, texts)
-            if splices is None or any(_meets(splice, taken.get(file, ())) for file, splice in splices):
+            if splices is None or any(_overlaps(splice, taken.get(file, ())) for file, splice in splices):
                 continue
             for file, splice in splices:
                 insort(taken.setdefault(file, []), splice)
             applied.append(diagnostic)
-        return state.texts | {file: texts[file].after(several) for file, several in taken.items()}, applied
+        return state.texts | {file: texts[file].after(splices) for file, splices in taken.items()}, applied
 
     def _splices(
         self, diagnostic: Diagnostic, state: _State, texts: dict[str, EditableText]
@@ -138,50 +143,50 @@ class _Fixing:
         for edit in diagnostic.fix.edits:
             edits.setdefault(edit.span.file, []).append(edit)
         splices: list[tuple[str, Splice]] = []
-        for file, several in edits.items():
+        for file, file_edits in edits.items():
             text = texts.get(file) or self._editable(file, state)
-            made = None if text is None else splices_of(several, text)
-            if text is None or made is None:
+            file_splices = None if text is None else splices_of(file_edits, text)
+            if text is None or file_splices is None:
                 return None
             texts[file] = text
-            splices += [(file, splice) for splice in made]
+            splices += [(file, splice) for splice in file_splices]
         return splices
 
     def _editable(self, file: str, state: _State) -> EditableText | None:
         data = state.texts.get(file, self._originals.get(file))
-        return None if data is None else editable(data)
+        return None if data is None else editable_text(data)
 
-    def _worse(self, state: _State) -> bool:
+    def _has_new_errors(self, state: _State) -> bool:
         """Return whether there are errors that did not exist before."""
         return not _errors(state.diagnostics) <= _errors(self.before)
 
-    def _culprit(self, keys: list[_Key], refused: set[_Key]) -> _Key:
-        """Return a fix that causes an error: the last of the shortest prefix of a list of fixes that causes one."""
+    def _culprit(self, keys: list[_Key], refused_keys: set[_Key]) -> _Key:
+        """Return a fix that causes an error: the last fix in the shortest prefix of the list that causes an error."""
         good, bad = 0, len(keys)
         while bad - good > 1:
             middle = (good + bad) // 2
-            some = set(keys[:middle]) - refused
-            if self._worse(self._to_end(some.__contains__)):
+            prefix_keys = set(keys[:middle]) - refused_keys
+            if self._has_new_errors(self._fix_to_end(prefix_keys.__contains__)):
                 bad = middle
             else:
                 good = middle
         return keys[bad - 1]
 
 
-def _meets(splice: Splice, taken: Sequence[Splice]) -> bool:
-    """Return whether a splice overlaps one of some others, which are sorted and do not overlap each other."""
+def _overlaps(splice: Splice, taken: Sequence[Splice]) -> bool:
+    """Return whether a splice overlaps one of the taken splices, which are sorted and do not overlap each other."""
     at = bisect(taken, splice)
     return any(splice.meets(other) for other in taken[max(0, at - 1) : at + 1])
 
 
 def _key(diagnostic: Diagnostic) -> _Key:
-    """Return the identity of a fix, independent of its lines."""
+    """Return a key for the fix of a finding that does not depend on lines."""
     edits = diagnostic.fix.edits if diagnostic.fix is not None else ()
     return diagnostic.fingerprint, tuple(edit.text for edit in edits)
 
 
 def _errors(diagnostics: Sequence[Diagnostic]) -> Counter[tuple[str, ...]]:
-    """Return the errors among findings, by their messages, because lines and the indexes of items may move."""
+    """Count the errors among findings without their lines and the indexes of items, which fixes can move."""
     return Counter(
         (diagnostic.code, diagnostic.place.span.file, _INDEX.sub("", diagnostic.path), diagnostic.message)
         for diagnostic in diagnostics

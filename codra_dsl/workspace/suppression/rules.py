@@ -1,4 +1,4 @@
-"""The kinds of finding about settings and suppression comments, and all kinds that a run can have."""
+"""The rules of findings about settings and suppression comments, and all rules of the findings of a run."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ RULES = rules(
 )
 
 OWN_PREFIX = "CDR79"
-"""The prefix of the codes of findings about comments, which no comment can silence."""
+"""The prefix of the codes of findings about comments. No comment can silence these findings."""
 
 
 @cache
 def known_rules() -> Mapping[str, Rule]:
-    """Return every rule that can make a finding about specs, trees and fuzzy engines, by code."""
+    """Return all rules of findings about specs, trees and fuzzy engines; the key is the code of the rule."""
     tables = (load.RULES, fuzzy.RULES, trees.RULES, check.RULES, output.RULES, RULES)
     return {rule.code: rule for table in tables for rule in table.values()}
 

@@ -1,4 +1,4 @@
-"""`[tool.codra.lint]` in a project's `pyproject.toml`, as data. Errors in it are findings with a place."""
+"""Read the table `[tool.codra.lint]` of a project's `pyproject.toml`. Errors in it are findings with a place."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from codra_dsl.workspace.suppression.toml_places import Steps, TomlPlaces
 _BYTE_ORDER_MARK = "\N{ZERO WIDTH NO-BREAK SPACE}"
 _TABLE = ("tool", "codra", "lint")
 _KEYS = ("select", "ignore", "severity", "fail-on")
-_TABLES_OF_OURS = ("lint",)
+_CODRA_TABLES = ("lint",)
 _PREFIX = re.compile(r"CDR[0-9]{0,4}")
 _POSITION = re.compile(r" \(at (?:line (?P<line>\d+), column (?P<column>\d+)|end of document)\)$")
 _SEVERITIES = {severity.value: severity for severity in Severity}
@@ -27,13 +27,14 @@ _SEVERITIES = {severity.value: severity for severity in Severity}
 class Settings:
     """The findings that a project wants to have reported about its specs.
 
-    If several codes and prefixes match a rule, the longest counts; `ignore` wins over an equal one in `select`.
+    If several codes and prefixes match a rule, the longest one decides. If the same one is in `select` and in `ignore`,
+    `ignore` decides.
 
     Attributes:
         select: codes and prefixes of findings that are reported.
         ignore: codes and prefixes of findings that are not reported.
-        severity: the severity by code or prefix, in place of the rule's own.
-        fail_on: the least severity that makes a command fail.
+        severity: for a code or prefix, the severity that replaces the severity of the rule.
+        fail_on: the lowest severity that makes a command fail.
     """
 
     select: tuple[str, ...] = ("CDR",)
@@ -42,15 +43,15 @@ class Settings:
     fail_on: Severity = Severity.ERROR
 
     def wants(self, rule: Rule) -> bool:
-        """Return whether findings of a rule are reported; binding ones always are."""
+        """Return whether findings of a rule are reported; those of a binding rule always are."""
         return rule.is_binding or _longest(self.select, rule.code) > _longest(self.ignore, rule.code)
 
     def level(self, rule: Rule) -> Severity:
-        """Return the severity of findings of a rule; binding ones are always errors."""
+        """Return the severity of findings of a rule; those of a binding rule are always errors."""
         if rule.is_binding:
             return rule.severity
-        fitting = [prefix for prefix in self.severity if rule.code.startswith(prefix)]
-        return self.severity[max(fitting, key=len)] if fitting else rule.severity
+        matching_prefixes = [prefix for prefix in self.severity if rule.code.startswith(prefix)]
+        return self.severity[max(matching_prefixes, key=len)] if matching_prefixes else rule.severity
 
 
 def _longest(prefixes: Iterable[str], code: str) -> int:
@@ -73,16 +74,16 @@ def settings_of(root: Path) -> tuple[Settings, tuple[Diagnostic, ...]]:
     try:
         document = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        return Settings(), (_no_toml(str(error), text),)
+        return Settings(), (_toml_finding(str(error), text),)
     except RecursionError:
         return Settings(), (_unreadable("it is nested too deeply", 1, 1),)
-    reading = _Reading(document, text)
-    return reading.settings(), tuple(reading.diagnostics)
+    reader = _SettingsReader(document, text)
+    return reader.settings(), tuple(reader.diagnostics)
 
 
-def _no_toml(complaint: str, text: str) -> Diagnostic:
-    position = _POSITION.search(complaint)
-    what = complaint[: position.start()] if position else complaint
+def _toml_finding(toml_error: str, text: str) -> Diagnostic:
+    position = _POSITION.search(toml_error)
+    what = toml_error[: position.start()] if position else toml_error
     if position is None or position["line"] is None:
         return _unreadable(what, text.count("\n") + 1, len(text) - text.rfind("\n"))
     return _unreadable(what, int(position["line"]), int(position["column"]))
@@ -98,8 +99,12 @@ def _unreadable(what: str, line: int, column: int) -> Diagnostic:
     )
 
 
-class _Reading:
-    """Reads the settings from a document. `diagnostics` has the findings about them."""
+class _SettingsReader:
+    """Reads the settings from a document.
+
+    Attributes:
+        diagnostics: the findings about the settings.
+    """
 
     def __init__(self, document: Mapping[str, object], text: str) -> None:
         self.diagnostics: list[Diagnostic] = []
@@ -109,15 +114,15 @@ class _Reading:
 
     def settings(self) -> Settings:
         """Return the valid part of the settings."""
-        codra = self._table(self._codra, _TABLES_OF_OURS, _TABLE[:2])
+        codra = self._table(self._codra, _CODRA_TABLES, _TABLE[:2])
         lint = self._table(codra.get("lint", {}), _KEYS, _TABLE)
-        read = {key: self._codes(key, lint[key]) for key in ("select", "ignore") if key in lint}
-        self._contradictions(read)
+        codes = {key: self._codes(key, lint[key]) for key in ("select", "ignore") if key in lint}
+        self._report_contradictions(codes)
         severity = self._severities(lint.get("severity", {}))
         fail_on = self._severity("'fail-on'", lint["fail-on"], "fail-on") if "fail-on" in lint else None
         return Settings(
-            select=read.get("select", ("CDR",)),
-            ignore=read.get("ignore", ()),
+            select=codes.get("select", ("CDR",)),
+            ignore=codes.get("ignore", ()),
             severity=severity,
             fail_on=fail_on or Severity.ERROR,
         )
@@ -126,20 +131,20 @@ class _Reading:
         path = ".".join(map(str, steps))
         self.diagnostics.append(Diagnostic(rule=RULES[rule], message=message, place=place, path=path, help=help))
 
-    def _wrong(self, message: str, help: str, steps: Steps) -> None:
+    def _report_wrong(self, message: str, help: str, steps: Steps) -> None:
         self._add("wrong-setting", message, help, self._places.value(*steps), *steps)
 
     def _table(self, table: object, known: Iterable[str], steps: Steps) -> Mapping[str, object]:
         """Return a table, or an empty one if the value is not a table, and report unknown keys."""
         header = f"[{'.'.join(map(str, steps))}]"
         if not isinstance(table, dict):
-            self._wrong(f"{header} must be a table", f"write {header} on a line of its own", steps)
+            self._report_wrong(f"{header} must be a table", f"write {header} on a line of its own", steps)
             return {}
         for key in table:
             if key not in known:
                 near = suggest(key.replace("_", "-"), known)
                 near = key.replace("_", "-") if key.replace("_", "-") in known else near
-                help = f"did you mean '{near}'?" if near else f"known are {', '.join(known)}"
+                help = f"did you mean '{near}'?" if near else f"the known keys are {', '.join(known)}"
                 message = f"unknown key '{key}' in {header}"
                 self._add("unknown-setting", message, help, self._places.key(*steps, key), *steps, key)
         return table
@@ -147,31 +152,37 @@ class _Reading:
     def _codes(self, key: str, value: object) -> tuple[str, ...]:
         """Return the valid codes and prefixes in a list."""
         if not isinstance(value, list):
-            self._wrong(f"'{key}' must be a list of codes", f'write {key} = ["CDR7102"]', (*_TABLE, key))
+            self._report_wrong(f"'{key}' must be a list of codes", f'write {key} = ["CDR7102"]', (*_TABLE, key))
             return ()
-        right: list[str] = []
+        valid_codes: list[str] = []
         for index, code in enumerate(value):
             steps = (*_TABLE, key, index)
-            if code in right:
+            if code in valid_codes:
                 place = self._places.value(*steps)
                 self._add("repeated-code", f"'{code}' occurs twice in '{key}'", "remove one of them", place, *steps)
             elif self._is_code(code, steps, forbidden="ignored" if key == "ignore" else ""):
-                right.append(str(code))
-        return tuple(right)
+                valid_codes.append(str(code))
+        return tuple(valid_codes)
 
     def _is_code(self, code: object, steps: Steps, *, forbidden: str) -> bool:
-        """Report values that are not a code or prefix, and binding ones; `forbidden` is what these cannot be."""
+        """Return whether a value is an allowed code or prefix, and report any other value.
+
+        Args:
+            code: the value.
+            steps: the path of the value in the document.
+            forbidden: what codes of binding errors cannot be, such as `ignored`; empty if they are allowed.
+        """
         if not isinstance(code, str):
-            self._wrong("a code is a text", 'write "CDR7102", or a prefix such as "CDR71"', steps)
+            self._report_wrong("a code is a text", 'write "CDR7102", or a prefix such as "CDR71"', steps)
             return False
-        fitting = [rule for known_code, rule in known_rules().items() if known_code.startswith(code)]
+        matching_rules = [rule for known_code, rule in known_rules().items() if known_code.startswith(code)]
         place = self._places.value(*steps) if isinstance(steps[-1], int) else self._places.key(*steps)
-        if not fitting or not _PREFIX.fullmatch(code):
+        if not matching_rules or not _PREFIX.fullmatch(code):
             near = nearest_code(code)
             help = f"did you mean '{near}'?" if near else "a code is CDR and four digits; a prefix is its beginning"
             self._add("unknown-code-in-settings", f"there is no code '{code}'", help, place, *steps)
             return False
-        if forbidden and all(rule.is_binding for rule in fitting):
+        if forbidden and all(rule.is_binding for rule in matching_rules):
             is_code = len(code) == len("CDR0000")
             what = f"'{code}' is an error that prevents" if is_code else f"'{code}' are errors that prevent"
             message = f"{what} compiling, and cannot be {forbidden}"
@@ -179,10 +190,10 @@ class _Reading:
             return False
         return True
 
-    def _contradictions(self, read: Mapping[str, tuple[str, ...]]) -> None:
-        twice = Counter(code for codes in read.values() for code in codes)
-        for index, code in enumerate(read.get("ignore", ())):
-            if twice[code] > 1:
+    def _report_contradictions(self, codes_of_keys: Mapping[str, tuple[str, ...]]) -> None:
+        counts = Counter(code for codes in codes_of_keys.values() for code in codes)
+        for index, code in enumerate(codes_of_keys.get("ignore", ())):
+            if counts[code] > 1:
                 place = self._places.value(*_TABLE, "ignore", index)
                 message = f"'{code}' is in both 'select' and 'ignore', and 'ignore' wins"
                 self._add("repeated-code", message, "remove one of them", place, *_TABLE, "ignore", index)
@@ -190,11 +201,11 @@ class _Reading:
     def _severities(self, value: object) -> dict[str, Severity]:
         if not isinstance(value, dict):
             help = 'write severity = {CDR7102 = "error"}'
-            self._wrong("'severity' must be a table from codes to severities", help, (*_TABLE, "severity"))
+            self._report_wrong("'severity' must be a table from codes to severities", help, (*_TABLE, "severity"))
             return {}
-        return dict(self._leveled(value))
+        return dict(self._valid_severities(value))
 
-    def _leveled(self, table: Mapping[str, object]) -> Iterator[tuple[str, Severity]]:
+    def _valid_severities(self, table: Mapping[str, object]) -> Iterator[tuple[str, Severity]]:
         for code, written in table.items():
             severity = self._severity(f"the severity of '{code}'", written, "severity", code)
             lowered = "lowered" if severity is Severity.WARNING else ""
@@ -207,5 +218,5 @@ class _Reading:
         near = suggest(written, _SEVERITIES) if isinstance(written, str) else None
         help = f"did you mean '{near}'?" if near else 'write "error" or "warning"; to hide findings, use \'ignore\''
         shown = f"'{written}'" if isinstance(written, str) else f"a {type(written).__name__}"
-        self._wrong(f"{what} cannot be {shown}", help, (*_TABLE, *steps))
+        self._report_wrong(f"{what} cannot be {shown}", help, (*_TABLE, *steps))
         return None

@@ -1,10 +1,10 @@
-"""Comments that silence findings: `# codra: ignore[CDR7102] reason`, and errors in such comments.
+"""Comments that silence findings, such as `# codra: ignore[CDR7102] reason`, and findings about such comments.
 
-In files of trees they are XML comments: `<!-- codra: ignore[CDR3309] reason -->`.
+In files of trees, these comments are XML comments: `<!-- codra: ignore[CDR3309] reason -->`.
 
-A comment at the end of a line applies to the findings of that line. A comment on a line of its own applies to the next
-line that has more than a comment. A finding that comes from a template is silenced at the template's line for every
-use, or at the line of one use for that use.
+A comment at the end of a line applies to the findings of that line. A comment on a separate line applies to the next
+line that has more than a comment. A finding that comes from a template is silenced for every use by a comment at the
+line of the template, and for one use by a comment at the line of this use.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from codra_dsl.workspace.suppression.rules import OWN_PREFIX, RULES, known_rules
 from codra_dsl.workspace.suppression.settings import Settings
 
 _MAY_SUPPRESS = re.compile(rb"(?:#|<!--)[ \t]*codra[ \t]*:", re.IGNORECASE)
-_MARKED = re.compile(
+_COMMENT = re.compile(
     r"(?:#|<!--)[ \t]*codra[ \t]*:[ \t]*(?P<verb>[A-Za-z-]+)(?P<rest>[ \t]*\[(?P<codes>[^\]]*)\](?P<reason>.*))?",
     re.IGNORECASE,
 )
@@ -47,12 +47,12 @@ _HELP_IN_XML = "write '<!-- codra: ignore[CDR3309] reason -->'"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sources:
-    """The texts that a run has read, if comments in them may silence findings.
+    """The texts of a run in which comments may silence findings.
 
     Attributes:
         texts: the contents of files that may have such comments, by their names in findings.
-        paths: the requested files and folders, relative to the root. All other files are only included, so another spec
-            may need a comment in them.
+        paths: the requested files and folders, relative to the root. All other files are only included, so
+            another spec may need a comment in them.
     """
 
     texts: Mapping[str, str]
@@ -65,19 +65,19 @@ def read_sources(
     """Return the texts of those files that may have suppression comments.
 
     Args:
-        files: the files of specs and their parts, relative to the root.
+        files: the files of specs, of parts and of behaviour trees, relative to the root.
         paths: the requested files and folders, relative to the root.
         root: the project's folder.
         texts: the contents of files that are not read from disk.
     """
-    given = {} if texts is None else texts
-    commented: dict[str, str] = {}
+    texts_in_memory = {} if texts is None else texts
+    texts_with_comments: dict[str, str] = {}
     for file in sorted(set(files)):
         path = root / file
-        data = given[file] if file in given else _bytes(path) if path.is_file() else b""
+        data = texts_in_memory[file] if file in texts_in_memory else _bytes(path) if path.is_file() else b""
         if _MAY_SUPPRESS.search(data):
-            commented[file] = data.decode("utf-8", "replace")
-    return Sources(texts=commented, paths=tuple(paths))
+            texts_with_comments[file] = data.decode("utf-8", "replace")
+    return Sources(texts=texts_with_comments, paths=tuple(paths))
 
 
 def _bytes(path: Path) -> bytes:
@@ -101,7 +101,7 @@ class Suppression:
     """One comment.
 
     Attributes:
-        codes: in their order; empty if the comment does not have the form of a suppression.
+        codes: its codes, in their order; empty if the comment does not have the form of a suppression.
         line: the line of the findings to silence; None if nothing follows the comment.
         removal: the edit that removes the comment.
         used: those of its codes that have silenced a finding.
@@ -120,56 +120,64 @@ class _Suppressions:
 
     def __init__(self, sources: Sources) -> None:
         self._sources = sources
-        self._all = [suppression for file, text in sources.texts.items() for suppression in _read(file, text)]
-        self._at: dict[tuple[str, int, str], list[Suppression]] = {}
-        self._loud: dict[tuple[str, str], int] = {}
-        for suppression in self._all:
+        self._suppressions = [suppression for file, text in sources.texts.items() for suppression in _read(file, text)]
+        self._index: dict[tuple[str, int, str], list[Suppression]] = {}
+        self._unsilenced_lines: dict[tuple[str, str], int] = {}
+        for suppression in self._suppressions:
             for code in suppression.codes if suppression.line is not None else ():
                 rule = known_rules().get(code.text)
                 if rule is not None and not rule.is_binding and not code.text.startswith(OWN_PREFIX):
-                    self._at.setdefault((suppression.span.file, suppression.line or 0, code.text), []).append(
+                    self._index.setdefault((suppression.span.file, suppression.line or 0, code.text), []).append(
                         suppression
                     )
 
-    def left(self, diagnostic: Diagnostic) -> tuple[Diagnostic, ...]:
-        """Return the part of a finding that is not silenced: all of it, none, or that for other uses of a template."""
-        if not self._at or diagnostic.rule.is_binding:
+    def unsilenced(self, diagnostic: Diagnostic) -> tuple[Diagnostic, ...]:
+        """Return what is left of a finding: nothing, the finding, or findings for the uses that are not silenced."""
+        if not self._index or diagnostic.rule.is_binding:
             return (diagnostic,)
-        if self._silenced(diagnostic.code, diagnostic.place.span):
+        if self._silence(diagnostic.code, diagnostic.place.span):
             return ()
         uses = diagnostic.use_findings or (diagnostic,)
-        left = tuple(use for use in uses if use.place.use is None or not self._silenced(use.code, use.place.use))
-        for span in (span for use in left for span in (use.place.span, use.place.use) if span is not None):
-            self._loud.setdefault((span.file, diagnostic.code), span.line)
-        return (diagnostic,) if len(left) == len(uses) else once_per_template(left)
+        unsilenced = tuple(use for use in uses if use.place.use is None or not self._silence(use.code, use.place.use))
+        for span in (span for use in unsilenced for span in (use.place.span, use.place.use) if span is not None):
+            self._unsilenced_lines.setdefault((span.file, diagnostic.code), span.line)
+        return (diagnostic,) if len(unsilenced) == len(uses) else once_per_template(unsilenced)
 
-    def _silenced(self, code: str, span: Span) -> bool:
-        last = span.end_line - 1 if span.end_column == 1 and span.end_line > span.line else span.end_line
+    def _silence(self, code: str, span: Span) -> bool:
+        last_line = span.end_line - 1 if span.end_column == 1 and span.end_line > span.line else span.end_line
         suppressions = [
-            suppression for line in {span.line, last} for suppression in self._at.get((span.file, line, code), ())
+            suppression
+            for line in {span.line, last_line}
+            for suppression in self._index.get((span.file, line, code), ())
         ]
         for suppression in suppressions:
             suppression.used.add(code)
         return bool(suppressions)
 
     def findings(self, *, complete: bool) -> Iterator[Diagnostic]:
-        """Yield the findings about comments; `complete` means that no error hid findings that they may silence."""
-        for suppression in self._all:
+        """Yield the findings about comments.
+
+        Args:
+            complete: whether no error has hidden findings that comments may silence.
+        """
+        for suppression in self._suppressions:
             if not suppression.codes:
                 help = _HELP_IN_XML if _is_xml(suppression.span.file) else _HELP
                 yield _finding("ill-formed-suppression", "this comment silences nothing", suppression.span, help)
             for index, code in enumerate(suppression.codes):
-                yield from self._of_code(suppression, index, code, complete=complete)
+                yield from self._code_findings(suppression, index, code, complete=complete)
             if suppression.used and not suppression.has_reason:
                 message = "the comment does not say why it silences findings"
-                help = f"write the reason behind it: # codra: ignore[{suppression.codes[0].text}] REASON"
+                help = f"write the reason after the code: # codra: ignore[{suppression.codes[0].text}] REASON"
                 yield _finding("suppression-without-reason", message, suppression.span, help)
 
-    def _of_code(self, suppression: Suppression, index: int, code: Code, *, complete: bool) -> Iterator[Diagnostic]:
+    def _code_findings(
+        self, suppression: Suppression, index: int, code: Code, *, complete: bool
+    ) -> Iterator[Diagnostic]:
         rule = known_rules().get(code.text)
         if rule is None:
             near = nearest_code(code.text)
-            fix = None if near is None else _replacing(code, near)
+            fix = None if near is None else _replacement_fix(code, near)
             help = f"did you mean '{near}'?" if near else "codes are CDR and four digits; 'codra explain' lists them"
             yield _finding("unknown-code-suppressed", f"there is no code '{code.text}'", code.span, help, fix)
         elif rule.is_binding or code.text.startswith(OWN_PREFIX):
@@ -180,32 +188,31 @@ class _Suppressions:
                 message,
                 code.span,
                 "remove it; correct the spec",
-                _without(suppression, index),
+                _removal_fix(suppression, index),
             )
         elif complete and code.text not in suppression.used and covers(self._sources.paths, suppression.span.file):
             message = f"'{code.text}' silences nothing: there is no such finding here"
-            line = self._loud.get((suppression.span.file, code.text))
+            line = self._unsilenced_lines.get((suppression.span.file, code.text))
             help = "remove it" if line is None else f"move it to line {line}, which has such a finding, or remove it"
-            fix = (
-                _without(suppression, index) if line is None else None
-            )  # removing a misplaced comment would lose the reason
+            # Removing a misplaced comment would lose its reason.
+            fix = _removal_fix(suppression, index) if line is None else None
             yield _finding("unused-suppression", message, code.span, help, fix)
 
 
-def triaged(diagnostics: Iterable[Diagnostic], settings: Settings, sources: Sources) -> tuple[Diagnostic, ...]:
-    """Return findings in file order, with those about suppression comments.
+def triage(diagnostics: Iterable[Diagnostic], settings: Settings, sources: Sources) -> tuple[Diagnostic, ...]:
+    """Return findings in file order, with the findings about suppression comments.
 
-    Comments come first, because their use depends on no setting. While an error is left, later checks may not have
-    run, so no comment is reported as unused.
+    Comments are applied before settings, because whether a comment is used depends on no setting. While an error is
+    left, later checks may not have run, so no comment is reported as unused.
     """
     comments = _Suppressions(sources)
-    left = [part for diagnostic in diagnostics for part in comments.left(diagnostic)]
-    complete = not any(diagnostic.rule.severity is Severity.ERROR for diagnostic in left)
-    reported = (*left, *comments.findings(complete=complete))
-    return in_file_order(_leveled(diagnostic, settings) for diagnostic in reported if settings.wants(diagnostic.rule))
+    unsilenced = [part for diagnostic in diagnostics for part in comments.unsilenced(diagnostic)]
+    complete = not any(diagnostic.rule.severity is Severity.ERROR for diagnostic in unsilenced)
+    findings = (*unsilenced, *comments.findings(complete=complete))
+    return in_file_order(_at_level(diagnostic, settings) for diagnostic in findings if settings.wants(diagnostic.rule))
 
 
-def _leveled(diagnostic: Diagnostic, settings: Settings) -> Diagnostic:
+def _at_level(diagnostic: Diagnostic, settings: Settings) -> Diagnostic:
     level = settings.level(diagnostic.rule)
     return diagnostic if level is diagnostic.rule.severity else replace(diagnostic, level=level)
 
@@ -215,25 +222,25 @@ def _finding(rule: str, message: str, span: Span, help: str, fix: Fix | None = N
     return Diagnostic(rule=RULES[rule], message=message, place=Place(span), help=help, fix=fix if is_fixable else None)
 
 
-def _replacing(code: Code, near: str) -> Fix:
+def _replacement_fix(code: Code, near: str) -> Fix:
     edit = Edit(code.span, near)
     message = f"Replace '{code.text}' by '{near}'"
     return Fix(message=message, edits=(edit,), applicability=Applicability.SUGGESTED)
 
 
-def _without(suppression: Suppression, index: int) -> Fix:
-    """Return the fix that removes one code from a comment, or the comment with its last code."""
+def _removal_fix(suppression: Suppression, index: int) -> Fix:
+    """Return the fix that removes one code from a comment, or the complete comment if this is its only code."""
     codes, code = suppression.codes, suppression.codes[index]
     if len(codes) == 1:
         return Fix(message="Remove the comment", edits=(suppression.removal,), applicability=Applicability.SAFE)
     if index + 1 < len(codes):
-        span = _from_to(code.span.column, codes[index + 1].span.column, code.span)
+        span = _span_between(code.span.column, codes[index + 1].span.column, code.span)
     else:
-        span = _from_to(codes[index - 1].span.end_column, code.span.end_column, code.span)
+        span = _span_between(codes[index - 1].span.end_column, code.span.end_column, code.span)
     return Fix(message=f"Remove '{code.text}'", edits=(Edit(span, ""),), applicability=Applicability.SAFE)
 
 
-def _from_to(column: int, end_column: int, on: Span) -> Span:
+def _span_between(column: int, end_column: int, on: Span) -> Span:
     return Span(on.file, on.line, column, on.line, end_column)
 
 
@@ -243,41 +250,41 @@ def _read(file: str, text: str) -> Iterator[Suppression]:
     if source is None:
         return
     for start, end in xml_comments(source.text) if _is_xml(file) else comments(source.text):
-        marked = _MARKED.match(source.text, start, end)
-        if marked is None:
+        comment = _COMMENT.match(source.text, start, end)
+        if comment is None:
             continue
-        verb = marked["verb"].casefold()
-        if verb == _VERB or ((verb in _OTHER_VERBS or marked["rest"]) and "CDR" in source.text[start:end].upper()):
-            yield _suppression(source, marked, end, is_right=verb == _VERB)
+        verb = comment["verb"].casefold()
+        if verb == _VERB or ((verb in _OTHER_VERBS or comment["rest"]) and "CDR" in source.text[start:end].upper()):
+            yield _suppression(source, comment, end, is_suppression=verb == _VERB)
 
 
 def _is_xml(file: str) -> bool:
     return file.casefold().endswith(".xml")
 
 
-def _suppression(source: Source, marked: re.Match[str], end: int, *, is_right: bool) -> Suppression:
-    start = marked.start()
+def _suppression(source: Source, comment: re.Match[str], end: int, *, is_suppression: bool) -> Suppression:
+    start = comment.start()
     end += len(XML_END) if source.text.startswith(XML_END, end) else 0
-    first = marked.start("codes")
-    matches = _CODE.finditer(marked["codes"] or "") if is_right else ()
+    first = comment.start("codes")
+    matches = _CODE.finditer(comment["codes"] or "") if is_suppression else ()
     codes = tuple(Code(match[0], source.span(first + match.start(), first + match.end())) for match in matches)
     span = source.span(start, end)
     line_start = source.line_starts[span.line - 1]
     line_end = source.text.find("\n", end)
-    behind = source.text[end : line_end if line_end >= 0 else len(source.text)]
-    is_alone = not source.text[line_start:start].strip() and not behind.strip()
-    before = len(source.text[:start].rstrip(" \t"))
+    text_after = source.text[end : line_end if line_end >= 0 else len(source.text)]
+    is_alone = not source.text[line_start:start].strip() and not text_after.strip()
+    removal_start = len(source.text[:start].rstrip(" \t"))
     return Suppression(
         span=span,
         codes=codes,
-        has_reason=_WORD.search(marked["reason"] or "") is not None,
+        has_reason=_WORD.search(comment["reason"] or "") is not None,
         line=_next_line(source, span.line) if is_alone else span.line,
-        removal=Edit(_complete_line(source, span.line) if is_alone else source.span(before, end), ""),
+        removal=Edit(_line_span(source, span.line) if is_alone else source.span(removal_start, end), ""),
     )
 
 
 def _next_line(source: Source, line: int) -> int | None:
-    """Return the number of the first line after another one that has more than a comment."""
+    """Return the number of the first line after `line` that has more than a comment."""
     starts = (*source.line_starts[line:], len(source.text))
     for number in range(line + 1, len(source.line_starts) + 1):
         content = source.text[starts[number - line - 1] : starts[number - line]].strip()
@@ -286,7 +293,7 @@ def _next_line(source: Source, line: int) -> int | None:
     return None
 
 
-def _complete_line(source: Source, line: int) -> Span:
+def _line_span(source: Source, line: int) -> Span:
     if line < len(source.line_starts):
         return Span(source.file, line, 1, line + 1, 1)
     return source.span(source.line_starts[line - 1], len(source.text))

@@ -1,7 +1,7 @@
 """Find the places of keys and values in a TOML text, which Python's `tomllib` does not report.
 
-Each occurrence of the text is replaced in turn. The occurrence whose replacement changes exactly the key or value in
-question of the parsed document is its place.
+One occurrence of the text after another is replaced by a marker. The place is the occurrence whose replacement changes
+exactly the wanted key or value of the parsed document.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from codra_dsl.language.diagnostics import Place, Span
 Steps = tuple[str | int, ...]
 
 MAX_TRIES = 500
-"""The maximum number of occurrences that are tried; beyond it, the place is the beginning of the file."""
+"""The maximum number of occurrences that are tried. After that, the place is the beginning of the file."""
 
-_ELSE = "codra-looks-for-this"
+_MARKER = "codra-looks-for-this"
 _QUOTES = "\"'"
 
 
@@ -32,25 +32,30 @@ class TomlPlaces:
     text: str
 
     def key(self, *steps: str | int) -> Place:
-        """Return the place of a key, by the steps that lead to it; for an item of a list, the place of the list."""
+        """Return the place of a key, given the steps to it; for an item of a list, the place of the list's key."""
         *table, key = [step for step in steps if isinstance(step, str)]
-        start, end = self._sought(key, _ELSE, lambda document: _ELSE in _at(document, table)) or (0, 0)
+        start, end = self._occurrence(key, _MARKER, lambda document: _MARKER in _value_at(document, table)) or (
+            0,
+            0,
+        )
         return self._place(start, end)
 
     def value(self, *steps: str | int) -> Place:
-        """Return the place of a value, otherwise of its key."""
-        value = _at(tomllib.loads(self.text), steps)
-        written = value if isinstance(value, str) else str(value).lower()
-        instead = _ELSE if isinstance(value, str) else f"'{_ELSE}'"
-        span = self._sought(written, instead, lambda document: _at(document, steps) == _ELSE)
+        """Return the place of a value, or the place of its key if the value is not found."""
+        value = _value_at(tomllib.loads(self.text), steps)
+        text = value if isinstance(value, str) else str(value).lower()
+        replacement = _MARKER if isinstance(value, str) else f"'{_MARKER}'"
+        span = self._occurrence(text, replacement, lambda document: _value_at(document, steps) == _MARKER)
         return self.key(*steps) if span is None else self._place(*span)
 
-    def _sought(self, written: str, instead: str, is_it: Callable[[dict[str, object]], bool]) -> tuple[int, int] | None:
-        """Return the occurrence of a text whose replacement passes the test `is_it` in the parsed document."""
-        for match in islice(re.finditer(re.escape(written), self.text), MAX_TRIES):
+    def _occurrence(
+        self, text: str, replacement: str, is_wanted: Callable[[dict[str, object]], bool]
+    ) -> tuple[int, int] | None:
+        """Return the occurrence of a text whose replacement passes the test `is_wanted` in the parsed document."""
+        for match in islice(re.finditer(re.escape(text), self.text), MAX_TRIES):
             start, end = match.span()
             try:
-                if is_it(tomllib.loads(self.text[:start] + instead + self.text[end:])):
+                if is_wanted(tomllib.loads(self.text[:start] + replacement + self.text[end:])):
                     is_quoted = start > 0 and self.text[start - 1] in _QUOTES
                     return (start - 1, end + 1) if is_quoted else (start, end)
             except (tomllib.TOMLDecodeError, RecursionError):
@@ -64,8 +69,8 @@ class TomlPlaces:
         return Place(Span(self.file, line, first, last, end_first))
 
 
-def _at(document: Any, steps: Sequence[str | int]) -> Any:
-    """Return the value at the end of the steps, or an empty table if it does not exist."""
+def _value_at(document: Any, steps: Sequence[str | int]) -> Any:
+    """Return the value to which some steps lead, or an empty table if there is no such value."""
     for step in steps:
         try:
             document = document[step]

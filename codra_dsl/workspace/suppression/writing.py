@@ -19,43 +19,43 @@ _LINES = re.compile(r"[^\n]*\n|[^\n]+")
 
 
 def rewritable(files: Iterable[str], root: Path) -> dict[str, bytes]:
-    """Return the contents of those files that may be rewritten: they exist in the project and are not too large."""
-    contents = ((file, _text(file, root)) for file in files)
+    """Return the contents of all files that may be rewritten: files that exist in the project and are not too large."""
+    contents = ((file, _rewritable_bytes(file, root)) for file in files)
     return {file: data for file, data in contents if data is not None}
 
 
-def _text(file: str, root: Path) -> bytes | None:
+def _rewritable_bytes(file: str, root: Path) -> bytes | None:
     try:
-        path = _inside(file, root)
+        path = _project_path(file, root)
         return path.read_bytes() if path.is_file() and path.stat().st_size <= MAX_BYTES else None
     except (OSError, ValueError, RuntimeError):
         return None
 
 
 def rewrite(file: str, root: Path, before: bytes, after: bytes) -> Diagnostic | None:
-    """Replace a file's bytes, unless they are not those that were fixed; return a finding if that fails."""
+    """Replace a file's bytes if they are still `before`; return a finding if they are not, or if replacing fails."""
     try:
-        path = _inside(file, root)
+        path = _project_path(file, root)
         if path.read_bytes() != before:
-            return _unwritten(file, "it has changed in the meantime")
+            return _write_failure(file, "it has changed in the meantime")
         _replace(path, after)
     except OSError as error:
-        return _unwritten(file, error.strerror or "it cannot be replaced")
+        return _write_failure(file, error.strerror or "it cannot be replaced")
     except (ValueError, RuntimeError):
-        return _unwritten(file, "it is a link that leads out of the project")
+        return _write_failure(file, "it is a link that leads out of the project")
     return None
 
 
 def unified(before: bytes, after: bytes, file: str) -> str:
     """Return the difference between two texts of a file in unified form; line ends are preserved."""
-    old, new = (_LINES.findall(data.decode("utf-8", "replace")) for data in (before, after))
+    old_lines, new_lines = (_LINES.findall(data.decode("utf-8", "replace")) for data in (before, after))
     name = _quoted(file)
-    lines = difflib.unified_diff(old, new, name, name)
+    lines = difflib.unified_diff(old_lines, new_lines, name, name)
     return "".join(line if line.endswith("\n") else f"{line}\n\\ No newline at end of file\n" for line in lines)
 
 
 def _quoted(file: str) -> str:
-    """Return a file's name as git and patch write it: characters that could end it as escaped bytes, in quotes."""
+    """Return a file's name as git and patch write it: in quotes and with escapes, if a character could end it."""
     if file.isprintable() and not set('"\\') & set(file):
         return f"{file}\t" if " " in file else file
     plain = frozenset(range(0x20, 0x7F)) - frozenset(b'"\\')
@@ -63,16 +63,16 @@ def _quoted(file: str) -> str:
     return f'"{"".join(letters)}"'
 
 
-def _unwritten(file: str, reason: str) -> Diagnostic:
-    help = "check its permissions, and fix it again"
+def _write_failure(file: str, reason: str) -> Diagnostic:
+    help = "check the permissions of the file, and fix it again"
     return about_output("cannot-write", file, f"cannot write '{file}': {reason}", help=help)
 
 
-def _inside(file: str, root: Path) -> Path:
+def _project_path(file: str, root: Path) -> Path:
     """Return a file's real path.
 
     Raises:
-        ValueError: if it is outside of the project.
+        ValueError: if the path is outside of the project.
     """
     path = (root / file).resolve(strict=True)
     path.relative_to(root.resolve())
@@ -80,7 +80,7 @@ def _inside(file: str, root: Path) -> Path:
 
 
 def _replace(path: Path, data: bytes) -> None:
-    was = path.stat()
+    status = path.stat()
     if not os.access(path, os.W_OK):
         raise PermissionError(None, "it is write-protected")
     descriptor, name = tempfile.mkstemp(prefix=".codra-", dir=path.parent)
@@ -91,8 +91,8 @@ def _replace(path: Path, data: bytes) -> None:
             os.fsync(stream.fileno())
         temporary = Path(name)
         with contextlib.suppress(OSError):  # only the superuser can give files away
-            os.chown(temporary, was.st_uid, was.st_gid)
-        temporary.chmod(stat.S_IMODE(was.st_mode))
+            os.chown(temporary, status.st_uid, status.st_gid)
+        temporary.chmod(stat.S_IMODE(status.st_mode))
         temporary.replace(path)
     except BaseException:
         with contextlib.suppress(OSError):

@@ -26,7 +26,7 @@ from codra_dsl.generation.emit import emit, package_text
 from codra_dsl.generation.emit.conditions import ConditionError
 from codra_dsl.generation.emit.conditions import condition as emitted_condition
 from codra_dsl.generation.emit.declarations import DEFAULTS
-from codra_dsl.generation.emit.layout import call, laid_out
+from codra_dsl.generation.emit.layout import call, lay_out
 from codra_dsl.generation.emit.literals import literal, prose, text_literal
 from codra_dsl.integrations.inspection.loading import load_start
 from codra_dsl.language.check.checked.spec import CheckedSpec
@@ -42,21 +42,23 @@ from tests.runtime.forests import World, takes
 ROOT = Path(__file__).parents[3]
 
 
-def looking(name: str, identifies: list[str | tuple[str, str]], needs: list[Any] | None = None, **fields: Any) -> Pi:
-    """An algorithm whose perception function reads the handle `world`; its result has the value `seen`."""
+def algorithm_of(
+    name: str, identifies: list[str | tuple[str, str]], needs: list[Any] | None = None, **fields: Any
+) -> Pi:
+    """Return an algorithm whose perception function reads the handle `world`, and returns the value `seen`."""
     world = Usage(resource=reference("world"), access=Access.READ, place=place())
     seen = Returned(name="seen", type=ValueType(kind=Kind.BOOL), optional=True, place=place())
-    fixed = {
+    default_fields = {
         "call": "tests.runtime.forests:look",
         "parameters": {"algorithm": name},
         "uses": (world,),
         "returns": (seen,),
     }
-    return Pi(name=name, identifies=identifies, needs=needs or (), **(fixed | fields))
+    return Pi(name=name, identifies=identifies, needs=needs or (), **(default_fields | fields))
 
 
 def rich() -> CheckedSpec:
-    """A spec with every form of output: alternatives, joined trees, all types, long texts, given values."""
+    """Return a spec with every form of output: alternatives, joined trees, all types, long texts, given values."""
     long = condition(
         "near and not (bright or known(open) and age(open) > 10 s) and (near or bright) and not open and known(near)",
         *("bright", "near", "open"),
@@ -66,13 +68,15 @@ def rich() -> CheckedSpec:
     markers = condition("markers >= 3", "seen", python="value('seen')")
     return checked_spec(
         [
-            looking("measure", ["near"], ["robot_is_localized"], parameters={"algorithm": "measure", "limit": 0.5}),
-            looking("localize_lid", ["open", "locked"], ["near", long], accept=[markers], feedback=["open"]),
-            looking("feel_lid", ["open"], ["near"], given=["pose"], rank=2, timeout_s=math.inf),
-            looking("read_label", ["labelled"], ["near"]),
-            looking("read_lamp", ["lamp_on"], ["near"]),
-            looking("feel_lamp", ["lamp_on"], ["near"], rank=2),
-            looking("read_mode", [("mode", "first_of(('idle', value('seen')), ('busy', ~value('seen')))")]),
+            algorithm_of(
+                "measure", ["near"], ["robot_is_localized"], parameters={"algorithm": "measure", "limit": 0.5}
+            ),
+            algorithm_of("localize_lid", ["open", "locked"], ["near", long], accept=[markers], feedback=["open"]),
+            algorithm_of("feel_lid", ["open"], ["near"], given=["pose"], rank=2, timeout_s=math.inf),
+            algorithm_of("read_label", ["labelled"], ["near"]),
+            algorithm_of("read_lamp", ["lamp_on"], ["near"]),
+            algorithm_of("feel_lamp", ["lamp_on"], ["near"], rank=2),
+            algorithm_of("read_mode", [("mode", "first_of(('idle', value('seen')), ('busy', ~value('seen')))")]),
         ],
         skills=[skill("open_lid", ["locked", "mode"], ["open"]), skill("read", ["labelled", "speed"])],
         observers=[setting("lid", "open", "locked", priority=5), setting("face", "labelled", "lamp_on", period_s=0.5)],
@@ -167,7 +171,7 @@ CONDITIONS = st.recursive(
 
 def in_a_call(python: str) -> str:
     expression, _ = emitted_condition(python)
-    return laid_out(call("Precondition", '"text"', expression, "perception"))
+    return lay_out(call("Precondition", '"text"', expression, "perception"))
 
 
 @settings(max_examples=8)
@@ -192,7 +196,7 @@ def test_a_condition_has_the_same_meaning_after_layout(python: str) -> None:
     words = {**vars(sys.modules["codra_dsl.runtime.values.conditions"])}
     expression, used = emitted_condition(python)
 
-    laid = laid_out(expression)
+    laid = lay_out(expression)
 
     assert repr(eval(f"({laid})", words)) == repr(eval(python, words))
     called = {node.id for node in ast.walk(ast.parse(python)) if isinstance(node, ast.Name)}
@@ -313,15 +317,15 @@ HOSTILE = st.one_of(
 
 
 @given(HOSTILE, HOSTILE, HOSTILE)
-def test_no_text_of_a_spec_becomes_code(label: str, hostile: str, member: str) -> None:
+def test_no_text_of_a_spec_becomes_code(label: str, hostile_text: str, member: str) -> None:
     spec = checked_spec(
         [
             Pi(
                 name="p",
                 identifies=["a"],
-                call=hostile,
+                call=hostile_text,
                 parameters={"text": label},
-                needs=[condition(hostile, "x", python=f"value('x') == {member!r}")],
+                needs=[condition(hostile_text, "x", python=f"value('x') == {member!r}")],
             )
         ],
         variables=[variable("x", label=label, type=ValueType(kind=Kind.ENUM, values=(member,)), sources=main())],
@@ -334,7 +338,7 @@ def test_no_text_of_a_spec_becomes_code(label: str, hostile: str, member: str) -
             tree = ast.parse(text)
             assert {type(node) for node in ast.walk(tree) if not isinstance(node, ALLOWED_NODES)} == set()
             strings = {node.value for node in ast.walk(tree) if isinstance(node, ast.Constant)}
-            assert {label, hostile, member} <= strings | {"x"}
+            assert {label, hostile_text, member} <= strings | {"x"}
             called = {
                 node.func.id
                 for node in ast.walk(tree)
@@ -388,8 +392,8 @@ def test_the_manifest_has_the_digest_of_every_output_except_the_places() -> None
     assert manifest["spec"] == "specs/lab.yaml"
 
 
-def moved(spec: CheckedSpec, lines: int) -> CheckedSpec:
-    """The spec after some lines were added at its top."""
+def with_lines_added(spec: CheckedSpec, lines: int) -> CheckedSpec:
+    """Return the spec after some lines were added at its top."""
 
     def shift(value: object) -> Any:
         if isinstance(value, Place):
@@ -413,7 +417,7 @@ def moved(spec: CheckedSpec, lines: int) -> CheckedSpec:
 
 
 def test_lines_added_to_a_spec_change_its_places_only() -> None:
-    before, after = emit(plan(rich())), emit(plan(moved(rich(), 7)))
+    before, after = emit(plan(rich())), emit(plan(with_lines_added(rich(), 7)))
 
     assert [path for path in before if before[path] != after[path]] == ["lab/sources.json"]
     assert json.loads(after["lab/sources.json"])["lab/context/open"] == {"file": "specs/lab.yaml", "line": 8}
@@ -535,7 +539,7 @@ WORLD = [Resource(name="world", place=place())]
 
 def test_a_tree_shows_the_order_of_figure_4(tmp_path: Path) -> None:
     markers = condition("markers >= 3", "seen", python="value('seen')")
-    lid = looking("localize_lid", ["open", "locked"], ["near", "base_in_view"], accept=[markers])
+    lid = algorithm_of("localize_lid", ["open", "locked"], ["near", "base_in_view"], accept=[markers])
     spec = checked_spec([lid], observers=[setting("lid", "open", "locked")], resources=WORLD)
 
     with started(spec, tmp_path, World()) as (manager, _):
@@ -544,7 +548,10 @@ def test_a_tree_shows_the_order_of_figure_4(tmp_path: Path) -> None:
 
 def test_alternatives_show_their_own_preconditions(tmp_path: Path) -> None:
     spec = checked_spec(
-        [looking("localize_lid", ["open", "locked"], ["near"]), looking("feel_lid", ["open"], given=["pose"], rank=2)],
+        [
+            algorithm_of("localize_lid", ["open", "locked"], ["near"]),
+            algorithm_of("feel_lid", ["open"], given=["pose"], rank=2),
+        ],
         observers=[setting("lid", "open", "locked")],
         resources=WORLD,
     )
@@ -560,14 +567,17 @@ def test_joined_algorithms_run_side_by_side_under_their_preconditions(tmp_path: 
 
 def joined() -> CheckedSpec:
     return checked_spec(
-        [looking("read_label", ["labelled"], ["near"]), looking("read_lamp", ["lamp_on"], ["near"])],
+        [
+            algorithm_of("read_label", ["labelled"], ["near"]),
+            algorithm_of("read_lamp", ["lamp_on"], ["near"]),
+        ],
         observers=[setting("face", "labelled", "lamp_on")],
         resources=WORLD,
     )
 
 
 def test_a_failing_joined_algorithm_leaves_the_other_alone(tmp_path: Path) -> None:
-    """The first fails immediately, again and again, while the second takes three periods."""
+    """The first algorithm fails immediately, again and again, while the second one takes three periods."""
     world = World(finds={"read_label": 7, "read_lamp": takes(3.0, {"seen": True})})
     with started(joined(), tmp_path, world) as (manager, clock):
         manager.set("near", True)

@@ -1,4 +1,4 @@
-"""Knowledge and agents as Python: the runtime gets exactly what a spec declares, and no text of it becomes code."""
+"""Knowledge and agents as Python: the runtime gets exactly what a spec declares, and no text of a spec becomes code."""
 
 from __future__ import annotations
 
@@ -63,8 +63,8 @@ def model(spec: Path = SPEC) -> KnowledgeModel:
 
 
 def model_of(text: str) -> KnowledgeModel:
-    files_ = emit(planned(text))
-    made = module(next(files_[name] for name in files_ if name.endswith("/knowledge.py"))).KNOWLEDGE
+    texts = emit(planned(text))
+    made = module(next(texts[name] for name in texts if name.endswith("/knowledge.py"))).KNOWLEDGE
     assert isinstance(made, KnowledgeModel)
     return made
 
@@ -76,15 +76,15 @@ def started(folder: Path, spec: Path = SPEC) -> ContextManager[Any, Any]:
     return manager
 
 
-def named(models: tuple[Any, ...], name: str) -> Any:
-    return next(declared for declared in models if declared.name == name)
+def model_named(models: tuple[Any, ...], name: str) -> Any:
+    return next(model for model in models if model.name == name)
 
 
 # Declarations
 
 
 def test_writers_are_in_the_order_of_their_priorities() -> None:
-    container = named(model().node_types, "roll_container")
+    container = model_named(model().node_types, "roll_container")
 
     assert container.sources == by("container_detection")
     assert [(attribute.name, attribute.sources) for attribute in container.attributes] == [
@@ -104,10 +104,14 @@ def test_writers_with_equal_priorities_keep_them() -> None:
 
 def test_context_variables_are_attributes_of_their_nodes() -> None:
     nodes = model().nodes
-    (level,) = named(nodes, "battery").attributes
+    (level,) = model_named(nodes, "battery").attributes
 
     assert (level.name, level.sources, level.valid_for_s) == ("battery_level", by("navigation"), 60.0)
-    assert [attribute.name for attribute in named(nodes, "robot").attributes] == ["person_distance", "container_load"]
+    robot = model_named(nodes, "robot")
+    assert [attribute.name for attribute in robot.attributes] == [
+        "person_distance",
+        "container_load",
+    ]
 
 
 def test_a_context_variable_of_no_node_is_of_the_context() -> None:
@@ -116,7 +120,7 @@ def test_a_context_variable_of_no_node_is_of_the_context() -> None:
         "knowledge: {nodes: {room: room}}\n"
     )
 
-    assert [attribute.name for attribute in named(made.nodes, "context").attributes] == ["lit"]
+    assert [attribute.name for attribute in model_named(made.nodes, "context").attributes] == ["lit"]
     assert repr(made.agents[0].wakes[0]) == repr(~value("context.lit"))
     assert Knowledge(made, clock=SimClock()).get("context", "lit").known is False
 
@@ -136,7 +140,7 @@ def test_a_context_variable_of_a_task_is_an_attribute_of_its_node() -> None:
 
 
 def test_initial_values_are_in_the_unit_of_the_attribute() -> None:
-    assert named(model().nodes, "area_1").values == {"aisle": 3, "width": 2.5}
+    assert model_named(model().nodes, "area_1").values == {"aisle": 3, "width": 2.5}
 
 
 def test_initial_edges_are_those_without_a_writer_or_with_a_pose() -> None:
@@ -195,7 +199,7 @@ def test_every_declaration_makes_a_graph() -> None:
 
 
 def rule(agent: str, name: str) -> Any:
-    return named(named(model().agents, agent).rules, name)
+    return model_named(model_named(model().agents, agent).rules, name)
 
 
 def test_paths_read_as_in_the_spec() -> None:
@@ -209,12 +213,12 @@ def test_paths_read_as_in_the_spec() -> None:
 
 
 def test_conditions_name_the_nodes_of_their_attributes() -> None:
-    assert repr(named(model().agents, "navigation").wakes[1]) == repr(value("battery.battery_level") < 10)
+    assert repr(model_named(model().agents, "navigation").wakes[1]) == repr(value("battery.battery_level") < 10)
     assert repr(rule("container_detection", "detect").during[1]) == repr(value("robot.person_distance") > 1)
 
 
 def test_distances_of_poses_are_in_metres() -> None:
-    assert repr(named(model().agents, "fork").wakes[0]) == repr(distance("robot", "area_1") < 0.5)
+    assert repr(model_named(model().agents, "fork").wakes[0]) == repr(distance("robot", "area_1") < 0.5)
     lift = rule("picking", "lift").before[1]
     assert repr(lift) == repr((value("battery.battery_level") > 20) & ~in_view("area_1", "eye"))
 
@@ -232,7 +236,7 @@ def test_a_text_that_looks_like_a_reading_stays_a_text() -> None:
 def test_poses_in_conditions_hold_on_a_snapshot() -> None:
     clock = SimClock()
     knowledge = Knowledge(model(), clock=clock)
-    near = named(model().agents, "fork").wakes[0]
+    near = model_named(model().agents, "fork").wakes[0]
     seen = in_view("area_1", "eye")
     assert not knowledge.snapshot().holds(near)  # the robot's pose is unknown
 
@@ -293,7 +297,7 @@ def test_agents_of_templates_own_the_elements_of_their_uses(tmp_path: Path) -> N
         front.insert_node("left_load", "front_load", side="left")
 
         assert codra.knowledge.get("left_load", "side").value == "left"
-        assert named(model(TWO_FORKS).tasks, "lifting_back").by == "back_driver"
+        assert model_named(model(TWO_FORKS).tasks, "lifting_back").by == "back_driver"
 
 
 def test_a_tank_is_not_a_misspelt_task() -> None:
@@ -342,22 +346,22 @@ def test_the_module_of_knowledge_imports_exactly_what_it_uses(text: str, tmp_pat
 
 def test_a_spec_without_knowledge_has_no_graph() -> None:
     text = "codra: 1\nname: plain\ncontext: {lit: {type: bool, source: lamp}}\nagents: {lamp: {}}\n"
-    files_ = emit(planned(text))
+    texts = emit(planned(text))
 
-    assert sorted(files_) == [
+    assert sorted(texts) == [
         f"plain/{name}" for name in ("__init__.py", "graph.json", "manifest.json", "sources.json", "spec.py")
     ]
-    assert "nowledge" not in "".join(text for name, text in files_.items())
+    assert "nowledge" not in "".join(text for name, text in texts.items())
 
 
 def test_a_spec_file_called_knowledge_keeps_its_module() -> None:
     text = SPEC.read_text("utf-8")
-    files_ = dict(emit(plan_text(text, "specs/knowledge.yaml", ROOT).plans[0]))
+    texts = dict(emit(plan_text(text, "specs/knowledge.yaml", ROOT).plans[0]))
     plain = plan_text(
         "codra: 1\nname: a\ncontext: {x: {type: bool, source: l}}\nagents: {l: {}}\n", "knowledge.yaml", ROOT
     )
 
-    assert {"picking_up/knowledge.py", "picking_up/knowledge_.py"} <= set(files_)
+    assert {"picking_up/knowledge.py", "picking_up/knowledge_.py"} <= set(texts)
     assert "a/knowledge.py" in emit(plain.plans[0])
 
 
@@ -383,7 +387,7 @@ def test_no_text_of_knowledge_in_a_spec_becomes_code(label: str, result: str, me
     assert knowledge is not None
     world = knowledge.world
     task, kind = world.spec.tasks[0], world.spec.types[1]
-    renamed = dataclasses.replace(
+    renamed_spec = dataclasses.replace(
         world.spec,
         tasks=(
             dataclasses.replace(task, label=label, results=(dataclasses.replace(task.results[0], name=result or "x"),)),
@@ -391,7 +395,7 @@ def test_no_text_of_knowledge_in_a_spec_becomes_code(label: str, result: str, me
         ),
         types=(dataclasses.replace(kind, label=member), *world.spec.types),
     )
-    changed = dataclasses.replace(knowledge, world=dataclasses.replace(world, spec=renamed))
+    changed = dataclasses.replace(knowledge, world=dataclasses.replace(world, spec=renamed_spec))
     text = emit(dataclasses.replace(plan, checked=dataclasses.replace(plan.checked, knowledge=changed)))[
         "picking_up/knowledge.py"
     ]
@@ -452,7 +456,7 @@ def test_the_graph_has_the_elements_and_tasks_of_agents() -> None:
         "edge/near leads_to type/robot",
         "edge/eye_pose leads_to type/camera",
     } <= sentences
-    assert "agent/picking reads task/detecting" not in sentences  # it requests it
+    assert "agent/picking reads task/detecting" not in sentences  # it requests the task
 
 
 def test_the_manifest_changes_with_what_agents_own() -> None:

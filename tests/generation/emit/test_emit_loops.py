@@ -42,21 +42,21 @@ CALM = {
 
 
 def metrics(**seen: float) -> dict[str, float]:
-    known = CALM | seen
-    result = metric_engine.infer(*(known[name] for name in metric_engine.INPUTS))
+    inputs = CALM | seen
+    result = metric_engine.infer(*(inputs[name] for name in metric_engine.INPUTS))
     return dict(zip(metric_engine.OUTPUTS, result.values, strict=True))
 
 
 def weights(**seen: float) -> dict[str, float]:
-    known = CALM | seen | metrics(**seen)
-    result = action_engine.infer(*(known[name] for name in action_engine.INPUTS))
+    inputs = CALM | seen | metrics(**seen)
+    result = action_engine.infer(*(inputs[name] for name in action_engine.INPUTS))
     names = (name.removeprefix("weight_of_") for name in action_engine.OUTPUTS)
     return dict(zip(names, result.values, strict=True))
 
 
 def heaviest(**seen: float) -> str:
-    weight_of = weights(**seen)
-    return max(weight_of, key=lambda name: weight_of[name])
+    action_weights = weights(**seen)
+    return max(action_weights, key=lambda name: action_weights[name])
 
 
 # P2, section 6
@@ -230,7 +230,7 @@ def test_the_loops_run_and_write_metrics_weights_course_and_speed() -> None:
 
 
 def _set_context(agents: dict[str, object], *, person_distance: float) -> None:
-    values_of = {
+    values_of_agents = {
         "navigation": {"battery_level": 80.0, "bumped": False},
         "person_detection": {"person_distance": person_distance},
         "lasers": {"strange_gap": person_distance - 0.7},
@@ -238,7 +238,7 @@ def _set_context(agents: dict[str, object], *, person_distance: float) -> None:
         "picker_page": {"container_load": "empty"},
         "mission": {"order_open": True},
     }
-    for agent, values in values_of.items():
+    for agent, values in values_of_agents.items():
         for name, value in values.items():
             agents[agent].set(name, value)  # type: ignore[attr-defined]
 
@@ -274,7 +274,7 @@ def feel(**_: object) -> dict[str, float]:
 
 @pytest.fixture
 def fan(tmp_path: Path) -> Any:
-    """The package of a spec without knowledge, whose loop reads a variable that an observer identifies."""
+    """The package of a spec without knowledge. Its loop reads a variable that an observer identifies."""
     (tmp_path / "pyproject.toml").write_text("[tool.codra]\n")
     (tmp_path / "fan.yaml").write_text(FAN)
     compiled = compile_paths([tmp_path / "fan.yaml"], tmp_path)

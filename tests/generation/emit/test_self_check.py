@@ -45,7 +45,7 @@ def test_emitted_text_is_proven(path: str) -> None:
 @settings(max_examples=400, deadline=None)
 @given(st.data())
 def test_the_proof_of_a_damaged_module_agrees_with_the_compiler(data: st.DataObject) -> None:
-    """Some characters of a real module are replaced by ones that may break it, or that may hide an error."""
+    """Some characters of a real module are replaced by characters that may break the module, or may hide an error."""
     text = MODULES[data.draw(st.sampled_from(sorted(MODULES)))]
     for _ in range(data.draw(st.integers(1, 3))):
         start = data.draw(st.integers(0, len(text)))
@@ -72,7 +72,7 @@ def test_an_invalid_name_is_detected_in_every_piece(path: str) -> None:
 @pytest.mark.parametrize(
     "statements",
     [
-        "VARIABLES: tuple[X, ...] = (\n    A((),\n    B()),\n)\n",  # two items that are valid only together
+        "VARIABLES: tuple[X, ...] = (\n    A((),\n    B()),\n)\n",  # neither item is valid alone
         "VARIABLES: tuple[X, ...] = (\n    A(x) for x in y,\n    A(x) for x in y,\n)\n",
         "VARIABLES: tuple[X, ...] = (\n    A(),\n    B()\n    C(),\n)\n",
         "X = Algorithm(\n\n)\n\n\ndef y(observer: Observer) -> Behaviour:\n    return (\n\n)\n)\n",

@@ -1,4 +1,4 @@
-"""A tree ticked by our runtime and by the second interpreter in parallel."""
+"""Tick a tree by our runtime and by the second interpreter in parallel."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ LETTERS = {
 
 
 def acting(plans: str, log: list[str], *quirks: btcpp.Quirk) -> btcpp.World:
-    """Return a world whose actions follow plans and write to a log, like those of `planned`."""
-    plans_left = {leaf: list("S") for leaf in LEAVES}
-    plans_left |= {leaf: list(plan) for leaf, _, plan in (part.partition("=") for part in plans.split())}
+    """Return a world whose actions follow plans and write to a log, like the actions of `planned`."""
+    remaining_plans = {leaf: list("S") for leaf in LEAVES}
+    remaining_plans |= {leaf: list(plan) for leaf, _, plan in (part.partition("=") for part in plans.split())}
 
     def act(event: str, name: str) -> btcpp.Status:
         log.append({"start": name, "running": name.lower(), "halt": f"{name}!"}[event])
-        plan = plans_left[name]
+        plan = remaining_plans[name]
         return btcpp.Status.IDLE if event == "halt" else LETTERS[plan.pop(0) if len(plan) > 1 else plan[0]]
 
     return btcpp.World(act, frozenset(quirks))
@@ -54,7 +54,7 @@ class Both:
         self.other.halt()
 
     def tick(self, *, exactly_once: bool) -> tuple[object, object] | None:
-        """Return results, logs and entries after a tick of both; None if BehaviorTree.CPP would never return."""
+        """Tick both trees and return their results, logs and entries; None if BehaviorTree.CPP would never return."""
         try:
             result = (self.other.tick_exactly_once if exactly_once else self.other.tick)()
         except btcpp.UndefinedError:

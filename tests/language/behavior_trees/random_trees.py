@@ -37,7 +37,7 @@ class RandomTree:
         body = self._node(depth)
         self.text = document(body, others="".join(self._subtrees))
         self.plans = " ".join(f"{leaf}={''.join(chance.choices('RSFK', [4, 4, 3, 1], k=24))}R" for leaf in ACTIONS)
-        """The results of each action, tick by tick; in the end all of them run forever, so that few loops do."""
+        """The results of each action, one letter per tick. The last letter `R` repeats, so few loops are endless."""
 
     def _node(self, depth: int) -> str:
         kind = self._chance.random()
@@ -151,7 +151,7 @@ class RandomTree:
         return self._element(tag, queue if tag.startswith("Loop") else ports.get(tag, {}), self._node(depth))
 
     def _subtree(self, depth: int) -> str:
-        """Return a subtree with access to all entries, by their own or other names."""
+        """Return a subtree that can access all entries, by their own names or by other names."""
         name = f"Sub{len(self._subtrees)}"
         self._subtrees.append("")
         self._subtrees[int(name[3:])] = f'<BehaviorTree ID="{name}">{self._node(depth)}</BehaviorTree>'

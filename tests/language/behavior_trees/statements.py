@@ -377,4 +377,4 @@ DEPARTURES = {
         "y=1 | success: | y==1",
     ),
 }
-"""For each quirk of the source, a tree that shows it: our behaviour, and that of the source."""
+"""For each quirk of the source, a tree that shows the quirk, with our behaviour and the behaviour of the source."""

@@ -174,7 +174,7 @@ def test_a_decorator_behaves_as_documented(name: str) -> None:
 
 
 def test_loops_that_yield_complete_within_one_tick_of_the_tree() -> None:
-    """As BehaviorTree.CPP's `tickOnce`, which ticks again when a node has only yielded."""
+    """This is the behaviour of BehaviorTree.CPP's `tickOnce`, which ticks again if a node has only yielded."""
     log: list[str] = []
     body = '<Repeat num_cycles="3"><AsyncSequence><A/><B/></AsyncSequence></Repeat>'
 
@@ -354,10 +354,10 @@ def test_a_loop_without_end_does_not_block_the_program() -> None:
 def test_a_loop_reads_its_items_with_their_type(loop: str, items: list[object]) -> None:
     tree = main_tree(document(loop.replace("{}", '<Script code="went := item"/>')), planned("", []))
 
-    visited = []
+    visited_items = []
     while tree.tick() is Result.RUNNING:
-        visited.append(tree.scope.get("went"))
-    assert [repr(item) for item in visited] == [repr(item) for item in items]
+        visited_items.append(tree.scope.get("went"))
+    assert [repr(item) for item in visited_items] == [repr(item) for item in items]
 
 
 def test_an_invalid_item_is_an_error() -> None:

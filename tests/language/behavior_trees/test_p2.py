@@ -38,15 +38,15 @@ def tree(name: str, robot: Robot, scope: Scope, clock: SimClock) -> Tree:
     """Return the main tree of a file of the repository."""
     forest, problems = read(ROOT / "specs" / "trees" / f"{name}.xml", ROOT)
     assert forest is not None
-    checked, more_problems = check(forest)
-    assert (problems, more_problems) == ((), ())
+    checked, check_problems = check(forest)
+    assert (problems, check_problems) == ((), ())
     assert checked is not None
     assert forest.main is not None
     return Tree(functions(tree_module(checked))[forest.main](), leaves=robot, clock=clock, scope=scope)
 
 
 class Drive(Action):
-    """Drives somewhere in two ticks."""
+    """An action that drives somewhere in two ticks."""
 
     def __init__(self, log: list[str]) -> None:
         self._log = log
@@ -64,11 +64,11 @@ class Drive(Action):
 
 
 def cary(log: list[str], seen: list[bool]) -> Robot:
-    """Return the robot's simple actions; `seen` has the results of detections, of which the last one repeats."""
+    """Return the robot's simple actions; `seen` has the results of detections. The last result repeats."""
 
-    def logs(entry: Callable[[Ports], str]) -> Callable[[Ports], bool]:
+    def logging_action(format_entry: Callable[[Ports], str]) -> Callable[[Ports], bool]:
         def action(ports: Ports) -> bool:
-            log.append(entry(ports))
+            log.append(format_entry(ports))
             return True
 
         return action
@@ -87,10 +87,10 @@ def cary(log: list[str], seen: list[bool]) -> Robot:
     robot.can("MoveTo", lambda: Drive(log))
     robot.does("DetectContainer", detect)
     robot.does("CheckWheels", check_wheels)
-    robot.does("Rotate", logs(lambda ports: f"rotate {ports.number('angle_deg'):g}"))
-    robot.does("RaiseFork", logs(lambda _: "raise the fork"))
-    robot.does("LowerFork", logs(lambda _: "lower the fork"))
-    robot.does("Inform", logs(lambda ports: ports.text("message")))
+    robot.does("Rotate", logging_action(lambda ports: f"rotate {ports.number('angle_deg'):g}"))
+    robot.does("RaiseFork", logging_action(lambda _: "raise the fork"))
+    robot.does("LowerFork", logging_action(lambda _: "lower the fork"))
+    robot.does("Inform", logging_action(lambda ports: ports.text("message")))
     robot.does("IsLoaded", lambda _: log.count("raise the fork") > log.count("lower the fork"))
     return robot
 

@@ -1,4 +1,4 @@
-"""The page on trees names every node, supported or refused, every condition and every finding."""
+"""The page on trees names every supported or refused node, every condition and every finding."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 from codra_dsl.language.behavior_trees import RULES
-from codra_dsl.language.behavior_trees.catalogue import AFTER, BEFORE, BUILT_IN, REFUSED
+from codra_dsl.language.behavior_trees.catalogue import BUILT_IN, POST_SCRIPTS, PRECONDITIONS, REFUSED_NODES
 from codra_dsl.language.behavior_trees.elements import MAX_DEPTH
 from codra_dsl.runtime.behavior_trees import Result, Robot
 from tests.language.behavior_trees.stories import document, main_tree
@@ -18,7 +18,7 @@ TESTS = "".join(path.read_text("utf-8") for path in sorted(FOLDER.glob("test_*.p
 
 
 def rows(heading: str) -> dict[str, str]:
-    """Return the last cell of each row of a table by the first cell; `heading` is the first heading."""
+    """Return the last cell of each row in a table; the key is its first cell. `heading` is the first heading."""
     table = PAGE.split(f"| {heading} |")[1].split("\n\n")[0].splitlines()[2:]
     cells = [re.split(r"(?<!\\\\) \| ", row.strip("| ")) for row in table]
     return {row[0]: row[-1] for row in cells}
@@ -37,11 +37,11 @@ def test_every_supported_node_has_a_row_that_names_its_tests() -> None:
 def test_every_refused_node_has_a_row_with_its_help() -> None:
     named = rows("refused")
 
-    assert {node: named[f"`{node}`"] for node in REFUSED} == dict(REFUSED)
+    assert {node: named[f"`{node}`"] for node in REFUSED_NODES} == dict(REFUSED_NODES)
 
 
 def test_every_condition_and_every_finding_is_on_the_page() -> None:
-    assert [name for name in (*BEFORE, *AFTER) if f"`{name}`" not in PAGE] == []
+    assert [name for name in (*PRECONDITIONS, *POST_SCRIPTS) if f"`{name}`" not in PAGE] == []
     assert [
         rule.code for rule in RULES.values() if f"| {rule.code} | `{rule.name}` | {rule.severity} |" not in PAGE
     ] == []

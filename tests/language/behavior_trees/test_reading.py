@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from codra_dsl.compiler import plan_paths
 from codra_dsl.language.behavior_trees import RULES, check, read, read_text
-from codra_dsl.language.behavior_trees.catalogue import BUILT_IN, REFUSED
+from codra_dsl.language.behavior_trees.catalogue import BUILT_IN, REFUSED_NODES
 from codra_dsl.language.behavior_trees.elements import MAX_BYTES, MAX_DEPTH, MAX_ELEMENTS
 from tests.language.behavior_trees.stories import document, findings, places_and_rules
 
@@ -107,12 +107,12 @@ def test_a_mistake_is_reported_with_help(body: str, expected: str) -> None:
     assert problem.startswith(expected)
 
 
-@pytest.mark.parametrize("node", sorted(REFUSED))
+@pytest.mark.parametrize("node", sorted(REFUSED_NODES))
 def test_the_help_for_a_refused_node_names_a_replacement(node: str) -> None:
     (finding,) = findings(document(f"<Sequence><{node}/></Sequence>"))
 
     assert finding.message == f"'{node}' cannot be compiled"
-    assert finding.help == REFUSED[node]
+    assert finding.help == REFUSED_NODES[node]
     assert (finding.place.span.line, finding.place.span.column) == (
         1,
         document("").index("</Beh") + len("<Sequence>") + 1,
@@ -120,7 +120,7 @@ def test_the_help_for_a_refused_node_names_a_replacement(node: str) -> None:
 
 
 def test_supported_and_refused_nodes_are_disjoint() -> None:
-    assert not set(BUILT_IN) & set(REFUSED)
+    assert not set(BUILT_IN) & set(REFUSED_NODES)
 
 
 def test_all_mistakes_of_a_file_are_reported_at_once_with_their_places() -> None:

@@ -38,7 +38,7 @@ def test_random_trees_do_the_same_tick_by_tick(chance: Random) -> None:
 
 
 class Endless(Action):
-    """An action that never completes, and counts how many of its kind are running."""
+    """An action that never completes. It counts the running actions of its kind."""
 
     running = 0
 

@@ -154,8 +154,8 @@ def test_a_script_that_cannot_be_compiled_is_reported_with_its_place(
 
     assert finding.rule.name == rule
     assert finding.help.startswith(help_)
-    complete = attribute.split('"')[1]  # offsets within a value with references are not those in the file
-    assert line[span.column - 1 : span.end_column - 1] == (complete if "&" in attribute else underlined)
+    complete_script = attribute.split('"')[1]  # offsets within a value with references are not those in the file
+    assert line[span.column - 1 : span.end_column - 1] == (complete_script if "&" in attribute else underlined)
 
 
 @given(st.text(alphabet="ab1 .'()!&|<>=+-*/?:;~^@", max_size=60))

@@ -39,7 +39,7 @@ SHOP = KnowledgeModel(
 
 
 class Store:
-    """A graph, the agent that detects, and a tree that requests it."""
+    """A graph, the agent that detects, and a tree that requests detections."""
 
     def __init__(self, body: str = "<Detect/>") -> None:
         self.clock = SimClock()

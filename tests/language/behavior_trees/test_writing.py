@@ -1,4 +1,4 @@
-"""Trees written back, with comments and attributes without effect, and equal when read again; and emitted modules."""
+"""Written trees keep comments and attributes without effect, and are equal when read again; also emitted modules."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def test_a_written_file_is_read_again_equal_and_complete() -> None:
 
 
 def test_a_port_is_described_by_its_text_as_the_library_and_groot2_write_it() -> None:
-    """An attribute also works; the library reads it for subtrees."""
+    """A description as an attribute works too; the library reads this attribute for subtrees."""
     ports = '<input_port name="a" type="int"> at &lt;5&#10;m </input_port><output_port name="b" description="free"/>'
     file, problems = read_text(document("<AlwaysSuccess/>", f'<Action ID="Own">{ports}</Action>').encode(), "ports.xml")
     assert file is not None
@@ -85,7 +85,7 @@ def test_a_port_is_described_by_its_text_as_the_library_and_groot2_write_it() ->
 
 
 def misfits(text: str) -> list[str]:
-    """Return the parts that the library's own schema (XSD, and rules on models and subtrees) would refuse."""
+    """Return the parts that the library's schema (an XSD, and rules on models and subtrees) would refuse."""
     root = ElementTree.fromstring(text)
     tags = [child.tag for child in root]
     trees_, models = root.findall("BehaviorTree"), root.findall("TreeNodesModel")

@@ -1,4 +1,4 @@
-"""The table of FuzzyLite's constructs: whether they are supported, and the engines whose reference values test them.
+"""The table of FuzzyLite's constructs: whether each is supported, and which engines have reference values for it.
 
 `python -m tests.language.fuzzy.constructs` prints the table of docs/reference/fuzzy.md.
 """
@@ -24,13 +24,13 @@ SUPPORTED = {
 }
 
 
-def known() -> list[tuple[str, str]]:
+def known_words() -> list[tuple[str, str]]:
     """Return every word of FuzzyLite in FLL, with its kind."""
-    by_kind = json.loads((FOLDER / "constructs.json").read_text("utf-8"))
-    return [(kind, word) for kind, words in by_kind.items() for word in words]
+    words_of_kinds = json.loads((FOLDER / "constructs.json").read_text("utf-8"))
+    return [(kind, word) for kind, words in words_of_kinds.items() for word in words]
 
 
-def used(engine: Engine) -> Iterator[tuple[str, str]]:
+def used_words(engine: Engine) -> Iterator[tuple[str, str]]:
     """Yield the words that an engine uses, with their kinds."""
     for variable in engine.variables:
         for term in variable.terms:
@@ -71,18 +71,18 @@ def calls(formula: Formula) -> Iterator[str]:
 
 def engines_by_word() -> dict[tuple[str, str], list[str]]:
     """Return the engines that use each word."""
-    engines: dict[tuple[str, str], list[str]] = {}
+    names_of_engines: dict[tuple[str, str], list[str]] = {}
     for name in NAMES:
-        for word in sorted(set(used(stored(name)))):
-            engines.setdefault(word, []).append(name)
-    return engines
+        for word in sorted(set(used_words(stored(name)))):
+            names_of_engines.setdefault(word, []).append(name)
+    return names_of_engines
 
 
 def table() -> str:
     """Return the table, with one row per word."""
     tested = engines_by_word()
     rows = ["| kind | word | supported | tested by the values of |", "|---|---|---|---|"]
-    for kind, word in known():
+    for kind, word in known_words():
         answer = "yes" if word in SUPPORTED[kind] else "refused"
         rows.append(f"| {kind} | `{word}` | {answer} | {', '.join(tested.get((kind, word), ['nothing']))} |")
     return "\n".join(rows) + "\n"

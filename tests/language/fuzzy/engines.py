@@ -1,4 +1,4 @@
-"""The committed engines, compiled and loaded as a program would do."""
+"""Compile and load the committed engines, as a program would do."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ NAMES = sorted(path.stem for path in FOLDER.glob("*.fll"))
 
 
 def engine_of(text: str) -> Engine:
-    """Return the engine of a text without mistakes."""
+    """Return the engine in a text that has no mistakes."""
     read = read_fll(text.encode(), "engine.fll")
     assert read.findings == ()
     assert read.engine is not None
@@ -35,7 +35,7 @@ def loaded(engine: Engine) -> ModuleType:
 
 
 def script(name: str) -> ModuleType:
-    """Return a script beside the engines as a module."""
+    """Return a script from the folder of the engines as a module."""
     spec = importlib.util.spec_from_file_location(f"fuzzy_{name}", FOLDER / f"{name}.py")
     assert spec is not None
     assert spec.loader is not None

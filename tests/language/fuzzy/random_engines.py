@@ -70,7 +70,7 @@ rules = st.builds(
 
 
 def plain_activation(activation: Activation) -> Activation:
-    """Return the activation without the parameters that its method does not have in FLL."""
+    """Return the activation without parameters that its method does not have in FLL."""
     method = activation.method
     counts = method in (Method.FIRST, Method.LAST, Method.HIGHEST, Method.LOWEST)
     limits = method in (Method.FIRST, Method.LAST, Method.THRESHOLD)
@@ -128,7 +128,7 @@ def outputs(draw: st.DrawFn, name: str) -> OutputVariable:
 
 @st.composite
 def engines(draw: st.DrawFn) -> Engine:
-    """Return an engine of three inputs and two outputs."""
+    """Return an engine of three inputs and two outputs, which can be computed."""
     inputs = tuple(
         InputVariable(
             name=name,

@@ -39,7 +39,7 @@ def test_any_written_engine_is_read_back(engine: Engine) -> None:
     row=st.lists(st.sampled_from([float("nan"), float("inf"), float("-inf"), 0.3]), min_size=3, max_size=3),
 )
 def test_any_input_has_a_result(engine: Engine, row: list[float]) -> None:
-    """Missing and infinite inputs have a result, and so have the bounds of unknown inputs."""
+    """Missing and infinite inputs have a result, and the bounds of unknown inputs have a result too."""
     if not list(engine_problems(engine)):
         module = loaded(engine)
 

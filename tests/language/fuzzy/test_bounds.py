@@ -35,7 +35,7 @@ inside = st.lists(st.lists(st.floats(0.0, 1.0), min_size=6, max_size=6), min_siz
 
 
 def box_of(engine: Engine, drawn: list[tuple[float, float, bool]]) -> list[Bounds]:
-    """Return an interval for each input; those of known inputs are points."""
+    """Return an interval for each input; the interval of a known input is a point."""
     box = []
     for variable, (one, other, is_known) in zip(engine.inputs, drawn, strict=False):
         width = variable.maximum - variable.minimum
@@ -51,12 +51,12 @@ def assert_held(module: ModuleType, box: list[Bounds], points: list[list[float]]
         row = [side.low + share * (side.high - side.low) for side, share in zip(box, chosen, strict=False)]
         row = [min(max(value, side.low), side.high) for value, side in zip(row, box, strict=True)]
         result = module.infer(*row)
-        for name, value, allowed in zip(module.OUTPUTS, result.values, bounds.values, strict=True):
-            assert allowed.holds(value), (name, row, value, allowed)
-        for rule, strength, allowed in zip(module.RULES, result.strengths, bounds.strengths, strict=True):
+        for name, value, bound in zip(module.OUTPUTS, result.values, bounds.values, strict=True):
+            assert bound.holds(value), (name, row, value, bound)
+        for rule, strength, bound in zip(module.RULES, result.strengths, bounds.strengths, strict=True):
             slack = 1e-9 * max(1.0, abs(strength))
-            is_held = allowed.holds(strength) or allowed.low - slack <= strength <= allowed.high + slack
-            assert is_held, (rule, row, strength, allowed)
+            is_held = bound.holds(strength) or bound.low - slack <= strength <= bound.high + slack
+            assert is_held, (rule, row, strength, bound)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -118,12 +118,12 @@ def test_if_possibly_no_rule_acts_the_worse_end_is_unknown() -> None:
 def test_more_pieces_are_never_wider_and_contain_every_value() -> None:
     engine, module = stored("store_metrics"), loaded(stored("store_metrics"))
     inputs = [bounds if at < 2 else point(bounds.high / 3.0) for at, bounds in enumerate(module.RANGES)]
-    undivided = module.infer_bounds(*inputs).values
+    undivided_bounds = module.infer_bounds(*inputs).values
     halves = refined(module.infer_bounds, inputs, pieces=2).values
     pieces = refined(module.infer_bounds, inputs, pieces=32).values
 
     assert len(engine.inputs) == len(inputs)
-    for first, second, third in zip(undivided, halves, pieces, strict=True):
+    for first, second, third in zip(undivided_bounds, halves, pieces, strict=True):
         assert first.low <= second.low <= third.low <= third.high <= second.high <= first.high
     for at in range(21):
         row = (at / 2.0, at * 3.0 / 20.0, *(bounds.low for bounds in inputs[2:]))

@@ -45,10 +45,11 @@ def findings_of(text: str | bytes) -> list[str]:
     """Return the findings as `line:column name: message`."""
     data = text if isinstance(text, bytes) else text.encode()
     findings = read_fll(data, "fan.fll").findings
-    for one in findings:
-        assert one.help
-        assert one.place.span.file == "fan.fll"
-    return [f"{one.place.span.line}:{one.place.span.column} {one.rule.name}: {one.message}" for one in findings]
+    for finding in findings:
+        assert finding.help
+        assert finding.place.span.file == "fan.fll"
+    places = [f"{finding.place.span.line}:{finding.place.span.column}" for finding in findings]
+    return [f"{place} {finding.rule.name}: {finding.message}" for place, finding in zip(places, findings, strict=True)]
 
 
 def test_a_good_engine_has_no_findings_and_is_written_back() -> None:
@@ -177,7 +178,7 @@ def test_hostile_text_is_refused_with_a_place(data: bytes, expected: str) -> Non
 
 
 def nested(parentheses: int, joined: int) -> str:
-    """Return an antecedent with nested parentheses, each of which begins a row of operands."""
+    """Return an antecedent with nested parentheses. Each parenthesis is the first of some operands in a row."""
     text = "heat is hot"
     for _ in range(parentheses):
         text = f"({text}{' and heat is not cold' * joined})"
@@ -221,7 +222,7 @@ def test_any_bytes_can_be_read(data: bytes) -> None:
 @settings(max_examples=200, deadline=None)
 @given(name=st.sampled_from(NAMES), seed=st.integers(0, 10_000))
 def test_a_damaged_engine_is_refused_with_places_or_works(name: str, seed: int) -> None:
-    """Lines and words are removed, doubled and swapped; an accepted engine compiles, runs and can be written."""
+    """Lines and words are removed, doubled and swapped. An accepted engine compiles, runs and can be written."""
     chance = random.Random(seed)
     lines = (FOLDER / f"{name}.fll").read_text("utf-8").splitlines()
     for _ in range(chance.randint(1, 3)):

@@ -13,7 +13,7 @@ TOLERANCE = 1e-6
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_compiled_engine_equals_fuzzylite(name: str) -> None:
-    """Compare 1,000 rows, with infinite and missing inputs, and with values kept from the previous row."""
+    """Compare 1,000 rows, with infinite and missing inputs, and with values that are kept from the previous row."""
     engine, module = stored(name), loaded(stored(name))
     expected = np.load(FOLDER / "values.npz")[name].astype(float)
     rows = script("samples").rows(name, [(variable.minimum, variable.maximum) for variable in engine.inputs])

@@ -52,7 +52,7 @@ BOUNDED = [
     *(Shape.Arc, Shape.Binary, Shape.Concave, Shape.Constant, Shape.Discrete, Shape.PiShape, Shape.Ramp),
     *(Shape.Rectangle, Shape.SemiEllipse, Shape.SShape, Shape.Trapezoid, Shape.Triangle, Shape.ZShape),
 ]
-"""The shapes whose degree is never rounded to 0 or 1 where it is neither."""
+"""The shapes whose degree is never rounded to 0 or 1, unless it is exactly 0 or 1."""
 
 
 @pytest.mark.parametrize("shape", BOUNDED)
@@ -60,10 +60,10 @@ BOUNDED = [
 def test_support_and_core_agree_with_the_degree(shape: Shape, data: st.DataObject) -> None:
     term = data.draw(some_terms(shape))
     x = data.draw(NUMBERS.map(lambda number: number + 0.25) | NUMBERS)
-    support, exact = extent(term), degree(term, x)
+    term_extent, exact = extent(term), degree(term, x)
 
-    assert support.holds(x) == (exact > 0.0)
-    assert support.is_full_at(x) == (exact >= 1.0)
+    assert term_extent.holds(x) == (exact > 0.0)
+    assert term_extent.is_full_at(x) == (exact >= 1.0)
 
 
 @pytest.mark.parametrize("shape", [shape for shape in SHAPES if shape not in BOUNDED])
@@ -71,19 +71,22 @@ def test_support_and_core_agree_with_the_degree(shape: Shape, data: st.DataObjec
 def test_the_support_of_a_smooth_term_covers_all_degrees_above_zero(shape: Shape, data: st.DataObject) -> None:
     term = data.draw(some_terms(shape))
     x = data.draw(NUMBERS)
-    support, exact = extent(term), degree(term, x)
+    term_extent, exact = extent(term), degree(term, x)
 
-    assert support.holds(x) or not exact > 0.0
-    assert not support.is_full_at(x) or math.isnan(exact) or exact == pytest.approx(1.0)
+    assert term_extent.holds(x) or not exact > 0.0
+    assert not term_extent.is_full_at(x) or math.isnan(exact) or exact == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("shape", SHAPES)
 @given(data=st.data())
 def test_between_its_ends_support_and_core_of_a_term_do_not_change(shape: Shape, data: st.DataObject) -> None:
-    support = extent(data.draw(some_terms(shape)))
-    ends = (-10.0, *support.ends, 10.0)
+    term_extent = extent(data.draw(some_terms(shape)))
+    ends = (-10.0, *term_extent.ends, 10.0)
     low, high = data.draw(st.sampled_from([pair for pair in pairwise(ends) if pair[0] < pair[1]]))
     shares = data.draw(st.tuples(*[st.sampled_from((0.1, 0.3, 0.5, 0.9))] * 2))
     one, other = (low + share * (high - low) for share in shares)
 
-    assert (support.holds(one), support.is_full_at(one)) == (support.holds(other), support.is_full_at(other))
+    assert (term_extent.holds(one), term_extent.is_full_at(one)) == (
+        term_extent.holds(other),
+        term_extent.is_full_at(other),
+    )

@@ -47,7 +47,7 @@ def lint(text: str, root: Path, settings: str = "") -> tuple[Diagnostic, ...]:
 
 
 def lint_files(root: Path, *paths: str, **files: str) -> Planned:
-    """Write files, a `__` in a name for a `/`, and return the findings about some paths."""
+    """Write files, and return the findings about some paths. A `__` in the name of a file stands for `/`."""
     for name, text in files.items():
         path = root / f"{name.replace('__', '/')}.yaml"
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""Comments, compared with those that PyYAML's own scanner skips."""
+"""Comments, compared with the comments that PyYAML's own scanner skips."""
 
 from __future__ import annotations
 

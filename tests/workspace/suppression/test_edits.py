@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from codra_dsl.language.diagnostics import Edit, Span
-from codra_dsl.workspace.suppression.edits import editable, splices_of
+from codra_dsl.workspace.suppression.edits import editable_text, splices_of
 
 LETTERS = st.sampled_from(["a", "b", "\t", " ", "ä", "😀", "\n", "\r\n", "\r"])
 TEXTS = st.lists(LETTERS, max_size=20).map("".join)
@@ -39,7 +39,7 @@ def test_only_edited_ranges_change(text: str, data: st.DataObject, has_mark: boo
     inside = [at for at in cuts if not (text[at - 1 : at] == "\r" and text[at : at + 1] == "\n")]
     pairs = list(zip(inside[::2], inside[1::2], strict=False))
     mark = "\N{ZERO WIDTH NO-BREAK SPACE}" if has_mark else ""
-    before = editable((mark + text).encode())
+    before = editable_text((mark + text).encode())
     assert before is not None
 
     splices = splices_of([edit(text, start, end, "NEW") for start, end in pairs], before)
@@ -53,7 +53,7 @@ def test_only_edited_ranges_change(text: str, data: st.DataObject, has_mark: boo
 
 
 def test_added_lines_end_as_the_first_line_does() -> None:
-    text = editable(b"a\r\nb\n")
+    text = editable_text(b"a\r\nb\n")
     assert text is not None
 
     splices = splices_of([Edit(Span("f", 1, 1, 1, 1), "codra: 1\n")], text)
@@ -62,7 +62,7 @@ def test_added_lines_end_as_the_first_line_does() -> None:
 
 
 def test_overlapping_edits_are_refused() -> None:
-    text = editable(b"abcdef\n")
+    text = editable_text(b"abcdef\n")
     assert text is not None
 
     def at(start: int, end: int) -> Edit:
@@ -75,7 +75,7 @@ def test_overlapping_edits_are_refused() -> None:
 
 
 def test_edits_beyond_the_text_are_refused() -> None:
-    text = editable(b"ab\ncd")
+    text = editable_text(b"ab\ncd")
     assert text is not None
 
     assert splices_of([Edit(Span("f", 1, 5, 1, 6), "")], text) is None
@@ -85,4 +85,4 @@ def test_edits_beyond_the_text_are_refused() -> None:
 
 
 def test_bytes_that_are_not_utf_8_cannot_be_edited() -> None:
-    assert editable(b"\xff\xfe") is None
+    assert editable_text(b"\xff\xfe") is None

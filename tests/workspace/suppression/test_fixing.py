@@ -1,4 +1,4 @@
-"""Safe fixes: their effects, that they terminate, change only what they fix, and never cause an error."""
+"""Safe fixes have the right effects, terminate, change only what they fix, and never cause an error."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ MARK = b"\xef\xbb\xbf"
 
 @lru_cache(maxsize=16)
 def linted(data: bytes, root: Path, file: str) -> Sequence[Diagnostic]:
-    """Return the findings about a text; cached, because fixes and assertions need them several times."""
+    """Return the findings about a text. They are cached, because fixes and assertions need them several times."""
     return plan_text(data, file, root).diagnostics
 
 
@@ -266,7 +266,9 @@ def test_specs_with_misspelt_words_get_no_new_error_and_change_only_where_fixed(
 
     assert after(right, root, file) == right
     assert errors(right, root, file) <= errors(wrong.encode(), root, file)
-    touched = {edit.span.line for applied in done.applied for edit in (applied.fix.edits if applied.fix else ())}
+    touched = {
+        edit.span.line for diagnostic in done.applied for edit in (diagnostic.fix.edits if diagnostic.fix else ())
+    }
     lines = zip(wrong.split("\n"), right.decode().split("\n"), strict=True)
     assert {number for number, (old, new) in enumerate(lines, start=1) if old != new} <= touched
     assert done.diagnostics == plan_text(right, file, root).diagnostics
@@ -298,7 +300,7 @@ def finding(message: str, *edits: tuple[int, int, str]) -> Diagnostic:
 
 
 class Words:
-    """A language of words in which lower-case letters are errors, and so is a capital X."""
+    """A language of words in which lower-case letters and a capital X are errors."""
 
     def __init__(self, text: bytes) -> None:
         self.text = text
@@ -306,9 +308,9 @@ class Words:
     def lint(self, texts: Mapping[str, bytes]) -> Sequence[Diagnostic]:
         text = texts.get("f", self.text).decode()
         small = [(match.start() + 1, match[0]) for match in re.finditer("[a-z]", text)]
-        lower_case = [finding(f"small {letter}", (column, column + 1, letter.upper())) for column, letter in small]
+        findings = [finding(f"small {letter}", (column, column + 1, letter.upper())) for column, letter in small]
         return [
-            *lower_case,
+            *findings,
             *[Diagnostic(rule=RULE, message="an X", place=Place(Span("f", 1, 1, 1, 1)))] * text.count("X"),
         ]
 
@@ -322,7 +324,7 @@ def test_a_fix_that_causes_an_error_is_undone_and_the_others_stay(text: str) -> 
 
     expected = text.replace("a", "A").replace("b", "B")
     assert done.texts.get("f", text.encode()).decode() == expected
-    assert all(is_safe(applied) for applied in done.applied)
+    assert all(is_safe(diagnostic) for diagnostic in done.applied)
 
 
 def test_of_two_overlapping_fixes_the_first_is_applied_and_the_other_one_is_not() -> None:

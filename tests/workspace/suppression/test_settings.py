@@ -89,7 +89,7 @@ def test_severities_go_by_the_longest_code(tmp_path: Path) -> None:
     [
         ('ignroe = ["CDR7102"]', ("CDR0021", 2, 1, 7), "did you mean 'ignore'?"),
         ('fail_on = "warning"', ("CDR0021", 2, 1, 8), "did you mean 'fail-on'?"),
-        ("colour = 1", ("CDR0021", 2, 1, 7), "known are select, ignore, severity, fail-on"),
+        ("colour = 1", ("CDR0021", 2, 1, 7), "the known keys are select, ignore, severity, fail-on"),
         ('ignore = ["CDR7102", "CDR7199"]', ("CDR0022", 2, 22, 31), "did you mean 'CDR7109'?"),
         ('ignore = ["unreached-variable"]', ("CDR0022", 2, 11, 31), "did you mean 'CDR7102'?"),
         ('ignore = ["cdr7102"]', ("CDR0022", 2, 11, 20), "did you mean 'CDR7102'?"),
@@ -154,7 +154,7 @@ def test_valid_settings_count_beside_wrong_ones(tmp_path: Path) -> None:
 def test_a_file_that_is_not_toml_is_reported_at_the_error(
     tmp_path: Path, text: str | bytes, line: int, column: int
 ) -> None:
-    """A duplicate key makes the file invalid, too."""
+    """A duplicate key makes the file invalid too."""
     _, (finding,) = read(tmp_path, text)
 
     assert place_of(finding)[:3] == ("CDR0020", line, column)

@@ -52,10 +52,10 @@ def test_a_comment_with_a_reason_silences_the_finding_of_its_line_or_the_next(tm
     ],
 )
 def test_a_comment_elsewhere_is_unused(tmp_path: Path, text: str) -> None:
-    reported = codes(lint(text, tmp_path))
+    reported_codes = codes(lint(text, tmp_path))
 
-    assert "CDR7102" in reported
-    assert ("CDR7901" in reported) == ("window" not in text)
+    assert "CDR7102" in reported_codes
+    assert ("CDR7901" in reported_codes) == ("window" not in text)
 
 
 def test_text_that_looks_like_a_comment_is_not_a_comment(tmp_path: Path) -> None:
@@ -101,7 +101,7 @@ def test_of_several_codes_the_unused_ones_are_reported(tmp_path: Path) -> None:
 
 
 def test_while_there_is_an_error_no_comment_is_called_unused(tmp_path: Path) -> None:
-    """The finding that it silences may be hidden behind the error."""
+    """The error may hide the finding that the comment silences."""
     text = KITCHEN.replace("preview: [pot_full]", "preview: [pot_fully]  " + COMMENT)
 
     assert codes(lint(text, tmp_path)) == ["CDR7102", "CDR3101"]
@@ -195,12 +195,12 @@ def test_comments_work_in_parts(tmp_path: Path) -> None:
 
 
 def test_a_comment_in_a_part_is_called_unused_only_if_the_part_s_folder_was_linted(tmp_path: Path) -> None:
-    """Another spec may include it."""
+    """Another spec may include the part."""
     idle = PART.replace(UNUSED, f"  pot_hot: {{type: bool, source: main_execution}}  {COMMENT}\n")
-    both = WHOLE.replace("[pot_full]", "[pot_full, pot_hot]")
+    kitchen_with_both = WHOLE.replace("[pot_full]", "[pot_full, pot_hot]")
 
-    assert codes(lint_files(tmp_path, "kitchen.yaml", kitchen=both, parts__more=idle).diagnostics) == []
-    assert codes(lint_files(tmp_path, ".", kitchen=both, parts__more=idle).diagnostics) == ["CDR7901"]
+    assert codes(lint_files(tmp_path, "kitchen.yaml", kitchen=kitchen_with_both, parts__more=idle).diagnostics) == []
+    assert codes(lint_files(tmp_path, ".", kitchen=kitchen_with_both, parts__more=idle).diagnostics) == ["CDR7901"]
 
 
 def test_a_comment_that_silences_in_one_of_two_specs_is_used(tmp_path: Path) -> None:

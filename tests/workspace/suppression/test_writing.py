@@ -35,7 +35,7 @@ def test_a_write_protected_file_is_left_alone_or_keeps_its_mode(tmp_path: Path) 
 
 
 def test_fixing_a_file_does_not_change_its_owner(tmp_path: Path) -> None:
-    """This concerns a container that runs as the superuser on a user's files; other users cannot give files away."""
+    """This matters in a container that runs as the superuser on the files of a user; others cannot give files away."""
     path = tmp_path / "a.yaml"
     path.write_bytes(b"old")
     owner = 65534 if os.geteuid() == 0 else os.geteuid()

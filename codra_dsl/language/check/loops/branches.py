@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from codra_dsl.language.behavior_trees import BehaviorTree, CheckedForest, Forest, TreeNode
 from codra_dsl.language.behavior_trees.catalogue import BUILT_IN
 from codra_dsl.language.behavior_trees.named import UNREAD
-from codra_dsl.language.behavior_trees.ports import EntryKey, given
+from codra_dsl.language.behavior_trees.ports import EntryKey, parse_port_value
 from codra_dsl.language.behavior_trees.scripts import parse_condition
 from codra_dsl.language.check.index.rules import finding
 from codra_dsl.language.check.index.spec_index import Silenced, SpecIndex
@@ -51,7 +51,7 @@ def _guarded_branches(node: TreeNode) -> Iterator[Branch]:
     built_in = BUILT_IN.get(node.id)
     ports = {port.name: port.value for port in node.ports}
     if built_in is not None and built_in.word == "Switch":
-        entry = given("variable", ports.get("variable", ""))
+        entry = parse_port_value("variable", ports.get("variable", ""))
         cases = [ports[key] for key in sorted(ports) if key.startswith("case_")]
         for index, child in enumerate(node.children):
             if isinstance(entry, EntryKey) and child.subtree is not None:

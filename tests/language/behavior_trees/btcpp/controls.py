@@ -9,7 +9,7 @@ from tests.language.behavior_trees.btcpp.scripts import Value
 
 
 def in_order(node: Node, onward: Status, *, asynchronous: bool, keeps_place: bool) -> Status:
-    """Tick from the kept place as long as children return `onward`; a skipped child is passed over."""
+    """Tick children, beginning with the stored one, as long as they return `onward` or are skipped."""
     memory, stop = node.memory, Status.FAILURE if onward is Status.SUCCESS else Status.SUCCESS
     begins = node.status is Status.IDLE if node.has(Quirk.SKIPS_STAY_COUNTED) else node.status is not Status.RUNNING
     if begins:
@@ -41,7 +41,7 @@ def in_order(node: Node, onward: Status, *, asynchronous: bool, keeps_place: boo
 
 
 def reactive(node: Node, onward: Status) -> Status:
-    """Tick every child from the first in every tick; a running child halts all its siblings."""
+    """Tick all children in every tick, beginning with the first; a running child halts all its siblings."""
     node.status, all_skipped = Status.RUNNING, True
     for child in node.children:
         status = child.execute()

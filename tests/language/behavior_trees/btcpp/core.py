@@ -41,7 +41,7 @@ class UndefinedError(Exception):
 
 
 class Board:
-    """A blackboard: entries of its own, names mapped to the parent's entries, and optionally all other names."""
+    """A blackboard: its own entries, names that are mapped to the parent's entries, and optionally all other names."""
 
     def __init__(self, parent: Board | None, remapped: dict[str, str], *, automatic: bool) -> None:
         self.parent, self.remapped, self.automatic = parent, remapped, automatic
@@ -66,7 +66,7 @@ class Board:
         return name in board.values or name in board.declared
 
     def declare(self, key: str) -> None:
-        """Declare an entry that a port names; it then exists without a value."""
+        """Declare an entry that a port names. The entry then exists without a value."""
         board, name = self.place(key)
         board.declared.add(name)
 
@@ -144,7 +144,7 @@ class Node:
 
     def port(self, name: str, default: str = "") -> Value:
         text = self.attributes.get(name, default)
-        key = pointed(name, text)
+        key = entry_name_in(name, text)
         if key is None:
             return text
         stored_value = self.board.read(key)
@@ -161,9 +161,9 @@ class Node:
     # one tick
 
     def execute(self) -> Status:
-        status = self.decided()
+        status = self.precondition_status()
         if status is None:
-            status = self.acted() if self.tick is None else self.tick(self)
+            status = self.leaf_status() if self.tick is None else self.tick(self)
             if self.is_decorator and self.children[0].status in COMPLETED:
                 self.children[0].status = Status.IDLE
         if status in COMPLETED:
@@ -175,8 +175,11 @@ class Node:
             self.status = Status.IDLE
         return status
 
-    def decided(self) -> Status | None:
-        """Evaluate the preconditions in this order; all except `_while` only while the node is not running."""
+    def precondition_status(self) -> Status | None:
+        """Return the status that the preconditions decide, or None.
+
+        They are evaluated in this order. All except `_while` are evaluated only while the node is not running.
+        """
         if self.status is Status.IDLE:
             for attribute, status in PRECONDITIONS:
                 if attribute in self.attributes and holds(self.attributes[attribute], self.board):
@@ -188,8 +191,8 @@ class Node:
             self.halt()
         return Status.SKIPPED
 
-    def acted(self) -> Status:
-        """Asked again when running, else started."""
+    def leaf_status(self) -> Status:
+        """Return the status of the robot's leaf, which continues if it is running, and is started otherwise."""
         if self.status in COMPLETED and self.has(Quirk.COMPLETED_ACTION_REPEATS):
             return self.status
         return self.world.act("running" if self.status is Status.RUNNING else "start", self.kind)
@@ -234,8 +237,8 @@ class Node:
             child.reset()
 
 
-def pointed(name: str, text: str) -> str | None:
-    """The entry that `{entry}` names; `{=}` is the port's own name."""
+def entry_name_in(name: str, text: str) -> str | None:
+    """Return the entry that `{entry}` names; `{=}` means the port's own name."""
     if not (text.startswith("{") and text.endswith("}") and len(text) > 2):
         return None
     return name if text == "{=}" else text[1:-1]

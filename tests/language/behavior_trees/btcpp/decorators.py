@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tests.language.behavior_trees.btcpp.core import COMPLETED, Node, Quirk, Status, Tick, pointed
+from tests.language.behavior_trees.btcpp.core import COMPLETED, Node, Quirk, Status, Tick, entry_name_in
 from tests.language.behavior_trees.btcpp.scripts import holds, number
 
 
@@ -18,7 +18,10 @@ def forced(returned: dict[Status, Status]) -> Tick:
 
 
 def loop(onward: Status, port: str) -> Tick:
-    """Again in the same tick: at once when the child took several ticks, through the tree's root when it took one."""
+    """Tick the child again in the same tick.
+
+    If the child took several ticks, this happens immediately. If it took one tick, the tree's root is ticked again.
+    """
 
     def tick(node: Node) -> Status:
         limit, child = node.integer(port), node.children[0]
@@ -130,7 +133,7 @@ def tick_queue(node: Node) -> Status:
     if not memory.open:
         if memory.count == 0:
             return Status[str(node.port("if_empty", "SUCCESS"))]
-        item, key = items[-memory.count], pointed("value", node.attributes.get("value", ""))
+        item, key = items[-memory.count], entry_name_in("value", node.attributes.get("value", ""))
         memory.count -= 1
         if key is not None:
             node.board.write(key, item if node.kind == "LoopString" else number(item))
@@ -170,7 +173,7 @@ DECORATORS: dict[str, Tick] = {
 
 
 def updated(node: Node) -> bool:
-    """Return whether the entry was written since it was last read here."""
+    """Return whether the entry was written since this node last read it."""
     entry = node.attributes["entry"]
-    before, node.memory.seen = node.memory.seen, node.board.written(pointed("entry", entry) or entry)
+    before, node.memory.seen = node.memory.seen, node.board.written(entry_name_in("entry", entry) or entry)
     return node.memory.seen != before

@@ -14,13 +14,13 @@ from tests.language.behavior_trees.btcpp.core import (
     Tick,
     UndefinedError,
     World,
-    pointed,
+    entry_name_in,
 )
 from tests.language.behavior_trees.btcpp.decorators import DECORATORS, updated
 from tests.language.behavior_trees.btcpp.scripts import holds, run
 
 MOST_PASSES = 60
-"""The maximum number of passes within one tick; more count as an endless loop."""
+"""The maximum number of passes within one tick; more passes count as an endless loop."""
 
 
 def tick_script(node: Node) -> Status:
@@ -84,14 +84,14 @@ class Tree:
             node.children = [self.build(inner, subtree_board(node.attributes, board))]
             return node
         for name, text in node.attributes.items():
-            key = pointed(name, text)
+            key = entry_name_in(name, text)
             if key is not None and not name.startswith("_"):
                 board.declare(key)
         node.children = [self.build(child, board) for child in element]
         return node
 
     def tick(self) -> Status:
-        """Tick once, and again within the same tick as long as a node requests it and the tree is running."""
+        """Tick once. Tick again within the same tick, as long as a node requests this and the tree is running."""
         status, passes = self.tick_exactly_once(), 1
         while status is Status.RUNNING and self.world.woken:
             self.world.woken, passes = False, passes + 1
@@ -113,9 +113,9 @@ class Tree:
 
 
 def subtree_board(attributes: dict[str, str], parent: Board) -> Board:
-    """Return the board of a subtree: remapped entries, constants as text, and with autoremap all other names."""
+    """Return the board of a subtree: remapped entries, constants as text, and, with autoremap, all other names."""
     ports = {name: text for name, text in attributes.items() if name not in {"ID", "name"} and not name.startswith("_")}
-    remapped = {name: key for name, text in ports.items() if (key := pointed(name, text)) is not None}
+    remapped = {name: key for name, text in ports.items() if (key := entry_name_in(name, text)) is not None}
     automatic = attributes.get("_autoremap", "false") in {"1", "true", "TRUE", "True"}
     board = Board(parent, remapped, automatic=automatic)
     board.values = {name: text for name, text in ports.items() if name not in remapped}
