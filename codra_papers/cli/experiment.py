@@ -26,7 +26,7 @@ Name = Annotated[
     str | None,
     typer.Argument(
         metavar="NAME",
-        help="The experiment; 'module:CONSTANT' for one of your own. Without it, all are listed.",
+        help="The experiment, or 'module:CONSTANT' for one of your own. Without NAME, all experiments are listed.",
         show_default=False,
     ),
 ]
@@ -35,7 +35,7 @@ SpecOption = Annotated[
     typer.Option(
         "--spec",
         metavar="FILE",
-        help="The spec under test.  [default: specs/lab.yaml, or the spec named after the experiment's world]",
+        help="The spec under test.  [default: specs/lab.yaml; specs/store.yaml for an experiment in the store]",
         show_default=False,
     ),
 ]
@@ -66,7 +66,7 @@ OneTrial = Annotated[
 
 @dataclass(slots=True)
 class _Reached:
-    """The progress of the trials, for the message when they end early."""
+    """The progress of the trials. It is reported if they end early."""
 
     progress: Progress | None = None
     before_s: float = field(default_factory=time.perf_counter)  # noqa: TID251  only for display
@@ -95,7 +95,7 @@ def experiment_command(
     trial: OneTrial = None,
     color: ColourOption = Colour.AUTO,
 ) -> None:
-    """Run an experiment and report its results. A run that was stopped continues where it stopped."""
+    """Run an experiment and report its results. To continue a stopped run, run the same command again."""
     known = _known()
     if name is None:
         write_result(_listed(known))
@@ -105,7 +105,7 @@ def experiment_command(
     experiment = known.get(name)
     (spec,) = existing([spec or Path("specs") / f"{experiment.world if experiment else 'lab'}.yaml"])
     root = common_root([spec])
-    sys.path.append(str(root))  # the robot's own perception functions may be beside its specs
+    sys.path.append(str(root))  # the robot's own perception functions may be next to its specs
     experiment = experiment or _own(name)
     _check_spec(experiment, spec, root, color)
     folder = made_folder(out if out is not None else Path("runs") / experiment.name)
@@ -117,7 +117,7 @@ def experiment_command(
 
 
 def _check_spec(experiment: Experiment, spec: Path, root: Path, color: Colour) -> None:
-    """Print the findings about a spec, and end the command if the experiment cannot use it."""
+    """Print the findings about a spec, and end the command if the experiment cannot use the spec."""
     from codra_papers.experiments.campaign.experiment import World
 
     plan = one_plan(spec, root, color)
@@ -130,7 +130,7 @@ def _known() -> Mapping[str, Experiment]:
     from codra_papers.experiments.campaign.interrupts import interrupts_held_back
 
     try:
-        with interrupts_held_back():  # while some libraries are loaded, they turn it into an error of their own
+        with interrupts_held_back():  # some libraries, while they are loaded, turn an interrupt into another error
             from codra_papers.experiments.campaign import provenance, results  # noqa: F401
             from codra_papers.experiments.campaign.registry import experiments
 
@@ -170,7 +170,10 @@ def _settings(experiment: Experiment, spec: Path, seeds: int | None, folder: Pat
 
 
 def _named(name: str, experiment: Experiment, settings: Settings, processes: int | None) -> AnyTrial:
-    """Return a trial by its name; if it is not among the first trials, run these: the others depend on them."""
+    """Return a trial by its name.
+
+    If no first trial has this name, the first trials are run, because further trials depend on their outcomes.
+    """
     from codra_dsl.language.diagnostics import suggest
 
     by_name = {trial.name: trial for trial in _trials(experiment, settings)}
@@ -228,13 +231,13 @@ def _report(experiment: Experiment, settings: Settings, root: Path, processes: i
 
 
 def _trials(experiment: Experiment, settings: Settings) -> Sequence[AnyTrial]:
-    """Return the trials of an experiment; some experiments write specs of their own for them."""
+    """Return the first trials of an experiment. To do so, some experiments write specs for their trials."""
     with _errors_reported(settings.folder, _Reached()):
         return experiment.trials(settings)
 
 
 def _more_trials(experiment: Experiment, settings: Settings, outcomes: Mapping[str, AnyOutcome]) -> Sequence[AnyTrial]:
-    """Return the trials that depend on the outcomes of the first ones."""
+    """Return the further trials, which depend on the outcomes of the first trials."""
     with _errors_reported(settings.folder, _Reached()):
         return [] if experiment.then is None else experiment.then(settings, outcomes)
 
@@ -250,7 +253,7 @@ def _outcomes(
 
 @contextmanager
 def _errors_reported(folder: Path, reached: _Reached) -> Iterator[None]:
-    """End the command with a message if trials, or writing their results, end early."""
+    """End the command with a message if an error or an interrupt ends the block that runs trials or writes results."""
     from codra_dsl.integrations.inspection import SpecError
     from codra_papers.experiments.campaign.campaign import CampaignBusyError
     from codra_papers.experiments.campaign.workers import TrialError
@@ -282,7 +285,7 @@ def _help(error: TrialError) -> str:
 
 @contextmanager
 def _shown(reached: _Reached) -> Iterator[Callable[[Progress], None]]:
-    """Yield a function that takes progress: it shows it on a terminal, and is silent elsewhere."""
+    """Yield a function that stores progress in `reached` and, on a terminal, shows it in a progress bar."""
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
     from rich.progress import Progress as Bar
@@ -301,7 +304,7 @@ def _shown(reached: _Reached) -> Iterator[Callable[[Progress], None]]:
 
 
 def _note(progress: Progress, elapsed_s: float) -> str:
-    """Return the text beside the progress bar: how many trials had records before, and the time that is left."""
+    """Return the text next to the progress bar: how many trials had records before, and the remaining time."""
     before = f", {progress.reused} there before" if progress.reused else ""
     fresh, remaining = progress.done - progress.reused, progress.total - progress.done
     return f"{before}, about {elapsed_s / fresh * remaining / 60.0:.0f} min left" if fresh and remaining else before

@@ -20,8 +20,8 @@ Naive = Annotated[
     bool,
     typer.Option(
         "--naive",
-        help="Add an arm without conditions that looks again at once; with --journal FILE it has a journal of its own, "
-        "FILE's name with .naive in it.",
+        help="Add an arm without conditions, which looks again at once after each look. With --journal FILE, the arm "
+        "writes another journal, whose name is that of FILE with .naive before the suffix.",
     ),
 ]
 
@@ -66,7 +66,7 @@ def lab(request: RunRequest, *, naive: Naive = False) -> None:
 
 
 def require_lab_spec(spec: Spec) -> None:
-    """End the command if a spec lacks declarations that the lab's main execution needs."""
+    """End the command if a spec lacks declarations that the laboratory's main execution needs."""
     from codra_papers.experiments.lab.requirements import missing_declarations
 
     if missing := missing_declarations(spec):

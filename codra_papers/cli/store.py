@@ -23,7 +23,7 @@ LONG_S = 600.0
 
 
 class SituationName(StrEnum):
-    """The names of the situations on the command line."""
+    """The situations, with their names on the command line."""
 
     ORDINARY = "ordinary"
     SECOND_ORDER = "second-order"
@@ -35,7 +35,9 @@ class SituationName(StrEnum):
 
 SituationOption = Annotated[
     SituationName | None,
-    typer.Option("--situation", help="What happens.  [default: ordinary, with --page quiet]", show_default=False),
+    typer.Option(
+        "--situation", help="The events of the run.  [default: ordinary; with --page: quiet]", show_default=False
+    ),
 ]
 PageOption = Annotated[bool, typer.Option("--page", help="Serve the picker's page, on this machine only.")]
 Port = Annotated[
@@ -49,12 +51,12 @@ def store(
 ) -> None:
     """A shop in which a pallet truck moves roll containers among people (P2).
 
-    Without --for, the run lasts 10 min, and with --page until Ctrl-C. With --out, metrics and weights are drawn.
+    Without --for, the run lasts 10 min, or with --page until Ctrl-C. With --out, metrics and weights are drawn.
     """
     from codra_papers.experiments.campaign.interrupts import interrupts_held_back
 
     if port is not None and not page:
-        raise typer.BadParameter("it is the port of --page; add --page", param_hint="--port")
+        raise typer.BadParameter("the port is that of the page; add --page", param_hint="--port")
     try:
         with interrupts_held_back():  # some extension modules lose an interrupt while they are loaded
             settings = _settings(request, situation, (port or 0) if page else None)
@@ -92,7 +94,7 @@ def _settings(request: RunRequest, name: SituationName | None, port: int | None)
     from codra_papers.store.simulator.situations import Situation, StoreSettings
 
     if port is not None:
-        import codra_papers.store.page.server  # noqa: F401 - fails before the run if the page cannot be served
+        import codra_papers.store.page.server  # noqa: F401 - a missing module is reported before the run
     default_s = LONG_S if port is None else math.inf
     usual = Situation.ORDINARY if port is None else Situation.QUIET
     situation = usual if name is None else Situation(name.value.replace("-", " "))

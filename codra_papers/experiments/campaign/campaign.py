@@ -1,4 +1,4 @@
-"""Run many trials on all cores. Each is stored when it is done, so a stopped campaign continues where it stopped."""
+"""Run many trials on all cores. Each trial is stored when it is done, so a stopped campaign can be continued."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from codra_papers.experiments.campaign.records import TrialRecord, records_of
 from codra_papers.experiments.campaign.workers import run_in_processes
 
 TRIALS = "trials"
-"""The folder, within that of an experiment, for the records and frames of trials."""
+"""The name of the folder for the records and frames of trials, within the folder of an experiment."""
 
 _STAGING = ".codra-"
 
@@ -32,8 +32,9 @@ class Progress:
     """The progress of a campaign.
 
     Attributes:
-        done: trials that are complete, of `total`.
-        reused: trials among them whose records existed at the start.
+        done: how many trials are complete.
+        total: how many trials there are.
+        reused: how many of the complete trials already had a valid record at the start.
         latest: the name of the trial that was completed last; empty at the start.
     """
 
@@ -46,22 +47,22 @@ class Progress:
 def run_campaign(
     trials: Sequence[AnyTrial], folder: Path, *, processes: int | None = None, progress: Callable[[Progress], None]
 ) -> Mapping[str, Any]:
-    """Run all trials that have no valid record, and return the outcomes of all trials by name, in the order given.
+    """Run all trials that have no valid record, and return the outcomes of all trials in the given order.
 
-    A record is valid if it was made from the same trial, spec, code and libraries. An outcome does not depend on the
-    number of processes or on the other trials.
+    The key of an outcome is the name of its trial. A record is valid if it was made from the same trial, spec, code and
+    libraries. An outcome does not depend on the number of processes or on the other trials.
 
     Args:
-        trials: with different names that are valid file names.
-        folder: of the experiment; records go to a folder within it.
-        processes: how many run at once; None for one per core.
-        progress: called at the start and after each trial.
+        trials: the trials; their names must differ and be valid file names.
+        folder: the folder of the experiment; records go to a folder within it.
+        processes: how many trials run at once; None for one per core.
+        progress: a function that is called at the start and after each trial.
 
     Raises:
         ValueError: if a name is not a valid file name, or occurs twice.
         SpecError: if a spec has errors.
-        CampaignBusyError: if another program runs trials in that folder.
-        TrialError: if a trial fails; trials that were completed before keep their records.
+        CampaignBusyError: if another program runs trials in the same folder.
+        TrialError: if a trial fails; trials that were completed before it keep their records.
         OSError: if a file cannot be written.
     """
     _check_names([trial.name for trial in trials])
@@ -85,7 +86,7 @@ def cores() -> int:
 
 
 def _run(missing: Sequence[TrialRecord], place: Path, processes: int) -> Iterator[AnyOutcome]:
-    """Run trials with a temporary folder, which is removed at the end in any case."""
+    """Run trials with a temporary folder, which is removed at the end, also after an error."""
     if not missing:
         return
     with tempfile.TemporaryDirectory(prefix=_STAGING, dir=place) as staging:
@@ -99,12 +100,12 @@ def _check_names(names: Sequence[str]) -> None:
     for name in names:
         is_hidden = not name or name.startswith(".") or not name.isprintable()
         if is_hidden or Path(name).name != name or Path(name).suffix in (".json", ".error") or len(name.encode()) > 200:
-            raise ValueError(f"the trial {name!r} has a name that a folder cannot have")
+            raise ValueError(f"the trial {name!r} has a name that no folder can have")
 
 
 @contextmanager
 def _alone_in(place: Path) -> Iterator[None]:
-    """Lock the folder of trials against other programs, and remove temporary files of killed ones."""
+    """Lock the folder of trials against other programs, and remove the temporary files of killed programs."""
     descriptor = os.open(place, os.O_RDONLY)
     try:
         with suppress(OSError):  # a file system without locks

@@ -14,12 +14,12 @@ def rounded(value: float | None, digits: int) -> float | None:
 
 
 def ratio(share: Share) -> float | None:
-    """Return a ratio with three digits, as in P1."""
+    """Return the ratio of a share, rounded to three digits as in P1; None for 0 / 0."""
     return rounded(ratio_of_sums([share]), 3)
 
 
 def interval(estimate: Estimate, digits: int = 3) -> str:
-    """Return an estimate as text: the value and the ends of its interval."""
+    """Return an estimate as text with signs: the value, and the ends of its interval if it has one."""
     if estimate.value is None:
         return "none"
     if estimate.low is None or estimate.high is None:
@@ -28,7 +28,7 @@ def interval(estimate: Estimate, digits: int = 3) -> str:
 
 
 def percent(estimate: Estimate) -> str:
-    """Return an estimate of a share as percentages."""
+    """Return an estimate of a share as text, in percent."""
     return with_ends(estimate, lambda share: f"{100 * share:.1f}", "none")
 
 
@@ -36,8 +36,8 @@ def with_ends(estimate: Estimate, formatted: Callable[[float], str], absent: str
     """Return an estimate as text: the value, and the ends of its interval if it has one.
 
     Args:
-        estimate: what to format.
-        formatted: returns one number as text.
+        estimate: the estimate to format.
+        formatted: a function that returns one number as text.
         absent: the text for an estimate without a value.
     """
     if estimate.value is None:
@@ -51,12 +51,12 @@ def with_ends(estimate: Estimate, formatted: Callable[[float], str], absent: str
 
 
 def plain_table(caption: str, header: Iterable[str], rows: Iterable[Iterable[Cell]]) -> Table:
-    """Return a table without marks."""
+    """Return a table without marked cells."""
     return Table(caption=caption, header=tuple(header), rows=tuple(tuple(row) for row in rows))
 
 
 def marked_below(table: Table, limit: float, rows: Iterable[int]) -> Table:
-    """Return a table with numbers below a limit marked, in the given rows."""
+    """Return a table in which the decimal numbers of the given rows are also marked if they are below a limit."""
     low = frozenset(
         (row, column)
         for row in rows

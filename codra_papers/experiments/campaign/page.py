@@ -1,6 +1,6 @@
 """Render a report as one HTML file that needs no network and no script, for any browser and for paper.
 
-Drawings are embedded as images and not as elements, so that names in one drawing cannot clash with those of another.
+Drawings are embedded as images and not as SVG elements, so that names in different drawings cannot clash.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class _Image:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Block:
-    """A part of a section, or several pictures side by side."""
+    """A part of a section, or several photographs side by side."""
 
     kind: _Kind
     content: object
@@ -77,10 +77,10 @@ def render_page(
     """Return a report as HTML.
 
     Args:
-        experiment: its name and question.
+        experiment: the experiment, whose name and question are shown.
         document: the content of the report.
-        outcomes: of the trials, by name.
-        provenance: of the report.
+        outcomes: the outcomes of the trials. The key is the name of the trial.
+        provenance: the inputs and the environment of the report.
     """
     return (
         _environment()
@@ -118,7 +118,7 @@ def _anchor(number: int, title: str) -> str:
 
 
 def _blocks(parts: Sequence[Part]) -> Sequence[_Block]:
-    """Return parts as blocks; consecutive photographs become one block and are shown side by side."""
+    """Return parts as blocks. Consecutive photographs become one block, which shows them side by side."""
     blocks: list[_Block] = []
     for are_photographs, group in groupby(parts, lambda part: isinstance(part, Photograph)):
         if are_photographs:
@@ -154,7 +154,7 @@ def _uri(kind: str, data: bytes) -> str:
 
 
 def _table(table: Table) -> _ShownTable:
-    """Return a table whose numeric columns are aligned to the right; without rows, its only row reads "none"."""
+    """Return a table whose numeric columns are aligned to the right. If it has no rows, show one row: "none"."""
     cells_by_row = table.rows or [("none", *[""] * (len(table.header) - 1))]
     columns = [
         [row[column] for row in cells_by_row if row[column] not in _ABSENT] for column in range(len(table.header))

@@ -21,14 +21,14 @@ _FRACTION_BITS = 4
 
 
 class NoPictureError(Exception):
-    """A file is missing or is not a readable picture."""
+    """A file cannot be read, or is not a picture."""
 
 
 def developed(path: Path) -> bytes:
     """Return a stored frame as JPEG in its original size, with each detected tag outlined and numbered.
 
     Raises:
-        NoPictureError: if the file is missing or not a readable picture.
+        NoPictureError: if the file cannot be read or is not a picture.
     """
     picture = _picture(path)
     drawn = picture.copy()
@@ -53,7 +53,10 @@ def _picture(path: Path) -> NDArray[np.uint8]:
 
 
 def _tags(picture: NDArray[np.uint8]) -> list[tuple[int, NDArray[np.float64]]]:
-    """Detect tags in a picture with OpenCV's order of colours. Detection uses only the pixels; the pose is a dummy."""
+    """Return the ids and corners of the tags in a picture whose colours are in OpenCV's order.
+
+    Detection uses only the pixels of a frame; the intrinsics and the pose here are dummies.
+    """
     height, width = picture.shape[:2]
     frame = Frame(
         pixels=np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2RGB), dtype=np.uint8),

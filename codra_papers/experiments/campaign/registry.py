@@ -1,4 +1,4 @@
-"""Experiments by name: those of this package, and those in a project's own modules."""
+"""Find experiments: the experiments of this package by name, and the experiments in a project's own modules."""
 
 from __future__ import annotations
 
@@ -13,11 +13,14 @@ _CONSTANT = "EXPERIMENT"
 
 
 class NoExperimentError(LookupError):
-    """An experiment does not exist; the message gives the reason."""
+    """An experiment cannot be imported, or is not an `Experiment`. The message gives the reason."""
 
 
 def experiments() -> Mapping[str, Experiment]:
-    """Return the experiments of this package by name, in order: the constants `EXPERIMENT` of its modules."""
+    """Return the experiments of this package by name: the constants `EXPERIMENT` of the modules of `studies`.
+
+    Their order is that of the module names.
+    """
     studies = importlib.import_module(_STUDIES)
     names = sorted(module.name for module in pkgutil.iter_modules(studies.__path__))
     modules = [importlib.import_module(f"{_STUDIES}.{name}") for name in names]
@@ -26,10 +29,13 @@ def experiments() -> Mapping[str, Experiment]:
 
 
 def experiment_in(place: str) -> Experiment:
-    """Return an experiment of a project, by `module:CONSTANT`.
+    """Return an experiment of a project.
+
+    Args:
+        place: where it is, as `module:CONSTANT`.
 
     Raises:
-        NoExperimentError: if it does not exist.
+        NoExperimentError: if it cannot be imported or is not an `Experiment`.
     """
     module, _, constant = place.partition(":")
     try:

@@ -1,4 +1,4 @@
-"""Statistical tests: paired bootstrap intervals over runs, and Welch's t-test with the effect size."""
+"""Statistics of trials: paired bootstrap intervals over runs, and Welch's t-test with the effect size."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ LEVEL = 0.95
 
 RESAMPLES = 10_000
 SEED = 2026
-"""The seed of all resampling: the same outcomes give the same intervals."""
+"""The seed of all resampling. It is fixed, so the same outcomes give the same intervals."""
 
 _ROUNDING = 1e-12
-"""Smaller differences between ratios are rounding errors of sums."""
+"""Differences between ratios that are smaller than this are only rounding errors of sums."""
 
 _Array = NDArray[np.float64]
 
@@ -29,8 +29,8 @@ class Estimate:
     """A value with its confidence interval at `LEVEL`.
 
     Attributes:
-        value: None if the data give none, e.g. a ratio if no value was ever held.
-        low, high: None if the data give no interval, e.g. because there is only one run.
+        value: the value; None if the data give none, e.g. the ratio of right seconds if no value was ever held.
+        low, high: the ends of the interval; None if the data give no interval, e.g. because there is only one run.
     """
 
     value: float | None
@@ -50,7 +50,7 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True)
 class Share:
-    """A part of a total in one run, e.g. right seconds of held seconds."""
+    """A part of a total in one run, e.g. the right seconds among the held seconds."""
 
     part: float
     total: float
@@ -66,20 +66,20 @@ def ratio_interval(shares: Sequence[Share]) -> Estimate:
     """Return the ratio of sums over runs, with its interval.
 
     Args:
-        shares: one per run.
+        shares: one share per run.
     """
     return _resampled(_ratio, ratio_of_sums(shares), shares)
 
 
 def ratio_difference(first: Sequence[Share], second: Sequence[Share]) -> Estimate:
-    """Return the ratio of sums of one arm minus that of another, with its interval.
+    """Return the ratio of sums of one arm minus the ratio of sums of another arm, with the interval of the difference.
 
-    Runs are resampled as pairs: a run that is hard for one arm is hard for the other (P1, section 4.1: they watch the
-    same frames).
+    Runs are resampled with both of their shares: a run that is hard for one arm is hard for the other, because both
+    arms watch the same frames (P1, section 4.1).
 
     Args:
-        first: of one arm, one per run.
-        second: of the other arm, for the same runs in the same order.
+        first: the shares of one arm, one per run.
+        second: the shares of the other arm, for the same runs in the same order.
 
     Raises:
         ValueError: if the numbers of runs differ.
@@ -95,7 +95,7 @@ def mean_interval(values: Sequence[float]) -> Estimate:
     """Return the mean over runs, with its interval.
 
     Args:
-        values: one per run, e.g. differences between two arms.
+        values: one value per run, e.g. the difference between two arms.
     """
     return ratio_interval([Share(value, 1.0) for value in values])
 
@@ -103,12 +103,12 @@ def mean_interval(values: Sequence[float]) -> Estimate:
 def quantile_interval(runs: Sequence[Sequence[float]], quantile: float) -> Estimate:
     """Return a quantile of the values of all runs together, with its percentile interval.
 
-    Runs are resampled, each with all of its values; resamples without values are ignored.
+    Runs are resampled, each run with all of its values. Resamples without any value are ignored.
 
     Args:
         runs: the values of each run; a run may have none, and values may be infinite.
-        quantile: between 0 and 1. The result is one of the values: the smallest one such that at least this share of
-            the values does not exceed it.
+        quantile: a share between 0 and 1. The result is one of the values: the smallest value that at least this share
+            of all values does not exceed.
     """
     order = sorted((value, run) for run, values in enumerate(runs) for value in values)
     if not order:
@@ -126,7 +126,7 @@ def quantile_interval(runs: Sequence[Sequence[float]], quantile: float) -> Estim
 
 
 def _place(counts: _Array, quantile: float) -> NDArray[np.intp]:
-    """Return, row by row, the index of a quantile among sorted values that occur `counts` times."""
+    """Return the index of a quantile among sorted values, for each row of `counts`: how often each value occurs."""
     sums = counts.cumsum(-1)
     places: NDArray[np.intp] = np.argmax(sums >= quantile * sums[:, -1:] - _ROUNDING, axis=-1)
     return places
@@ -137,12 +137,12 @@ class Welch:
     """The result of a two-sided Welch's t-test of two independent samples (P1, section 4.2, footnote 4).
 
     Attributes:
-        difference: of the means, first minus second, with its interval by the same t distribution.
+        difference: the mean of the first sample minus that of the second, with its interval by the same t distribution.
         t: the test statistic.
-        degrees: of freedom, by Welch and Satterthwaite.
+        degrees: the degrees of freedom by Welch and Satterthwaite.
         p: the probability of a difference at least as large if the means were equal.
-        hedges_g: the difference in units of the root of the mean variance, corrected for small samples, with an
-            interval that lets variances differ (Bonett, Psychological Methods 13, 2008).
+        hedges_g: the difference in units of the root of the mean variance, corrected for small samples. The variances
+            may differ in its interval (Bonett, Psychological Methods 13, 2008).
     """
 
     difference: Estimate
@@ -156,11 +156,11 @@ def welch(first: Sequence[float], second: Sequence[float]) -> Welch | None:
     """Compare the means of two samples whose variances may differ.
 
     Args:
-        first: at least two values.
-        second: likewise.
+        first: the first sample, at least two values.
+        second: the second sample, at least two values.
 
     Returns:
-        None if neither sample varies: the test needs a variance.
+        The result of the test; None if neither sample varies, because the test needs a variance.
 
     Raises:
         ValueError: if a sample has fewer than two values.
@@ -215,9 +215,10 @@ def _difference_of_ratios(
 
 
 def _resampled(statistic: Any, value: float | None, *samples: Sequence[Share]) -> Estimate:
-    """Return a value with its interval: bias-corrected and accelerated, since shares near 1 are skewed.
+    """Return a value with its bootstrap interval.
 
-    The interval is missing for a single run, and if a resample has no ratio because all of its totals are 0.
+    The interval is bias-corrected and accelerated (BCa), because the distribution of shares near 1 is skewed. The
+    interval is missing if there is only one run, and if a resample has no ratio because all of its totals are 0.
     """
     if value is None or len(samples[0]) < 2:
         return Estimate(value=value, low=None, high=None)
@@ -232,7 +233,7 @@ def _resampled(statistic: Any, value: float | None, *samples: Sequence[Share]) -
 
 
 def _interval(statistic: Any, columns: Sequence[_Array]) -> tuple[float, float] | tuple[None, None]:
-    """Return the ends of the interval; both are the value itself if no single run influences it."""
+    """Return the ends of the interval. Both are the value itself if leaving out any single run does not change it."""
     from scipy import stats
 
     runs = range(len(columns[0]))

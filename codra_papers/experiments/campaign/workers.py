@@ -1,8 +1,8 @@
-"""Run trials in parallel, each in a process of its own.
+"""Run trials in parallel, each in its own process.
 
-A fresh process has no state of another trial. That process also writes the trial's record, so outcomes are always read
-from the disk, no matter which call ran the trial. Trial processes block interrupts and watch the program that started
-them: Ctrl-C is reported once, and if that program is killed, its trial processes end too.
+A fresh process has no state of another trial. The process also writes the trial's record, so that outcomes are always
+read from the disk, no matter which call of the command ran the trial. Trial processes block interrupts, so Ctrl-C is
+reported only once. They also watch the program that started them: if that program is killed, they end too.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _EXPLAINED_ERRORS = (
     NotDeclaredError,
     UnknownNameError,
 )
-"""Errors of the trial's input: their message is enough, no traceback is needed."""
+"""Errors in the input of a trial. Their message is enough; no traceback is stored."""
 
 
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
@@ -49,7 +49,8 @@ _KEPT = ":".join(
     f"glibc.malloc.{name}={setting}"
     for name, setting in (("trim_threshold", 512 << 20), ("mmap_threshold", 32 << 20), ("tcache_count", 5000))
 )
-"""How much free memory is kept, from which size a block is returned at once, and how many small blocks are cached."""
+"""Settings of GNU's memory allocation: how much free memory a process keeps, from which size on a freed block is
+returned to the system at once, and how many small blocks are cached."""
 
 
 class TrialError(Exception):
@@ -57,7 +58,7 @@ class TrialError(Exception):
 
     Attributes:
         trial: the trial that failed.
-        reason: why, in one line.
+        reason: why the trial failed, in one line.
         details: the file with the traceback; None if the reason is enough.
     """
 
@@ -79,8 +80,9 @@ class _Failure:
     """The message of a process whose trial raised an exception.
 
     Attributes:
-        error_number: `errno` of an operating system error; 0 for any other error.
-        traceback: empty if the reason is enough.
+        reason: why the trial failed.
+        error_number: the `errno` of an operating system error while the record was written; 0 for any other error.
+        traceback: the traceback; empty if the reason is enough.
     """
 
     reason: str
@@ -104,7 +106,7 @@ class _Worker:
 
         Raises:
             TrialError: if the trial has no outcome.
-            OSError: if the operating system refused to write it.
+            OSError: if the operating system refused to write the record.
         """
         try:
             report = self.reports.recv()
@@ -116,7 +118,7 @@ class _Worker:
             raise _error_of(self.record, report)
         outcome = self.record.read()
         if outcome is None:
-            raise TrialError(self.record.trial, f"its record '{self.record.path}' was changed meanwhile", None)
+            raise TrialError(self.record.trial, f"its record '{self.record.path}' was changed before it was read", None)
         return outcome
 
     def end(self) -> None:
@@ -128,23 +130,24 @@ class _Worker:
 
 
 def run_in_processes(records: Sequence[TrialRecord], staging: Path, processes: int) -> Iterator[AnyOutcome]:
-    """Run trials in the order given, several at once; yield each outcome as soon as its trial is done.
+    """Start trials in the given order, several at once. Yield each outcome as soon as its trial is done.
 
-    A failed trial ends them all: a report needs every trial, and fixing the code changes the digests of all records.
+    A failed trial ends all trials: a report needs every trial, and a correction of the code changes the digests of all
+    records.
 
     Args:
-        records: of the trials.
+        records: the records of the trials to run.
         staging: an empty folder for temporary files, on the same disk as the records.
-        processes: how many run at once.
+        processes: how many trials run at once.
 
     Raises:
         TrialError: if a trial fails; the others are killed.
-        OSError: if a file cannot be written.
+        OSError: if a record cannot be written.
     """
     backend = _backend([record.trial for record in records])
     waiting = list(reversed(records))
     running: dict[connection.Connection, _Worker] = {}
-    resource_tracker.ensure_running()  # started later, it would unblock interrupts
+    resource_tracker.ensure_running()  # if it started later, it would unblock interrupts
     try:
         while waiting or running:
             with interrupts_held_back():  # until the new process is in `running`, so that `finally` ends it
@@ -164,7 +167,7 @@ def run_in_processes(records: Sequence[TrialRecord], staging: Path, processes: i
 def _backend(trials: Sequence[AnyTrial]) -> str | None:
     """Return the graphics backend that draws the frames of trials; None if no trial draws any.
 
-    It is determined once here, so that the processes of trials need not do it again.
+    The backend is determined once here, so that the processes of trials need not try backends again.
 
     Raises:
         TrialError: if no graphics backend works on this machine.
@@ -190,8 +193,9 @@ def _started(record: TrialRecord, staging: Path, backend: str | None) -> _Worker
 def _memory_kept() -> Iterator[None]:
     """Let a process that is started within the block keep the memory that it frees.
 
-    Perception allocates and frees pictures of one megabyte all the time. GNU's C library gives each back to the system,
-    which clears every page at the next allocation: that takes as long as the work on the picture.
+    Perception allocates and frees pictures of one megabyte all the time. By default, GNU's C library returns each of
+    them to the system, and the system clears every page at the next allocation. Clearing takes as long as the work on
+    the picture.
     """
     before = os.environ.get(_TUNABLES)
     os.environ[_TUNABLES] = _KEPT if before is None else f"{_KEPT}:{before}"
@@ -215,7 +219,7 @@ def _error_of(record: TrialRecord, failure: _Failure) -> Exception:
 
 def _end_of(code: int) -> str:
     if code >= 0:
-        return f"its process ended by itself with exit code {code}"
+        return f"its process ended with exit code {code} and reported nothing"
     hint = ": perhaps there was too little memory" if -code == signal.SIGKILL else ""
     return f"its process was ended by {signal.Signals(-code).name}{hint}"
 
@@ -231,7 +235,7 @@ def _work(record: TrialRecord, staging: Path, backend: str | None, reports: conn
     tempfile.tempdir = str(staging)
     reports.send(_made(record, staging))
     reports.close()
-    gc.freeze()  # the process frees all memory as it ends; a last search for reference cycles would take long
+    gc.freeze()  # all memory is freed when the process ends; a last search for reference cycles would take long
 
 
 def _made(record: TrialRecord, staging: Path) -> _Report:
@@ -249,7 +253,11 @@ def _made(record: TrialRecord, staging: Path) -> _Report:
 
 
 def _is_ours(error: OSError, folder: Path) -> bool:
-    """Return whether writing the record failed; an error that names no file counts if the disk is full."""
+    """Return whether an error means that the record could not be written.
+
+    This is so if the file of the error is in the folder of records. An error without a file counts if the disk is full
+    or defective.
+    """
     if error.filename is None:
         return error.errno in _FULL
     return isinstance(error.filename, str) and Path(error.filename).is_relative_to(folder)
@@ -265,7 +273,7 @@ def _unexpected(error: Exception) -> _Failure:
 
 
 def _end_with_parent() -> None:
-    """End this process as soon as its parent has ended, also if it was killed."""
+    """End this process as soon as its parent process has ended, also if the parent was killed."""
     parent = multiprocessing.parent_process()
     assert parent is not None
     parent.join()

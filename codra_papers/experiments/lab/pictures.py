@@ -1,4 +1,4 @@
-"""Pictures of a run: the values that each arm held, beside the truth."""
+"""The timeline of a run: the values that each arm held, below the truth."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ def draw_timeline(
     arms: Mapping[str, Mapping[str, Sequence[Piece]]],
     labels: Mapping[str, str],
 ) -> None:
-    """Draw one row per variable: a strip of its truth and below it one strip per arm, coloured by agreement.
+    """Draw one row per variable: a strip for the truth, and below it a strip for each arm, coloured by agreement.
 
     Args:
-        path: of the picture; its suffix (`.png`, `.svg`) selects the format.
-        truth: the true values, by variable.
-        arms: the values that each arm held, by arm and variable.
+        path: the file of the picture; its suffix (`.png`, `.svg`) selects the format.
+        truth: the true values of each variable.
+        arms: for each arm, the values of each variable that the arm held.
         labels: the label of each variable.
     """
     names = list(truth)

@@ -1,4 +1,4 @@
-"""The printed tables and the pictures of a run in the laboratory."""
+"""The tables that are printed after a run in the laboratory, and the pictures of the run."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from codra_papers.experiments.lab.tables import score_table, text_table
 from codra_papers.lab.detection.drawing import draw_detections
 
 _ENDS = ("accepted", "rejected", "voided", "failed", "cancelled")
-_TIMES = MappingProxyType({"waiting_s": "waiting s", "perception_s": "perception s", "slot_s": "slot s"})
-_ANSWERS = MappingProxyType({"answered": "from context", OBSERVED: "of these observed", "fell_back": "fell back"})
+_TIMES = MappingProxyType({"waiting_s": "waiting s", "perception_s": "perception s", "slot_s": "slot-seconds"})
+_ANSWERS = MappingProxyType({"answered": "from context", OBSERVED: "of these, by observers", "fell_back": "fell back"})
 
 
 def run_text(run: LabRun) -> str:
@@ -25,11 +25,13 @@ def run_text(run: LabRun) -> str:
 
 
 def write_pictures(run: LabRun, folder: Path, labels: Mapping[str, str]) -> Iterator[Path]:
-    """Write frames with the detected tags drawn in, the timeline over the truth, and the records; yield each path.
+    """Write the event log of each arm, the frames with the detected tags drawn into them, and the timeline.
+
+    Yield the path of each file after it was written.
 
     Args:
-        run: to be shown.
-        folder: created if it does not exist.
+        run: the run to show.
+        folder: the folder for the files, which is created if it does not exist.
         labels: the label of each variable.
     """
     folder.mkdir(parents=True, exist_ok=True)

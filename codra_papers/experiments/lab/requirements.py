@@ -8,7 +8,7 @@ from codra_papers.lab.sequential_perception import VISION
 
 
 def missing_declarations(spec: Spec) -> tuple[str, ...]:
-    """Return, as text, the declarations that the laboratory's main execution needs and a spec lacks."""
+    """Return, as texts, the declarations that the laboratory's main execution needs but a spec does not have."""
     skills = {skill.name for skill in spec.skills}
     true_or_false = {variable.name for variable in spec.context if variable.type.kind is Kind.BOOL}
     shared = {resource.name for resource in spec.resources if resource.slots is not None}

@@ -1,4 +1,4 @@
-"""Differences between the specs of arms: frozen values that turn a spec into another."""
+"""Edits that turn the spec of an experiment into the specs of its arms. Each edit is a frozen value."""
 
 from __future__ import annotations
 
@@ -19,29 +19,30 @@ from codra_dsl.language.model import (
 )
 
 SpecVariant = Callable[[Spec], Spec]
-"""Turns a spec into another: a frozen value, so that it can be sent to a process and described in a report."""
+"""Turns a spec into another spec. It is a frozen value, so that it can be sent to a process and described in a
+report."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Naive:
-    """No knowledge of when perception can be trusted (P1, section 4.1): the same calls without any condition.
+    """Remove all knowledge of when perception can be trusted (P1, section 4.1): the same calls without any condition.
 
-    The functions, their arguments, their results and the meaning of these for variables stay the same. No skill is
-    left: every variable that has an algorithm gets its observer.
+    The functions, their arguments and results, and the meaning of the results for variables stay the same. All skills
+    are removed, so every variable that has an algorithm gets its observer.
 
     Attributes:
-        pause_s: the minimum time between two jobs of one algorithm that needs a slot; 0 to look again immediately.
+        pause_s: the minimum time between two jobs of an algorithm that needs a slot; 0 to look again immediately.
     """
 
     pause_s: float = 0.0
 
     def __str__(self) -> str:
-        """Return its description in a report."""
+        """Return the description of the edit in a report."""
         pause = f", {self.pause_s} s between two jobs of the vision slot" if self.pause_s else ""
         return f"no conditions{pause}"
 
     def __call__(self, spec: Spec) -> Spec:
-        """Return the spec without conditions."""
+        """Return the spec without conditions and skills."""
         algorithms = tuple(self._without_conditions(algorithm) for algorithm in spec.perception)
         return replace(spec, perception=algorithms, skills=(), observers=_without_pause(spec, algorithms))
 
@@ -52,10 +53,12 @@ class Naive:
 
 
 def _without_pause(spec: Spec, algorithms: tuple[Algorithm, ...]) -> tuple[ObserverSetting, ...]:
-    """Give every tree a period of 0 s and the same priority; keep its name."""
+    """Return settings that give every tree a period of 0 s and the same priority. Every tree keeps its name."""
     named = {reference.name for setting in spec.observers for reference in setting.identifies}
     settings = [replace(setting, period_s=0.0, priority=0) for setting in spec.observers]
-    for algorithm in sorted(algorithms, key=lambda algorithm: algorithm.rank):  # the first alternative names the tree
+    for algorithm in sorted(
+        algorithms, key=lambda algorithm: algorithm.rank
+    ):  # a tree has the name of its first alternative
         variables = tuple(
             Reference(name=entry.variable.name, place=entry.variable.place) for entry in algorithm.identifies
         )
@@ -69,7 +72,7 @@ def _without_pause(spec: Spec, algorithms: tuple[Algorithm, ...]) -> tuple[Obser
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Refreshed:
-    """Look again at all variables periodically, or on events alone."""
+    """Set `refresh` of all variables: look again periodically, or only on events."""
 
     refresh: Refresh
 
@@ -78,7 +81,7 @@ class Refreshed:
         return f"refresh: {self.refresh.value}"
 
     def __call__(self, spec: Spec) -> Spec:
-        """Return the spec with that `refresh` for all variables."""
+        """Return the spec with this `refresh` for all variables."""
         return replace(spec, context=tuple(replace(variable, refresh=self.refresh) for variable in spec.context))
 
 
@@ -113,9 +116,9 @@ class Confirmed:
     """Require several results to agree before a value is believed, wherever a single condition identifies it.
 
     Attributes:
-        needed: how many results have to agree,
-        of: among this many latest results; 1 of 1 removes confirmation.
-        variables: the ends of the names of the variables.
+        needed: how many of the latest results have to agree.
+        of: how many of the latest results are compared. 1 of 1 removes confirmation.
+        variables: the ends of the names of the variables that need confirmation.
     """
 
     needed: int
@@ -127,7 +130,7 @@ class Confirmed:
         return f"confirm: {self.needed} of {self.of} for {', '.join(f'*{name}' for name in self.variables)}"
 
     def __call__(self, spec: Spec) -> Spec:
-        """Return the spec with that `confirm`."""
+        """Return the spec with this `confirm`."""
         return replace(spec, perception=tuple(map(self._confirmed, spec.perception)))
 
     def _confirmed(self, algorithm: Algorithm) -> Algorithm:
@@ -149,11 +152,12 @@ class Confirmed:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Without:
-    """Remove one condition: of `observable_when` (a precondition) or of `accept_when` (a refinement).
+    """Remove a condition from `observable_when` (a precondition) and from `accept_when` (a refinement).
 
     Attributes:
-        algorithm: the end of the names of the algorithms that lose it, e.g. `_lid` for the lids of all machines.
-        condition: the end of its text, e.g. `_lid_in_FOV`.
+        algorithm: the end of the names of the algorithms that lose the condition, e.g. `_lid` for the lids of all
+            machines.
+        condition: the end of the text of the condition, e.g. `_lid_in_FOV`.
     """
 
     algorithm: str
@@ -164,10 +168,10 @@ class Without:
         return f"*{self.algorithm} without *{self.condition}"
 
     def __call__(self, spec: Spec) -> Spec:
-        """Return the spec without that condition.
+        """Return the spec without the condition.
 
         Raises:
-            ValueError: if no algorithm has it.
+            ValueError: if no algorithm with such a name has the condition.
         """
         changed = tuple(map(self._without, spec.perception))
         if changed == spec.perception:

@@ -1,4 +1,4 @@
-"""One run of an experiment, described completely enough to be run again."""
+"""One run of an experiment in the laboratory, described so completely that it can be repeated."""
 
 from __future__ import annotations
 
@@ -35,17 +35,19 @@ from codra_papers.lab.simulator.laboratory import LABORATORY, Laboratory
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trial:
-    """One run of an experiment.
+    """One run of an experiment in the laboratory.
 
     Attributes:
-        name: unique in its experiment; also the name of its record.
+        name: the name of the trial, which is unique in its experiment and is also the name of its record.
         spec: the file of the experiment's spec.
-        laboratory: in which the robot works.
-        answering: the arm that answers the main execution's decisions; None if it looks at each of them.
-        decision_s: how long it takes to ask that arm.
-        repair_s: how long a repair takes after an unrecoverable error; None if the error ends the run.
-        work: of the main execution.
-        duration_s: the maximum duration.
+        seed: the seed of all random numbers.
+        arms: the arms, which all see the same frames.
+        laboratory: the laboratory in which the robot works.
+        answering: the arm that answers the main execution's decisions; None if the robot looks for each decision.
+        decision_s: how long it takes to ask the arm that answers.
+        repair_s: how long a repair takes after an unrecoverable error; None if such an error ends the run.
+        work: the work of the main execution.
+        duration_s: the maximum duration; None if the run lasts as long as the work takes.
         frames_kept: how many frames are stored to be analysed again, besides those of wrong decisions.
     """
 
@@ -67,25 +69,25 @@ class Trial:
         return True
 
     def run(self, folder: Path) -> Outcome:
-        """Run it; stored frames go to the folder."""
+        """Run the trial and write the stored frames into the folder."""
         return run_trial(self, folder)
 
     def outcome(self, text: str) -> Outcome:
-        """Return the outcome that `to_json` wrote as this text."""
+        """Return the outcome from the JSON text that its `to_json` returned."""
         return Outcome.from_json(text)
 
 
-@paused_collector()  # nothing refers back to a completed job, so its memory is freed without it
+@paused_collector()  # nothing refers back to a completed job, so the job's memory is freed without the collector
 def run_trial(trial: Trial, folder: Path, progress: Callable[[float], None] = lambda _: None) -> Outcome:
-    """Run a trial, and store frames of wrong decisions and of evidence to be analysed again.
+    """Run a trial. Store the frames of wrong decisions, and frames that are to be analysed again.
 
     Args:
-        trial: to be run.
-        folder: for frames; it is created.
-        progress: called with the present simulated instant now and then.
+        trial: the trial to run.
+        folder: the folder for frames, which is created if there are any frames.
+        progress: a function that is called with the present simulated instant now and then.
 
     Raises:
-        SpecError: if the spec, or an arm's, has errors.
+        SpecError: if the spec, or the edited spec of an arm, has errors.
     """
     spec = read_spec(trial.spec)
     settings = LabSettings(
@@ -122,7 +124,10 @@ def store_frame(frame: Frame, path: Path) -> None:
 
 
 def _moments(run: LabRun, trial: Trial) -> Mapping[str, float]:
-    """Return the instants of frames to store, by file name: evidence for wrong decisions, and evenly over the run."""
+    """Return the instants of the frames to store: of evidence for wrong decisions, and evenly spread over the run.
+
+    The key is the name of the frame's file.
+    """
     instants = {
         basis.evidence_s
         for decision in _decisions(run, trial)
@@ -139,7 +144,7 @@ def _file_of(instant_s: float) -> str:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Evidence:
-    """The values that a job of an arm returned for a frame."""
+    """The values that a job of an arm returned for one frame."""
 
     arm: str
     algorithm: str
@@ -148,7 +153,7 @@ class _Evidence:
 
 
 def _evenly(run: LabRun, count: int) -> Sequence[_Evidence]:
-    """Return evidence from frames, of all arms, evenly spread over a run."""
+    """Return this number of pieces of evidence from frames, of all arms, evenly spread over a run."""
     evidence = [
         _Evidence(arm=arm.name, algorithm=event.name, evidence_s=event.details["evidence_s"][1], values=values)
         for arm in run.arms
@@ -191,11 +196,13 @@ def _arm_outcome(arm: ArmRun, truth: Mapping[str, Sequence[Piece]]) -> ArmOutcom
 
 
 def wrong_spans(record: EventLog, truth: Mapping[str, Sequence[Piece]]) -> Mapping[str, Sequence[WrongSpan]]:
-    """Return the spans in which held values were not true, by variable, and whether their evidence was true.
+    """Return, for each variable, the spans in which the held value was not true.
+
+    Each span states whether the value was true at the instant of its evidence.
 
     Args:
-        record: of a context manager.
-        truth: by variable, from 0 s to the end of the run.
+        record: the event log of a context manager.
+        truth: the true values of each variable, from 0 s to the end of the run.
     """
     events_by_name: dict[str, list[Event]] = {name: [] for name in truth}
     for event in record.of(Kind.VARIABLE):
@@ -207,7 +214,7 @@ def wrong_spans(record: EventLog, truth: Mapping[str, Sequence[Piece]]) -> Mappi
 def _wrong(events: Sequence[Event], truth: Sequence[Piece]) -> tuple[WrongSpan, ...]:
     spans: list[WrongSpan] = []
     ends = (*(event.instant_s for event in events[1:]), truth[-1].end_s)
-    for event, end_s in zip(events, ends, strict=False):  # without events there is still one end
+    for event, end_s in zip(events, ends, strict=False):  # if there are no events, there is still one end
         value = event.details["value"]
         held = Piece(event.instant_s, end_s, value)
         for _, fact, duration_s in overlaps([held], truth):
@@ -245,7 +252,7 @@ def _decisions(run: LabRun, trial: Trial) -> Sequence[Decision]:
 
 
 _Returned = Mapping[tuple[str, float], Mapping[str, Any]]
-"""The values that jobs returned, by algorithm and end of the evidence."""
+"""The values that jobs returned. The key is the algorithm and the end of the evidence in s."""
 
 
 def _returned(arm: ArmRun) -> _Returned:
@@ -291,7 +298,7 @@ def _unanswered(asked: Asked) -> str:
 
 
 def _wrong_answer(asked: Asked, truth: Sequence[Piece], returned: _Returned, looks_s: Sequence[float]) -> Basis | None:
-    """Return the basis of an answer that was not true when it was given; None if it was true or missing."""
+    """Return the basis of an answer that was not true when it was given; None if the answer was true or missing."""
     if asked.answer is None or asked.answer == value_at(truth, asked.answered_s):
         return None
     if asked.last is not None and not asked.has_looked:
@@ -320,7 +327,7 @@ def _basis(reading: Reading[Any], truth: Sequence[Piece], returned: _Returned) -
 
 
 def value_at(pieces: Sequence[Piece], instant_s: float) -> Value | None:
-    """Return the value at an instant; at and after the end of the last piece, its value."""
+    """Return the value at an instant. From the end of the last piece on, return the value of the last piece."""
     for piece in pieces:
         if instant_s < piece.end_s:
             return piece.value

@@ -1,8 +1,8 @@
 """The map of detection error: accuracy of tag and lid measurements by distance, viewing angle and number of tags.
 
-It is measured, not fitted: `python -m codra_papers.lab.detection.error_map FOLDER` draws the frames, measures in
-them and writes the map as a table and as a picture. The robot is at rest in ordinary light, so the map shows
-the best case. `docs/papers/protocol.md` has the checked-in map, and a test measures it again.
+The map is measured, not fitted: `python -m codra_papers.lab.detection.error_map FOLDER` draws frames, measures in these
+frames, and writes the map as a table and as a picture. The robot is at rest in ordinary light, so the map shows the
+best case. `docs/papers/protocol.md` shows the checked-in map, and a test measures it again.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ VIEWS_PER_CELL = 20
 """Number of frames for each machine, distance and angle."""
 
 WRONG_SIDE_RAD = 0.3
-"""An error of a lid's angle above which the pose of a tag was confused with its mirror image."""
+"""If a lid's angle is wrong by more than this, the pose of a tag was confused with its mirror image."""
 
 RANGES_M = ((0.0, 0.9), (0.9, 1.8), (1.8, 9.0))
 """Ranges of distance that group the lid measurements."""
@@ -47,12 +47,16 @@ _BEHIND_M = 0.7
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class View:
-    """Measurements in one frame: of the tag that the camera was placed for, and of the lid.
+    """Measurements in one frame: of the tag in front of which the camera was placed, and of the lid.
 
     Attributes:
-        corner_error_px: the largest error of a corner; None if the tag was not detected.
-        lid_error_rad: None if the lid's angle could not be measured.
-        lid_markers: how many tags of base and lid were seen.
+        machine: the name of the machine.
+        distance_m: the distance of the camera from the tag.
+        angle_deg: the viewing angle of the tag.
+        is_whole: whether the tag is completely in the image and not hidden.
+        corner_error_px: the error of the worst corner; None if the tag was not detected.
+        lid_error_rad: the error of the lid's angle; None if the angle could not be measured.
+        lid_markers: how many tags of base and lid the measured poses are computed from.
     """
 
     machine: str
@@ -66,7 +70,7 @@ class View:
 
 @dataclass(frozen=True, slots=True)
 class _Timeless:
-    """A job that takes no time."""
+    """The argument `job` of perception functions that take no time."""
 
     random: Random = field(default_factory=lambda: Random(SEED))
     index: int = 0
@@ -86,8 +90,8 @@ def views(cells: Iterable[tuple[str, float, int]], per_cell: int = VIEWS_PER_CEL
     """Draw frames and measure in them.
 
     Args:
-        cells: machine, distance in metres and viewing angle in degrees.
-        per_cell: how many frames per cell.
+        cells: the name of the machine, the distance in metres and the viewing angle in degrees of each cell.
+        per_cell: how many frames are drawn for each cell.
     """
     measured: list[View] = []
     geometry = GeometricCamera()
@@ -108,7 +112,10 @@ def views(cells: Iterable[tuple[str, float, int]], per_cell: int = VIEWS_PER_CEL
 def _place_camera(
     world: LabWorld, random: Random, machine: Machine, distance_m: float, angle_deg: int, *, at_s: float
 ) -> Tag | None:
-    """Turn the machine's lid and place the camera in front of one of its tags; None if the room has no space for it."""
+    """Turn the machine's lid and place the camera in front of one of the machine's tags.
+
+    Return the tag, or None if the room has no space for the camera.
+    """
     tags = [tag for tag in machine.tags if tag.part in (Part.BASE, Part.LID)]
     for _ in range(_TRIES):
         lid_rad = random.uniform(*machine.joint(Part.LID).range_rad)
@@ -126,7 +133,7 @@ def _place_camera(
 
 
 def _direction(random: Random, angle_deg: int) -> Array:
-    """Return a unit vector in a tag's frame, at an angle to its normal, to any side."""
+    """Return a unit vector in a tag's frame, at an angle to the tag's normal and in a random direction around it."""
     angle_rad, side_rad = angle_deg * pi / 180, random.uniform(-pi, pi)
     return np.array([sin(angle_rad) * cos(side_rad), sin(angle_rad) * sin(side_rad), cos(angle_rad)])
 
@@ -172,7 +179,7 @@ def _view(frame: Frame, state: LabState, machine: str, cell: tuple[float, int], 
 
 
 def table(measured: Sequence[View]) -> list[Row]:
-    """Return the map: one row per cell for which frames were drawn."""
+    """Return the rows of the map: one row for each cell with measurements."""
     return [*_tag_rows(measured), *_lid_rows(measured)]
 
 
@@ -224,7 +231,7 @@ def _quantile(errors: Sequence[float], share: float) -> float | None:
 
 
 def write_table(rows: Sequence[Row], path: Path) -> None:
-    """Write the map as CSV, its first line naming the columns."""
+    """Write the map as CSV. The first line has the names of the columns."""
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(column.name for column in fields(Row))
@@ -232,7 +239,7 @@ def write_table(rows: Sequence[Row], path: Path) -> None:
 
 
 def read_table(path: Path) -> list[Mapping[str, str]]:
-    """Return the rows of a written map, as text by column."""
+    """Return the rows of a map that was written as CSV. The keys of a row are the names of the columns."""
     with path.open(encoding="utf-8", newline="") as file:
         return list(csv.DictReader(file))
 

@@ -14,15 +14,15 @@ from codra_papers.lab.detection.rows import Row
 
 _MACHINES = ("centrifuge", "pcr_cycler")
 _SMALLEST_RAD = 0.0005
-"""Half of the last digit of the map: smaller errors are drawn here."""
+"""Half of the last digit of the map. Smaller errors are drawn at this value."""
 _COLOURS = ("#33526e", "#2e9e5b", "#d1352b")
 
 
 def draw(rows: Sequence[Row], path: Path) -> None:
-    """Draw a map: for each machine the share of detected tags, the error of their corners and of the lid's angle.
+    """Draw a map: for each machine, the share of detected tags, the error of their corners, and that of lid angles.
 
     Args:
-        rows: the map.
+        rows: the rows of the map.
         path: the file to write; its suffix (`.png`, `.svg`) selects the format.
     """
     figure = Figure(figsize=(13, 7.5), layout="constrained")
@@ -39,7 +39,7 @@ def draw(rows: Sequence[Row], path: Path) -> None:
 
 
 def _grid(axes: Axes, tags: Sequence[Row], values: Sequence[float | None], highest: float) -> Axes:
-    """Draw one number per distance and angle."""
+    """Draw one number for each distance and viewing angle."""
     distances = sorted({float(row.distance_m) for row in tags})
     angles = sorted({row.angle_deg for row in tags if row.angle_deg is not None})
     cells = np.full((len(angles), len(distances)), np.nan)
@@ -57,7 +57,7 @@ def _grid(axes: Axes, tags: Sequence[Row], values: Sequence[float | None], highe
 
 
 def _lids(axes: Axes, lids: Sequence[Row], machine: str) -> None:
-    """Draw the lid's angle error over the number of tags, a line for each range of distances."""
+    """Draw the error of the lid's angle over the number of tags, with two lines for each range of distances."""
     axes.set_ylim(_SMALLEST_RAD / 1.5, 2.0)
     for colour, distance_m in zip(_COLOURS, dict.fromkeys(row.distance_m for row in lids), strict=False):
         rows = [row for row in lids if row.distance_m == distance_m]

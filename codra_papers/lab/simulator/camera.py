@@ -1,7 +1,7 @@
-"""The arm camera: its frame at an instant, drawn by one thread for all callers.
+"""The arm camera: its frame at any instant, which one thread draws for all callers.
 
-A frame is a function of (the world's seed, the camera, the instant). It shows motion blur within the exposure, the
-room's light, the lens, and noise.
+A frame is a function of the world's state within the exposure and of (the world's seed, the camera, the instant). It
+shows the blur by motion within the exposure, the room's light, the blur of the lens, and noise.
 """
 
 from __future__ import annotations
@@ -33,20 +33,20 @@ from codra_papers.lab.simulator.scene import CAMERA_NAME, Stage
 from codra_papers.lab.simulator.world import LabState, LabWorld
 
 EXPOSURE_S = 0.012
-"""How long the shutter is open; a frame's stamp is its end."""
+"""How long the shutter is open. The stamp of a frame is the end of this time."""
 
 LENS_BLUR_PX = 0.7
 
 _SHARP_BELOW_PX = 0.2
-"""With less motion within an exposure, a frame is as sharp as one of a still scene."""
+"""If the motion within an exposure is smaller than this, the frame is as sharp as a frame of a still scene."""
 
 _SUBFRAMES = 6
-"""Largest number of instants of an exposure that are averaged."""
+"""The largest number of instants of an exposure that are averaged for one frame."""
 
 _TOUCHES_M = 1e-6
 _ROUNDER = 1.001
 _NOT_DRAWN = 2
-"""A group of geoms that no drawing option shows."""
+"""The number of a group of geoms that no drawing option shows."""
 
 _FRAMES_KEPT = 32
 _NOISE_BANK_PX = 1024
@@ -55,10 +55,11 @@ _LEFT_OUT = (
     mujoco.mjtRndFlag.mjRND_REFLECTION,
     mujoco.mjtRndFlag.mjRND_SKYBOX,
 )
-"""Features that MuJoCo draws by default, at three times the cost. Shadows also disturb the poses of tags."""
+"""Features that MuJoCo draws by default. With them, drawing costs three times as much, and shadows disturb the poses of
+tags."""
 
 _UNSEEN = frozenset({"t_s", "light", "is_localized", "laboratory"})
-"""Fields of a state that do not affect a picture of the room in ordinary light."""
+"""The fields of a state that do not affect a picture of the room in ordinary light."""
 
 _SEEN = attrgetter(*(field.name for field in fields(LabState) if field.name not in _UNSEEN))
 
@@ -74,7 +75,7 @@ class Now(Protocol):
 
 
 class FramesByInstant(Protocol):
-    """A source of a frame for every instant, with a computer that processes the frames.
+    """A source that has a frame for every instant, and a computer that processes the frames.
 
     Attributes:
         computer: the computer that processes the frames.
@@ -104,7 +105,7 @@ class ArmCamera:
         return self._frames.frame_at(self._clock.now_s())
 
     def processing_s(self, mean_s: float) -> float:
-        """Return the duration of work that the computer begins now, given its mean duration."""
+        """Return the duration of work that the camera's computer begins now, given its mean duration."""
         return self._frames.computer.processing_s(self._clock.now_s(), mean_s)
 
 
@@ -139,7 +140,7 @@ class FrameSource:
         self.close()
 
     def close(self) -> None:
-        """Free the resources of the drawing thread and end it. Repeated calls do nothing."""
+        """Free the resources of the drawing thread and end the thread. Repeated calls do nothing."""
         with self._lock:
             if self._is_closed:
                 return
@@ -149,7 +150,7 @@ class FrameSource:
         self._thread.shutdown(wait=True)
 
     def frame_at(self, instant_s: float) -> Frame:
-        """Return the frame whose exposure ends at an instant. The first call for an instant draws the frame.
+        """Return the frame whose exposure ends at an instant. The frame is drawn in the first call for this instant.
 
         Raises:
             RuntimeError: the source is closed.
@@ -174,7 +175,7 @@ class FrameSource:
 
 
 class GreyFrameSource:
-    """A camera whose lens is covered by grey foil: frames at the same instants and places, but empty.
+    """A camera whose lens is covered by grey foil: its frames have the same instants and poses, but show nothing.
 
     Attributes:
         computer: the computer that processes the frames.
@@ -192,7 +193,10 @@ class GreyFrameSource:
 
 
 def exposure(world: LabWorld, instant_s: float) -> list[LabState]:
-    """Return the states that a frame averages: one if the image is still, else about one per pixel of motion."""
+    """Return the states that are averaged for a frame.
+
+    If the image is still, this is one state; otherwise about one state per pixel of motion, but at most `_SUBFRAMES`.
+    """
     end = world.state(instant_s)
     if not world.moves_within(instant_s - EXPOSURE_S, instant_s):
         return [end]
@@ -236,9 +240,9 @@ class _Renderer:
         self._still: Pixels = self._upside_down
 
     def expose(self, states: Sequence[LabState]) -> Pixels:
-        """Return the average of the room in some states, in ordinary light through a perfect lens.
+        """Return the average picture of the room in some states, in ordinary light and through a perfect lens.
 
-        While nothing moves, the last picture is returned again.
+        For one state that looks the same as the last one, the last picture is returned again.
         """
         if len(states) > 1:
             return _average([self._draw(state) for state in states])
@@ -260,13 +264,13 @@ class _Renderer:
         return np.asarray(cv2.flip(self._upside_down, 0), dtype=np.uint8)
 
     def free(self) -> None:
-        """Free all resources. Call it in the thread that created them."""
+        """Free all resources. Call this method in the thread that created the renderer."""
         self._mujoco_context.free()
         self._context.free()
 
 
 class _View:
-    """The view frustum of the camera: geoms outside the picture need not be drawn."""
+    """The view frustum of the camera. Geoms outside it need not be drawn."""
 
     def __init__(self, stage: Stage, camera: int) -> None:
         model, data = stage.model, stage.data
@@ -282,7 +286,9 @@ class _View:
     def leave_out(self) -> None:
         """Move geoms that are completely outside the picture to a group that is not drawn, all others to their own."""
         map_from_eye = self._map_from_eye
-        away_m = (self._middles_m - self._eye_m) @ (map_from_eye @ self._sides.T)  # the camera looks along its -z
+        away_m = (self._middles_m - self._eye_m) @ (
+            map_from_eye @ self._sides.T
+        )  # the camera looks along -z of its own frame
         self._groups_now[:] = np.where((away_m > self._reach_m[:, None]).any(axis=1), _NOT_DRAWN, self._groups)
 
 
@@ -314,7 +320,7 @@ class _Optics:
         return Frame(pixels=pixels, intrinsics=INTRINSICS, believed_map_from_camera=believed, stamp_s=state.t_s)
 
     def _behind_the_lens(self, exposed: Pixels, light: float) -> Pixels:
-        """Return the image on the sensor. While nothing changes, the last image is returned."""
+        """Return the image on the sensor. If exposure and light are those of the last call, return the last image."""
         if exposed is not self._exposed or light != self._light:
             lit = exposed if light == 1.0 else cv2.convertScaleAbs(exposed, alpha=light)
             self._blurred = np.asarray(cv2.GaussianBlur(lit, (0, 0), LENS_BLUR_PX), dtype=np.uint8)
@@ -322,7 +328,7 @@ class _Optics:
         return self._blurred
 
     def _noise_at(self, instant_s: float) -> tuple[slice, slice]:
-        """Return a place in the noise bank, chosen by (seed, camera, instant)."""
+        """Return the rows and columns of the noise bank that (seed, camera, instant) determine."""
         random = Random(f"{self._world.seed} {CAMERA_NAME} {instant_s!r}")
         top = random.randrange(_NOISE_BANK_PX - INTRINSICS.height)
         left = random.randrange(_NOISE_BANK_PX - INTRINSICS.width)
@@ -336,10 +342,11 @@ def _shown(state: LabState) -> tuple[Any, ...]:
 
 
 def _drawing_order(stage: Stage) -> tuple[mujoco.MjvOption, mujoco.MjvOption]:
-    """Return two options: one shows the contents of the room, the other the room itself, which must be drawn last.
+    """Return two drawing options: one shows the contents of the room, the other the room itself.
 
-    OpenGL skips fragments behind geoms that are already drawn, and floor and walls lie behind everything. Fixed geoms
-    that touch the floor belong to the room's group, so that touching geoms are drawn in the model's order.
+    Draw the room last: OpenGL skips fragments behind geoms that are already drawn, and the floor and the walls lie
+    behind everything. Fixed geoms that touch the floor also belong to the room, so that geoms which touch each other
+    are drawn in the order of the model.
     """
     mujoco.mj_kinematics(stage.model, stage.data)
     is_fixed = (stage.model.body_weldid == 0) & (stage.model.body_mocapid < 0)
@@ -364,7 +371,7 @@ def _average(pictures: list[Pixels]) -> Pixels:
 
 
 def _mounting_error(seed: int) -> Pose:
-    """Return the calibration error of the camera on the arm: a few millimetres and milliradians."""
+    """Return the calibration error of the camera's mounting on the arm: a few millimetres and milliradians."""
     random = Random(f"{seed} mounting")
     axis = (random.gauss(0.0, 1.0), random.gauss(0.0, 1.0), random.gauss(0.0, 1.0))
     offset_m = np.array([random.gauss(0.0, 0.002) for _ in range(3)])

@@ -223,7 +223,7 @@ def test_a_spec_with_errors_is_not_run(project: Path) -> None:
 
 @pytest.mark.parametrize("name", ["", ".", "..", ".hidden", "a/b", "/a", "a\nb", "a.json", "a.error", "é" * 101])
 def test_a_trial_whose_name_cannot_be_that_of_a_folder_is_refused(tmp_path: Path, name: str) -> None:
-    with pytest.raises(ValueError, match="has a name that a folder cannot have"):
+    with pytest.raises(ValueError, match="has a name that no folder can have"):
         run(tmp_path, (replace(trial(), name=name),))
 
 
@@ -258,7 +258,10 @@ def test_missing_graphics_are_reported_before_a_trial_begins(tmp_path: Path, mon
 
 @pytest.mark.parametrize(
     ("work", "reason"),
-    [(Dies(), "its process was ended by SIGKILL"), (Exits(), "its process ended by itself with exit code 3")],
+    [
+        (Dies(), "its process was ended by SIGKILL"),
+        (Exits(), "its process ended with exit code 3 and reported nothing"),
+    ],
 )
 def test_a_trial_whose_process_ends_is_named_and_no_process_remains(tmp_path: Path, work: Work, reason: str) -> None:
     with pytest.raises(TrialError, match=reason):
