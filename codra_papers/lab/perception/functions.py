@@ -64,9 +64,8 @@ def find_in_view(*, machine: str, camera: Camera, job: Job) -> Mapping[str, Any]
     Returns:
         `base_share`, `lid_share`: the percentage of the corners of the part's tags that the frame shows (see
         `_share_in_view`).
-        `sharpness`: the quality of the frame (see `sharpness.sharpness`). It tells whether a tag that is not detected
-            is
-        really not in view.
+        `sharpness`: the quality of the frame (see `sharpness.sharpness`). It tells whether a tag that is not
+        detected is really not in view.
     """
     frame = _look(camera, job)
     surveyed_machine = machine_named(machine)
