@@ -18,7 +18,7 @@ from codra_papers.lab.simulator.scene import FINGER_TIP_M, PCR_CYCLER_HANDLE_M, 
 Gaze = tuple[float, ...]
 """The camera's position and a point on its axis: six numbers in metres, in one frame."""
 
-_OVERVIEW: Mapping[str, Gaze] = MappingProxyType(
+_OVERVIEW_GAZES: Mapping[str, Gaze] = MappingProxyType(
     {
         "centrifuge": (1.15, 0.0, 0.90, 0.10, 0.0, 0.437),
         "pcr_cycler": (0.92, 0.0, 0.64, 0.05, 0.0, 0.275),
@@ -27,7 +27,7 @@ _OVERVIEW: Mapping[str, Gaze] = MappingProxyType(
 )
 """Gazes that show the complete machine with its lid closed or open, in the machine's base frame."""
 
-_FROM_THE_SIDE: Mapping[str, Gaze] = MappingProxyType(
+_SIDE_GAZES: Mapping[str, Gaze] = MappingProxyType(
     {
         "centrifuge": (1.12, -0.15, 0.88, 0.12, 0.0, 0.437),
         "pcr_cycler": (0.88, -0.10, 0.58, 0.06, -0.02, 0.27),
@@ -36,10 +36,10 @@ _FROM_THE_SIDE: Mapping[str, Gaze] = MappingProxyType(
 )
 """Gazes that show the complete machine from half left, to check the latch, in the machine's base frame."""
 
-_INTO_THE_BOWL: Gaze = (0.82, 0.0, 1.08, 0.125, 0.0, 0.36)
+_BOWL_GAZE: Gaze = (0.82, 0.0, 1.08, 0.125, 0.0, 0.36)
 """The gaze down on the centrifuge's rotor, past the open lid, in the machine's base frame."""
 
-_READY: Mapping[str, Gaze] = MappingProxyType(
+_READY_GAZES: Mapping[str, Gaze] = MappingProxyType(
     {
         "centrifuge": (0.85, 0.0, 0.78, 0.27, 0.0, 0.36),
         "pcr_cycler": (0.86, 0.06, 0.60, 0.07, 0.02, 0.272),
@@ -91,13 +91,13 @@ _TRAY_M: Mapping[str, tuple[float, float, float]] = MappingProxyType(
 def observation_gaze(shape: str, part: Part) -> Gaze:
     """Return a gaze that shows a part of a machine well, in the machine's base frame. It depends on the shape."""
     if part is Part.ROTOR:
-        return _INTO_THE_BOWL
-    return _FROM_THE_SIDE[shape] if part is Part.LATCH else _OVERVIEW[shape]
+        return _BOWL_GAZE
+    return _SIDE_GAZES[shape] if part is Part.LATCH else _OVERVIEW_GAZES[shape]
 
 
 def ready_gaze(shape: str) -> Gaze:
     """Return the gaze to which the arm returns after it touched a machine, in the machine's base frame."""
-    return _READY[shape]
+    return _READY_GAZES[shape]
 
 
 def grip_gaze(machine: Machine, part: Part, angle_rad: float) -> Gaze:

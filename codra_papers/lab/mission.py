@@ -47,7 +47,7 @@ TRIES = 2
 WAIT_S = 8.0
 """How long the robot waits for observers after an action. It would take longer if the robot looked by itself."""
 
-_IN_POSITION = {RotorPosition.FIRST: "centrifuge_rotor_in_pos_1", RotorPosition.SECOND: "centrifuge_rotor_in_pos_2"}
+_ROTOR_VARIABLES = {RotorPosition.FIRST: "centrifuge_rotor_in_pos_1", RotorPosition.SECOND: "centrifuge_rotor_in_pos_2"}
 
 
 class MissionError(RuntimeError):
@@ -71,7 +71,7 @@ class Mission:
     def __init__(
         self,
         robot: Robot,
-        eyes: SequentialPerception,
+        perception: SequentialPerception,
         codra: Context,
         clock: Clock,
         expect: Expect = Expect.ONE_AHEAD,
@@ -82,7 +82,7 @@ class Mission:
 
         Args:
             robot: the robot's body.
-            eyes: looks for a value that context does not have.
+            perception: looks for a value that context does not have.
             codra: the context. If it knows no value at all, the robot looks for every decision, as in P1 without
                 observers.
             clock: the clock with which the mission waits.
@@ -91,7 +91,7 @@ class Mission:
         """
         self.loops = 0
         self._robot = robot
-        self._eyes = eyes
+        self._perception = perception
         self._codra = codra
         self._clock = clock
         self._expecting = expect
@@ -212,24 +212,24 @@ class Mission:
             self._forbid(f"{machine}_open")
             self._act(skill, lambda: self._robot.lock(machine), f"{machine}_locked", goal=True)
 
-    def _turn_rotor(self, position: RotorPosition, then: str) -> None:
+    def _turn_rotor(self, position: RotorPosition, next_skill: str) -> None:
         with self._codra.skill("turn_centrifuge_rotor") as skill:
             self._require("centrifuge_open")
-            if not self._decide(_IN_POSITION[position]):
-                self._expect(then)
-                self._act(skill, lambda: self._robot.turn_rotor(position), _IN_POSITION[position], goal=True)
+            if not self._decide(_ROTOR_VARIABLES[position]):
+                self._expect(next_skill)
+                self._act(skill, lambda: self._robot.turn_rotor(position), _ROTOR_VARIABLES[position], goal=True)
 
     def _take_from_centrifuge(self) -> None:
-        self._turn_rotor(RotorPosition.FIRST, then="take_samples_from_centrifuge")
+        self._turn_rotor(RotorPosition.FIRST, next_skill="take_samples_from_centrifuge")
         with self._codra.skill("take_samples_from_centrifuge"):
-            self._require("centrifuge_open", _IN_POSITION[RotorPosition.FIRST])
+            self._require("centrifuge_open", _ROTOR_VARIABLES[RotorPosition.FIRST])
             self._expect("close_centrifuge")
             self._take_samples(CENTRIFUGE)
 
     def _bring_to_centrifuge(self) -> None:
-        self._turn_rotor(RotorPosition.SECOND, then="bring_samples_to_centrifuge")
+        self._turn_rotor(RotorPosition.SECOND, next_skill="bring_samples_to_centrifuge")
         with self._codra.skill("bring_samples_to_centrifuge"):
-            self._require("centrifuge_open", _IN_POSITION[RotorPosition.SECOND])
+            self._require("centrifuge_open", _ROTOR_VARIABLES[RotorPosition.SECOND])
             self._expect("close_centrifuge")
             self._bring_samples(CENTRIFUGE)
 
@@ -257,7 +257,7 @@ class Mission:
     def _decide(self, variable: str, since_s: float = float("-inf"), wait_up_to_s: float = 0.0) -> bool:
         """Return the answer to a yes-or-no decision from context, or from a look if context has no answer."""
         answer = self._codra.decide(
-            variable, otherwise=lambda: self._eyes.look_for(variable), since_s=since_s, wait_up_to_s=wait_up_to_s
+            variable, otherwise=lambda: self._perception.look_for(variable), since_s=since_s, wait_up_to_s=wait_up_to_s
         )
         if answer is None:
             raise MissionError(f"{variable} cannot be seen")

@@ -86,14 +86,14 @@ STATION_DISTANCE_M = 0.85
 """Distance of the robot from a machine's middle while it tends the machine."""
 
 _AISLE_M = (2.05, 2.3)
-_THERE_M = 0.05
+_ARRIVED_WITHIN_M = 0.05
 _REACH_M = 0.95
 _DRIVE_M_PER_S = 0.28
 _TURN_RAD_PER_S = 0.45
-_GRIPPED_M = 0.022
-_OPENED_M = 0.08
+_GRIPPING_GAP_M = 0.022
+_OPEN_GAP_M = 0.08
 _GAZE_DEVIATION_M = 0.01
-_LOOKING = frozenset({Phase.PLAN_LOOK, Phase.MOVE_CAMERA, Phase.SETTLE})
+_LOOKING_PHASES = frozenset({Phase.PLAN_LOOK, Phase.MOVE_CAMERA, Phase.SETTLE})
 
 
 class Localization:
@@ -129,7 +129,7 @@ class Robot:
         self._world = world
         self._clock = clock
         self._random = random
-        self._looking = Random(random.random())
+        self._looking_random = Random(random.random())
         self.laboratory = world.laboratory
         self.is_carrying = False
 
@@ -164,7 +164,7 @@ class Robot:
         self._move_camera(TRAVEL_GAZE, Phase.STOW_ARM)
         goal = self._goal(station)
         is_lost_on_the_way = self._random.random() < LOSS_CHANCE
-        *corners, end = self._way_to(goal)
+        *corners, end = self._waypoints(goal)
         for corner in corners:
             self._drive_straight_to(*corner)
         if is_lost_on_the_way:
@@ -183,13 +183,13 @@ class Robot:
 
     def _goal(self, station: str) -> tuple[float, float, float]:
         """Return the true end of the drive: the station, displaced by the localisation error at the start."""
-        wanted = Pose.planar(*HOME) if station == Station.HOME else _before(self._machine(station))
+        wanted_pose = Pose.planar(*HOME) if station == Station.HOME else _station_pose(self._machine(station))
         state = self._world.state(self._clock.now_s())
-        believed = self._world.believed_map_from_robot(state.t_s)
-        goal = wanted @ believed.inverse() @ state.map_from_robot()
+        believed_pose = self._world.believed_map_from_robot(state.t_s)
+        goal = wanted_pose @ believed_pose.inverse() @ state.map_from_robot()
         return (*goal.translation_m[:2].tolist(), atan2(goal.rotation[1, 0], goal.rotation[0, 0]))
 
-    def _way_to(self, goal: tuple[float, float, float]) -> list[tuple[float, float]]:
+    def _waypoints(self, goal: tuple[float, float, float]) -> list[tuple[float, float]]:
         """Return the points to drive through. They lead past the table of the PCR-cycler in the middle of the room."""
         _, y_m, _ = self._world.state(self._clock.now_s()).base
         table_y_m = self._machine(Station.PCR_CYCLER).map_from_base.translation_m[1]
@@ -199,18 +199,18 @@ class Robot:
     def _drive_straight_to(self, x_m: float, y_m: float) -> None:
         from_x_m, from_y_m, heading_rad = self._world.state(self._clock.now_s()).base
         length_m = hypot(x_m - from_x_m, y_m - from_y_m)
-        if length_m < _THERE_M:
+        if length_m < _ARRIVED_WITHIN_M:
             return
-        course_rad = _nearest(heading_rad, atan2(y_m - from_y_m, x_m - from_x_m))
+        course_rad = _nearest_heading(heading_rad, atan2(y_m - from_y_m, x_m - from_x_m))
         self._turn(course_rad)
-        duration_s = self._varied(2.0 + length_m / _DRIVE_M_PER_S)
+        duration_s = self._draw_varied(2.0 + length_m / _DRIVE_M_PER_S)
         self._schedule(self._move(Quantity.BASE, (x_m, y_m, course_rad), duration_s))
         self._clock.sleep(duration_s)
 
     def _turn(self, heading_rad: float) -> None:
         x_m, y_m, before_rad = self._world.state(self._clock.now_s()).base
-        after_rad = _nearest(before_rad, heading_rad)
-        duration_s = self._varied(1.5 + abs(after_rad - before_rad) / _TURN_RAD_PER_S)
+        after_rad = _nearest_heading(before_rad, heading_rad)
+        duration_s = self._draw_varied(1.5 + abs(after_rad - before_rad) / _TURN_RAD_PER_S)
         self._schedule(self._move(Quantity.BASE, (x_m, y_m, after_rad), duration_s))
         self._clock.sleep(duration_s)
 
@@ -226,10 +226,12 @@ class Robot:
             ValueError: the laboratory has no such machine.
         """
         self._check_reach(machine)
-        believed = self._world.believed_map_from_robot(self._clock.now_s())
-        target = self._machine(machine)
-        gaze = in_frame(observation_gaze(target.shape, part), believed.inverse() @ target.map_from_base)
-        eye_m = tuple(number_m + self._looking.gauss(0.0, _GAZE_DEVIATION_M) for number_m in gaze[:3])
+        believed_pose = self._world.believed_map_from_robot(self._clock.now_s())
+        target_machine = self._machine(machine)
+        gaze = in_frame(
+            observation_gaze(target_machine.shape, part), believed_pose.inverse() @ target_machine.map_from_base
+        )
+        eye_m = tuple(number_m + self._looking_random.gauss(0.0, _GAZE_DEVIATION_M) for number_m in gaze[:3])
         self._wait(Phase.PLAN_LOOK)
         self._move_camera(eye_m + gaze[3:], Phase.MOVE_CAMERA)
         self._wait(Phase.SETTLE)
@@ -335,8 +337,8 @@ class Robot:
         duration_s, slips = self._draw(phases[1]), self._random.random() < SLIP_CHANCE
         if self._is_free(machine, part):
             self._schedule(
-                Move(channel=key, path=_angles(from_rad, to_rad, slips=slips), duration_s=duration_s),
-                Move(channel=Quantity.GAZE, path=self._following(key, from_rad, to_rad), duration_s=duration_s),
+                Move(channel=key, path=_angle_path(from_rad, to_rad, slips=slips), duration_s=duration_s),
+                Move(channel=Quantity.GAZE, path=self._gaze_path(key, from_rad, to_rad), duration_s=duration_s),
             )
             grip = self._grip_at(machine, part, to_rad)
         self._clock.sleep(duration_s)
@@ -355,7 +357,7 @@ class Robot:
         angle_rad = self._world.state(self._clock.now_s()).joints_rad[JointKey(machine, Part.LID)]
         return angle_rad > self._end_rad(machine, Part.LID) / 2
 
-    def _following(self, key: JointKey, from_rad: float, to_rad: float) -> Path:
+    def _gaze_path(self, key: JointKey, from_rad: float, to_rad: float) -> Path:
         """Return the gaze of a hand that leads a part from one angle to another."""
         machine, robot_from_machine = self._machine(key.machine), self._robot_from_machine(key.machine)
 
@@ -373,7 +375,7 @@ class Robot:
         self._schedule(
             self._move(Quantity.GAZE, gaze, duration_s),
             self._move(Quantity.REACH, (1.0,), duration_s),
-            self._move(Quantity.OPENING, (_OPENED_M,), duration_s),
+            self._move(Quantity.OPENING, (_OPEN_GAP_M,), duration_s),
         )
         self._clock.sleep(duration_s)
 
@@ -382,7 +384,7 @@ class Robot:
         duration_s = self._draw(Phase.GRIP)
         self._schedule(
             self._move(Quantity.GAZE, gaze, duration_s * 0.6),
-            self._move(Quantity.OPENING, (_GRIPPED_M,), duration_s * 0.4, delay_s=duration_s * 0.6),
+            self._move(Quantity.OPENING, (_GRIPPING_GAP_M,), duration_s * 0.4, delay_s=duration_s * 0.6),
         )
         self._clock.sleep(duration_s)
 
@@ -390,7 +392,7 @@ class Robot:
         """Open the fingers, then draw the hand back."""
         duration_s = self._draw(Phase.LET_GO)
         self._schedule(
-            self._move(Quantity.OPENING, (_OPENED_M,), duration_s * 0.4),
+            self._move(Quantity.OPENING, (_OPEN_GAP_M,), duration_s * 0.4),
             self._move(Quantity.GAZE, gaze, duration_s * 0.6, delay_s=duration_s * 0.4),
         )
         self._clock.sleep(duration_s)
@@ -417,9 +419,9 @@ class Robot:
         self._clock.sleep(self._draw(phase))
 
     def _draw(self, phase: Phase) -> float:
-        return self.laboratory.duration(phase).draw(self._looking if phase in _LOOKING else self._random)
+        return self.laboratory.duration(phase).draw(self._looking_random if phase in _LOOKING_PHASES else self._random)
 
-    def _varied(self, duration_s: float) -> float:
+    def _draw_varied(self, duration_s: float) -> float:
         return Spread(duration_s, 0.15 * duration_s).draw(self._random)
 
     def _schedule(self, *moves: Move) -> None:
@@ -462,19 +464,19 @@ class Robot:
             )
 
 
-def _before(machine: Machine) -> Pose:
+def _station_pose(machine: Machine) -> Pose:
     """Return the base pose for tending a machine: in front of the machine, facing it."""
     x_axis = machine.map_from_base.rotation[:, 0]
     x_m, y_m, _ = machine.map_from_base.translation_m + STATION_DISTANCE_M * x_axis
     return Pose.planar(x_m, y_m, atan2(-x_axis[1], -x_axis[0]))
 
 
-def _angles(from_rad: float, to_rad: float, *, slips: bool) -> Path:
+def _angle_path(from_rad: float, to_rad: float, *, slips: bool) -> Path:
     """Return the path of a part's angle. A part that slips stops after `SLIP_SHARE` of the path."""
     full_path = straight((from_rad,), (to_rad,))
     return (lambda progress: full_path(min(progress, SLIP_SHARE))) if slips else full_path
 
 
-def _nearest(before_rad: float, heading_rad: float) -> float:
+def _nearest_heading(before_rad: float, heading_rad: float) -> float:
     """Return `heading_rad` plus or minus full turns, such that the turn from `before_rad` to it is the shortest."""
     return before_rad + remainder(heading_rad - before_rad, 2 * pi)

@@ -115,10 +115,10 @@ class SequentialPerception:
 
 
 def _look_plans(machine: str) -> Mapping[str, _LookPlan]:
-    def lid(part: Part, answer: Callable[[Measurement], bool | None]) -> _LookPlan:
+    def plan_lid_look(part: Part, answer: Callable[[Measurement], bool | None]) -> _LookPlan:
         return _LookPlan(machine=machine, part=part, call=perception.localize_lid, answer=answer)
 
-    def rotor(position_rad: float) -> _LookPlan:
+    def plan_rotor_look(position_rad: float) -> _LookPlan:
         call = perception.localize_rotor
         return _LookPlan(
             machine=machine,
@@ -128,10 +128,10 @@ def _look_plans(machine: str) -> Mapping[str, _LookPlan]:
         )
 
     return {
-        "open": lid(Part.LID, _is_open),
-        "locked": lid(Part.LATCH, lambda measurement: measurement["latched"]),
-        "rotor_in_pos_1": rotor(0.0),
-        "rotor_in_pos_2": rotor(pi),
+        "open": plan_lid_look(Part.LID, _is_open),
+        "locked": plan_lid_look(Part.LATCH, lambda measurement: measurement["latched"]),
+        "rotor_in_pos_1": plan_rotor_look(0.0),
+        "rotor_in_pos_2": plan_rotor_look(pi),
     }
 
 

@@ -40,7 +40,7 @@ class Progress:
 
     done: int
     total: int
-    reused: int
+    reused_trials: int
     latest: str
 
 
@@ -66,17 +66,17 @@ def run_campaign(
         OSError: if a file cannot be written.
     """
     _check_names([trial.name for trial in trials])
-    place = folder / TRIALS
-    place.mkdir(parents=True, exist_ok=True)
-    with _alone_in(place):
-        records = records_of(trials, place)
+    trials_folder = folder / TRIALS
+    trials_folder.mkdir(parents=True, exist_ok=True)
+    with _locked_folder(trials_folder):
+        records = records_of(trials, trials_folder)
         outcomes = {record.trial.name: outcome for record in records if (outcome := record.read()) is not None}
-        reused = len(outcomes)
-        progress(Progress(done=reused, total=len(trials), reused=reused, latest=""))
-        missing = [record for record in records if record.trial.name not in outcomes]
-        for outcome in _run(missing, place, processes or cores()):
+        reused_trials = len(outcomes)
+        progress(Progress(done=reused_trials, total=len(trials), reused_trials=reused_trials, latest=""))
+        missing_records = [record for record in records if record.trial.name not in outcomes]
+        for outcome in _run_missing(missing_records, trials_folder, processes or cores()):
             outcomes[outcome.name] = outcome
-            progress(Progress(done=len(outcomes), total=len(trials), reused=reused, latest=outcome.name))
+            progress(Progress(done=len(outcomes), total=len(trials), reused_trials=reused_trials, latest=outcome.name))
     return {trial.name: outcomes[trial.name] for trial in trials}
 
 
@@ -85,18 +85,18 @@ def cores() -> int:
     return len(os.sched_getaffinity(0))
 
 
-def _run(missing: Sequence[TrialRecord], place: Path, processes: int) -> Iterator[AnyOutcome]:
+def _run_missing(missing_records: Sequence[TrialRecord], trials_folder: Path, processes: int) -> Iterator[AnyOutcome]:
     """Run trials with a temporary folder, which is removed at the end, also after an error."""
-    if not missing:
+    if not missing_records:
         return
-    with tempfile.TemporaryDirectory(prefix=_STAGING, dir=place) as staging:
-        yield from run_in_processes(missing, Path(staging), processes)
+    with tempfile.TemporaryDirectory(prefix=_STAGING, dir=trials_folder) as staging:
+        yield from run_in_processes(missing_records, Path(staging), processes)
 
 
 def _check_names(names: Sequence[str]) -> None:
-    twice = [name for name, count in Counter(names).items() if count > 1]
-    if twice:
-        raise ValueError(f"two trials have the name '{twice[0]}'")
+    repeated_names = [name for name, count in Counter(names).items() if count > 1]
+    if repeated_names:
+        raise ValueError(f"two trials have the name '{repeated_names[0]}'")
     for name in names:
         is_hidden = not name or name.startswith(".") or not name.isprintable()
         if is_hidden or Path(name).name != name or Path(name).suffix in (".json", ".error") or len(name.encode()) > 200:
@@ -104,17 +104,17 @@ def _check_names(names: Sequence[str]) -> None:
 
 
 @contextmanager
-def _alone_in(place: Path) -> Iterator[None]:
+def _locked_folder(trials_folder: Path) -> Iterator[None]:
     """Lock the folder of trials against other programs, and remove the temporary files of killed programs."""
-    descriptor = os.open(place, os.O_RDONLY)
+    descriptor = os.open(trials_folder, os.O_RDONLY)
     try:
         with suppress(OSError):  # a file system without locks
             try:
                 fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError as error:
-                raise CampaignBusyError(f"another program runs trials in '{place}'") from error
-        for stale in place.glob(f"{_STAGING}*"):
-            shutil.rmtree(stale, ignore_errors=True)
+                raise CampaignBusyError(f"another program runs trials in '{trials_folder}'") from error
+        for stale_folder in trials_folder.glob(f"{_STAGING}*"):
+            shutil.rmtree(stale_folder, ignore_errors=True)
         yield
     finally:
         os.close(descriptor)

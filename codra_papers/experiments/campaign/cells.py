@@ -32,22 +32,22 @@ def percent(estimate: Estimate) -> str:
     return with_ends(estimate, lambda share: f"{100 * share:.1f}", "none")
 
 
-def with_ends(estimate: Estimate, formatted: Callable[[float], str], absent: str) -> str:
+def with_ends(estimate: Estimate, format_number: Callable[[float], str], absent_text: str) -> str:
     """Return an estimate as text: the value, and the ends of its interval if it has one.
 
     Args:
         estimate: the estimate to format.
-        formatted: a function that returns one number as text.
-        absent: the text for an estimate without a value.
+        format_number: a function that returns one number as text.
+        absent_text: the text for an estimate without a value.
     """
     if estimate.value is None:
-        return absent
-    ends = (
+        return absent_text
+    interval_text = (
         ""
         if estimate.low is None or estimate.high is None
-        else f" [{formatted(estimate.low)}, {formatted(estimate.high)}]"
+        else f" [{format_number(estimate.low)}, {format_number(estimate.high)}]"
     )
-    return f"{formatted(estimate.value)}{ends}"
+    return f"{format_number(estimate.value)}{interval_text}"
 
 
 def plain_table(caption: str, header: Iterable[str], rows: Iterable[Iterable[Cell]]) -> Table:
@@ -57,10 +57,10 @@ def plain_table(caption: str, header: Iterable[str], rows: Iterable[Iterable[Cel
 
 def marked_below(table: Table, limit: float, rows: Iterable[int]) -> Table:
     """Return a table in which the decimal numbers of the given rows are also marked if they are below a limit."""
-    low = frozenset(
+    low_cells = frozenset(
         (row, column)
         for row in rows
         for column, cell in enumerate(table.rows[row])
         if isinstance(cell, float) and cell < limit
     )
-    return Table(caption=table.caption, header=table.header, rows=table.rows, marked=table.marked | low)
+    return Table(caption=table.caption, header=table.header, rows=table.rows, marked=table.marked | low_cells)

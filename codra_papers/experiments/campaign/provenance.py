@@ -55,7 +55,7 @@ class Provenance:
     cores: int
     processes: int
     elapsed_s: float
-    reused: int
+    reused_trials: int
 
 
 def versions() -> Mapping[str, str]:
@@ -70,15 +70,15 @@ def versions() -> Mapping[str, str]:
     }
 
 
-def revision_of(root: Path, but: Path) -> Revision | None:
+def revision_of(root: Path, results_folder: Path) -> Revision | None:
     """Return the state of a project's working tree; None if the project is in no repository.
 
     Args:
         root: the project's folder.
-        but: the folder for results; differences in it are ignored.
+        results_folder: the folder for results; differences in it are ignored.
     """
     try:
         repository = Repository.around(root.resolve())
-        return Revision(commit=repository.commit("HEAD"), is_clean=not repository.changed(but.resolve()))
+        return Revision(commit=repository.commit("HEAD"), is_clean=not repository.changed(results_folder.resolve()))
     except RevisionError:
         return None

@@ -21,7 +21,7 @@ _LIBRARIES = frozenset({"numpy", "mujoco", "opencv-python-headless", "opencv-pyt
 """The libraries that compute frames, perception, and routes in the store. Their versions are part of a digest."""
 
 
-PACKAGES = (Path(codra_dsl.__file__).parent, Path(codra_papers.__file__).parent)
+PACKAGE_FOLDERS = (Path(codra_dsl.__file__).parent, Path(codra_papers.__file__).parent)
 """The folders of the packages whose code is part of a digest."""
 
 
@@ -67,8 +67,8 @@ class TrialRecord:
         the trial have changed.
         """
         try:
-            head, _, text = self.path.read_text(encoding="utf-8").partition("\n")
-            if head != self._head(text):
+            first_line, _, text = self.path.read_text(encoding="utf-8").partition("\n")
+            if first_line != self._first_line(text):
                 return None
             outcome = self.trial.outcome(text)
         except (OSError, ValueError, TypeError, LookupError, AttributeError):
@@ -90,7 +90,7 @@ class TrialRecord:
         text = self.trial.run(staging / "frames").to_json()
         if _digest_of_trial(self.trial, _spec_digest(self.trial.spec)) != self.digest:
             raise ChangedMeanwhileError("its spec, or code that it depends on, was changed while it ran")
-        (staging / "record").write_text(f"{self._head(text)}\n{text}", encoding="utf-8")
+        (staging / "record").write_text(f"{self._first_line(text)}\n{text}", encoding="utf-8")
         self.path.unlink(missing_ok=True)
         shutil.rmtree(self.frames, ignore_errors=True)
         if (staging / "frames").exists():
@@ -98,7 +98,7 @@ class TrialRecord:
         (staging / "record").replace(self.path)
         self.error_path.unlink(missing_ok=True)
 
-    def _head(self, text: str) -> str:
+    def _first_line(self, text: str) -> str:
         return f"{self.digest} {sha256(text.encode()).hexdigest()}"
 
 
@@ -109,9 +109,10 @@ def records_of(trials: Sequence[AnyTrial], folder: Path) -> Sequence[TrialRecord
         ValueError: if the `repr` of a trial contains a memory address, as the `repr` of a function does.
         SpecError: if a spec has errors.
     """
-    specs = {spec: _spec_digest(spec) for spec in {trial.spec for trial in trials}}
+    spec_digests = {spec: _spec_digest(spec) for spec in {trial.spec for trial in trials}}
     return [
-        TrialRecord(trial=trial, folder=folder, digest=_digest_of_trial(trial, specs[trial.spec])) for trial in trials
+        TrialRecord(trial=trial, folder=folder, digest=_digest_of_trial(trial, spec_digests[trial.spec]))
+        for trial in trials
     ]
 
 
@@ -122,13 +123,13 @@ def _digest_of_trial(trial: AnyTrial, spec_digest: str) -> str:
             f"the description of trial '{trial.name}' contains memory addresses, which change with every run;"
             f" use frozen dataclasses instead of functions: {description}"
         )
-    return sha256("\n".join((description, spec_digest, code_digest(), _libraries())).encode()).hexdigest()
+    return sha256("\n".join((description, spec_digest, code_digest(), _library_versions())).encode()).hexdigest()
 
 
 @cache
 def code_digest() -> str:
     """Return a digest of all code of both packages, because outcomes can depend on any of it."""
-    digests = (_digest_of(package, _code_files(package)) for package in PACKAGES)
+    digests = (_digest_of(package, _code_files(package)) for package in PACKAGE_FOLDERS)
     return sha256("\n".join(digests).encode()).hexdigest()
 
 
@@ -150,9 +151,9 @@ def _digest_of(root: Path, files: Sequence[Path]) -> str:
 
 
 @cache
-def _libraries() -> str:
+def _library_versions() -> str:
     """Return the versions of Python and of the libraries that outcomes depend on, as text."""
-    installed = {
+    installed_versions = {
         name: distribution.version for name in _LIBRARIES for distribution in metadata.distributions(name=name)
     }
-    return f"{platform.python_version()} {sorted(installed.items())}"
+    return f"{platform.python_version()} {sorted(installed_versions.items())}"

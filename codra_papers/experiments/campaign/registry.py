@@ -8,8 +8,8 @@ from collections.abc import Mapping
 
 from codra_papers.experiments.campaign.experiment import Experiment
 
-_STUDIES = "codra_papers.experiments.studies"
-_CONSTANT = "EXPERIMENT"
+_STUDIES_PACKAGE = "codra_papers.experiments.studies"
+_CONSTANT_NAME = "EXPERIMENT"
 
 
 class NoExperimentError(LookupError):
@@ -21,27 +21,29 @@ def experiments() -> Mapping[str, Experiment]:
 
     Their order is that of the module names.
     """
-    studies = importlib.import_module(_STUDIES)
-    names = sorted(module.name for module in pkgutil.iter_modules(studies.__path__))
-    modules = [importlib.import_module(f"{_STUDIES}.{name}") for name in names]
-    known = [value for module in modules if isinstance(value := getattr(module, _CONSTANT, None), Experiment)]
-    return {experiment.name: experiment for experiment in known}
+    package = importlib.import_module(_STUDIES_PACKAGE)
+    names = sorted(module.name for module in pkgutil.iter_modules(package.__path__))
+    modules = [importlib.import_module(f"{_STUDIES_PACKAGE}.{name}") for name in names]
+    found_experiments = [
+        value for module in modules if isinstance(value := getattr(module, _CONSTANT_NAME, None), Experiment)
+    ]
+    return {experiment.name: experiment for experiment in found_experiments}
 
 
-def experiment_in(place: str) -> Experiment:
+def experiment_in(reference: str) -> Experiment:
     """Return an experiment of a project.
 
     Args:
-        place: where it is, as `module:CONSTANT`.
+        reference: the module and the constant, as `module:CONSTANT`.
 
     Raises:
         NoExperimentError: if it cannot be imported or is not an `Experiment`.
     """
-    module, _, constant = place.partition(":")
+    module, _, constant = reference.partition(":")
     try:
-        constant_value = getattr(importlib.import_module(module), constant)
+        experiment = getattr(importlib.import_module(module), constant)
     except (ImportError, ValueError, AttributeError) as error:
-        raise NoExperimentError(f"'{place}' cannot be imported: {error}") from error
-    if not isinstance(constant_value, Experiment):
-        raise NoExperimentError(f"'{place}' is not an Experiment")
-    return constant_value
+        raise NoExperimentError(f"'{reference}' cannot be imported: {error}") from error
+    if not isinstance(experiment, Experiment):
+        raise NoExperimentError(f"'{reference}' is not an Experiment")
+    return experiment

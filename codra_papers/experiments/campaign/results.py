@@ -56,7 +56,7 @@ def as_json(
         ValueError: if the results contain values that JSON cannot represent, such as NaN.
     """
     revision = provenance.revision
-    report = {
+    content = {
         "version": _VERSION,
         "experiment": experiment.name,
         "question": experiment.question,
@@ -77,4 +77,4 @@ def as_json(
         },
         "results": document.results,
     }
-    return json.dumps(report, indent=2, allow_nan=False) + "\n"
+    return json.dumps(content, indent=2, allow_nan=False) + "\n"

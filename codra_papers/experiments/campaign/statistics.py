@@ -68,7 +68,7 @@ def ratio_interval(shares: Sequence[Share]) -> Estimate:
     Args:
         shares: one share per run.
     """
-    return _resampled(_ratio, ratio_of_sums(shares), shares)
+    return _with_interval(_ratio, ratio_of_sums(shares), shares)
 
 
 def ratio_difference(first: Sequence[Share], second: Sequence[Share]) -> Estimate:
@@ -88,7 +88,7 @@ def ratio_difference(first: Sequence[Share], second: Sequence[Share]) -> Estimat
         raise ValueError(f"{len(first)} runs cannot be paired with {len(second)}")
     left, right = ratio_of_sums(first), ratio_of_sums(second)
     value = None if left is None or right is None else left - right
-    return _resampled(_difference_of_ratios, value, first, second)
+    return _with_interval(_difference_of_ratios, value, first, second)
 
 
 def mean_interval(values: Sequence[float]) -> Estimate:
@@ -110,26 +110,28 @@ def quantile_interval(runs: Sequence[Sequence[float]], quantile: float) -> Estim
         quantile: a share between 0 and 1. The result is one of the values: the smallest value that at least this share
             of all values does not exceed.
     """
-    order = sorted((value, run) for run, values in enumerate(runs) for value in values)
-    if not order:
+    ordered_values = sorted((value, run) for run, values in enumerate(runs) for value in values)
+    if not ordered_values:
         return Estimate(value=None, low=None, high=None)
-    values, owners = np.array([value for value, _ in order]), [run for _, run in order]
-    value = float(values[_place(np.ones((1, len(order))), quantile)[0]])
+    values, runs_of_values = np.array([value for value, _ in ordered_values]), [run for _, run in ordered_values]
+    value = float(values[_quantile_index(np.ones((1, len(ordered_values))), quantile)[0]])
     if len(runs) < 2:
         return Estimate(value=value, low=None, high=None)
-    drawn = np.random.default_rng(SEED).integers(len(runs), size=(RESAMPLES, len(runs)))
-    counts = np.stack([(drawn == run).sum(-1) for run in range(len(runs))], axis=-1)[:, owners]
-    quantiles = np.sort(values[_place(counts[counts.sum(-1) > 0].astype(float), quantile)])
+    drawn_runs = np.random.default_rng(SEED).integers(len(runs), size=(RESAMPLES, len(runs)))
+    counts = np.stack([(drawn_runs == run).sum(-1) for run in range(len(runs))], axis=-1)[:, runs_of_values]
+    resampled_quantiles = np.sort(values[_quantile_index(counts[counts.sum(-1) > 0].astype(float), quantile)])
     tail = (1.0 - LEVEL) / 2.0
-    low, high = (float(quantiles[int(share * (len(quantiles) - 1))]) for share in (tail, 1.0 - tail))
+    low, high = (
+        float(resampled_quantiles[int(share * (len(resampled_quantiles) - 1))]) for share in (tail, 1.0 - tail)
+    )
     return Estimate(value=value, low=low, high=high)
 
 
-def _place(counts: _Array, quantile: float) -> NDArray[np.intp]:
+def _quantile_index(counts: _Array, quantile: float) -> NDArray[np.intp]:
     """Return the index of a quantile among sorted values, for each row of `counts`: how often each value occurs."""
     sums = counts.cumsum(-1)
-    places: NDArray[np.intp] = np.argmax(sums >= quantile * sums[:, -1:] - _ROUNDING, axis=-1)
-    return places
+    indices: NDArray[np.intp] = np.argmax(sums >= quantile * sums[:, -1:] - _ROUNDING, axis=-1)
+    return indices
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -171,14 +173,14 @@ def welch(first: Sequence[float], second: Sequence[float]) -> Welch | None:
         raise ValueError("a variance needs at least two values")
     if _variance(first) + _variance(second) == 0.0:
         return None
-    result = stats.ttest_ind(first, second, equal_var=False)
-    interval = result.confidence_interval(LEVEL)
+    t_test = stats.ttest_ind(first, second, equal_var=False)
+    interval = t_test.confidence_interval(LEVEL)
     difference = float(np.mean(first) - np.mean(second))
     return Welch(
         difference=Estimate(value=difference, low=float(interval.low), high=float(interval.high)),
-        t=float(result.statistic),
-        degrees=float(result.df),
-        p=float(result.pvalue),
+        t=float(t_test.statistic),
+        degrees=float(t_test.df),
+        p=float(t_test.pvalue),
         hedges_g=_hedges_g(difference, first, second),
     )
 
@@ -214,7 +216,7 @@ def _difference_of_ratios(
     return _ratio(first_part, first_total, axis) - _ratio(second_part, second_total, axis)
 
 
-def _resampled(statistic: Any, value: float | None, *samples: Sequence[Share]) -> Estimate:
+def _with_interval(statistic: Any, value: float | None, *samples: Sequence[Share]) -> Estimate:
     """Return a value with its bootstrap interval.
 
     The interval is bias-corrected and accelerated (BCa), because the distribution of shares near 1 is skewed. The
@@ -225,21 +227,21 @@ def _resampled(statistic: Any, value: float | None, *samples: Sequence[Share]) -
     columns = [
         np.array(column) for sample in samples for column in ([s.part for s in sample], [s.total for s in sample])
     ]
-    rows = np.random.default_rng(SEED).integers(len(columns[0]), size=(RESAMPLES, len(columns[0])))
-    if any((column[rows].sum(-1) == 0.0).any() for column in columns[1::2]):
+    drawn_runs = np.random.default_rng(SEED).integers(len(columns[0]), size=(RESAMPLES, len(columns[0])))
+    if any((column[drawn_runs].sum(-1) == 0.0).any() for column in columns[1::2]):
         return Estimate(value=value, low=None, high=None)
-    low, high = _interval(statistic, columns)
+    low, high = _bootstrap_interval(statistic, columns)
     return Estimate(value=value, low=low, high=high)
 
 
-def _interval(statistic: Any, columns: Sequence[_Array]) -> tuple[float, float] | tuple[None, None]:
+def _bootstrap_interval(statistic: Any, columns: Sequence[_Array]) -> tuple[float, float] | tuple[None, None]:
     """Return the ends of the interval. Both are the value itself if leaving out any single run does not change it."""
     from scipy import stats
 
     runs = range(len(columns[0]))
-    without_one = np.array([statistic(*(np.delete(column, run) for column in columns)) for run in runs])
-    if np.ptp(without_one) <= _ROUNDING:
-        return float(without_one[0]), float(without_one[0])
+    statistics_without_one_run = np.array([statistic(*(np.delete(column, run) for column in columns)) for run in runs])
+    if np.ptp(statistics_without_one_run) <= _ROUNDING:
+        return float(statistics_without_one_run[0]), float(statistics_without_one_run[0])
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", stats.DegenerateDataWarning)  # the ends are NaN in this case
         interval = stats.bootstrap(

@@ -42,10 +42,10 @@ _EXPLAINED_ERRORS = (
 """Errors in the input of a trial. Their message is enough; no traceback is stored."""
 
 
-_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
+_DISK_ERROR_NUMBERS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 
-_TUNABLES = "GLIBC_TUNABLES"
-_KEPT = ":".join(
+_TUNABLES_VARIABLE = "GLIBC_TUNABLES"
+_MEMORY_TUNABLES = ":".join(
     f"glibc.malloc.{name}={setting}"
     for name, setting in (("trim_threshold", 512 << 20), ("mmap_threshold", 32 << 20), ("tcache_count", 5000))
 )
@@ -99,7 +99,7 @@ class _Worker:
 
     record: TrialRecord
     process: SpawnProcess
-    reports: connection.Connection
+    report_connection: connection.Connection
 
     def outcome(self) -> AnyOutcome:
         """Wait for the process to report or to end, and return the outcome of its trial.
@@ -109,7 +109,7 @@ class _Worker:
             OSError: if the operating system refused to write the record.
         """
         try:
-            report = self.reports.recv()
+            report = self.report_connection.recv()
         except EOFError:
             self.process.join()
             raise TrialError(self.record.trial, _end_of(self.process.exitcode or 0), None) from None
@@ -126,7 +126,7 @@ class _Worker:
         self.process.kill()
         self.process.join()
         self.process.close()
-        self.reports.close()
+        self.report_connection.close()
 
 
 def run_in_processes(records: Sequence[TrialRecord], staging: Path, processes: int) -> Iterator[AnyOutcome]:
@@ -145,22 +145,22 @@ def run_in_processes(records: Sequence[TrialRecord], staging: Path, processes: i
         OSError: if a record cannot be written.
     """
     backend = _backend([record.trial for record in records])
-    waiting = list(reversed(records))
-    running: dict[connection.Connection, _Worker] = {}
+    waiting_records = list(reversed(records))
+    running_workers: dict[connection.Connection, _Worker] = {}
     resource_tracker.ensure_running()  # if it started later, it would unblock interrupts
     try:
-        while waiting or running:
+        while waiting_records or running_workers:
             with interrupts_held_back():  # until the new process is in `running`, so that `finally` ends it
-                while waiting and len(running) < processes:
-                    worker = _started(waiting.pop(), staging / str(len(waiting)), backend)
-                    running[worker.reports] = worker
-            for connected in connection.wait(list(running)):
-                assert isinstance(connected, connection.Connection)
-                outcome = running[connected].outcome()
-                running.pop(connected).end()
+                while waiting_records and len(running_workers) < processes:
+                    worker = _start_worker(waiting_records.pop(), staging / str(len(waiting_records)), backend)
+                    running_workers[worker.report_connection] = worker
+            for report_connection in connection.wait(list(running_workers)):
+                assert isinstance(report_connection, connection.Connection)
+                outcome = running_workers[report_connection].outcome()
+                running_workers.pop(report_connection).end()
                 yield outcome
     finally:
-        for worker in running.values():
+        for worker in running_workers.values():
             worker.end()
 
 
@@ -172,21 +172,21 @@ def _backend(trials: Sequence[AnyTrial]) -> str | None:
     Raises:
         TrialError: if no graphics backend works on this machine.
     """
-    drawing = [trial for trial in trials if trial.draws_frames]
+    drawing_trials = [trial for trial in trials if trial.draws_frames]
     try:
-        return choose_backend() if drawing else None
+        return choose_backend() if drawing_trials else None
     except GraphicsUnavailableError as error:
-        raise TrialError(drawing[0], str(error), None) from error
+        raise TrialError(drawing_trials[0], str(error), None) from error
 
 
-def _started(record: TrialRecord, staging: Path, backend: str | None) -> _Worker:
+def _start_worker(record: TrialRecord, staging: Path, backend: str | None) -> _Worker:
     staging.mkdir()
-    ours, theirs = _SPAWN.Pipe(duplex=False)
-    process = _SPAWN.Process(target=_work, args=(record, staging, backend, theirs))
+    receiving_end, sending_end = _SPAWN.Pipe(duplex=False)
+    process = _SPAWN.Process(target=_run_trial, args=(record, staging, backend, sending_end))
     with _memory_kept():
         process.start()
-    theirs.close()
-    return _Worker(record, process, ours)
+    sending_end.close()
+    return _Worker(record, process, receiving_end)
 
 
 @contextmanager
@@ -197,15 +197,15 @@ def _memory_kept() -> Iterator[None]:
     them to the system, and the system clears every page at the next allocation. Clearing takes as long as the work on
     the picture.
     """
-    before = os.environ.get(_TUNABLES)
-    os.environ[_TUNABLES] = _KEPT if before is None else f"{_KEPT}:{before}"
+    before = os.environ.get(_TUNABLES_VARIABLE)
+    os.environ[_TUNABLES_VARIABLE] = _MEMORY_TUNABLES if before is None else f"{_MEMORY_TUNABLES}:{before}"
     try:
         yield
     finally:
         if before is None:
-            del os.environ[_TUNABLES]
+            del os.environ[_TUNABLES_VARIABLE]
         else:
-            os.environ[_TUNABLES] = before
+            os.environ[_TUNABLES_VARIABLE] = before
 
 
 def _error_of(record: TrialRecord, failure: _Failure) -> Exception:
@@ -227,47 +227,49 @@ def _end_of(code: int) -> str:
 # In the process of a trial
 
 
-def _work(record: TrialRecord, staging: Path, backend: str | None, reports: connection.Connection) -> None:
+def _run_trial(
+    record: TrialRecord, staging: Path, backend: str | None, report_connection: connection.Connection
+) -> None:
     """Run a trial and report how it ended."""
     threading.Thread(target=_end_with_parent, daemon=True).start()
     if backend is not None:
         rely_on(backend)
     tempfile.tempdir = str(staging)
-    reports.send(_made(record, staging))
-    reports.close()
+    report_connection.send(_make_record(record, staging))
+    report_connection.close()
     gc.freeze()  # all memory is freed when the process ends; a last search for reference cycles would take long
 
 
-def _made(record: TrialRecord, staging: Path) -> _Report:
+def _make_record(record: TrialRecord, staging: Path) -> _Report:
     try:
         record.make(staging)
     except _EXPLAINED_ERRORS as error:
         return _Failure(reason=str(error))
     except OSError as error:
-        if error.errno is None or not _is_ours(error, record.folder):
-            return _unexpected(error)
+        if error.errno is None or not _is_record_error(error, record.folder):
+            return _unexpected_failure(error)
         return _Failure(reason=str(error), error_number=error.errno)
     except Exception as error:  # noqa: BLE001  the parent process reports it
-        return _unexpected(error)
+        return _unexpected_failure(error)
     return _Done.DONE
 
 
-def _is_ours(error: OSError, folder: Path) -> bool:
+def _is_record_error(error: OSError, folder: Path) -> bool:
     """Return whether an error means that the record could not be written.
 
     This is so if the file of the error is in the folder of records. An error without a file counts if the disk is full
     or defective.
     """
     if error.filename is None:
-        return error.errno in _FULL
+        return error.errno in _DISK_ERROR_NUMBERS
     return isinstance(error.filename, str) and Path(error.filename).is_relative_to(folder)
 
 
-def _unexpected(error: Exception) -> _Failure:
+def _unexpected_failure(error: Exception) -> _Failure:
     frames = traceback.extract_tb(error.__traceback__)
-    package = Path(codra_dsl.__file__).parents[1]
+    packages_folder = Path(codra_dsl.__file__).parents[1]
     path = Path(frames[-1].filename)
-    place = path.relative_to(package) if path.is_relative_to(package) else path
+    place = path.relative_to(packages_folder) if path.is_relative_to(packages_folder) else path
     reason = f"{type(error).__name__}: {error} ({place.as_posix()}:{frames[-1].lineno})"
     return _Failure(reason=" ".join(reason.split()), traceback="".join(traceback.format_exception(error)))
 

@@ -11,7 +11,7 @@ from typing import Any
 from codra_dsl.integrations.inspection import compile_and_load
 from codra_dsl.language.model import Refresh, Spec
 from codra_dsl.runtime import ContextManager
-from codra_papers.experiments.lab.spec_variants import Naive, Refreshed, SpecVariant
+from codra_papers.experiments.lab.spec_variants import Naive, Refreshed, SpecEdit
 
 P1_TRIGGER_S = 7.2
 """P1, section 4.1: a naive observer's 5006 triggers in 35,806 s of operation."""
@@ -36,9 +36,9 @@ class Arm:
 
     name: str
     need: Need
-    edits: tuple[SpecVariant, ...] = ()
+    edits: tuple[SpecEdit, ...] = ()
 
-    def edited(self, name: str, edit: SpecVariant) -> Arm:
+    def edited(self, name: str, edit: SpecEdit) -> Arm:
         """Return an arm with this name that differs from this arm only in one more edit."""
         return replace(self, name=name, edits=(*self.edits, edit))
 

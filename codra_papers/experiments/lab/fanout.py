@@ -94,7 +94,7 @@ class Fanout:
         self._following = [arms[name] for name in following]
         self._answering = None if answering is None else arms[answering]
         self._decision_s = decision_s
-        self._under_way: list[str] = []
+        self._running_skills: list[str] = []
 
     @contextmanager
     def skill(self, name: str) -> Iterator[ActingSkill]:
@@ -102,11 +102,11 @@ class Fanout:
         with ExitStack() as stack:
             skills = [stack.enter_context(manager.skill(name)) for manager in self._following]
             start_s = self._clock.now_s()
-            self._under_way.append(name)
+            self._running_skills.append(name)
             try:
                 yield _SharedSkill(skills)
             finally:
-                self._under_way.pop()
+                self._running_skills.pop()
                 self.skills.append(SkillSpan(name=name, start_s=start_s, end_s=self._clock.now_s()))
 
     def expect(self, *skills: str) -> None:
@@ -126,10 +126,10 @@ class Fanout:
         asked_s, held = self._clock.now_s(), {arm: manager.get(name) for arm, manager in self._arms.items()}
         self._clock.sleep(0.0 if self._answering is None else self._decision_s)
         waits_from_s = self._clock.now_s()
-        began: list[tuple[float, Reading[Any] | None]] = []
+        look_starts: list[tuple[float, Reading[Any] | None]] = []
 
         def look() -> Any:
-            began.append((self._clock.now_s(), self._last(name)))
+            look_starts.append((self._clock.now_s(), self._last_reading(name)))
             return otherwise()
 
         if self._answering is None:
@@ -137,12 +137,12 @@ class Fanout:
         else:
             answer = self._answering.decide(name, look, since_s=since_s, wait_up_to_s=wait_up_to_s)
         answered_s = self._clock.now_s()
-        looks_from_s, last = began[0] if began else (answered_s, self._last(name))
+        looks_from_s, last = look_starts[0] if look_starts else (answered_s, self._last_reading(name))
         self.asked.append(
             Asked(
                 instant_s=asked_s,
                 variable=name,
-                skill=self._under_way[-1] if self._under_way else "",
+                skill=self._running_skills[-1] if self._running_skills else "",
                 since_s=since_s,
                 held=held,
                 answer=answer,
@@ -150,12 +150,12 @@ class Fanout:
                 waited_s=looks_from_s - waits_from_s,
                 looked_s=answered_s - looks_from_s,
                 last=last,
-                has_looked=bool(began),
+                has_looked=bool(look_starts),
             )
         )
         return answer
 
-    def _last(self, name: str) -> Reading[Any] | None:
+    def _last_reading(self, name: str) -> Reading[Any] | None:
         return None if self._answering is None else self._answering.get(name)
 
     def slot(self, *resources: str) -> AbstractContextManager[None]:

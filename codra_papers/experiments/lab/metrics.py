@@ -47,12 +47,14 @@ class Seconds:
 
 def seconds(held: Sequence[Piece], truth: Sequence[Piece], start_s: float = 0.0) -> Seconds:
     """Return how long held values were right, wrong and unknown, from an instant to the end of the run."""
-    lasted = {"right": 0.0, "wrong": 0.0, "unknown": 0.0}
+    durations_s = {"right": 0.0, "wrong": 0.0, "unknown": 0.0}
     window = [Piece(start_s, math.inf, None)]
     held = [Piece(max(piece.start_s, start_s), piece.end_s, piece.value) for piece, _, _ in overlaps(held, window)]
     for piece, fact, duration_s in overlaps(held, truth):
-        lasted["unknown" if piece.value is None else "right" if piece.value == fact.value else "wrong"] += duration_s
-    return Seconds(right_s=lasted["right"], wrong_s=lasted["wrong"], unknown_s=lasted["unknown"])
+        durations_s["unknown" if piece.value is None else "right" if piece.value == fact.value else "wrong"] += (
+            duration_s
+        )
+    return Seconds(right_s=durations_s["right"], wrong_s=durations_s["wrong"], unknown_s=durations_s["unknown"])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,9 +88,9 @@ def in_window(outcome: Outcome, variable: str, arm: str) -> Seconds | None:
     return seconds(outcome.arms[arm].held[variable], outcome.truth[variable], common.start_s)
 
 
-def total(seconds_by_run: Iterable[Seconds | None]) -> Seconds:
+def total(seconds_of_runs: Iterable[Seconds | None]) -> Seconds:
     """Return the sum of an arm's seconds over runs. A run with None, in which the arm was left out, adds nothing."""
-    return sum((run_seconds for run_seconds in seconds_by_run if run_seconds is not None), Seconds())
+    return sum((run_seconds for run_seconds in seconds_of_runs if run_seconds is not None), Seconds())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -138,12 +140,12 @@ def lags(held: Sequence[Piece], truth: Sequence[Piece]) -> Lags:
     """Return the delays between changes of the truth and the instants at which the held value was the new one."""
     seen_s: list[float] = []
     for change in truth[1:]:
-        followed = (
+        lags_s = (
             max(piece.start_s, change.start_s) - change.start_s
             for piece, _, _ in overlaps(held, [change])
             if piece.value == change.value
         )
-        seen_s.extend(lag_s for lag_s in [next(followed, None)] if lag_s is not None)
+        seen_s.extend(lag_s for lag_s in [next(lags_s, None)] if lag_s is not None)
     return Lags(seen_s=tuple(seen_s), unseen=len(truth[1:]) - len(seen_s))
 
 
@@ -167,11 +169,11 @@ class Answers:
 
 def answers(decisions: Iterable[Decision], arm: str) -> Answers:
     """Return how often an arm held the truth when a decision needed a variable."""
-    needed = list(decisions)
-    held = [(decision.held[arm], decision.truth) for decision in needed]
+    needed_decisions = list(decisions)
+    held = [(decision.held[arm], decision.truth) for decision in needed_decisions]
     return Answers(
         right=sum(value == fact for value, fact in held if value is not None),
         wrong=sum(value != fact for value, fact in held if value is not None),
         fell_back=sum(value is None for value, _ in held),
-        fresh=sum(decision.fresh[arm] for decision in needed),
+        fresh=sum(decision.fresh[arm] for decision in needed_decisions),
     )

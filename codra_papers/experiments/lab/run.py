@@ -30,7 +30,7 @@ from codra_papers.lab.simulator.world import LabWorld
 
 OBSERVED = "observed"
 
-PICTURED = ("centrifuge_open", "centrifuge_locked", "pcr_cycler_open", "pcr_cycler_locked")
+PICTURED_VARIABLES = ("centrifuge_open", "centrifuge_locked", "pcr_cycler_open", "pcr_cycler_locked")
 """The variables for which the first frame that was judged wrongly is shown."""
 
 Work = Callable[[Mission], None]
@@ -119,12 +119,14 @@ def notable_moments(run: LabRun) -> Mapping[str, float]:
     """Return the instants that are worth a picture. The key is a name that gives the reason."""
     moments: dict[str, float] = {}
     for arm in run.arms:
-        moments |= {f"{arm.name}-{name}": instant_s for name, instant_s in _most_markers(arm).items()}
-        moments |= {f"{arm.name}-wrong-{name}": instant_s for name, instant_s in _misjudged(arm, run.truth).items()}
+        moments |= {f"{arm.name}-{name}": instant_s for name, instant_s in _most_marker_instants(arm).items()}
+        moments |= {
+            f"{arm.name}-wrong-{name}": instant_s for name, instant_s in _misjudged_instants(arm, run.truth).items()
+        }
     return moments
 
 
-def _most_markers(arm: ArmRun) -> Mapping[str, float]:
+def _most_marker_instants(arm: ArmRun) -> Mapping[str, float]:
     """Return, for each algorithm, the instant of the evidence with the most markers."""
     best: dict[str, tuple[int, float]] = {}
     for event in arm.record.of(Kind.JOB):
@@ -134,16 +136,16 @@ def _most_markers(arm: ArmRun) -> Mapping[str, float]:
     return {name: instant_s for name, (_, instant_s) in sorted(best.items())}
 
 
-def _misjudged(arm: ArmRun, truth: Mapping[str, Sequence[Piece]]) -> Mapping[str, float]:
+def _misjudged_instants(arm: ArmRun, truth: Mapping[str, Sequence[Piece]]) -> Mapping[str, float]:
     """Return, for each variable, the instant of the first evidence that gave a value which was not true then."""
-    evidence_by_variable: dict[str, float] = {}
+    evidence_s_by_variable: dict[str, float] = {}
     for event in arm.record.of(Kind.VARIABLE):
-        if event.what == "identified" and event.name in PICTURED and event.name not in evidence_by_variable:
+        if event.what == "identified" and event.name in PICTURED_VARIABLES and event.name not in evidence_s_by_variable:
             evidence_s = event.details["evidence_s"]
             facts = (piece.value for piece in truth[event.name] if piece.start_s <= evidence_s < piece.end_s)
             if next(facts, None) not in (None, event.details["value"]):
-                evidence_by_variable[event.name] = evidence_s
-    return evidence_by_variable
+                evidence_s_by_variable[event.name] = evidence_s
+    return evidence_s_by_variable
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -201,12 +203,12 @@ def run_lab(observers: Sequence[Observers], settings: LabSettings) -> LabRun:
                     clock=clock,
                     resources=resources,
                     seed=settings.seed,
-                    record=_record(arm_observers.arm.name, settings),
+                    record=_make_event_log(arm_observers.arm.name, settings),
                 )
             )
             for arm_observers in observers
         }
-        fanout = _gathered(clock, managers, observers, settings)
+        fanout = _make_fanout(clock, managers, observers, settings)
         robot = Robot(world, clock, Random(f"{settings.seed} robot"))
         perception = SequentialPerception(robot, own_camera, fanout, clock, seed=settings.seed)
         mission = Mission(robot, perception, fanout, clock, settings.expect)
@@ -218,7 +220,7 @@ def run_lab(observers: Sequence[Observers], settings: LabSettings) -> LabRun:
             manager.close()  # in real time, jobs would otherwise continue while the run is scored
         truth = _truth_pieces(GroundTruth(world).over(0.0, end_s), list(managers.values()))
         arms = [_arm(name, manager, truth, end_s) for name, manager in managers.items()]
-        answering = managers.get(settings.answering or "")
+        answering_manager = managers.get(settings.answering or "")
         run = LabRun(
             duration_s=end_s,
             loops=mission.loops,
@@ -231,7 +233,7 @@ def run_lab(observers: Sequence[Observers], settings: LabSettings) -> LabRun:
             truth=truth,
             asked=tuple(fanout.asked),
             skills=tuple(fanout.skills),
-            decisions={} if answering is None else _decisions(answering.record),
+            decisions={} if answering_manager is None else _count_decisions(answering_manager.record),
             pictures={},
         )
         return replace(
@@ -261,7 +263,7 @@ class WatchedCamera:
         return self._camera.processing_s(mean_s)
 
 
-def _gathered(
+def _make_fanout(
     clock: Clock, managers: Mapping[str, Manager], observers: Sequence[Observers], settings: LabSettings
 ) -> Fanout:
     """Declare all variables with the arms that need everything, and connect the main execution to all arms."""
@@ -283,14 +285,14 @@ def _clock(settings: LabSettings, stack: ExitStack) -> LimitedClock:
     return LimitedClock(clock, end_s, settings.progress)
 
 
-def _record(arm: str, settings: LabSettings) -> EventLog:
+def _make_event_log(arm: str, settings: LabSettings) -> EventLog:
     """Return a new event log for an arm. The log keeps all events, because they are scored at the end."""
     if settings.journal is None:
         return EventLog(math.inf)
-    return Journal(settings.journal if arm == settings.answering else beside(settings.journal, arm), math.inf)
+    return Journal(settings.journal if arm == settings.answering else arm_journal_path(settings.journal, arm), math.inf)
 
 
-def beside(journal: Path, arm: str) -> Path:
+def arm_journal_path(journal: Path, arm: str) -> Path:
     """Return the path of the journal of another arm, next to the journal of the answering arm."""
     return journal.with_name(f"{journal.stem}.{arm}{journal.suffix}")
 
@@ -321,30 +323,30 @@ def _execute(
 def _truth_pieces(spans: Sequence[TruthSpan], managers: Sequence[Manager]) -> Mapping[str, Sequence[Piece]]:
     """Return the true values of all variables that the spec of some arm models. Without arms, return all values."""
     variables = tuple(spans[0].values) if spans else ()
-    modelled = {name for manager in managers for name in manager.modelled()} if managers else set(variables)
-    names = [name for name in variables if name in modelled]
+    modelled_variables = {name for manager in managers for name in manager.modelled()} if managers else set(variables)
+    names = [name for name in variables if name in modelled_variables]
     return {name: pieces([(span.start_s, span.values[name]) for span in spans], spans[-1].end_s) for name in names}
 
 
 def _arm(name: str, manager: Manager, truth: Mapping[str, Sequence[Piece]], end_s: float) -> ArmRun:
     record = manager.record
     held = held_pieces(record, tuple(truth), end_s)
-    started = (event.name for event in record.of(Kind.JOB) if event.what == "started")
+    started_algorithms = (event.name for event in record.of(Kind.JOB) if event.what == "started")
     return ArmRun(
         name=name,
         record=record,
         held=held,
         scores=[score(variable, held[variable], truth[variable], record) for variable in truth],
-        jobs=dict(sorted(Counter(started).items())),
+        jobs=dict(sorted(Counter(started_algorithms).items())),
         spent=manager.spent(),
     )
 
 
-def _decisions(record: EventLog) -> Mapping[str, Counter[str]]:
-    counts: dict[str, Counter[str]] = {}
+def _count_decisions(record: EventLog) -> Mapping[str, Counter[str]]:
+    counts_by_variable: dict[str, Counter[str]] = {}
     for event in record.of(Kind.DECISION):
-        counted = counts.setdefault(event.name, Counter())
-        counted[event.what] += 1
+        variable_counts = counts_by_variable.setdefault(event.name, Counter())
+        variable_counts[event.what] += 1
         if event.what == "answered" and event.details["source"] != MAIN:
-            counted[OBSERVED] += 1
-    return dict(sorted(counts.items()))
+            variable_counts[OBSERVED] += 1
+    return dict(sorted(counts_by_variable.items()))

@@ -79,7 +79,7 @@ def score(name: str, held: Sequence[Piece], truth: Sequence[Piece], record: Even
     for piece, fact, duration_s in overlaps(held, truth):
         verdict = "unknown" if piece.value is None else "right" if piece.value == fact.value else "wrong"
         seconds[verdict] += duration_s
-    identified = [
+    identified_events = [
         event
         for event in record.of(Kind.VARIABLE, name)
         if event.what == "identified" and event.details["source"] != MAIN
@@ -89,8 +89,8 @@ def score(name: str, held: Sequence[Piece], truth: Sequence[Piece], record: Even
         right_s=seconds["right"],
         wrong_s=seconds["wrong"],
         unknown_s=seconds["unknown"],
-        identified=len(identified),
-        first_s=identified[0].instant_s if identified else None,
+        identified=len(identified_events),
+        first_s=identified_events[0].instant_s if identified_events else None,
     )
 
 

@@ -18,7 +18,7 @@ from codra_dsl.language.model import (
     Spec,
 )
 
-SpecVariant = Callable[[Spec], Spec]
+SpecEdit = Callable[[Spec], Spec]
 """Turns a spec into another spec. It is a frozen value, so that it can be sent to a process and described in a
 report."""
 
@@ -54,7 +54,7 @@ class Naive:
 
 def _without_pause(spec: Spec, algorithms: tuple[Algorithm, ...]) -> tuple[ObserverSetting, ...]:
     """Return settings that give every tree a period of 0 s and the same priority. Every tree keeps its name."""
-    named = {reference.name for setting in spec.observers for reference in setting.identifies}
+    named_variables = {reference.name for setting in spec.observers for reference in setting.identifies}
     settings = [replace(setting, period_s=0.0, priority=0) for setting in spec.observers]
     for algorithm in sorted(
         algorithms, key=lambda algorithm: algorithm.rank
@@ -62,8 +62,8 @@ def _without_pause(spec: Spec, algorithms: tuple[Algorithm, ...]) -> tuple[Obser
         variables = tuple(
             Reference(name=entry.variable.name, place=entry.variable.place) for entry in algorithm.identifies
         )
-        if not named & {reference.name for reference in variables}:
-            named |= {reference.name for reference in variables}
+        if not named_variables & {reference.name for reference in variables}:
+            named_variables |= {reference.name for reference in variables}
             settings.append(
                 ObserverSetting(name=algorithm.name, place=algorithm.place, identifies=variables, period_s=0.0)
             )
@@ -131,16 +131,16 @@ class Confirmed:
 
     def __call__(self, spec: Spec) -> Spec:
         """Return the spec with this `confirm`."""
-        return replace(spec, perception=tuple(map(self._confirmed, spec.perception)))
+        return replace(spec, perception=tuple(map(self._confirmed_algorithm, spec.perception)))
 
-    def _confirmed(self, algorithm: Algorithm) -> Algorithm:
+    def _confirmed_algorithm(self, algorithm: Algorithm) -> Algorithm:
         entries = (
-            self._asked(entry) if entry.variable.name.endswith(self.variables) else entry
+            self._with_confirmation(entry) if entry.variable.name.endswith(self.variables) else entry
             for entry in algorithm.identifies
         )
         return replace(algorithm, identifies=tuple(entries))
 
-    def _asked(self, entry: Identification) -> Identification:
+    def _with_confirmation(self, entry: Identification) -> Identification:
         confirm = (self.needed, self.of) if self.of > 1 else None
         if isinstance(entry.by, Hysteresis):
             return replace(entry, by=replace(entry.by, confirm=confirm))
@@ -183,9 +183,9 @@ class Without:
             return algorithm
         return replace(
             algorithm,
-            observable_when=self._kept(algorithm.observable_when),
-            accept_when=self._kept(algorithm.accept_when),
+            observable_when=self._without_condition(algorithm.observable_when),
+            accept_when=self._without_condition(algorithm.accept_when),
         )
 
-    def _kept(self, conditions: tuple[Condition, ...]) -> tuple[Condition, ...]:
+    def _without_condition(self, conditions: tuple[Condition, ...]) -> tuple[Condition, ...]:
         return tuple(condition for condition in conditions if not condition.text.endswith(self.condition))

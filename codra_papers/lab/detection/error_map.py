@@ -18,7 +18,7 @@ from random import Random
 
 import numpy as np
 
-from codra_papers.lab.detection.rows import Row
+from codra_papers.lab.detection.rows import MapRow
 from codra_papers.lab.perception.frame import Frame, StillCamera
 from codra_papers.lab.perception.functions import localize_lid
 from codra_papers.lab.perception.layout import MACHINES, Machine, Part, Tag
@@ -41,7 +41,7 @@ WRONG_SIDE_RAD = 0.3
 RANGES_M = ((0.0, 0.9), (0.9, 1.8), (1.8, 9.0))
 """Ranges of distance that group the lid measurements."""
 
-_TRIES = 400
+_PLACEMENT_TRIES = 400
 _BEHIND_M = 0.7
 
 
@@ -69,7 +69,7 @@ class View:
 
 
 @dataclass(frozen=True, slots=True)
-class _Timeless:
+class _TimelessJob:
     """The argument `job` of perception functions that take no time."""
 
     random: Random = field(default_factory=lambda: Random(SEED))
@@ -117,7 +117,7 @@ def _place_camera(
     Return the tag, or None if the room has no space for the camera.
     """
     tags = [tag for tag in machine.tags if tag.part in (Part.BASE, Part.LID)]
-    for _ in range(_TRIES):
+    for _ in range(_PLACEMENT_TRIES):
         lid_rad = random.uniform(*machine.joint(Part.LID).range_rad)
         tag = random.choice(tags)
         map_from_tag = machine.map_from_part(tag.part, lid_rad) @ tag.part_from_tag
@@ -126,8 +126,8 @@ def _place_camera(
             continue
         aside_m = distance_m * np.array([random.uniform(-0.4, 0.4), random.uniform(-0.3, 0.3), 0.0])
         target_m = map_from_tag.translation_m + looking_at(eye_m, map_from_tag.translation_m).rotation @ aside_m
-        _put(world, eye_m, target_m, at_s)
-        _turn(world, machine.name, lid_rad, at_s)
+        _place_robot(world, eye_m, target_m, at_s)
+        _turn_lid(world, machine.name, lid_rad, at_s)
         return tag
     return None
 
@@ -145,7 +145,7 @@ def _has_room(machine: Machine, eye_m: Array) -> bool:
     return in_room and 0.5 < eye_m[2] < 1.6 and bool(in_machine[0] > 0.2 and in_machine[2] > 0.0)
 
 
-def _put(world: LabWorld, eye_m: Array, target_m: Array, at_s: float) -> None:
+def _place_robot(world: LabWorld, eye_m: Array, target_m: Array, at_s: float) -> None:
     """Move the robot instantly to a place behind its camera."""
     heading_rad = atan2(target_m[1] - eye_m[1], target_m[0] - eye_m[0])
     base = (eye_m[0] - _BEHIND_M * cos(heading_rad), eye_m[1] - _BEHIND_M * sin(heading_rad), heading_rad)
@@ -155,13 +155,13 @@ def _put(world: LabWorld, eye_m: Array, target_m: Array, at_s: float) -> None:
     world.schedule(at_s, [world.moves_to(at_s, channel, values, 0.0) for channel, values in jumps.items()])
 
 
-def _turn(world: LabWorld, machine: str, lid_rad: float, at_s: float) -> None:
+def _turn_lid(world: LabWorld, machine: str, lid_rad: float, at_s: float) -> None:
     world.schedule(at_s, [world.moves_to(at_s, JointKey(machine, Part.LID), (lid_rad,), 0.0)])
 
 
 def _view(frame: Frame, state: LabState, machine: str, cell: tuple[float, int], tag: TagInView | None) -> View:
     corners_by_tag = {detection.tag_id: detection.corners_px for detection in detect(frame)}
-    lid = localize_lid(machine=machine, camera=StillCamera(frame), job=_Timeless())
+    lid = localize_lid(machine=machine, camera=StillCamera(frame), job=_TimelessJob())
     true_rad = state.joints_rad[JointKey(machine, Part.LID)]
     is_whole = tag is not None and tag.margin_px >= 4.0 and tag.covered == 0.0
     corner_error_px = None
@@ -178,31 +178,31 @@ def _view(frame: Frame, state: LabState, machine: str, cell: tuple[float, int], 
     )
 
 
-def table(measured: Sequence[View]) -> list[Row]:
+def table(measured: Sequence[View]) -> list[MapRow]:
     """Return the rows of the map: one row for each cell with measurements."""
     return [*_tag_rows(measured), *_lid_rows(measured)]
 
 
-def _tag_rows(measured: Sequence[View]) -> Iterator[Row]:
+def _tag_rows(measured: Sequence[View]) -> Iterator[MapRow]:
     for machine, distance_m, angle_deg in dict.fromkeys((v.machine, v.distance_m, v.angle_deg) for v in measured):
-        here = [v for v in measured if (v.machine, v.distance_m, v.angle_deg) == (machine, distance_m, angle_deg)]
-        complete = [view for view in here if view.is_whole]
-        errors = [view.corner_error_px for view in complete if view.corner_error_px is not None]
-        yield Row(
+        cell_views = [v for v in measured if (v.machine, v.distance_m, v.angle_deg) == (machine, distance_m, angle_deg)]
+        complete_views = [view for view in cell_views if view.is_whole]
+        errors = [view.corner_error_px for view in complete_views if view.corner_error_px is not None]
+        yield MapRow(
             about="tag",
             machine=machine,
             distance_m=f"{distance_m:g}",
             angle_deg=angle_deg,
             markers=None,
-            samples=len(complete),
-            found_share=round(len(errors) / len(complete), 3) if complete else None,
+            samples=len(complete_views),
+            found_share=round(len(errors) / len(complete_views), 3) if complete_views else None,
             error_median=_quantile(errors, 0.5),
             error_p95=_quantile(errors, 0.95),
             wrong_side_share=None,
         )
 
 
-def _lid_rows(measured: Sequence[View]) -> Iterator[Row]:
+def _lid_rows(measured: Sequence[View]) -> Iterator[MapRow]:
     machines = dict.fromkeys(view.machine for view in measured)
     for machine, (from_m, to_m), markers in product(machines, RANGES_M, range(2, 8)):
         errors = [
@@ -212,7 +212,7 @@ def _lid_rows(measured: Sequence[View]) -> Iterator[Row]:
             if view.lid_error_rad is not None
         ]
         if errors:
-            yield Row(
+            yield MapRow(
                 about="lid",
                 machine=machine,
                 distance_m=f"{from_m:g} to {min(to_m, max(DISTANCES_M)):g}",
@@ -230,11 +230,11 @@ def _quantile(errors: Sequence[float], share: float) -> float | None:
     return round(float(np.quantile(errors, share)), 3) if errors else None
 
 
-def write_table(rows: Sequence[Row], path: Path) -> None:
+def write_table(rows: Sequence[MapRow], path: Path) -> None:
     """Write the map as CSV. The first line has the names of the columns."""
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(column.name for column in fields(Row))
+        writer.writerow(column.name for column in fields(MapRow))
         writer.writerows(["" if value is None else value for value in astuple(row)] for row in rows)
 
 

@@ -67,7 +67,7 @@ def find_in_view(*, machine: str, camera: Camera, job: Job) -> Mapping[str, Any]
         `sharpness`: the quality of the frame (see `sharpness.sharpness`). It tells whether a tag that is not
         detected is really not in view.
     """
-    frame = _look(camera, job)
+    frame = _take_frame(camera, job)
     surveyed_machine = machine_named(machine)
     job.sleep(camera.processing_s(FIND_IN_VIEW_S))
     return {
@@ -87,13 +87,13 @@ def localize_lid(*, machine: str, camera: Camera, job: Job) -> Mapping[str, Any]
         `latched`: whether the lever is nearer to its locked than to its open end; None unless base and lever were
         localised.
     """
-    frame = _look(camera, job)
+    frame = _take_frame(camera, job)
     surveyed_machine = machine_named(machine)
-    base, lid, latch = (_localized(surveyed_machine, part, frame) for part in (Part.BASE, Part.LID, Part.LATCH))
+    base, lid, latch = (_localized_part(surveyed_machine, part, frame) for part in (Part.BASE, Part.LID, Part.LATCH))
     latch_angle_rad = _joint_angle_rad(surveyed_machine.joint(Part.LATCH), base, latch)
     job.sleep(camera.processing_s(LOCALIZE_LID_S))
     return {
-        "markers": _markers(base) + _markers(lid),
+        "markers": _marker_count(base) + _marker_count(lid),
         "lid_angle": _joint_angle_rad(surveyed_machine.joint(Part.LID), base, lid),
         "latched": None
         if latch_angle_rad is None
@@ -109,29 +109,29 @@ def localize_rotor(*, machine: str, camera: Camera, job: Job) -> Mapping[str, An
         `rotor_angle`: the angle in rad, from -pi / 2 to 3 / 2 pi, so that neither of the two positions, 0 and pi, lies
         at an end of this range; None unless base and rotor were both localised.
     """
-    frame = _look(camera, job)
+    frame = _take_frame(camera, job)
     surveyed_machine = machine_named(machine)
-    base, rotor = (_localized(surveyed_machine, part, frame) for part in (Part.BASE, Part.ROTOR))
+    base, rotor = (_localized_part(surveyed_machine, part, frame) for part in (Part.BASE, Part.ROTOR))
     angle_rad = _joint_angle_rad(surveyed_machine.joint(Part.ROTOR), base, rotor)
     job.sleep(camera.processing_s(LOCALIZE_ROTOR_S))
     return {
-        "markers": _markers(rotor),
+        "markers": _marker_count(rotor),
         "rotor_angle": None if angle_rad is None else (angle_rad + pi / 2) % (2 * pi) - pi / 2,
     }
 
 
-def _look(camera: Camera, job: Job) -> Frame:
+def _take_frame(camera: Camera, job: Job) -> Frame:
     frame = camera.capture()
     job.evidence(frame.stamp_s, frame.stamp_s)
     return frame
 
 
 @lru_cache(maxsize=_POSES_KEPT)
-def _localized(machine: Machine, part: Part, frame: Frame) -> PartPose | None:
+def _localized_part(machine: Machine, part: Part, frame: Frame) -> PartPose | None:
     return part_pose(machine.tags_on(part), detect(frame), frame.intrinsics)
 
 
-def _markers(pose: PartPose | None) -> int:
+def _marker_count(pose: PartPose | None) -> int:
     return 0 if pose is None else len(pose.tag_ids)
 
 
@@ -155,7 +155,7 @@ def _share_in_view(machine: Machine, part: Part, frame: Frame) -> float:
     undetected tags count as hidden or as facing away. In 500 views, the share lies on the right side of 50 % in 93 of
     100 cases. In one of 100 cases it is too large; in six it is too small, for parts whose tags are seen at a slant.
     """
-    pose = _localized(machine, part, frame)
+    pose = _localized_part(machine, part, frame)
     if pose is None:
         return 0.0
     tags = machine.tags_on(part)

@@ -145,7 +145,7 @@ class Machine:
     def at_place(self, x_m: float, y_m: float, heading_rad: float) -> Machine:
         """Return the same machine at another place, with the same table height."""
         height_m = float(self.map_from_base.translation_m[2])
-        return replace(self, map_from_base=_on_table(x_m, y_m, heading_rad, height_m))
+        return replace(self, map_from_base=_table_pose(x_m, y_m, heading_rad, height_m))
 
     def named(self, name: str, first_tag_id: int) -> Machine:
         """Return a machine with another name that is otherwise the same, with its tags numbered from an id on."""
@@ -169,14 +169,14 @@ _SHAKER_PANEL_RAD = 0.50
 """For each shape, the elevation of the front panel's normal."""
 
 
-def _facing(elevation_rad: float, centre_m: tuple[float, float, float]) -> Pose:
+def _facing_pose(elevation_rad: float, centre_m: tuple[float, float, float]) -> Pose:
     """Return the pose of a tag that faces out of the machine's front, raised by an elevation (pi / 2: straight up)."""
     normal = (cos(elevation_rad), 0.0, sin(elevation_rad))
     up = (-sin(elevation_rad), 0.0, cos(elevation_rad))
     return Pose(np.column_stack(((0.0, 1.0, 0.0), up, normal)), np.array(centre_m))
 
 
-def _on_panel(panel: Pose, right_m: float, up_m: float, out_m: float) -> Pose:
+def _panel_pose(panel: Pose, right_m: float, up_m: float, out_m: float) -> Pose:
     return panel @ Pose(np.eye(3), np.array([right_m, up_m, out_m]))
 
 
@@ -208,7 +208,7 @@ def _centrifuge() -> Machine:
     The lid's tags face out of its front edge and a little down, so that they are seen from above when the lid is
     closed, and from the front when the lid is open.
     """
-    panel = _facing(_CENTRIFUGE_PANEL_RAD, (0.36, 0.0, 0.22))
+    panel = _facing_pose(_CENTRIFUGE_PANEL_RAD, (0.36, 0.0, 0.22))
     rotor = Joint(
         part=Part.ROTOR,
         base_from_part=Pose(np.eye(3), np.array([0.0, 0.0, 0.28])),
@@ -216,20 +216,20 @@ def _centrifuge() -> Machine:
         range_rad=(0.0, 2 * pi),
     )
     tags = (
-        _tag(10, Part.BASE, 0.100, _on_panel(panel, -0.29, 0.045, 0.0)),
-        _tag(11, Part.BASE, 0.100, _on_panel(panel, 0.29, 0.045, 0.0)),
-        _tag(12, Part.BASE, 0.100, _facing(0.5, (-0.25, -0.315, 0.54))),
-        _tag(13, Part.LID, 0.100, _facing(-0.31, (0.485, -0.150, 0.065))),
-        _tag(14, Part.LID, 0.100, _facing(-0.31, (0.485, 0.150, 0.065))),
-        _tag(15, Part.LATCH, 0.064, _up_a_lever(0.08)),
-        _tag(16, Part.ROTOR, 0.080, _facing(pi / 2, (0.085, 0.0, 0.0))),
-        _tag(17, Part.ROTOR, 0.080, _facing(pi / 2, (-0.085, 0.0, 0.0))),
+        _tag(10, Part.BASE, 0.100, _panel_pose(panel, -0.29, 0.045, 0.0)),
+        _tag(11, Part.BASE, 0.100, _panel_pose(panel, 0.29, 0.045, 0.0)),
+        _tag(12, Part.BASE, 0.100, _facing_pose(0.5, (-0.25, -0.315, 0.54))),
+        _tag(13, Part.LID, 0.100, _facing_pose(-0.31, (0.485, -0.150, 0.065))),
+        _tag(14, Part.LID, 0.100, _facing_pose(-0.31, (0.485, 0.150, 0.065))),
+        _tag(15, Part.LATCH, 0.064, _lever_tag_pose(0.08)),
+        _tag(16, Part.ROTOR, 0.080, _facing_pose(pi / 2, (0.085, 0.0, 0.0))),
+        _tag(17, Part.ROTOR, 0.080, _facing_pose(pi / 2, (-0.085, 0.0, 0.0))),
     )
     return Machine(
         name=Shape.CENTRIFUGE.value,
         shape=Shape.CENTRIFUGE,
-        map_from_base=_on_table(2.2, 5.2, -pi / 2, 0.50),
-        joints=(_hinge(-0.22, 0.33, 1.35), _lever(_on_panel(panel, 0.0, -0.06, 0.02)), rotor),
+        map_from_base=_table_pose(2.2, 5.2, -pi / 2, 0.50),
+        joints=(_hinge(-0.22, 0.33, 1.35), _lever(_panel_pose(panel, 0.0, -0.06, 0.02)), rotor),
         tags=tags,
     )
 
@@ -239,22 +239,22 @@ def _pcr_cycler() -> Machine:
 
     The PCR-cycler is in the middle of the room, so views of it have the centrifuge in the background.
     """
-    panel = _facing(_PCR_CYCLER_PANEL_RAD, (0.21, 0.0, 0.11))
+    panel = _facing_pose(_PCR_CYCLER_PANEL_RAD, (0.21, 0.0, 0.11))
     tags = (
-        _tag(20, Part.BASE, 0.064, _on_panel(panel, -0.125, 0.042, 0.0)),
-        _tag(21, Part.BASE, 0.064, _on_panel(panel, 0.125, 0.042, 0.0)),
-        _tag(22, Part.BASE, 0.064, _on_panel(panel, -0.125, -0.042, 0.0)),
-        _tag(23, Part.BASE, 0.064, _on_panel(panel, 0.125, -0.042, 0.0)),
-        _tag(24, Part.LID, 0.064, _facing(-0.42, (0.345, -0.095, 0.05))),
-        _tag(25, Part.LID, 0.064, _facing(-0.42, (0.345, 0.0, 0.05))),
-        _tag(26, Part.LID, 0.064, _facing(-0.42, (0.345, 0.095, 0.05))),
-        _tag(27, Part.LATCH, 0.048, _up_a_lever(0.05)),
+        _tag(20, Part.BASE, 0.064, _panel_pose(panel, -0.125, 0.042, 0.0)),
+        _tag(21, Part.BASE, 0.064, _panel_pose(panel, 0.125, 0.042, 0.0)),
+        _tag(22, Part.BASE, 0.064, _panel_pose(panel, -0.125, -0.042, 0.0)),
+        _tag(23, Part.BASE, 0.064, _panel_pose(panel, 0.125, -0.042, 0.0)),
+        _tag(24, Part.LID, 0.064, _facing_pose(-0.42, (0.345, -0.095, 0.05))),
+        _tag(25, Part.LID, 0.064, _facing_pose(-0.42, (0.345, 0.0, 0.05))),
+        _tag(26, Part.LID, 0.064, _facing_pose(-0.42, (0.345, 0.095, 0.05))),
+        _tag(27, Part.LATCH, 0.048, _lever_tag_pose(0.05)),
     )
     return Machine(
         name=Shape.PCR_CYCLER.value,
         shape=Shape.PCR_CYCLER,
-        map_from_base=_on_table(3.4, 3.0, -pi / 2, 0.72),
-        joints=(_hinge(-0.16, 0.21, 1.15), _lever(_on_panel(panel, 0.0, -0.045, 0.015))),
+        map_from_base=_table_pose(3.4, 3.0, -pi / 2, 0.72),
+        joints=(_hinge(-0.16, 0.21, 1.15), _lever(_panel_pose(panel, 0.0, -0.045, 0.015))),
         tags=tags,
     )
 
@@ -269,31 +269,31 @@ def shaker(x_m: float, y_m: float, heading_rad: float) -> Machine:
         y_m: the y coordinate of the shaker in the map.
         heading_rad: the direction of the shaker's front.
     """
-    panel = _facing(_SHAKER_PANEL_RAD, (0.27, 0.0, 0.16))
+    panel = _facing_pose(_SHAKER_PANEL_RAD, (0.27, 0.0, 0.16))
     tags = (
-        _tag(30, Part.BASE, 0.080, _on_panel(panel, -0.18, 0.045, 0.0)),
-        _tag(31, Part.BASE, 0.080, _on_panel(panel, 0.18, 0.045, 0.0)),
-        _tag(32, Part.BASE, 0.080, _on_panel(panel, -0.18, -0.055, 0.0)),
-        _tag(33, Part.LID, 0.080, _facing(-0.36, (0.405, -0.115, 0.055))),
-        _tag(34, Part.LID, 0.080, _facing(-0.36, (0.405, 0.115, 0.055))),
-        _tag(35, Part.LATCH, 0.056, _up_a_lever(0.06)),
+        _tag(30, Part.BASE, 0.080, _panel_pose(panel, -0.18, 0.045, 0.0)),
+        _tag(31, Part.BASE, 0.080, _panel_pose(panel, 0.18, 0.045, 0.0)),
+        _tag(32, Part.BASE, 0.080, _panel_pose(panel, -0.18, -0.055, 0.0)),
+        _tag(33, Part.LID, 0.080, _facing_pose(-0.36, (0.405, -0.115, 0.055))),
+        _tag(34, Part.LID, 0.080, _facing_pose(-0.36, (0.405, 0.115, 0.055))),
+        _tag(35, Part.LATCH, 0.056, _lever_tag_pose(0.06)),
     )
     return Machine(
         name=Shape.SHAKER.value,
         shape=Shape.SHAKER,
-        map_from_base=_on_table(x_m, y_m, heading_rad, 0.64),
-        joints=(_hinge(-0.19, 0.26, 1.25), _lever(_on_panel(panel, 0.0, -0.05, 0.018))),
+        map_from_base=_table_pose(x_m, y_m, heading_rad, 0.64),
+        joints=(_hinge(-0.19, 0.26, 1.25), _lever(_panel_pose(panel, 0.0, -0.05, 0.018))),
         tags=tags,
     )
 
 
-def _up_a_lever(length_m: float) -> Pose:
+def _lever_tag_pose(length_m: float) -> Pose:
     return Pose(np.eye(3), np.array([0.0, length_m, 0.0]))
 
 
-def _on_table(x_m: float, y_m: float, heading_rad: float, height_m: float) -> Pose:
-    upright = Pose.planar(x_m, y_m, heading_rad)
-    return Pose(upright.rotation, np.array([x_m, y_m, height_m]))
+def _table_pose(x_m: float, y_m: float, heading_rad: float, height_m: float) -> Pose:
+    floor_pose = Pose.planar(x_m, y_m, heading_rad)
+    return Pose(floor_pose.rotation, np.array([x_m, y_m, height_m]))
 
 
 MACHINES: Mapping[str, Machine] = MappingProxyType(
@@ -306,7 +306,7 @@ class _Survey:
     """The tag survey of the laboratory in which this process's robot works."""
 
     machines: ClassVar[Mapping[str, Machine]] = MACHINES
-    in_use: ClassVar[Lock] = Lock()
+    lock: ClassVar[Lock] = Lock()
 
 
 @contextmanager
@@ -319,7 +319,7 @@ def surveyed(machines: Iterable[Machine]) -> Iterator[None]:
     Raises:
         RuntimeError: the robot of this process already works in a laboratory.
     """
-    if not _Survey.in_use.acquire(blocking=False):
+    if not _Survey.lock.acquire(blocking=False):
         raise RuntimeError("this process's robot already works in a laboratory; run another one in another process")
     before = _Survey.machines
     try:
@@ -327,7 +327,7 @@ def surveyed(machines: Iterable[Machine]) -> Iterator[None]:
         yield
     finally:
         _Survey.machines = before
-        _Survey.in_use.release()
+        _Survey.lock.release()
 
 
 def known_tag_ids() -> tuple[int, ...]:

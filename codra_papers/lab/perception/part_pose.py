@@ -69,11 +69,11 @@ def tag_poses(detection: Detection, size_m: float, intrinsics: Intrinsics) -> tu
     SQPnP gives the pose.
     """
     square_m = _square_m(size_m)
-    fitting = [
+    candidates = [
         TagPose(camera_from_tag=pose, error_px=_error_px(pose, square_m, detection.corners_px, intrinsics))
         for pose in _poses(detection, size_m, intrinsics)
     ]
-    return tuple(sorted(fitting, key=lambda pose: pose.error_px))
+    return tuple(sorted(candidates, key=lambda pose: pose.error_px))
 
 
 def _poses(detection: Detection, size_m: float, intrinsics: Intrinsics) -> list[Pose]:
@@ -109,18 +109,22 @@ def part_pose(tags: Sequence[Tag], detections: Sequence[Detection], intrinsics: 
         detections: the tags in the frame. Tags of other parts are ignored.
         intrinsics: the intrinsics of the frame.
     """
-    by_id = {tag.tag_id: tag for tag in tags}
-    sightings = [_Sighting(tag=by_id[seen.tag_id], detection=seen) for seen in detections if seen.tag_id in by_id]
+    tags_by_id = {tag.tag_id: tag for tag in tags}
+    sightings = [
+        _Sighting(tag=tags_by_id[detection.tag_id], detection=detection)
+        for detection in detections
+        if detection.tag_id in tags_by_id
+    ]
     while sightings:
         pose, error_px = _joint_fit(sightings, intrinsics)
-        if max(_error_of(sighting, pose, intrinsics) for sighting in sightings) <= GATE_PX:
+        if max(_sighting_error_px(sighting, pose, intrinsics) for sighting in sightings) <= GATE_PX:
             tag_ids = tuple(sighting.tag.tag_id for sighting in sightings)
             return PartPose(camera_from_part=pose, tag_ids=tag_ids, error_px=error_px)
-        sightings = _without_the_worst(sightings, intrinsics)
+        sightings = _without_worst_sighting(sightings, intrinsics)
     return None
 
 
-def _without_the_worst(sightings: list[_Sighting], intrinsics: Intrinsics) -> list[_Sighting]:
+def _without_worst_sighting(sightings: list[_Sighting], intrinsics: Intrinsics) -> list[_Sighting]:
     remainders = [sightings[:index] + sightings[index + 1 :] for index in range(len(sightings))]
     if len(sightings) == 1:
         return remainders[0]
@@ -137,12 +141,12 @@ def _joint_fit(sightings: Sequence[_Sighting], intrinsics: Intrinsics) -> tuple[
         for camera_from_tag in _poses(sighting.detection, sighting.tag.size_m, intrinsics)
     ]
     starts.sort(key=lambda start: _error_px(start, points_m, corners_px, intrinsics))
-    refined = [_refined(start, points_m, corners_px, intrinsics) for start in starts[:_STARTS_REFINED]]
+    refined = [_refined_pose(start, points_m, corners_px, intrinsics) for start in starts[:_STARTS_REFINED]]
     candidates = [(pose, _error_px(pose, points_m, corners_px, intrinsics)) for pose in refined]
     return min(candidates, key=lambda candidate: candidate[1], default=(Pose.identity(), inf))
 
 
-def _refined(start: Pose, points_m: Array, corners_px: Array, intrinsics: Intrinsics) -> Pose:
+def _refined_pose(start: Pose, points_m: Array, corners_px: Array, intrinsics: Intrinsics) -> Pose:
     turn, _ = cv2.Rodrigues(start.rotation)
     shift = start.translation_m.reshape(3, 1).copy()
     better_turn, better_shift = cv2.solvePnPRefineLM(points_m, corners_px, intrinsics.matrix(), None, turn, shift)
@@ -154,7 +158,7 @@ def _pose(turn: MatLike, shift: MatLike) -> Pose:
     return Pose(np.asarray(rotation, dtype=np.float64), np.asarray(shift, dtype=np.float64).reshape(3))
 
 
-def _error_of(sighting: _Sighting, pose: Pose, intrinsics: Intrinsics) -> float:
+def _sighting_error_px(sighting: _Sighting, pose: Pose, intrinsics: Intrinsics) -> float:
     return _error_px(pose, sighting.tag.corners_m(), sighting.detection.corners_px, intrinsics)
 
 

@@ -38,8 +38,8 @@ class Pose:
 
     def __matmul__(self, other: Pose) -> Pose:
         """Chain two poses: `(a_from_b @ b_from_c)` is `a_from_c`."""
-        turned = self.rotation.dot  # for such small arrays, `@` takes twice as long
-        return Pose(turned(other.rotation), turned(other.translation_m) + self.translation_m)
+        rotate = self.rotation.dot  # for such small arrays, `@` takes twice as long
+        return Pose(rotate(other.rotation), rotate(other.translation_m) + self.translation_m)
 
     def inverse(self) -> Pose:
         """Return the inverse transform."""
@@ -53,8 +53,8 @@ class Pose:
 
 def rotation_about(axis: tuple[float, float, float], angle_rad: float) -> Array:
     """Return the right-handed rotation, shape (3, 3), about an axis (Rodrigues)."""
-    cross, squared = _crossing(axis)
-    rotation: Array = _UNTURNED + np.sin(angle_rad) * cross + (1.0 - np.cos(angle_rad)) * squared
+    cross, squared = _cross_matrices(axis)
+    rotation: Array = _IDENTITY + np.sin(angle_rad) * cross + (1.0 - np.cos(angle_rad)) * squared
     return rotation
 
 
@@ -71,7 +71,7 @@ def looking_at(eye_m: Array, target_m: Array) -> Pose:
 @lru_cache(maxsize=64)
 def planar(x_m: float, y_m: float, heading_rad: float) -> Pose:
     """Return the result of `Pose.planar`, from a cache for repeated places. The pose is read-only."""
-    return _kept(Pose.planar(x_m, y_m, heading_rad))
+    return _made_read_only(Pose.planar(x_m, y_m, heading_rad))
 
 
 @lru_cache(maxsize=64)
@@ -80,21 +80,21 @@ def camera_at(eye_m: tuple[float, float, float], target_m: tuple[float, float, f
 
     The pose is read-only.
     """
-    return _kept(looking_at(np.array(eye_m), np.array(target_m)))
+    return _made_read_only(looking_at(np.array(eye_m), np.array(target_m)))
 
 
-def _kept(pose: Pose) -> Pose:
+def _made_read_only(pose: Pose) -> Pose:
     pose.rotation.setflags(write=False)
     pose.translation_m.setflags(write=False)
     return pose
 
 
-_UNTURNED = np.eye(3)
+_IDENTITY = np.eye(3)
 _UP = np.array([0.0, 0.0, 1.0])
 
 
 @lru_cache(maxsize=64)
-def _crossing(axis: tuple[float, float, float]) -> tuple[Array, Array]:
+def _cross_matrices(axis: tuple[float, float, float]) -> tuple[Array, Array]:
     """Return the cross-product matrix, shape (3, 3), of an axis's direction, and the square of this matrix."""
     x, y, z = _unit(np.asarray(axis, dtype=np.float64))
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])

@@ -72,10 +72,10 @@ def _median_log(mean_s: float) -> float:
 
 
 def _points(seed: int, cell: int) -> _Points:
-    return tuple(_drawn(Random(f"{seed} computer {cell}"), cell * _CELL_S))
+    return tuple(_draw_points(Random(f"{seed} computer {cell}"), cell * _CELL_S))
 
 
-def _drawn(random: Random, start_s: float) -> Iterator[tuple[float, float]]:
+def _draw_points(random: Random, start_s: float) -> Iterator[tuple[float, float]]:
     """Draw the points of one cell: instants, and heights in 1/s."""
     instant_s = start_s + random.expovariate(_POINTS_PER_S)
     while instant_s < start_s + _CELL_S:
@@ -85,6 +85,10 @@ def _drawn(random: Random, start_s: float) -> Iterator[tuple[float, float]]:
 
 def _hazard(elapsed_s: float, median_log: float) -> float:
     """Return the hazard rate, in 1/s, of work with a log-normal duration after it has lasted for some time."""
-    away = (log(elapsed_s) - median_log) / SPREAD
-    left = erfc(away / sqrt(2)) / 2
-    return exp(-(away**2) / 2) / (sqrt(2 * pi) * elapsed_s * SPREAD * left) if left > 0.0 else inf
+    deviations = (log(elapsed_s) - median_log) / SPREAD
+    remaining_share = erfc(deviations / sqrt(2)) / 2
+    return (
+        exp(-(deviations**2) / 2) / (sqrt(2 * pi) * elapsed_s * SPREAD * remaining_share)
+        if remaining_share > 0.0
+        else inf
+    )

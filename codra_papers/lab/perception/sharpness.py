@@ -150,8 +150,10 @@ def sharpness(frame: Frame) -> float:
 
 def _noise_greys(grey: _Picture) -> float:
     """Return the standard deviation of the noise where the picture is flattest (Immerkaer's mask, block by block)."""
-    rough = np.abs(cv2.filter2D(grey, -1, _ROUGHNESS))
-    blocks = cv2.resize(rough, (grey.shape[1] // _BLOCK_PX, grey.shape[0] // _BLOCK_PX), interpolation=cv2.INTER_AREA)
+    roughness = np.abs(cv2.filter2D(grey, -1, _ROUGHNESS))
+    blocks = cv2.resize(
+        roughness, (grey.shape[1] // _BLOCK_PX, grey.shape[0] // _BLOCK_PX), interpolation=cv2.INTER_AREA
+    )
     return _percentile(np.asarray(blocks, dtype=np.float32).ravel(), 10) * sqrt(pi / 2)
 
 
@@ -175,10 +177,10 @@ def _edges(grey: _Picture, noise: float) -> _Edges:
     right = cv2.subtract(picture[rows, margin + 1 : 1 - margin], picture[rows, margin - 1 : -1 - margin])
     down = cv2.subtract(picture[margin + 1 : 1 - margin, columns], picture[margin - 1 : -1 - margin, columns])
     flattest = max(_FLATTEST_EDGE, _EDGE_OVER_NOISE * noise / 4)
-    steep = np.flatnonzero(cv2.magnitude(right, down) > 2 * flattest)  # both are differences over two pixels
-    steep = steep[:: 1 + len(steep) // _MOST_EDGES]
-    angles_rad = np.arctan2(down.ravel()[steep], right.ravel()[steep])
-    steep_rows, steep_columns = np.divmod(steep, right.shape[1])
+    steep_indices = np.flatnonzero(cv2.magnitude(right, down) > 2 * flattest)  # both are differences over two pixels
+    steep_indices = steep_indices[:: 1 + len(steep_indices) // _MOST_EDGES]
+    angles_rad = np.arctan2(down.ravel()[steep_indices], right.ravel()[steep_indices])
+    steep_rows, steep_columns = np.divmod(steep_indices, right.shape[1])
     places = (steep_rows + margin) * width + steep_columns + margin
     return _Edges(picture.ravel(), width, places, angles_rad, noise)
 
@@ -192,11 +194,11 @@ def _blur_px2(edges: _Edges) -> float | None:
     """
     sums_px2: list[float] = []
     for pair in _CROSSED_PAIRS:
-        facing = [_facing(edges, direction) for direction in pair]
-        fewer, more = sorted(len(edges.places) for edges in facing)
+        facing_edges = [_facing_edges(edges, direction) for direction in pair]
+        fewer, more = sorted(len(edges.places) for edges in facing_edges)
         if more >= _FEWEST_EDGES and fewer < _FEWER_SHARE * more:
             return None
-        added_px2 = [_added_blur_px2(edges, direction) for edges, direction in zip(facing, pair, strict=True)]
+        added_px2 = [_added_blur_px2(edges, direction) for edges, direction in zip(facing_edges, pair, strict=True)]
         if None not in added_px2:
             sums_px2.append(sum(filter(None, added_px2)))
     return max(sums_px2, default=None)
@@ -214,12 +216,12 @@ def _width_px(edges: _Edges, direction: _Direction) -> float | None:
     The width of an edge is its height divided by its slope. For a step under a Gaussian blur, the width is sqrt(2 pi)
     times the standard deviation of the blur.
     """
-    upwards = _upwards(edges, direction)
-    around = _profiles(edges.greys, edges.places, upwards, 2)
-    before, here, after = np.abs(around[2:] - around[:-2]) / (2 * direction.stride_px())
+    upward_steps = _upward_steps(edges, direction)
+    near_profiles = _profiles(edges.greys, edges.places, upward_steps, 2)
+    before, here, after = np.abs(near_profiles[2:] - near_profiles[:-2]) / (2 * direction.stride_px())
     is_steepest = (here >= before) & (here > after)
     steepest, reach = here[is_steepest], int(_REACH_PX / direction.stride_px())
-    profiles = _profiles(edges.greys, edges.places[is_steepest], upwards[is_steepest], reach)
+    profiles = _profiles(edges.greys, edges.places[is_steepest], upward_steps[is_steepest], reach)
     tops, feet = profiles[reach:].max(axis=0), profiles[: reach + 1].min(axis=0)
     heights = np.maximum(tops - feet - 1.35 * _NOISE_LEFT * edges.noise, 0.0)  # the extremes of seven noisy values
     step_share = np.clip((profiles[-1] - profiles[0]) / np.maximum(tops - feet, 1e-6), 0.0, 1.0)
@@ -233,17 +235,17 @@ def _profiles(greys: _Picture, places: _Places, upwards: _Places, reach: int) ->
     return greys.take(places + upwards * np.arange(-reach, reach + 1)[:, None])
 
 
-def _upwards(edges: _Edges, direction: _Direction) -> _Places:
+def _upward_steps(edges: _Edges, direction: _Direction) -> _Places:
     """Return, for each edge, the index step along a direction, from the dark side of the edge to its bright side."""
     step = direction.down * edges.row_px + direction.right
     return np.where(np.cos(edges.angles_rad - direction.angle_rad()) > 0, step, -step)
 
 
-def _facing(edges: _Edges, direction: _Direction) -> _Edges:
+def _facing_edges(edges: _Edges, direction: _Direction) -> _Edges:
     """Return the edges that a direction crosses nearly at a right angle."""
     off_rad = _modulo_pi(edges.angles_rad - direction.angle_rad() + pi / 2) - pi / 2
-    faces = np.flatnonzero(np.abs(off_rad) < _AIM_RAD)
-    return replace(edges, places=edges.places[faces], angles_rad=edges.angles_rad[faces])
+    facing_indices = np.flatnonzero(np.abs(off_rad) < _AIM_RAD)
+    return replace(edges, places=edges.places[facing_indices], angles_rad=edges.angles_rad[facing_indices])
 
 
 def _modulo_pi(angles_rad: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -26,7 +26,7 @@ _FRAMES_KEPT = 8
 """Number of frames whose detections are cached. Observers of several machines use the same frame within an instant or
 two, so a few frames are enough."""
 
-_detecting = Lock()
+_detection_lock = Lock()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -65,22 +65,22 @@ def detect(frame: Frame) -> tuple[Detection, ...]:
     Tags with the same id in one frame are dropped. A frame is searched once for all callers, also from several threads.
     The same pixels give the same detections in every process.
     """
-    with _detecting:
+    with _detection_lock:
         return _detect_once(frame)
 
 
 @lru_cache(maxsize=_FRAMES_KEPT)
 def _detect_once(frame: Frame) -> tuple[Detection, ...]:
     grey = np.asarray(cv2.cvtColor(frame.pixels, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
-    known = known_tag_ids()
-    quads, places, _ = _detector(known).detectMarkers(grey)
-    if places is None:
+    known_ids = known_tag_ids()
+    quads, indices, _ = _detector(known_ids).detectMarkers(grey)
+    if indices is None:
         return ()
-    tag_ids = [known[int(place)] for place in np.asarray(places).ravel()]
+    tag_ids = [known_ids[int(index)] for index in np.asarray(indices).ravel()]
     corners_px = refined_corners_px(grey, np.asarray(quads, dtype=np.float64).reshape(-1, 4, 2))
-    by_id = sorted(zip(tag_ids, corners_px, strict=True), key=lambda pair: pair[0])
+    sorted_corners = sorted(zip(tag_ids, corners_px, strict=True), key=lambda pair: pair[0])
     return tuple(
-        Detection(tag_id=tag_id, corners_px=corners) for tag_id, corners in by_id if tag_ids.count(tag_id) == 1
+        Detection(tag_id=tag_id, corners_px=corners) for tag_id, corners in sorted_corners if tag_ids.count(tag_id) == 1
     )
 
 

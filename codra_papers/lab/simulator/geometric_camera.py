@@ -83,7 +83,7 @@ class GeometricCamera:
 
     def __init__(self, laboratory: Laboratory = LABORATORY) -> None:
         self._stage = Stage(laboratory)
-        self._placed: LabState | None = None
+        self._placed_state: LabState | None = None
 
     def visible_shares(self, state: LabState, parts: Sequence[tuple[str, Part]]) -> tuple[float, ...]:
         """Return, for each part, the share (0 to 1) of the corners of its tags that the camera sees.
@@ -118,9 +118,9 @@ class GeometricCamera:
         map_from_camera = state.map_from_camera()
         camera_from_tag = map_from_camera.inverse() @ map_from_tag
         corners_m = camera_from_tag.apply(_square(tag.size_m, _CORNERS))
-        faces = float(camera_from_tag.rotation[:, 2] @ camera_from_tag.translation_m) < 0
+        faces_camera = float(camera_from_tag.rotation[:, 2] @ camera_from_tag.translation_m) < 0
         middle_inside = _inside_image(map_from_camera.inverse().apply(map_from_tag.translation_m[np.newaxis]))[0]
-        if not faces or not middle_inside or corners_m[:, 2].min() < _NEAREST_M:
+        if not faces_camera or not middle_inside or corners_m[:, 2].min() < _NEAREST_M:
             return None
         corners_px = INTRINSICS.project(corners_m)
         grid_m = map_from_tag.apply(_square(tag.size_m * TILE_PER_TAG, _GRID))
@@ -136,9 +136,9 @@ class GeometricCamera:
 
     def _unhidden(self, state: LabState, eye_m: Array, points_m: Array) -> NDArray[np.bool_]:
         """Return a mask, shape (n,), of the points that a ray from the eye reaches. Points are given in the map."""
-        if state is not self._placed:
+        if state is not self._placed_state:
             self._stage.place(state)
-            self._placed = state
+            self._placed_state = state
         shares = self._stage.first_hit(eye_m, points_m)
         distances_m = np.linalg.norm(points_m - eye_m, axis=1)
         reached: NDArray[np.bool_] = (shares < 0) | ((1.0 - shares) * distances_m < _RAY_TOLERANCE_M)
@@ -155,8 +155,8 @@ def image_motion_px(before: LabState, after: LabState) -> float:
     parts = [(machine, part) for machine in before.laboratory.machines for part in machine.parts()]
     first = camera.inverse().apply(np.concatenate((reference_m, _corners_in_map(before, parts)[0])))
     second = after.map_from_camera().inverse().apply(np.concatenate((reference_m, _corners_in_map(after, parts)[0])))
-    both = _inside_image(first) & (second[:, 2] > _NEAREST_M)
-    moved_px = INTRINSICS.project(second[both]) - INTRINSICS.project(first[both])
+    in_both = _inside_image(first) & (second[:, 2] > _NEAREST_M)
+    moved_px = INTRINSICS.project(second[in_both]) - INTRINSICS.project(first[in_both])
     return sqrt(np.add.reduce(moved_px * moved_px, axis=1).max())
 
 
@@ -187,10 +187,12 @@ def _width_px(corners_px: Array) -> float:
 
 def _corners_in_map(state: LabState, parts: Iterable[tuple[Machine, Part]]) -> tuple[Array, Array]:
     """Return all corners of tags on some parts, and for each corner the normal of its tag: shape (n, 3), in the map."""
-    placed = [
+    placed_tags = [
         _tags_in_map(machine, part, state.joints_rad.get(JointKey(machine.name, part), 0.0)) for machine, part in parts
     ]
-    return np.concatenate([tags.corners_m for tags in placed]), np.concatenate([tags.normals for tags in placed])
+    return np.concatenate([tags.corners_m for tags in placed_tags]), np.concatenate(
+        [tags.normals for tags in placed_tags]
+    )
 
 
 def _inside_image(points_m: Array) -> NDArray[np.bool_]:

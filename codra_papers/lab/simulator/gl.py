@@ -68,8 +68,8 @@ def rely_on(backend: str) -> None:
 
 def _first_working_backend() -> str:
     """Return the first backend that draws on this computer."""
-    asked = os.environ.get("MUJOCO_GL", "").strip().lower()
-    candidates = [backend for backend in Backend if backend == asked] or list(Backend)
+    requested_name = os.environ.get("MUJOCO_GL", "").strip().lower()
+    candidates = [backend for backend in Backend if backend == requested_name] or list(Backend)
     failures: list[str] = []
     for backend in candidates:
         failure = _failure_of(backend)

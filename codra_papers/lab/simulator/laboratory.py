@@ -108,10 +108,10 @@ class Laboratory:
 
     def with_machine_at(self, name: str, x_m: float, y_m: float, heading_rad: float) -> Laboratory:
         """Return this laboratory with one machine at another place."""
-        moved = (
+        machines = (
             machine.at_place(x_m, y_m, heading_rad) if machine.name == name else machine for machine in self.machines
         )
-        return replace(self, machines=tuple(moved))
+        return replace(self, machines=tuple(machines))
 
 
 LABORATORY = Laboratory()

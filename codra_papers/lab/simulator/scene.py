@@ -168,7 +168,7 @@ def mjcf(laboratory: Laboratory = LABORATORY) -> str:
     <light directional="true" pos="3 3 4" dir="0.7 -0.3 -0.5" diffuse="0.22 0.22 0.22" specular="0 0 0"/>
     {_room()}
     {"".join(_machine(machine) for machine in laboratory.machines)}
-    {"".join(_robot())}{visitor}
+    {"".join(_robot_bodies())}{visitor}
     <body name="camera" mocap="true"><camera name="{CAMERA_NAME}" xyaxes="1 0 0 0 -1 0"
       fovy="{2 * degrees(half_height_rad):.9f}"/></body>
   </worldbody>
@@ -207,24 +207,24 @@ def _box(low_m: tuple[float, float, float], high_m: tuple[float, float, float], 
     """Return a box, as MJCF, between two opposite corners."""
     centre = [(low + high) / 2 for low, high in zip(low_m, high_m, strict=True)]
     half = [(high - low) / 2 for low, high in zip(low_m, high_m, strict=True)]
-    return f'<geom type="box" pos="{_numbers(centre)}" size="{_numbers(half)}" rgba="{colour}"/>'
+    return f'<geom type="box" pos="{_number_text(centre)}" size="{_number_text(half)}" rgba="{colour}"/>'
 
 
 def _machine(machine: Machine) -> str:
     """Return a machine on its table as MJCF, with its moving parts as hinged bodies and a tile for each tag."""
     joints = "".join(_moving_part(machine, joint) for joint in machine.joints)
     tiles = "".join(_tile(tag) for tag in machine.tags_on(Part.BASE))
-    place = _placed(machine.map_from_base)
+    place = _pose_attributes(machine.map_from_base)
     return f'<body name="{machine.name}" {place}>{_housing(machine)}{tiles}{joints}</body>'
 
 
 def _moving_part(machine: Machine, joint: Joint) -> str:
     name = _body_name(machine, joint.part)
     tiles = "".join(_tile(tag) for tag in machine.tags_on(joint.part))
-    hinge = f'<joint name="{name}" type="hinge" axis="{_numbers(joint.axis)}"/>'
+    hinge = f'<joint name="{name}" type="hinge" axis="{_number_text(joint.axis)}"/>'
     inertia = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
     shape = _moving_shape(machine, joint.part)
-    return f'<body name="{name}" {_placed(joint.base_from_part)}>{inertia}{hinge}{shape}{tiles}</body>'
+    return f'<body name="{name}" {_pose_attributes(joint.base_from_part)}>{inertia}{hinge}{shape}{tiles}</body>'
 
 
 def _body_name(machine: Machine, part: Part) -> str:
@@ -234,9 +234,9 @@ def _body_name(machine: Machine, part: Part) -> str:
 def _tile(tag: Tag) -> str:
     """Return a thin tile for a tag as MJCF. The upper face of the tile lies in the tag's plane."""
     half_m = tag.size_m * TILE_PER_TAG / 2
-    under = tag.part_from_tag @ Pose(np.eye(3), np.array([0.0, 0.0, -_TILE_THICKNESS_M / 2]))
-    size = _numbers((half_m, half_m, _TILE_THICKNESS_M / 2))
-    return f'<geom type="box" {_placed(under)} size="{size}" material="tag_{tag.tag_id}"/>'
+    tile_pose = tag.part_from_tag @ Pose(np.eye(3), np.array([0.0, 0.0, -_TILE_THICKNESS_M / 2]))
+    size = _number_text((half_m, half_m, _TILE_THICKNESS_M / 2))
+    return f'<geom type="box" {_pose_attributes(tile_pose)} size="{size}" material="tag_{tag.tag_id}"/>'
 
 
 def _board(tag: Tag, centre_m: tuple[float, float], half_m: tuple[float, float]) -> str:
@@ -247,8 +247,8 @@ def _board(tag: Tag, centre_m: tuple[float, float], half_m: tuple[float, float])
         centre_m: the centre of the board in the tag's frame: right, up.
         half_m: half the width and half the height of the board.
     """
-    behind = tag.part_from_tag @ Pose(np.eye(3), np.array([*centre_m, -_TILE_THICKNESS_M - 0.008]))
-    return f'<geom type="box" {_placed(behind)} size="{_numbers((*half_m, 0.008))}" rgba="{_WHITE}"/>'
+    board_pose = tag.part_from_tag @ Pose(np.eye(3), np.array([*centre_m, -_TILE_THICKNESS_M - 0.008]))
+    return f'<geom type="box" {_pose_attributes(board_pose)} size="{_number_text((*half_m, 0.008))}" rgba="{_WHITE}"/>'
 
 
 def _housing(machine: Machine) -> str:
@@ -375,7 +375,7 @@ _DRAWN_BACK_M = 0.30
 """How far the hand is drawn back if it is not extended. It is then out of the camera's sight."""
 
 
-def _robot() -> Iterator[str]:
+def _robot_bodies() -> Iterator[str]:
     chassis = _box((-0.35, -0.25, 0.06), (0.25, 0.25, 0.30), _DARK) + _box(
         (-0.06, -0.1, 0.30), (0.16, 0.1, 0.85), _WHITE
     )
@@ -417,12 +417,12 @@ def _robot_poses(state: LabState) -> dict[str, Pose]:
     }
 
 
-_UNTURNED = np.eye(3)
-_BELOW_THE_FLOOR = Pose(_UNTURNED, np.array([0.0, 0.0, -5.0]))
+_IDENTITY = np.eye(3)
+_BELOW_THE_FLOOR = Pose(_IDENTITY, np.array([0.0, 0.0, -5.0]))
 
 
 def _shifted(x_m: float, y_m: float, z_m: float) -> Pose:
-    return Pose(_UNTURNED, np.array([x_m, y_m, z_m]))
+    return Pose(_IDENTITY, np.array([x_m, y_m, z_m]))
 
 
 def shoulder_to_wrist_m(state: LabState) -> float:
@@ -460,11 +460,11 @@ def _along(start_m: Array, end_m: Array) -> Pose:
     return Pose(columns(x, cross(z, x), z), start_m)
 
 
-def _placed(pose: Pose) -> str:
+def _pose_attributes(pose: Pose) -> str:
     """Return a pose as MJCF attributes."""
     axes = (*pose.rotation[:, 0], *pose.rotation[:, 1])
-    return f'pos="{_numbers(pose.translation_m)}" xyaxes="{_numbers(axes)}"'
+    return f'pos="{_number_text(pose.translation_m)}" xyaxes="{_number_text(axes)}"'
 
 
-def _numbers(values: Iterable[float]) -> str:
+def _number_text(values: Iterable[float]) -> str:
     return " ".join(f"{float(value):.9g}" for value in values)

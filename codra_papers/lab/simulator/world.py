@@ -268,21 +268,21 @@ class LabWorld:
     def state(self, t_s: float) -> LabState:
         """Return the state at an instant."""
         with self._lock:
-            at = {channel: track.at(t_s) for channel, track in self._tracks.items()}
-        x_m, y_m, heading_rad = at[Quantity.BASE]
-        gaze = at[Quantity.GAZE]
+            values = {channel: track.at(t_s) for channel, track in self._tracks.items()}
+        x_m, y_m, heading_rad = values[Quantity.BASE]
+        gaze = values[Quantity.GAZE]
         return LabState(
             t_s=t_s,
             base=(x_m, y_m, heading_rad),
             eye_m=(gaze[0], gaze[1], gaze[2]),
             target_m=(gaze[3], gaze[4], gaze[5]),
-            reach=at[Quantity.REACH][0],
-            opening_m=at[Quantity.OPENING][0],
-            is_holding=at[Quantity.HOLDING][0] > 0.5,
-            light=at[Quantity.LIGHT][0],
-            is_localized=at[Quantity.LOCALIZED][0] > 0.5,
-            joints_rad=MappingProxyType({joint: at[joint][0] for joint in self._joint_keys}),
-            person_m=(at[Quantity.PERSON][0], at[Quantity.PERSON][1]),
+            reach=values[Quantity.REACH][0],
+            opening_m=values[Quantity.OPENING][0],
+            is_holding=values[Quantity.HOLDING][0] > 0.5,
+            light=values[Quantity.LIGHT][0],
+            is_localized=values[Quantity.LOCALIZED][0] > 0.5,
+            joints_rad=MappingProxyType({joint: values[joint][0] for joint in self._joint_keys}),
+            person_m=(values[Quantity.PERSON][0], values[Quantity.PERSON][1]),
             laboratory=self.laboratory,
         )
 
@@ -347,7 +347,7 @@ class _LocalizationError:
             for sizes in ((0.012, 0.008), (0.012, 0.008), (0.006, 0.004))
         )
         away_rad = random.uniform(-pi, pi)
-        self._lost = (0.45 * cos(away_rad), 0.45 * sin(away_rad), random.choice((-1.0, 1.0)) * 0.25)
+        self._lost_offset = (0.45 * cos(away_rad), 0.45 * sin(away_rad), random.choice((-1.0, 1.0)) * 0.25)
 
     def at(self, t_s: float, *, is_localized: bool) -> Pose:
         """Return the believed pose of the base, in the frame of the true base."""
@@ -355,7 +355,7 @@ class _LocalizationError:
             slow * sin(2 * pi * t_s / slow_s + slow_phase) + quick * sin(2 * pi * t_s / quick_s + quick_phase)
             for (slow_s, slow_phase, slow), (quick_s, quick_phase, quick) in self._waves
         )
-        off_x_m, off_y_m, off_rad = (0.0, 0.0, 0.0) if is_localized else self._lost
+        off_x_m, off_y_m, off_rad = (0.0, 0.0, 0.0) if is_localized else self._lost_offset
         return Pose.planar(x_m + off_x_m, y_m + off_y_m, heading_rad + off_rad)
 
 

@@ -213,7 +213,7 @@ def test_a_terminal_shows_the_progress_of_the_trials(undisturbed: Path, project:
 
     assert process.returncode == 0
     assert b"2/3" in shown
-    assert b"trials, 2 there before" in shown
+    assert b"trials, 2 kept from before" in shown
 
 
 # Refused requests and failures

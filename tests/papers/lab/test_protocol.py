@@ -19,7 +19,7 @@ from codra_dsl.language.check import check
 from codra_dsl.language.load import load_spec
 from codra_dsl.runtime import ContextManager, SimClock
 from codra_papers.lab.detection.error_map import read_table, table, views, write_table
-from codra_papers.lab.detection.rows import Row
+from codra_papers.lab.detection.rows import MapRow
 from codra_papers.lab.mission import Mission
 from codra_papers.lab.perception.layout import MACHINES, Machine, Part
 from codra_papers.lab.robot import Localization, Robot, Station
@@ -205,7 +205,7 @@ def test_the_map_has_a_row_for_every_distance_and_angle_with_space_in_the_room()
     declared = read_table(ROOT / "docs" / "papers" / "detection-map.csv")
     tags = [row for row in declared if row["about"] == "tag"]
 
-    assert set(declared[0]) == set(Row.__dataclass_fields__)
+    assert set(declared[0]) == set(MapRow.__dataclass_fields__)
     assert {row["machine"] for row in tags} == set(MACHINES)
     assert len(tags) > 100
     assert all(int(row["samples"]) > 0 for row in tags)

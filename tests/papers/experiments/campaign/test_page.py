@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from codra_papers.experiments.campaign.document import Document, Drawing, Photograph, Section, Table, Words
 from codra_papers.experiments.campaign.experiment import Experiment
 from codra_papers.experiments.campaign.page import render_page
-from codra_papers.experiments.campaign.photographs import NoPictureError, developed
+from codra_papers.experiments.campaign.photographs import NoPictureError, annotated_jpeg
 from codra_papers.experiments.campaign.provenance import Provenance, Revision
 from codra_papers.experiments.lab.outcomes import Outcome
 from codra_papers.lab.perception.tags import tag_image
@@ -54,7 +54,7 @@ PROVENANCE = Provenance(
     cores=2,
     processes=2,
     elapsed_s=73.4,
-    reused=5,
+    reused_trials=5,
 )
 
 
@@ -221,7 +221,7 @@ def test_any_text_is_shown_unchanged(text: str) -> None:
 
 
 def test_a_photograph_has_its_tags_outlined_and_numbered(photograph: Photograph) -> None:
-    data = developed(photograph.path)
+    data = annotated_jpeg(photograph.path)
     shown = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_COLOR)
     assert shown is not None
     blue, green, red = (shown[:, :, channel].astype(int) for channel in range(3))
@@ -244,7 +244,7 @@ def test_an_unreadable_picture_is_replaced_by_the_reason(tmp_path: Path, data: b
     page = page_of(Photograph(caption="Lost", path=path))
 
     with pytest.raises(NoPictureError, match=str(path)):
-        developed(path)
+        annotated_jpeg(path)
     assert not list(page.all("img"))
     assert page.texts["figcaption"] == ["Lost"]
     assert "No picture: " in page.texts["figure"][0]

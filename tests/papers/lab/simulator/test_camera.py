@@ -183,7 +183,7 @@ def test_every_body_on_a_line_of_sight_through_the_picture_is_drawn(world: LabWo
         put(world, Quantity.GAZE, *(random.uniform(0.3, 1.5) for _ in range(6)), at_s=at_s)
         state = world.state(at_s + 0.5)
         stage.place(state)
-        view.leave_out()
+        view.leave_out_unseen()
         eye = state.map_from_camera()
         met = np.empty(len(sight), dtype=np.int32)
         rays, far = sight @ eye.rotation.T, np.empty(len(sight))
