@@ -209,7 +209,8 @@ class Mission:
     def _lock(self, machine: str) -> None:
         with self._codra.skill(f"lock_{machine}") as skill:
             self._require(f"{machine}_in_manipulation_distance")
-            self._forbid(f"{machine}_open")
+            if self._decide(f"{machine}_open"):
+                raise MissionError(f"{machine}_open is true where it must be false")
             self._act(skill, lambda: self._robot.lock(machine), f"{machine}_locked", goal=True)
 
     def _turn_rotor(self, position: RotorPosition, next_skill: str) -> None:
@@ -267,10 +268,6 @@ class Mission:
         for variable in variables:
             if not self._decide(variable):
                 raise MissionError(f"{variable} is false where it must be true")
-
-    def _forbid(self, variable: str) -> None:
-        if self._decide(variable):
-            raise MissionError(f"{variable} is true where it must be false")
 
     def _expect(self, *skills: str) -> None:
         if self._expecting is Expect.ONE_AHEAD:

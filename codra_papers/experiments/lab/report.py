@@ -9,7 +9,7 @@ from types import MappingProxyType
 
 from codra_dsl.runtime import Cost
 from codra_papers.experiments.lab.pictures import draw_timeline
-from codra_papers.experiments.lab.run import OBSERVED, ArmRun, LabRun
+from codra_papers.experiments.lab.run import OBSERVED, LabRun
 from codra_papers.experiments.lab.tables import score_table, text_table
 from codra_papers.lab.detection.drawing import draw_detections
 
@@ -21,7 +21,7 @@ _ANSWERS = MappingProxyType({"answered": "from context", OBSERVED: "of these, by
 def run_text(run: LabRun) -> str:
     """Return the tables of a run."""
     tables = (_jobs_text(run), _spent_text(run), _decisions_text(run))
-    return "\n".join((_summary(run), *(_arm_text(arm) for arm in run.arms), *tables))
+    return "\n".join((_summary(run), *(f"{arm.name}\n{score_table(arm.scores)}" for arm in run.arms), *tables))
 
 
 def write_pictures(run: LabRun, folder: Path, labels: Mapping[str, str]) -> Iterator[Path]:
@@ -52,10 +52,6 @@ def _summary(run: LabRun) -> str:
     loops = f"{run.loops} sample-processing loop{'' if run.loops == 1 else 's'}"
     end_text = f", ended by: {run.error}" if run.error else ""
     return f"{run.duration_s:.1f} s, {loops}, {run.frames} frames rendered{end_text}\n"
-
-
-def _arm_text(arm: ArmRun) -> str:
-    return f"{arm.name}\n{score_table(arm.scores)}"
 
 
 def _jobs_text(run: LabRun) -> str:

@@ -269,7 +269,9 @@ def _make_fanout(
     """Declare all variables with the arms that need everything, and connect the main execution to all arms."""
     for arm_observers in observers:
         if arm_observers.arm.need is Need.EVERYTHING:
-            _declare_all(managers[arm_observers.arm.name])
+            manager = managers[arm_observers.arm.name]
+            for name in manager.modelled():
+                manager.declare(name)
     return Fanout(
         clock,
         managers,
@@ -295,11 +297,6 @@ def _make_event_log(arm: str, settings: LabSettings) -> EventLog:
 def arm_journal_path(journal: Path, arm: str) -> Path:
     """Return the path of the journal of another arm, next to the journal of the answering arm."""
     return journal.with_name(f"{journal.stem}.{arm}{journal.suffix}")
-
-
-def _declare_all(manager: Manager) -> None:
-    for name in manager.modelled():
-        manager.declare(name)
 
 
 def _execute(

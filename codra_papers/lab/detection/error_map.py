@@ -127,7 +127,7 @@ def _place_camera(
         aside_m = distance_m * np.array([random.uniform(-0.4, 0.4), random.uniform(-0.3, 0.3), 0.0])
         target_m = map_from_tag.translation_m + looking_at(eye_m, map_from_tag.translation_m).rotation @ aside_m
         _place_robot(world, eye_m, target_m, at_s)
-        _turn_lid(world, machine.name, lid_rad, at_s)
+        world.schedule(at_s, [world.moves_to(at_s, JointKey(machine.name, Part.LID), (lid_rad,), 0.0)])
         return tag
     return None
 
@@ -153,10 +153,6 @@ def _place_robot(world: LabWorld, eye_m: Array, target_m: Array, at_s: float) ->
     gaze = np.concatenate((robot_from_map.apply(eye_m), robot_from_map.apply(target_m)))
     jumps = {Quantity.BASE: base, Quantity.GAZE: tuple(gaze.tolist())}
     world.schedule(at_s, [world.moves_to(at_s, channel, values, 0.0) for channel, values in jumps.items()])
-
-
-def _turn_lid(world: LabWorld, machine: str, lid_rad: float, at_s: float) -> None:
-    world.schedule(at_s, [world.moves_to(at_s, JointKey(machine, Part.LID), (lid_rad,), 0.0)])
 
 
 def _view(frame: Frame, state: LabState, machine: str, cell: tuple[float, int], tag: TagInView | None) -> View:

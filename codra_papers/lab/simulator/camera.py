@@ -62,6 +62,7 @@ _INVISIBLE_FIELDS = frozenset({"t_s", "light", "is_localized", "laboratory"})
 """The fields of a state that do not affect a picture of the room in ordinary light."""
 
 _read_visible_fields = attrgetter(*(field.name for field in fields(LabState) if field.name not in _INVISIBLE_FIELDS))
+"""Returns all values of a state that a picture of the room shows."""
 
 Pixels = NDArray[np.uint8]
 
@@ -246,7 +247,7 @@ class _Renderer:
         """
         if len(states) > 1:
             return _average([self._draw(state) for state in states])
-        visible_values = _visible_values(states[0])
+        visible_values: tuple[Any, ...] = _read_visible_fields(states[0])
         if visible_values != self._still_values:
             self._still, self._still_values = self._draw(states[0]), visible_values
         return self._still
@@ -335,12 +336,6 @@ class _Optics:
         top = random.randrange(_NOISE_BANK_PX - INTRINSICS.height)
         left = random.randrange(_NOISE_BANK_PX - INTRINSICS.width)
         return slice(top, top + INTRINSICS.height), slice(left, left + INTRINSICS.width)
-
-
-def _visible_values(state: LabState) -> tuple[Any, ...]:
-    """Return all values of a state that a picture of the room shows."""
-    visible_values: tuple[Any, ...] = _read_visible_fields(state)
-    return visible_values
 
 
 def _drawing_order(stage: Stage) -> tuple[mujoco.MjvOption, mujoco.MjvOption]:

@@ -1,4 +1,4 @@
-"""Trials in processes of their own: records, repeated runs and reports of failures."""
+"""Trials in separate processes: their records, repeated runs, and reports of failures."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def kept(undisturbed: Path, tmp_path: Path) -> Path:
-    """Return a copy of that folder."""
+    """Return a copy of the folder of `undisturbed`."""
     return Path(shutil.copytree(undisturbed, tmp_path / "kept"))
 
 
@@ -67,7 +67,7 @@ def files(folder: Path) -> dict[str, bytes]:
 
 
 def changed(before: Mapping[str, int], folder: Path) -> set[str]:
-    """Return the files that were written since."""
+    """Return the record files that were written since `before`."""
     return {name for name, number in inodes(folder).items() if before.get(name) != number}
 
 
@@ -170,7 +170,7 @@ def digest(spec: Path) -> str:
 
 @pytest.fixture
 def project(tmp_path: Path) -> Path:
-    """Return the laboratory with its distance measured by a module of the project's own."""
+    """Return the laboratory's spec, in which a module of the project measures the distance."""
     shutil.copytree(SPECS, tmp_path / "project/specs")
     part = tmp_path / "project/specs/parts/machine.yaml"
     part.write_text(part.read_text().replace("codra_papers.lab.perception.functions:measure_distance", "own:measure"))
@@ -192,11 +192,11 @@ def test_a_record_depends_on_the_spec_its_parts_and_the_modules_that_it_calls(pr
 def test_a_record_depends_on_the_code_of_both_packages(
     changed: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    packages = [tmp_path / package.name for package in records.PACKAGE_FOLDERS]
-    for package in packages:
-        package.mkdir()
-        (package / "module.py").write_text("A = 1\n")
-    monkeypatch.setattr(records, "PACKAGE_FOLDERS", packages)
+    package_folders = [tmp_path / package_folder.name for package_folder in records.PACKAGE_FOLDERS]
+    for package_folder in package_folders:
+        package_folder.mkdir()
+        (package_folder / "module.py").write_text("A = 1\n")
+    monkeypatch.setattr(records, "PACKAGE_FOLDERS", package_folders)
     before = records.code_digest.__wrapped__()
     (tmp_path / changed / "module.py").write_text("A = 2\n")
 

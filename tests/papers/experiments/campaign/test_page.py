@@ -1,4 +1,4 @@
-"""The page of a report: one file that fetches nothing, and shows all texts as they are."""
+"""The page of a report: one file that loads nothing else and shows all texts unchanged."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ def page_of(*parts: Words | Table | Drawing | Photograph, summary: Sequence[str]
 
 @pytest.fixture
 def photograph(tmp_path: Path) -> Photograph:
-    """Return a grey wall with tag 10 on it, as bright as a frame is."""
+    """Return the picture of a grey wall with tag 10, as bright as a frame."""
     pixels = np.full((480, 640), 170, dtype=np.uint8)
     pixels[200:280, 300:380] = np.kron(tag_image(10), np.ones((8, 8), dtype=np.uint8))
     assert cv2.imwrite(str(tmp_path / "wall.png"), pixels)
