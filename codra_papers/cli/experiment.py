@@ -73,10 +73,9 @@ class _TrialProgress:
 
     def kept_text(self) -> str:
         """Return how many trials are kept, and how to continue."""
-        kept_prefix = (
-            "" if self.progress is None else f"{self.progress.done} of {self.progress.total} trials are kept: "
-        )
-        return f"{kept_prefix}run the same command again to continue"
+        if self.progress is None:
+            return "run the same command again to continue"
+        return f"{self.progress.done} of {self.progress.total} trials are kept: run the same command again to continue"
 
     def reused_trials(self) -> int:
         """Return how many trials had records before."""
@@ -221,10 +220,8 @@ def _report(experiment: Experiment, settings: Settings, root: Path, processes: i
     outcomes = _outcomes(trials, settings.folder, process_count, trial_progress)
     reused_trials = trial_progress.reused_trials()
     if further_trials := _more_trials(experiment, settings, outcomes):
-        trials, outcomes = (
-            [*trials, *further_trials],
-            {**outcomes, **_outcomes(further_trials, settings.folder, process_count, trial_progress)},
-        )
+        trials = [*trials, *further_trials]
+        outcomes = {**outcomes, **_outcomes(further_trials, settings.folder, process_count, trial_progress)}
         reused_trials += trial_progress.reused_trials()
     provenance = Provenance(
         command=shlex.join(("codra", *sys.argv[1:])),

@@ -213,11 +213,11 @@ def _provenance_section(provenance: Provenance) -> Section:
         *((name, version) for name, version in provenance.versions.items()),
         ("Code of codra", f"SHA-256 {provenance.code}"),
         ("Seeds", ", ".join(map(str, provenance.seeds))),
-        ("Cores", f"{provenance.cores}; {provenance.processes} processes side by side"),
+        ("Cores", f"{provenance.cores}; {provenance.processes} processes at once"),
         ("Time", f"{provenance.elapsed_s:.0f} s for the trials that this call ran{reused_text}"),
     ]
-    caption = "What this report was made with. The same command, code and versions give the same results."
-    return Section(title="Made with", parts=[Table(caption=caption, header=("What", "Which"), rows=rows)])
+    caption = "The inputs of this report. The same command, code and versions give the same results."
+    return Section(title="Made with", parts=[Table(caption=caption, header=("Input", "Value"), rows=rows)])
 
 
 def _trials_section(outcomes: Mapping[str, AnyOutcome]) -> Section:
@@ -234,5 +234,7 @@ def _trials_section(outcomes: Mapping[str, AnyOutcome]) -> Section:
     ]
     header = ("Trial", "Seed", "Simulated s", "Loops", "Frames", "Ended by an error")
     marked = frozenset((number, 5) for number, outcome in enumerate(outcomes.values()) if outcome.error)
-    caption = "All trials. Loops are those of the main execution, or missions; frames were rendered for perception."
+    caption = (
+        "All trials. Loops: completed by the main execution; in the store, missions. Frames: rendered for perception."
+    )
     return Section(title="Trials", parts=[Table(caption=caption, header=header, rows=rows, marked=marked)])

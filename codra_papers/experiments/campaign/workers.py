@@ -150,7 +150,7 @@ def run_in_processes(records: Sequence[TrialRecord], staging: Path, processes: i
     resource_tracker.ensure_running()  # if it started later, it would unblock interrupts
     try:
         while waiting_records or running_workers:
-            with interrupts_held_back():  # until the new process is in `running`, so that `finally` ends it
+            with interrupts_held_back():  # until the worker is in `running_workers`, where `finally` ends it
                 while waiting_records and len(running_workers) < processes:
                     worker = _start_worker(waiting_records.pop(), staging / str(len(waiting_records)), backend)
                     running_workers[worker.report_connection] = worker

@@ -56,9 +56,8 @@ def _without_pause(spec: Spec, algorithms: tuple[Algorithm, ...]) -> tuple[Obser
     """Return settings that give every tree a period of 0 s and the same priority. Every tree keeps its name."""
     named_variables = {reference.name for setting in spec.observers for reference in setting.identifies}
     settings = [replace(setting, period_s=0.0, priority=0) for setting in spec.observers]
-    for algorithm in sorted(
-        algorithms, key=lambda algorithm: algorithm.rank
-    ):  # a tree has the name of its first alternative
+    # A tree has the name of its first alternative.
+    for algorithm in sorted(algorithms, key=lambda algorithm: algorithm.rank):
         variables = tuple(
             Reference(name=entry.variable.name, place=entry.variable.place) for entry in algorithm.identifies
         )

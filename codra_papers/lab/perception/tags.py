@@ -95,12 +95,10 @@ def _detector(tag_ids: tuple[int, ...]) -> cv2.aruco.ArucoDetector:
 
     It detects tags with sides of 15 to 150 px, in light from that of a bright day down to an eighth of it.
     """
-    cv2.setNumThreads(
-        1
-    )  # frames are small: more threads would cost more time than they save, and take cores from other processes
-    codes = np.ascontiguousarray(
-        _family().bytesList[list(tag_ids)]
-    )  # with all 587 codes, each candidate would take 1 ms
+    # Frames are small: more threads would cost more time than they save, and take cores from other processes.
+    cv2.setNumThreads(1)
+    # With all 587 codes, each candidate would take 1 ms.
+    codes = np.ascontiguousarray(_family().bytesList[list(tag_ids)])
     parameters = cv2.aruco.DetectorParameters()
     parameters.adaptiveThreshWinSizeMin = 5
     parameters.adaptiveThreshWinSizeMax = 21

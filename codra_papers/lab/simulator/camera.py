@@ -289,9 +289,8 @@ class _View:
     def leave_out_unseen(self) -> None:
         """Move geoms that are completely outside the picture to a group that is not drawn, all others to their own."""
         map_from_eye = self._map_from_eye
-        away_m = (self._middles_m - self._eye_m) @ (
-            map_from_eye @ self._sides.T
-        )  # the camera looks along -z of its own frame
+        # The camera looks along -z of its own frame.
+        away_m = (self._middles_m - self._eye_m) @ (map_from_eye @ self._sides.T)
         self._groups_now[:] = np.where((away_m > self._reach_m[:, None]).any(axis=1), _UNDRAWN_GROUP, self._groups)
 
 

@@ -151,8 +151,8 @@ def test_a_table_has_headers_aligns_numbers_to_the_right_and_marks_cells() -> No
     assert page.texts["td"][:6] == ["0.875", "0.81 to 0.92", "\u2013", "\u2013", "-", "yes"]
     assert body[0]["class"] == "number marked"
     assert page.texts["mark"][:2] == ["Marked", "0.875"]
-    assert page.texts["caption"][0] == "Ratios. Marked cells deserve a second look."
-    assert page.texts["caption"][1].startswith("What this report was made with.")
+    assert page.texts["caption"][0] == "Ratios. Marked cells need attention."
+    assert page.texts["caption"][1].startswith("The inputs of this report.")
 
 
 def test_a_table_without_rows_shows_none() -> None:
@@ -187,7 +187,7 @@ def test_a_report_ends_with_its_provenance_and_all_trials() -> None:
         "codra experiment any --seeds 3",
         f"{'1' * 40}, with uncommitted changes",
         "101, 102",
-        "2; 2 processes side by side",
+        "2; 2 processes at once",
         "73 s for the trials that this call ran; 5 had been run before",
         "61.2",
         "the lid is stuck",
