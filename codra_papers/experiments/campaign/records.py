@@ -33,8 +33,8 @@ class ChangedMeanwhileError(Exception):
 class TrialRecord:
     """The record of a trial: the file `NAME.json`, and the frames in the folder `NAME`.
 
-    The first line of the file holds two digests: that of everything that the trial was made from, and that of the rest
-    of the file.
+    The first line of the file holds two digests: one of everything that the trial was made from, and one of the rest of
+    the file.
 
     Attributes:
         folder: the folder of the record.

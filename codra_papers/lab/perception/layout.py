@@ -235,7 +235,7 @@ def _centrifuge() -> Machine:
 
 
 def _pcr_cycler() -> Machine:
-    """Return a bench-top PCR-cycler, 0.34 m wide, with eight tags close together. Every view of it shows most of them.
+    """Return a bench-top PCR-cycler, 0.34 m wide, with eight tags close together. Every view of it shows most tags.
 
     The PCR-cycler is in the middle of the room, so views of it have the centrifuge in the background.
     """

@@ -205,7 +205,7 @@ def _blur_px2(edges: _Edges) -> float | None:
 
 
 def _added_blur_px2(edges: _Edges, direction: _Direction) -> float | None:
-    """Return the variance that blur adds to that of the lens across a direction; None if there are too few edges."""
+    """Return the variance of the blur across a direction, beyond the lens; None if there are too few edges."""
     width_px = _width_px(edges, direction)
     return None if width_px is None else max(width_px**2 - direction.sharpest_px**2, 0.0) / (2 * pi)
 
