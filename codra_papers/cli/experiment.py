@@ -26,7 +26,7 @@ Name = Annotated[
     str | None,
     typer.Argument(
         metavar="NAME",
-        help="The experiment; 'module:CONSTANT' for one of your own. Without it, all are listed.",
+        help="The experiment, or 'module:CONSTANT' for one of your own. Without NAME, all experiments are listed.",
         show_default=False,
     ),
 ]
@@ -35,7 +35,7 @@ SpecOption = Annotated[
     typer.Option(
         "--spec",
         metavar="FILE",
-        help="The spec under test.  [default: specs/lab.yaml, or the spec named after the experiment's world]",
+        help="The spec under test.  [default: specs/lab.yaml; specs/store.yaml for an experiment in the store]",
         show_default=False,
     ),
 ]
@@ -58,31 +58,32 @@ Out = Annotated[
     Path | None,
     typer.Option("--out", metavar="DIR", help="The folder of the results.  [default: runs/NAME]", show_default=False),
 ]
-OneTrial = Annotated[
+TrialOption = Annotated[
     str | None,
     typer.Option("--trial", metavar="TRIAL", help="Run only this trial, and write no report.", show_default=False),
 ]
 
 
 @dataclass(slots=True)
-class _Reached:
-    """The progress of the trials, for the message when they end early."""
+class _TrialProgress:
+    """The progress of the trials. It is reported if they end early."""
 
     progress: Progress | None = None
-    before_s: float = field(default_factory=time.perf_counter)  # noqa: TID251  only for display
+    start_s: float = field(default_factory=time.perf_counter)  # noqa: TID251  only for display
 
     def kept_text(self) -> str:
         """Return how many trials are kept, and how to continue."""
-        kept = "" if self.progress is None else f"{self.progress.done} of {self.progress.total} trials are kept: "
-        return f"{kept}run the same command again to continue"
+        if self.progress is None:
+            return "run the same command again to continue"
+        return f"{self.progress.done} of {self.progress.total} trials are kept: run the same command again to continue"
 
-    def reused(self) -> int:
+    def reused_trials(self) -> int:
         """Return how many trials had records before."""
-        return 0 if self.progress is None else self.progress.reused
+        return 0 if self.progress is None else self.progress.reused_trials
 
     def elapsed_s(self) -> float:
         """Return the time since the start."""
-        return time.perf_counter() - self.before_s  # noqa: TID251  only for display
+        return time.perf_counter() - self.start_s  # noqa: TID251  only for display
 
 
 def experiment_command(
@@ -92,32 +93,32 @@ def experiment_command(
     seeds: Seeds = None,
     processes: Processes = None,
     out: Out = None,
-    trial: OneTrial = None,
+    trial: TrialOption = None,
     color: ColourOption = Colour.AUTO,
 ) -> None:
-    """Run an experiment and report its results. A run that was stopped continues where it stopped."""
-    known = _known()
+    """Run an experiment and report its results. To continue a stopped run, run the same command again."""
+    known_experiments = _known_experiments()
     if name is None:
-        write_result(_listed(known))
+        write_result(_experiment_list(known_experiments))
         return
-    if ":" not in name and name not in known:
-        _refuse_name(name, known)
-    experiment = known.get(name)
+    if ":" not in name and name not in known_experiments:
+        _refuse_name(name, known_experiments)
+    experiment = known_experiments.get(name)
     (spec,) = existing([spec or Path("specs") / f"{experiment.world if experiment else 'lab'}.yaml"])
     root = common_root([spec])
-    sys.path.append(str(root))  # the robot's own perception functions may be beside its specs
-    experiment = experiment or _own(name)
+    sys.path.append(str(root))  # the robot's own perception functions may be next to its specs
+    experiment = experiment or _project_experiment(name)
     _check_spec(experiment, spec, root, color)
     folder = made_folder(out if out is not None else Path("runs") / experiment.name)
     settings = _settings(experiment, spec, seeds, folder)
     if trial is None:
         _report(experiment, settings, root, processes)
     else:
-        _run_alone(_named(trial, experiment, settings, processes), settings)
+        _run_alone(_trial_named(trial, experiment, settings, processes), settings)
 
 
 def _check_spec(experiment: Experiment, spec: Path, root: Path, color: Colour) -> None:
-    """Print the findings about a spec, and end the command if the experiment cannot use it."""
+    """Print the findings about a spec, and end the command if the experiment cannot use the spec."""
     from codra_papers.experiments.campaign.experiment import World
 
     plan = one_plan(spec, root, color)
@@ -125,12 +126,12 @@ def _check_spec(experiment: Experiment, spec: Path, root: Path, color: Colour) -
         require_lab_spec(plan.checked.spec)
 
 
-def _known() -> Mapping[str, Experiment]:
+def _known_experiments() -> Mapping[str, Experiment]:
     """Return the experiments by name, after importing everything that experiments and reports need."""
     from codra_papers.experiments.campaign.interrupts import interrupts_held_back
 
     try:
-        with interrupts_held_back():  # while some libraries are loaded, they turn it into an error of their own
+        with interrupts_held_back():  # some libraries, while they are loaded, turn an interrupt into another error
             from codra_papers.experiments.campaign import provenance, results  # noqa: F401
             from codra_papers.experiments.campaign.registry import experiments
 
@@ -140,25 +141,31 @@ def _known() -> Mapping[str, Experiment]:
         raise typer.Exit(ExitCode.FAILED) from error
 
 
-def _listed(known: Mapping[str, Experiment]) -> str:
-    width = max(map(len, known), default=0)
-    return "".join(f"{name.ljust(width)}  {experiment.question}\n" for name, experiment in known.items())
+def _experiment_list(known_experiments: Mapping[str, Experiment]) -> str:
+    width = max(map(len, known_experiments), default=0)
+    return "".join(f"{name.ljust(width)}  {experiment.question}\n" for name, experiment in known_experiments.items())
 
 
-def _refuse_name(name: str, known: Mapping[str, Experiment]) -> NoReturn:
+def _refuse_name(name: str, known_experiments: Mapping[str, Experiment]) -> NoReturn:
     from codra_dsl.language.diagnostics import suggest
 
-    near = suggest(name, known)
-    help = f"did you mean '{near}'?" if near else f"known are {', '.join(known)}" if known else "none is known"
-    raise typer.BadParameter(f"there is no experiment '{name}': {help}", param_hint="NAME")
+    suggestion = suggest(name, known_experiments)
+    help_text = (
+        f"did you mean '{suggestion}'?"
+        if suggestion
+        else f"known are {', '.join(known_experiments)}"
+        if known_experiments
+        else "none is known"
+    )
+    raise typer.BadParameter(f"there is no experiment '{name}': {help_text}", param_hint="NAME")
 
 
-def _own(place: str) -> Experiment:
+def _project_experiment(reference: str) -> Experiment:
     """Return an experiment in a module of the project."""
     from codra_papers.experiments.campaign.registry import NoExperimentError, experiment_in
 
     try:
-        return experiment_in(place)
+        return experiment_in(reference)
     except NoExperimentError as error:
         raise typer.BadParameter(str(error), param_hint="NAME") from error
 
@@ -169,26 +176,33 @@ def _settings(experiment: Experiment, spec: Path, seeds: int | None, folder: Pat
     return Settings(spec=spec, seeds=experiment.seeds if seeds is None else seeds, folder=folder)
 
 
-def _named(name: str, experiment: Experiment, settings: Settings, processes: int | None) -> AnyTrial:
-    """Return a trial by its name; if it is not among the first trials, run these: the others depend on them."""
+def _trial_named(name: str, experiment: Experiment, settings: Settings, processes: int | None) -> AnyTrial:
+    """Return a trial by its name.
+
+    If no first trial has this name, the first trials are run, because further trials depend on their outcomes.
+    """
     from codra_dsl.language.diagnostics import suggest
 
-    by_name = {trial.name: trial for trial in _trials(experiment, settings)}
-    if name not in by_name and experiment.then is not None:
-        outcomes = _outcomes([*by_name.values()], settings.folder, processes, _Reached())
-        by_name |= {trial.name: trial for trial in _more_trials(experiment, settings, outcomes)}
-    if name not in by_name:
-        near = suggest(name, by_name)
-        help = f"did you mean '{near}'?" if near else f"there are {len(by_name)}, such as '{next(iter(by_name))}'"
-        raise typer.BadParameter(f"there is no trial '{name}': {help}", param_hint="--trial")
-    return by_name[name]
+    trials_by_name = {trial.name: trial for trial in _trials(experiment, settings)}
+    if name not in trials_by_name and experiment.then is not None:
+        outcomes = _outcomes([*trials_by_name.values()], settings.folder, processes, _TrialProgress())
+        trials_by_name |= {trial.name: trial for trial in _more_trials(experiment, settings, outcomes)}
+    if name not in trials_by_name:
+        suggestion = suggest(name, trials_by_name)
+        help_text = (
+            f"did you mean '{suggestion}'?"
+            if suggestion
+            else f"there are {len(trials_by_name)}, such as '{next(iter(trials_by_name))}'"
+        )
+        raise typer.BadParameter(f"there is no trial '{name}': {help_text}", param_hint="--trial")
+    return trials_by_name[name]
 
 
 def _run_alone(trial: AnyTrial, settings: Settings) -> None:
-    outcome = _outcomes([trial], settings.folder, 1, _Reached())[trial.name]
-    ended = f", ended by: {outcome.error}" if outcome.error else ""
+    outcome = _outcomes([trial], settings.folder, 1, _TrialProgress())[trial.name]
+    end_text = f", ended by: {outcome.error}" if outcome.error else ""
     write_result(
-        f"trial '{trial.name}' (seed {trial.seed}): {outcome.duration_s:.1f} s, {outcome.loops} loops{ended}\n"
+        f"trial '{trial.name}' (seed {trial.seed}): {outcome.duration_s:.1f} s, {outcome.loops} loops{end_text}\n"
     )
 
 
@@ -201,13 +215,14 @@ def _report(experiment: Experiment, settings: Settings, root: Path, processes: i
 
     revision = revision_of(root, settings.folder)
     trials = _trials(experiment, settings)
-    reached = _Reached()
-    used = processes or cores()
-    outcomes = _outcomes(trials, settings.folder, used, reached)
-    reused = reached.reused()
-    if more := _more_trials(experiment, settings, outcomes):
-        trials, outcomes = [*trials, *more], {**outcomes, **_outcomes(more, settings.folder, used, reached)}
-        reused += reached.reused()
+    trial_progress = _TrialProgress()
+    process_count = processes or cores()
+    outcomes = _outcomes(trials, settings.folder, process_count, trial_progress)
+    reused_trials = trial_progress.reused_trials()
+    if further_trials := _more_trials(experiment, settings, outcomes):
+        trials = [*trials, *further_trials]
+        outcomes = {**outcomes, **_outcomes(further_trials, settings.folder, process_count, trial_progress)}
+        reused_trials += trial_progress.reused_trials()
     provenance = Provenance(
         command=shlex.join(("codra", *sys.argv[1:])),
         spec=settings.spec.absolute().relative_to(root).as_posix(),
@@ -216,11 +231,11 @@ def _report(experiment: Experiment, settings: Settings, root: Path, processes: i
         revision=revision,
         seeds=sorted({trial.seed for trial in trials}),
         cores=cores(),
-        processes=used,
-        elapsed_s=reached.elapsed_s(),
-        reused=reused,
+        processes=process_count,
+        elapsed_s=trial_progress.elapsed_s(),
+        reused_trials=reused_trials,
     )
-    with _errors_reported(settings.folder, reached):
+    with _reporting_errors(settings.folder, trial_progress):
         document = experiment.judge(settings, outcomes)
         paths = write_results(settings.folder, experiment, document, outcomes, provenance)
     write_result("".join(f"{sentence}\n" for sentence in document.summary))
@@ -228,29 +243,29 @@ def _report(experiment: Experiment, settings: Settings, root: Path, processes: i
 
 
 def _trials(experiment: Experiment, settings: Settings) -> Sequence[AnyTrial]:
-    """Return the trials of an experiment; some experiments write specs of their own for them."""
-    with _errors_reported(settings.folder, _Reached()):
+    """Return the first trials of an experiment. To do so, some experiments write specs for their trials."""
+    with _reporting_errors(settings.folder, _TrialProgress()):
         return experiment.trials(settings)
 
 
 def _more_trials(experiment: Experiment, settings: Settings, outcomes: Mapping[str, AnyOutcome]) -> Sequence[AnyTrial]:
-    """Return the trials that depend on the outcomes of the first ones."""
-    with _errors_reported(settings.folder, _Reached()):
+    """Return the further trials, which depend on the outcomes of the first trials."""
+    with _reporting_errors(settings.folder, _TrialProgress()):
         return [] if experiment.then is None else experiment.then(settings, outcomes)
 
 
 def _outcomes(
-    trials: Sequence[AnyTrial], folder: Path, processes: int | None, reached: _Reached
+    trials: Sequence[AnyTrial], folder: Path, processes: int | None, trial_progress: _TrialProgress
 ) -> Mapping[str, AnyOutcome]:
     from codra_papers.experiments.campaign.campaign import run_campaign
 
-    with _errors_reported(folder, reached), _shown(reached) as show:
+    with _reporting_errors(folder, trial_progress), _progress_bar(trial_progress) as show:
         return run_campaign(trials, folder, processes=processes, progress=show)
 
 
 @contextmanager
-def _errors_reported(folder: Path, reached: _Reached) -> Iterator[None]:
-    """End the command with a message if trials, or writing their results, end early."""
+def _reporting_errors(folder: Path, trial_progress: _TrialProgress) -> Iterator[None]:
+    """End the command with a message if an error or an interrupt ends the block that runs trials or writes results."""
     from codra_dsl.integrations.inspection import SpecError
     from codra_papers.experiments.campaign.campaign import CampaignBusyError
     from codra_papers.experiments.campaign.workers import TrialError
@@ -260,48 +275,52 @@ def _errors_reported(folder: Path, reached: _Reached) -> Iterator[None]:
         yield
         return
     except KeyboardInterrupt:
-        code, message = ExitCode.INTERRUPTED, f"interrupted; {reached.kept_text()}"
+        code, message = ExitCode.INTERRUPTED, f"interrupted; {trial_progress.kept_text()}"
     except TrialError as error:
-        message = f"{error}{_help(error)}"
+        message = f"{error}{_help_text(error)}"
     except (CampaignBusyError, SpecError) as error:
         message = str(error)
     except BrokenPipeError:
         raise
     except OSError as error:
-        message = f"cannot write to '{folder}': {error.strerror or error}; {reached.kept_text()}"
+        message = f"cannot write to '{folder}': {error.strerror or error}; {trial_progress.kept_text()}"
     say(f"codra: {message}")
     raise typer.Exit(code)
 
 
-def _help(error: TrialError) -> str:
-    details = f"; the traceback is in '{error.details}'" if error.details else ""
+def _help_text(error: TrialError) -> str:
+    details_text = f"; the traceback is in '{error.details}'" if error.details else ""
     command = ["codra", *sys.argv[1:]]
-    alone = command if "--trial" in command else [*command, "--trial", error.trial.name]
-    return f"{details}; to run it alone: {shlex.join(alone)}"
+    trial_command = command if "--trial" in command else [*command, "--trial", error.trial.name]
+    return f"{details_text}; to run it alone: {shlex.join(trial_command)}"
 
 
 @contextmanager
-def _shown(reached: _Reached) -> Iterator[Callable[[Progress], None]]:
-    """Yield a function that takes progress: it shows it on a terminal, and is silent elsewhere."""
+def _progress_bar(trial_progress: _TrialProgress) -> Iterator[Callable[[Progress], None]]:
+    """Yield a function that stores progress in `trial_progress` and, on a terminal, shows it in a progress bar."""
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
     from rich.progress import Progress as Bar
 
-    columns = (BarColumn(), MofNCompleteColumn(), TextColumn("trials{task.fields[note]}"), TimeElapsedColumn())
+    columns = (BarColumn(), MofNCompleteColumn(), TextColumn("trials{task.fields[text]}"), TimeElapsedColumn())
     console = Console(stderr=True)
     with Bar(*columns, console=console, disable=not sys.stderr.isatty(), transient=True) as bar:
-        task = bar.add_task("", total=None, note="")
+        task_id = bar.add_task("", total=None, text="")
 
         def show(progress: Progress) -> None:
-            reached.progress = progress
-            note = _note(progress, reached.elapsed_s())
-            bar.update(task, total=progress.total, completed=progress.done, note=note)
+            trial_progress.progress = progress
+            text = _bar_text(progress, trial_progress.elapsed_s())
+            bar.update(task_id, total=progress.total, completed=progress.done, text=text)
 
         yield show
 
 
-def _note(progress: Progress, elapsed_s: float) -> str:
-    """Return the text beside the progress bar: how many trials had records before, and the time that is left."""
-    before = f", {progress.reused} there before" if progress.reused else ""
-    fresh, remaining = progress.done - progress.reused, progress.total - progress.done
-    return f"{before}, about {elapsed_s / fresh * remaining / 60.0:.0f} min left" if fresh and remaining else before
+def _bar_text(progress: Progress, elapsed_s: float) -> str:
+    """Return the text next to the progress bar: how many trials had records before, and the remaining time."""
+    reused_text = f", {progress.reused_trials} kept from before" if progress.reused_trials else ""
+    new_trials, remaining_trials = progress.done - progress.reused_trials, progress.total - progress.done
+    return (
+        f"{reused_text}, about {elapsed_s / new_trials * remaining_trials / 60.0:.0f} min left"
+        if new_trials and remaining_trials
+        else reused_text
+    )

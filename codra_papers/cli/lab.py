@@ -16,12 +16,12 @@ if TYPE_CHECKING:
     from codra_dsl.language.model import Spec
     from codra_papers.experiments.lab.run import LabRun, LabSettings
 
-Naive = Annotated[
+NaiveOption = Annotated[
     bool,
     typer.Option(
         "--naive",
-        help="Add an arm without conditions that looks again at once; with --journal FILE it has a journal of its own, "
-        "FILE's name with .naive in it.",
+        help="Add an arm without conditions, which looks again at once after each look. With --journal FILE, the arm "
+        "writes another journal, whose name is that of FILE with .naive before the suffix.",
     ),
 ]
 
@@ -29,7 +29,7 @@ CONTEXT_DRIVEN = "context-driven"
 """The arm that answers the decisions of the main execution."""
 
 
-def lab(request: RunRequest, *, naive: Naive = False) -> None:
+def lab(request: RunRequest, *, naive: NaiveOption = False) -> None:
     """A laboratory in which a mobile manipulator tends two machines (P1).
 
     Without --for, the robot completes one sample-processing loop. Without --out, pictures and records go to
@@ -58,33 +58,33 @@ def lab(request: RunRequest, *, naive: Naive = False) -> None:
         journal=None if journal is None else writable_journal(journal),
     )
     if journal is not None and naive:
-        writable_journal(run.beside(journal, NAIVE.name))
+        writable_journal(run.arm_journal_path(journal, NAIVE.name))
     folder = made_folder(request.out if request.out is not None else Path("runs") / f"{spec.name}-seed-{request.seed}")
-    outcome = _run(spec, settings, naive)
+    outcome = _run_arms(spec, settings, naive)
     request.progress.clear()
-    _show(outcome, folder, {variable.name: variable.label for variable in spec.context})
+    _show_run(outcome, folder, {variable.name: variable.label for variable in spec.context})
 
 
 def require_lab_spec(spec: Spec) -> None:
-    """End the command if a spec lacks declarations that the lab's main execution needs."""
+    """End the command if a spec lacks declarations that the laboratory's main execution needs."""
     from codra_papers.experiments.lab.requirements import missing_declarations
 
-    if missing := missing_declarations(spec):
-        say("\n  ".join((f"codra: '{spec.name}' does not run in the lab, whose main execution needs:", *missing)))
+    if missing_texts := missing_declarations(spec):
+        say("\n  ".join((f"codra: '{spec.name}' does not run in the lab, whose main execution needs:", *missing_texts)))
         raise typer.Exit(ExitCode.FAILED)
 
 
-def _run(spec: Spec, settings: LabSettings, naive: bool) -> LabRun:
+def _run_arms(spec: Spec, settings: LabSettings, naive: bool) -> LabRun:
     from codra_dsl.runtime import CallError, NotDeclaredError, UnknownNameError
     from codra_papers.experiments.lab.arms import NAIVE, Arm, Need, observers
     from codra_papers.experiments.lab.run import run_lab
     from codra_papers.lab.simulator.gl import GraphicsUnavailableError
 
-    with tempfile.TemporaryDirectory(prefix="codra-") as made:
+    with tempfile.TemporaryDirectory(prefix="codra-") as code_folder:
         arms = (Arm(name=CONTEXT_DRIVEN, need=Need.ANNOUNCED), *((NAIVE,) if naive else ()))
-        ready = [observers(arm, spec, Path(made) / str(number)) for number, arm in enumerate(arms)]
+        compiled_arms = [observers(arm, spec, Path(code_folder) / str(number)) for number, arm in enumerate(arms)]
         try:
-            return run_lab(ready, settings)
+            return run_lab(compiled_arms, settings)
         except GraphicsUnavailableError as error:
             say(f"codra: {error}")
             raise typer.Exit(ExitCode.FAILED) from error
@@ -93,7 +93,7 @@ def _run(spec: Spec, settings: LabSettings, naive: bool) -> LabRun:
             raise typer.Exit(ExitCode.FAILED) from error
 
 
-def _show(run: LabRun, folder: Path, labels: Mapping[str, str]) -> None:
+def _show_run(run: LabRun, folder: Path, labels: Mapping[str, str]) -> None:
     from codra_papers.experiments.lab.report import run_text, write_pictures
 
     write_result(run_text(run))

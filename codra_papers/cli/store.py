@@ -18,12 +18,12 @@ if TYPE_CHECKING:
     from codra_dsl.language.model import Spec
     from codra_papers.experiments.store.run import Compiled, StoreRun, StoreRunSettings
 
-LONG_S = 600.0
+DEFAULT_DURATION_S = 600.0
 """The duration of a run without `--for` and without a page."""
 
 
 class SituationName(StrEnum):
-    """The names of the situations on the command line."""
+    """The situations, with their names on the command line."""
 
     ORDINARY = "ordinary"
     SECOND_ORDER = "second-order"
@@ -35,26 +35,28 @@ class SituationName(StrEnum):
 
 SituationOption = Annotated[
     SituationName | None,
-    typer.Option("--situation", help="What happens.  [default: ordinary, with --page quiet]", show_default=False),
+    typer.Option(
+        "--situation", help="The events of the run.  [default: ordinary; with --page: quiet]", show_default=False
+    ),
 ]
 PageOption = Annotated[bool, typer.Option("--page", help="Serve the picker's page, on this machine only.")]
-Port = Annotated[
+PortOption = Annotated[
     int | None,
     typer.Option("--port", min=1, max=65535, help="The port of the page.  [default: a free one]"),
 ]
 
 
 def store(
-    request: RunRequest, *, situation: SituationOption = None, page: PageOption = False, port: Port = None
+    request: RunRequest, *, situation: SituationOption = None, page: PageOption = False, port: PortOption = None
 ) -> None:
     """A shop in which a pallet truck moves roll containers among people (P2).
 
-    Without --for, the run lasts 10 min, and with --page until Ctrl-C. With --out, metrics and weights are drawn.
+    Without --for, the run lasts 10 min, or with --page until Ctrl-C. With --out, metrics and weights are drawn.
     """
     from codra_papers.experiments.campaign.interrupts import interrupts_held_back
 
     if port is not None and not page:
-        raise typer.BadParameter("it is the port of --page; add --page", param_hint="--port")
+        raise typer.BadParameter("the port is that of the page; add --page", param_hint="--port")
     try:
         with interrupts_held_back():  # some extension modules lose an interrupt while they are loaded
             settings = _settings(request, situation, (port or 0) if page else None)
@@ -64,18 +66,18 @@ def store(
     from codra_dsl.integrations.inspection import compile_and_load
     from codra_papers.experiments.store.run import Compiled, store_text
 
-    spec, out = request.spec, None if request.out is None else made_folder(request.out)
-    with tempfile.TemporaryDirectory(prefix="codra-") as made:
-        run = _run(Compiled.of(compile_and_load(request.plan, Path(made)).package), settings, spec.name)
+    spec, out_folder = request.spec, None if request.out is None else made_folder(request.out)
+    with tempfile.TemporaryDirectory(prefix="codra-") as code_folder:
+        run = _run_spec(Compiled.of(compile_and_load(request.plan, Path(code_folder)).package), settings, spec.name)
     request.progress.clear()
     write_result(store_text(run))
-    if out is not None and not spec.metrics:
+    if out_folder is not None and not spec.metrics:
         say(f"nothing was drawn: '{spec.name}' has no metrics")
-    elif out is not None:
-        say(f"drawn: {_drawn(run, spec, out)}")
+    elif out_folder is not None:
+        say(f"drawn: {_draw_curves(run, spec, out_folder)}")
 
 
-def _drawn(run: StoreRun, spec: Spec, folder: Path) -> Path:
+def _draw_curves(run: StoreRun, spec: Spec, folder: Path) -> Path:
     """Draw the metrics of a run and the weights of its actions over time; return the path of the picture."""
     from codra_papers.experiments.store.curves import draw_adaptation
 
@@ -92,25 +94,25 @@ def _settings(request: RunRequest, name: SituationName | None, port: int | None)
     from codra_papers.store.simulator.situations import Situation, StoreSettings
 
     if port is not None:
-        import codra_papers.store.page.server  # noqa: F401 - fails before the run if the page cannot be served
-    default_s = LONG_S if port is None else math.inf
-    usual = Situation.ORDINARY if port is None else Situation.QUIET
-    situation = usual if name is None else Situation(name.value.replace("-", " "))
+        import codra_papers.store.page.server  # noqa: F401 - a missing module is reported before the run
+    default_s = DEFAULT_DURATION_S if port is None else math.inf
+    default_situation = Situation.ORDINARY if port is None else Situation.QUIET
+    situation = default_situation if name is None else Situation(name.value.replace("-", " "))
     return StoreRunSettings(
         shop=StoreSettings(seed=request.seed, situation=situation),
         duration_s=default_s if request.duration_s is None else request.duration_s,
         pace=Pace(request.pace.value),
         progress=request.progress,
         journal=None if request.journal is None else writable_journal(request.journal),
-        page=None if port is None else PageSettings(port=port, opened=_opened),
+        page=None if port is None else PageSettings(port=port, opened=_report_address),
     )
 
 
-def _opened(url: str) -> None:
+def _report_address(url: str) -> None:
     say(f"the picker's page is at {url}")
 
 
-def _run(compiled: Compiled, settings: StoreRunSettings, name: str) -> StoreRun:
+def _run_spec(compiled: Compiled, settings: StoreRunSettings, name: str) -> StoreRun:
     from codra_dsl.runtime import NotASourceError
     from codra_dsl.runtime.behavior_trees import TreeError
     from codra_papers.experiments.store.run import run_store

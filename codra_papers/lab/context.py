@@ -1,4 +1,4 @@
-"""The interface to context that the main execution of the laboratory uses, independent of its implementation."""
+"""The calls to the context that the main execution of the laboratory makes, independent of who answers them."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ class ActingSkill(Protocol):
     """A running skill."""
 
     def acting(self) -> AbstractContextManager[None]:
-        """Act: from here on, the variables that the skill changes may change."""
+        """Act until the `with` statement ends. Once it begins, the variables that the skill changes may change."""
         ...
 
 
 class Context(Protocol):
-    """The calls of the main execution: to a context manager, or to a replacement that lets the robot look itself."""
+    """The calls of the main execution, to a context manager or to a replacement that lets the robot look by itself."""
 
     def skill(self, name: str) -> AbstractContextManager[ActingSkill]:
-        """Begin a skill. It ends with the `with` statement."""
+        """Begin a skill, which ends when the `with` statement ends."""
         ...
 
     def expect(self, *skills: str) -> None:
-        """Announce the next skills."""
+        """Announce the skills that come next."""
         ...
 
     def set(self, name: str, value: Any) -> None:
-        """Set the value of a variable that the main execution knows itself."""
+        """Set the value of a variable, which the main execution knows by itself."""
         ...
 
     def decide(
@@ -37,5 +37,5 @@ class Context(Protocol):
         ...
 
     def slot(self, *resources: str) -> AbstractContextManager[None]:
-        """Hold a slot of each resource until the `with` statement ends. Observers wait behind this request."""
+        """Hold a slot of each resource until the `with` statement ends. Requests of observers come after this one."""
         ...

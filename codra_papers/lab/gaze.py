@@ -1,6 +1,6 @@
-"""Poses of the arm camera for each purpose: to look at a machine, to grip a part, to wait beside it.
+"""Poses of the arm camera for each purpose: to look at a machine, to grip a part, to wait in front of a machine.
 
-A gaze belongs to an action. It does not depend on the observers, and no value here is chosen to suit one.
+A gaze belongs to an action. It does not depend on the observers, and no value here is chosen to suit an observer.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from codra_papers.lab.simulator.scene import FINGER_TIP_M, PCR_CYCLER_HANDLE_M, 
 Gaze = tuple[float, ...]
 """The camera's position and a point on its axis: six numbers in metres, in one frame."""
 
-_OVERVIEW: Mapping[str, Gaze] = MappingProxyType(
+_OVERVIEW_GAZES: Mapping[str, Gaze] = MappingProxyType(
     {
         "centrifuge": (1.15, 0.0, 0.90, 0.10, 0.0, 0.437),
         "pcr_cycler": (0.92, 0.0, 0.64, 0.05, 0.0, 0.275),
@@ -27,32 +27,34 @@ _OVERVIEW: Mapping[str, Gaze] = MappingProxyType(
 )
 """Gazes that show the complete machine with its lid closed or open, in the machine's base frame."""
 
-_FROM_THE_SIDE: Mapping[str, Gaze] = MappingProxyType(
+_SIDE_GAZES: Mapping[str, Gaze] = MappingProxyType(
     {
         "centrifuge": (1.12, -0.15, 0.88, 0.12, 0.0, 0.437),
         "pcr_cycler": (0.88, -0.10, 0.58, 0.06, -0.02, 0.27),
         "shaker": (0.98, -0.12, 0.70, 0.09, -0.01, 0.33),
     }
 )
-"""The same from half left, to check the latch."""
+"""Gazes that show the complete machine from half left, to check the latch, in the machine's base frame."""
 
-_INTO_THE_BOWL: Gaze = (0.82, 0.0, 1.08, 0.125, 0.0, 0.36)
-"""Down on the centrifuge's rotor, past its open lid."""
+_BOWL_GAZE: Gaze = (0.82, 0.0, 1.08, 0.125, 0.0, 0.36)
+"""The gaze down on the centrifuge's rotor, past the open lid, in the machine's base frame."""
 
-_READY: Mapping[str, Gaze] = MappingProxyType(
+_READY_GAZES: Mapping[str, Gaze] = MappingProxyType(
     {
         "centrifuge": (0.85, 0.0, 0.78, 0.27, 0.0, 0.36),
         "pcr_cycler": (0.86, 0.06, 0.60, 0.07, 0.02, 0.272),
         "shaker": (0.88, 0.04, 0.72, 0.12, 0.01, 0.37),
     }
 )
-"""Where the arm returns to after it touched a machine. From that close, an open lid of the large one is out of view."""
+"""Gazes to which the arm returns after it touched a machine, in the machine's base frame.
+
+The camera is then so close that an open lid of the large machine is out of view."""
 
 DECK_GAZE: Gaze = (0.05, 0.175, 0.57, 0.34, 0.175, 0.164)
-"""Down on the robot's own deck, to put a tray there or take it: in the robot's base frame."""
+"""The gaze down on the robot's own deck, to put a tray there or take it, in the robot's base frame."""
 
 _STAND_OFF_M = 0.16
-"""Distance of the hand from a part before it grips and after it has let go."""
+"""Distance of the hand from a part before the hand grips the part and after it has let go."""
 
 _GRIP_M: Mapping[tuple[str, Part], tuple[float, float, float]] = MappingProxyType(
     {
@@ -87,15 +89,15 @@ _TRAY_M: Mapping[str, tuple[float, float, float]] = MappingProxyType(
 
 
 def observation_gaze(shape: str, part: Part) -> Gaze:
-    """Return a gaze that shows a part of a machine of a shape well, in the machine's base frame."""
+    """Return a gaze that shows a part of a machine well, in the machine's base frame. It depends on the shape."""
     if part is Part.ROTOR:
-        return _INTO_THE_BOWL
-    return _FROM_THE_SIDE[shape] if part is Part.LATCH else _OVERVIEW[shape]
+        return _BOWL_GAZE
+    return _SIDE_GAZES[shape] if part is Part.LATCH else _OVERVIEW_GAZES[shape]
 
 
 def ready_gaze(shape: str) -> Gaze:
-    """Return the gaze with which the arm waits after it touched a machine of a shape, in the machine's base frame."""
-    return _READY[shape]
+    """Return the gaze to which the arm returns after it touched a machine, in the machine's base frame."""
+    return _READY_GAZES[shape]
 
 
 def grip_gaze(machine: Machine, part: Part, angle_rad: float) -> Gaze:
@@ -110,7 +112,7 @@ def grip_gaze(machine: Machine, part: Part, angle_rad: float) -> Gaze:
 
 
 def tray_gaze(shape: str) -> Gaze:
-    """Return the gaze while the fingers hold the tray in a machine of a shape, in the machine's base frame."""
+    """Return the gaze while the fingers hold the tray in a machine with this shape, in the machine's base frame."""
     return _gaze_at_finger_tip(np.array(_TRAY_M[shape]), pitch_rad=0.95, yaw_rad=0.0)
 
 
@@ -127,10 +129,10 @@ def in_frame(gaze: Gaze, frame_from_machine: Pose) -> Gaze:
 
 
 def _gaze_at_finger_tip(grip_m: Array, pitch_rad: float, yaw_rad: float) -> Gaze:
-    """Return the gaze of a hand that comes from the machine's front with its tip at a point.
+    """Return the gaze of a hand that comes from the machine's front and whose finger tips are at a point.
 
-    It points down by a pitch, and from the machine's right to its left by a yaw. The camera is behind and above the
-    fingers.
+    The hand points down by the pitch, and from the machine's right to its left by the yaw. The camera is behind and
+    above the fingers.
     """
     ahead = cos(pitch_rad)
     forward = np.array([-ahead * cos(yaw_rad), -ahead * sin(yaw_rad), -sin(pitch_rad)])

@@ -1,7 +1,8 @@
 """The main execution of the laboratory: P1's sample-processing workflow (section 4) as plain Python.
 
-The robot fetches samples from the centrifuge, lets the PCR-cycler work on them and brings them back. Every decision
-asks the context manager first and falls back to looking, as P1's robot did without observers.
+The robot fetches samples from the centrifuge, lets the PCR-cycler work on them and brings them back. For every decision
+it first asks the context manager. If there is no answer, the robot looks by itself, as P1's robot did without
+observers.
 """
 
 from __future__ import annotations
@@ -44,13 +45,13 @@ TRIES = 2
 """How often an action is tried before the mission gives up."""
 
 WAIT_S = 8.0
-"""How long the robot waits for observers after an action. Looking for itself would take longer."""
+"""How long the robot waits for observers after an action. It would take longer if the robot looked by itself."""
 
-_IN_POSITION = {RotorPosition.FIRST: "centrifuge_rotor_in_pos_1", RotorPosition.SECOND: "centrifuge_rotor_in_pos_2"}
+_ROTOR_VARIABLES = {RotorPosition.FIRST: "centrifuge_rotor_in_pos_1", RotorPosition.SECOND: "centrifuge_rotor_in_pos_2"}
 
 
 class MissionError(RuntimeError):
-    """The main execution cannot go on (P1, section 4.1: an unrecoverable error)."""
+    """The main execution cannot continue: an unrecoverable error of P1, section 4.1."""
 
 
 class Expect(StrEnum):
@@ -61,7 +62,7 @@ class Expect(StrEnum):
 
 
 class Mission:
-    """The sample-processing workflow, decided on context.
+    """The sample-processing workflow, whose decisions depend on context.
 
     Attributes:
         loops: how many batches of samples were processed.
@@ -70,7 +71,7 @@ class Mission:
     def __init__(
         self,
         robot: Robot,
-        eyes: SequentialPerception,
+        perception: SequentialPerception,
         codra: Context,
         clock: Clock,
         expect: Expect = Expect.ONE_AHEAD,
@@ -81,15 +82,16 @@ class Mission:
 
         Args:
             robot: the robot's body.
-            eyes: looks for a value when context does not have it.
-            codra: the context. It may know no value; then every decision looks, as in P1 without observers.
-            clock: the clock that the mission waits on.
+            perception: looks for a value that context does not have.
+            codra: the context. If it knows no value at all, the robot looks for every decision, as in P1 without
+                observers.
+            clock: the clock with which the mission waits.
             expect: whether the mission announces the next skill in advance.
-            wait_s: how long to wait for observers after an action; 0 without observers.
+            wait_s: how long the mission waits for observers after an action; 0 without observers.
         """
         self.loops = 0
         self._robot = robot
-        self._eyes = eyes
+        self._perception = perception
         self._codra = codra
         self._clock = clock
         self._expecting = expect
@@ -99,7 +101,7 @@ class Mission:
         """Process one batch of samples, from the centrifuge through the PCR-cycler and back.
 
         Raises:
-            MissionError: a decision got no answer, or an action failed in every try.
+            MissionError: a decision got no answer or not the necessary one, or an action failed in every try.
         """
         try:
             self._process_a_batch()
@@ -108,10 +110,10 @@ class Mission:
         self.loops += 1
 
     def open_and_close(self, machine: str, times: int) -> None:
-        """Drive to a machine, then unlock and open it and close and lock it several times (P1, section 4.2).
+        """Drive to a machine, then several times unlock, open, close and lock the machine (P1, section 4.2).
 
         Raises:
-            MissionError: a decision got no answer, or an action failed in every try.
+            MissionError: a decision got no answer or not the necessary one, or an action failed in every try.
         """
         try:
             self._drive_to(machine)
@@ -124,10 +126,10 @@ class Mission:
             raise MissionError(str(error)) from error
 
     def wait_beside(self, machine: str, until_s: float) -> None:
-        """Drive to a machine and open it, wait beside it until an instant, and close it.
+        """Drive to a machine and open it, wait in front of it until an instant, and close it.
 
         Raises:
-            MissionError: a decision got no answer, or an action failed in every try.
+            MissionError: a decision got no answer or not the necessary one, or an action failed in every try.
         """
         try:
             self._drive_to(machine)
@@ -152,24 +154,29 @@ class Mission:
         self.close_machine(machine)
 
     def open_machine(self, machine: str) -> None:
-        """Unlock and open a machine within reach: four perception tasks, as in P1, section 4.2.
+        """Unlock and open a machine within reach. This takes four perception tasks, as in P1, section 4.2.
 
-        Before each action the robot checks whether the action is needed (situation preview), and after it whether the
-        action reached its goal (situation monitoring).
+        Before each action the robot checks whether the action is needed (situation preview). After each action the
+        robot checks whether the action reached its goal (situation monitoring).
 
         Raises:
-            MissionError: a decision got no answer, or an action failed in every try.
+            MissionError: a decision got no answer or not the necessary one, or an action failed in every try.
             OutOfReachError: the machine is too far away.
         """
         self._unlock(machine)
         self._open(machine)
 
     def close_machine(self, machine: str) -> None:
-        """Close and lock a machine within reach: also four perception tasks, with the same errors."""
+        """Close and lock a machine within reach. As in `open_machine`, this takes four perception tasks.
+
+        Raises:
+            MissionError: a decision got no answer or not the necessary one, or an action failed in every try.
+            OutOfReachError: the machine is too far away.
+        """
         self._close(machine)
         self._lock(machine)
 
-    # Skills: the spec lists the variables that a skill decides on under the name of the skill.
+    # Skills. Under the name of each skill, the spec lists the variables that the skill decides on.
 
     def _drive_to(self, machine: str) -> None:
         with self._codra.skill(f"drive_to_{machine}"):
@@ -202,27 +209,28 @@ class Mission:
     def _lock(self, machine: str) -> None:
         with self._codra.skill(f"lock_{machine}") as skill:
             self._require(f"{machine}_in_manipulation_distance")
-            self._forbid(f"{machine}_open")
+            if self._decide(f"{machine}_open"):
+                raise MissionError(f"{machine}_open is true where it must be false")
             self._act(skill, lambda: self._robot.lock(machine), f"{machine}_locked", goal=True)
 
-    def _turn_rotor(self, position: RotorPosition, then: str) -> None:
+    def _turn_rotor(self, position: RotorPosition, next_skill: str) -> None:
         with self._codra.skill("turn_centrifuge_rotor") as skill:
             self._require("centrifuge_open")
-            if not self._decide(_IN_POSITION[position]):
-                self._expect(then)
-                self._act(skill, lambda: self._robot.turn_rotor(position), _IN_POSITION[position], goal=True)
+            if not self._decide(_ROTOR_VARIABLES[position]):
+                self._expect(next_skill)
+                self._act(skill, lambda: self._robot.turn_rotor(position), _ROTOR_VARIABLES[position], goal=True)
 
     def _take_from_centrifuge(self) -> None:
-        self._turn_rotor(RotorPosition.FIRST, then="take_samples_from_centrifuge")
+        self._turn_rotor(RotorPosition.FIRST, next_skill="take_samples_from_centrifuge")
         with self._codra.skill("take_samples_from_centrifuge"):
-            self._require("centrifuge_open", _IN_POSITION[RotorPosition.FIRST])
+            self._require("centrifuge_open", _ROTOR_VARIABLES[RotorPosition.FIRST])
             self._expect("close_centrifuge")
             self._take_samples(CENTRIFUGE)
 
     def _bring_to_centrifuge(self) -> None:
-        self._turn_rotor(RotorPosition.SECOND, then="bring_samples_to_centrifuge")
+        self._turn_rotor(RotorPosition.SECOND, next_skill="bring_samples_to_centrifuge")
         with self._codra.skill("bring_samples_to_centrifuge"):
-            self._require("centrifuge_open", _IN_POSITION[RotorPosition.SECOND])
+            self._require("centrifuge_open", _ROTOR_VARIABLES[RotorPosition.SECOND])
             self._expect("close_centrifuge")
             self._bring_samples(CENTRIFUGE)
 
@@ -239,7 +247,7 @@ class Mission:
     # Acting and deciding
 
     def _act(self, skill: ActingSkill, action: Callable[[], None], variable: str, *, goal: bool) -> None:
-        """Act, then check with evidence from after the action whether it reached its goal."""
+        """Act, then check with evidence from after the action whether the action reached its goal."""
         for _ in range(TRIES):
             with skill.acting():
                 action()
@@ -248,9 +256,9 @@ class Mission:
         raise MissionError(f"{variable} is not {str(goal).lower()} after {TRIES} tries")
 
     def _decide(self, variable: str, since_s: float = float("-inf"), wait_up_to_s: float = 0.0) -> bool:
-        """Answer a yes-or-no decision from context or, failing that, by looking."""
+        """Return the answer to a yes-or-no decision from context, or from a look if context has no answer."""
         answer = self._codra.decide(
-            variable, otherwise=lambda: self._eyes.look_for(variable), since_s=since_s, wait_up_to_s=wait_up_to_s
+            variable, otherwise=lambda: self._perception.look_for(variable), since_s=since_s, wait_up_to_s=wait_up_to_s
         )
         if answer is None:
             raise MissionError(f"{variable} cannot be seen")
@@ -261,16 +269,12 @@ class Mission:
             if not self._decide(variable):
                 raise MissionError(f"{variable} is false where it must be true")
 
-    def _forbid(self, variable: str) -> None:
-        if self._decide(variable):
-            raise MissionError(f"{variable} is true where it must be false")
-
     def _expect(self, *skills: str) -> None:
         if self._expecting is Expect.ONE_AHEAD:
             self._codra.expect(*skills)
 
     def _localize(self) -> None:
-        """Record whether the robot is localised, and relocalise it if it is lost."""
+        """Record whether the robot is localised, and localise it again if it is lost."""
         self._codra.set("robot_is_localized", self._robot.is_localized())
         if not self._codra.decide("robot_is_localized", otherwise=self._robot.is_localized):
             self._robot.relocalize()

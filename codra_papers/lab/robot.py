@@ -1,7 +1,7 @@
 """The robot's body: it drives, looks and manipulates. Every action takes time and moves the camera.
 
-An action changes only what the hand really moves: pulling at a locked lid opens nothing, and sometimes a lever or a lid
-slips. The robot gets no report of success or failure, so it has to look.
+An action changes only what the hand really moves: if the robot pulls at a locked lid, the lid stays closed, and
+sometimes a lever or a lid slips. The robot gets no report of success or failure, so it has to look.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ SLIP_CHANCE = 0.03
 """Probability that a lever or a lid slips from the hand."""
 
 SLIP_SHARE = 0.3
-"""Share of its way after which a part that slips stops."""
+"""A part that slips stops after this share of its way."""
 
 LOSS_CHANCE = 0.05
 """Probability that the robot loses its localisation on a drive."""
@@ -86,14 +86,14 @@ STATION_DISTANCE_M = 0.85
 """Distance of the robot from a machine's middle while it tends the machine."""
 
 _AISLE_M = (2.05, 2.3)
-_THERE_M = 0.05
+_ARRIVED_WITHIN_M = 0.05
 _REACH_M = 0.95
 _DRIVE_M_PER_S = 0.28
 _TURN_RAD_PER_S = 0.45
-_GRIPPED_M = 0.022
-_OPENED_M = 0.08
+_GRIPPING_GAP_M = 0.022
+_OPEN_GAP_M = 0.08
 _GAZE_DEVIATION_M = 0.01
-_LOOKING = frozenset({Phase.PLAN_LOOK, Phase.MOVE_CAMERA, Phase.SETTLE})
+_LOOKING_PHASES = frozenset({Phase.PLAN_LOOK, Phase.MOVE_CAMERA, Phase.SETTLE})
 
 
 class Localization:
@@ -109,7 +109,7 @@ class Localization:
 
 
 class Robot:
-    """A mobile manipulator. Its methods are called by one thread, one after the other, and return when they are done.
+    """A mobile manipulator. Call its methods from one thread. A method returns when its action is done.
 
     Attributes:
         laboratory: the laboratory in which the robot works.
@@ -121,15 +121,15 @@ class Robot:
 
         Args:
             world: the world of the robot.
-            clock: the clock that the robot's actions wait on.
-            random: the source of durations, slips and losses. Nothing else draws from it, so observers do not change
-                the actions. Durations of looking have their own source: the number of looks does not change the other
-                actions.
+            clock: the clock with which the robot's actions wait.
+            random: the source of durations, slips and losses of localisation. Nothing else draws from it, so observers
+                do not change the actions. Durations of looks have another source, so the number of looks does not
+                change the other actions.
         """
         self._world = world
         self._clock = clock
         self._random = random
-        self._looking = Random(random.random())
+        self._looking_random = Random(random.random())
         self.laboratory = world.laboratory
         self.is_carrying = False
 
@@ -148,9 +148,11 @@ class Robot:
     def drive_to(self, station: str) -> None:
         """Stow the arm, drive to a station, turning on the spot at both ends, and raise the arm to tend a machine.
 
-        A station is home, or a machine by its name. The drive takes about a minute. The localisation may be lost on the
-        way; the robot then arrives by its wheels. After a drive to a machine the arm is raised in front of it, as part
-        of driving.
+        The drive takes about a minute. The localisation may be lost on the way; the robot then finishes the drive by
+        its wheels alone. After a drive to a machine the arm is raised in front of the machine, as part of the drive.
+
+        Args:
+            station: `home`, or the name of a machine.
 
         Raises:
             LostError: the localisation was lost before the drive.
@@ -162,7 +164,7 @@ class Robot:
         self._move_camera(TRAVEL_GAZE, Phase.STOW_ARM)
         goal = self._goal(station)
         is_lost_on_the_way = self._random.random() < LOSS_CHANCE
-        *corners, end = self._way_to(goal)
+        *corners, end = self._waypoints(goal)
         for corner in corners:
             self._drive_straight_to(*corner)
         if is_lost_on_the_way:
@@ -180,15 +182,15 @@ class Robot:
         self._clock.sleep(0.1 * duration_s)
 
     def _goal(self, station: str) -> tuple[float, float, float]:
-        """Return the true end of the drive: the station, displaced by the robot's localisation error."""
-        wanted = Pose.planar(*HOME) if station == Station.HOME else _before(self._machine(station))
+        """Return the true end of the drive: the station, displaced by the localisation error at the start."""
+        wanted_pose = Pose.planar(*HOME) if station == Station.HOME else _station_pose(self._machine(station))
         state = self._world.state(self._clock.now_s())
-        believed = self._world.believed_map_from_robot(state.t_s)
-        goal = wanted @ believed.inverse() @ state.map_from_robot()
+        believed_pose = self._world.believed_map_from_robot(state.t_s)
+        goal = wanted_pose @ believed_pose.inverse() @ state.map_from_robot()
         return (*goal.translation_m[:2].tolist(), atan2(goal.rotation[1, 0], goal.rotation[0, 0]))
 
-    def _way_to(self, goal: tuple[float, float, float]) -> list[tuple[float, float]]:
-        """Return the points to drive through, past the table of the PCR-cycler in the middle of the room."""
+    def _waypoints(self, goal: tuple[float, float, float]) -> list[tuple[float, float]]:
+        """Return the points to drive through. They lead past the table of the PCR-cycler in the middle of the room."""
         _, y_m, _ = self._world.state(self._clock.now_s()).base
         table_y_m = self._machine(Station.PCR_CYCLER).map_from_base.translation_m[1]
         passes_table = (y_m < table_y_m) != (goal[1] < table_y_m)
@@ -197,37 +199,39 @@ class Robot:
     def _drive_straight_to(self, x_m: float, y_m: float) -> None:
         from_x_m, from_y_m, heading_rad = self._world.state(self._clock.now_s()).base
         length_m = hypot(x_m - from_x_m, y_m - from_y_m)
-        if length_m < _THERE_M:
+        if length_m < _ARRIVED_WITHIN_M:
             return
-        course_rad = _nearest(heading_rad, atan2(y_m - from_y_m, x_m - from_x_m))
+        course_rad = _nearest_heading(heading_rad, atan2(y_m - from_y_m, x_m - from_x_m))
         self._turn(course_rad)
-        duration_s = self._varied(2.0 + length_m / _DRIVE_M_PER_S)
+        duration_s = self._draw_varied(2.0 + length_m / _DRIVE_M_PER_S)
         self._schedule(self._move(Quantity.BASE, (x_m, y_m, course_rad), duration_s))
         self._clock.sleep(duration_s)
 
     def _turn(self, heading_rad: float) -> None:
         x_m, y_m, before_rad = self._world.state(self._clock.now_s()).base
-        after_rad = _nearest(before_rad, heading_rad)
-        duration_s = self._varied(1.5 + abs(after_rad - before_rad) / _TURN_RAD_PER_S)
+        after_rad = _nearest_heading(before_rad, heading_rad)
+        duration_s = self._draw_varied(1.5 + abs(after_rad - before_rad) / _TURN_RAD_PER_S)
         self._schedule(self._move(Quantity.BASE, (x_m, y_m, after_rad), duration_s))
         self._clock.sleep(duration_s)
 
     # Looking
 
     def look_at(self, machine: str, part: Part) -> None:
-        """Move the camera to a pose that shows a part well and wait until the camera is still: about 12 s.
+        """Plan a look, move the camera to a pose that shows a part well, and wait until it is still: about 16 s.
 
-        The robot uses its believed position. Each look takes a new pose, about a centimetre from the last one.
+        The robot uses its believed position. The camera's position is different in each look, by about a centimetre.
 
         Raises:
             OutOfReachError: the machine is too far away for a close look.
             ValueError: the laboratory has no such machine.
         """
         self._check_reach(machine)
-        believed = self._world.believed_map_from_robot(self._clock.now_s())
-        target = self._machine(machine)
-        gaze = in_frame(observation_gaze(target.shape, part), believed.inverse() @ target.map_from_base)
-        eye_m = tuple(number_m + self._looking.gauss(0.0, _GAZE_DEVIATION_M) for number_m in gaze[:3])
+        believed_pose = self._world.believed_map_from_robot(self._clock.now_s())
+        target_machine = self._machine(machine)
+        gaze = in_frame(
+            observation_gaze(target_machine.shape, part), believed_pose.inverse() @ target_machine.map_from_base
+        )
+        eye_m = tuple(number_m + self._looking_random.gauss(0.0, _GAZE_DEVIATION_M) for number_m in gaze[:3])
         self._wait(Phase.PLAN_LOOK)
         self._move_camera(eye_m + gaze[3:], Phase.MOVE_CAMERA)
         self._wait(Phase.SETTLE)
@@ -235,11 +239,11 @@ class Robot:
     # Manipulating
 
     def unlock(self, machine: str) -> None:
-        """Turn a machine's latch lever to unlocked: about two minutes. The arm then waits beside the machine.
+        """Turn a machine's latch lever to unlocked: about two minutes. The arm then waits in front of the machine.
 
         Raises:
-            OutOfReachError: the machine is out of the arm's reach. All manipulating methods raise it.
-            ValueError: the laboratory has no such machine. All manipulating methods raise it.
+            OutOfReachError: the machine is out of the arm's reach. All manipulating methods raise this error.
+            ValueError: the laboratory has no such machine. All manipulating methods raise this error.
         """
         self._move_part(machine, Part.LATCH, self._end_rad(machine, Part.LATCH), (Phase.PLAN_UNLOCK, Phase.TURN_LEVER))
 
@@ -256,7 +260,7 @@ class Robot:
         self._move_part(machine, Part.LID, 0.0, (Phase.PLAN_CLOSE, Phase.LOWER_LID))
 
     def turn_rotor(self, position: RotorPosition) -> None:
-        """Turn the centrifuge's rotor to a position: about a minute. With the lid closed it does not turn."""
+        """Turn the centrifuge's rotor to a position: about a minute. If the lid is closed, the rotor does not turn."""
         machine = Station.CENTRIFUGE.value
         self._check_reach(machine)
         grip = self._grip_at(machine, Part.ROTOR, 0.0)
@@ -292,10 +296,10 @@ class Robot:
     def bring_samples(self, machine: str) -> None:
         """Take the sample tray from the deck and put it into a machine: about a minute.
 
-        If the lid is closed, the tray goes back to the deck and `is_carrying` stays True.
+        If the lid is closed, the robot puts the tray back on the deck and `is_carrying` stays True.
 
         Raises:
-            RuntimeError: the deck has no tray.
+            RuntimeError: there is no tray on the deck.
         """
         if not self.is_carrying:
             raise RuntimeError("the robot carries no sample tray; call take_samples() before bring_samples()")
@@ -314,7 +318,14 @@ class Robot:
         self._retreat(machine)
 
     def _move_part(self, machine: str, part: Part, to_rad: float, phases: tuple[Phase, Phase]) -> None:
-        """Grip a part, move it with the hand, let go and retreat. `phases` are those of planning and of moving."""
+        """Grip a part, move it with the hand, let go and retreat.
+
+        Args:
+            machine: the name of the machine.
+            part: the part to move.
+            to_rad: the angle to which the part is moved.
+            phases: the phase of planning, and the phase of moving.
+        """
         self._check_reach(machine)
         key = JointKey(machine, part)
         self._wait(phases[0])
@@ -326,8 +337,8 @@ class Robot:
         duration_s, slips = self._draw(phases[1]), self._random.random() < SLIP_CHANCE
         if self._is_free(machine, part):
             self._schedule(
-                Move(channel=key, path=_angles(from_rad, to_rad, slips=slips), duration_s=duration_s),
-                Move(channel=Quantity.GAZE, path=self._following(key, from_rad, to_rad), duration_s=duration_s),
+                Move(channel=key, path=_angle_path(from_rad, to_rad, slips=slips), duration_s=duration_s),
+                Move(channel=Quantity.GAZE, path=self._gaze_path(key, from_rad, to_rad), duration_s=duration_s),
             )
             grip = self._grip_at(machine, part, to_rad)
         self._clock.sleep(duration_s)
@@ -335,7 +346,7 @@ class Robot:
         self._retreat(machine)
 
     def _is_free(self, machine: str, part: Part) -> bool:
-        """Return whether a part follows the hand: a closed lid follows only if the latch is past half of its way."""
+        """Return whether a part follows the hand. A closed lid follows only if the latch is at least half unlocked."""
         angles_rad = self._world.state(self._clock.now_s()).joints_rad
         lid_is_shut = angles_rad[JointKey(machine, Part.LID)] < 0.05
         latch_holds = angles_rad[JointKey(machine, Part.LATCH)] < self._end_rad(machine, Part.LATCH) / 2
@@ -346,7 +357,7 @@ class Robot:
         angle_rad = self._world.state(self._clock.now_s()).joints_rad[JointKey(machine, Part.LID)]
         return angle_rad > self._end_rad(machine, Part.LID) / 2
 
-    def _following(self, key: JointKey, from_rad: float, to_rad: float) -> Path:
+    def _gaze_path(self, key: JointKey, from_rad: float, to_rad: float) -> Path:
         """Return the gaze of a hand that leads a part from one angle to another."""
         machine, robot_from_machine = self._machine(key.machine), self._robot_from_machine(key.machine)
 
@@ -364,7 +375,7 @@ class Robot:
         self._schedule(
             self._move(Quantity.GAZE, gaze, duration_s),
             self._move(Quantity.REACH, (1.0,), duration_s),
-            self._move(Quantity.OPENING, (_OPENED_M,), duration_s),
+            self._move(Quantity.OPENING, (_OPEN_GAP_M,), duration_s),
         )
         self._clock.sleep(duration_s)
 
@@ -373,7 +384,7 @@ class Robot:
         duration_s = self._draw(Phase.GRIP)
         self._schedule(
             self._move(Quantity.GAZE, gaze, duration_s * 0.6),
-            self._move(Quantity.OPENING, (_GRIPPED_M,), duration_s * 0.4, delay_s=duration_s * 0.6),
+            self._move(Quantity.OPENING, (_GRIPPING_GAP_M,), duration_s * 0.4, delay_s=duration_s * 0.6),
         )
         self._clock.sleep(duration_s)
 
@@ -381,7 +392,7 @@ class Robot:
         """Open the fingers, then draw the hand back."""
         duration_s = self._draw(Phase.LET_GO)
         self._schedule(
-            self._move(Quantity.OPENING, (_OPENED_M,), duration_s * 0.4),
+            self._move(Quantity.OPENING, (_OPEN_GAP_M,), duration_s * 0.4),
             self._move(Quantity.GAZE, gaze, duration_s * 0.6, delay_s=duration_s * 0.4),
         )
         self._clock.sleep(duration_s)
@@ -391,7 +402,7 @@ class Robot:
         self._let_go(stand_off(gaze))
 
     def _retreat(self, machine: str) -> None:
-        """Draw the hand out of sight and wait beside the machine, looking at it."""
+        """Draw the hand back out of sight, and move the camera to the pose in which it waits and sees the machine."""
         duration_s = self._draw(Phase.RETREAT)
         self._schedule(
             self._move(Quantity.GAZE, self._in_robot(machine, ready_gaze(self._machine(machine).shape)), duration_s),
@@ -408,9 +419,9 @@ class Robot:
         self._clock.sleep(self._draw(phase))
 
     def _draw(self, phase: Phase) -> float:
-        return self.laboratory.duration(phase).draw(self._looking if phase in _LOOKING else self._random)
+        return self.laboratory.duration(phase).draw(self._looking_random if phase in _LOOKING_PHASES else self._random)
 
-    def _varied(self, duration_s: float) -> float:
+    def _draw_varied(self, duration_s: float) -> float:
         return Spread(duration_s, 0.15 * duration_s).draw(self._random)
 
     def _schedule(self, *moves: Move) -> None:
@@ -420,7 +431,10 @@ class Robot:
         return self._world.moves_to(self._clock.now_s(), channel, values, duration_s, delay_s=delay_s)
 
     def _in_robot(self, machine: str, gaze: Gaze) -> Gaze:
-        """Transform a machine's gaze to the robot's frame. The hand works by touch, without the localisation error."""
+        """Transform a gaze from a machine's base frame to the robot's frame.
+
+        The true pose of the robot is used, because the hand works by touch, without the localisation error.
+        """
         return in_frame(gaze, self._robot_from_machine(machine))
 
     def _grip_at(self, machine: str, part: Part, angle_rad: float) -> Gaze:
@@ -434,7 +448,7 @@ class Robot:
         return self._world.state(self._clock.now_s()).joints_rad[key]
 
     def _end_rad(self, machine: str, part: Part) -> float:
-        """Return the upper end of a joint's range, where a lid is open or a latch unlocked."""
+        """Return the upper end of the range of a part's joint, where a lid is open or a latch is unlocked."""
         return self._machine(machine).joint(part).range_rad[1]
 
     def _robot_from_machine(self, machine: str) -> Pose:
@@ -450,19 +464,19 @@ class Robot:
             )
 
 
-def _before(machine: Machine) -> Pose:
+def _station_pose(machine: Machine) -> Pose:
     """Return the base pose for tending a machine: in front of the machine, facing it."""
     x_axis = machine.map_from_base.rotation[:, 0]
     x_m, y_m, _ = machine.map_from_base.translation_m + STATION_DISTANCE_M * x_axis
     return Pose.planar(x_m, y_m, atan2(-x_axis[1], -x_axis[0]))
 
 
-def _angles(from_rad: float, to_rad: float, *, slips: bool) -> Path:
-    """Return the path of a part. A part that slips stops after `SLIP_SHARE` of it."""
+def _angle_path(from_rad: float, to_rad: float, *, slips: bool) -> Path:
+    """Return the path of a part's angle. A part that slips stops after `SLIP_SHARE` of the path."""
     full_path = straight((from_rad,), (to_rad,))
     return (lambda progress: full_path(min(progress, SLIP_SHARE))) if slips else full_path
 
 
-def _nearest(before_rad: float, heading_rad: float) -> float:
-    """Return a heading plus full turns, such that the turn from another heading is the shortest."""
+def _nearest_heading(before_rad: float, heading_rad: float) -> float:
+    """Return `heading_rad` plus or minus full turns, such that the turn from `before_rad` to it is the shortest."""
     return before_rad + remainder(heading_rad - before_rad, 2 * pi)

@@ -1,7 +1,7 @@
-"""Sequential perception: how the main execution looks when context cannot answer (P1, section 4.2).
+"""Sequential perception: the looks of the main execution when context cannot answer (P1, section 4.2).
 
-It moves the camera to a good pose, takes an image, localises and evaluates. It uses the same perception functions as
-the observers and the shared vision slot, for which it has priority.
+The main execution moves the camera to a good pose, takes an image, localises parts and evaluates the result. It uses
+the same perception functions as the observers, and the same vision slot, for which it has priority.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from codra_papers.lab.perception.processing import processing_s
 from codra_papers.lab.robot import Clock, Robot
 
 VISION = "vision"
-"""The resource that a look needs a slot of."""
+"""The resource whose slot a look needs."""
 
 LOOKS = 3
-"""Number of looks before it gives up. Each look is from a new pose."""
+"""Number of looks before the main execution gives up. Each look is from a new pose."""
 
 OPEN_RAD = 0.6
 ROTOR_TOLERANCE_RAD = 0.2
@@ -34,7 +34,7 @@ Measurement = Mapping[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class _SequentialJob:
-    """`job` for perception functions that the main execution calls itself: their time passes in the main execution."""
+    """The argument `job` of perception functions that the main execution calls itself. It sleeps while they work."""
 
     clock: Clock
     random: Random
@@ -56,7 +56,7 @@ class _SequentialJob:
 
 @dataclass(frozen=True, slots=True)
 class _OwnCamera:
-    """The camera with processing times drawn only for the main execution, so that no other job changes them."""
+    """The camera, with processing times that are drawn for the main execution only, so that no job changes them."""
 
     camera: Camera
     random: Random
@@ -72,7 +72,7 @@ class _OwnCamera:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _LookPlan:
-    """How to answer one decision: where to look, which function to call, how to read its result."""
+    """How to answer one decision: where to look, which function to call, and how to get the answer from its result."""
 
     machine: str
     part: Part
@@ -91,7 +91,7 @@ class SequentialPerception:
         self._job = _SequentialJob(clock, random)
 
     def look_for(self, variable: str) -> bool | None:
-        """Return the value of a context-variable as seen now; None if several looks do not show it."""
+        """Look, and return the value of a context-variable; None if several looks do not show the value."""
         if variable == "robot_is_localized":
             return self._robot.is_localized()
         machine = self._machine_of(variable)
@@ -103,7 +103,7 @@ class SequentialPerception:
         return next((answer for answer in answers if answer is not None), None)
 
     def _machine_of(self, variable: str) -> str:
-        """Return the machine of a variable: the longest machine name that the variable begins with."""
+        """Return the name of a variable's machine: the longest machine name with which the variable begins."""
         names = (machine.name for machine in self._robot.laboratory.machines)
         return max((name for name in names if variable.startswith(f"{name}_")), key=len)
 
@@ -115,10 +115,10 @@ class SequentialPerception:
 
 
 def _look_plans(machine: str) -> Mapping[str, _LookPlan]:
-    def lid(part: Part, answer: Callable[[Measurement], bool | None]) -> _LookPlan:
+    def plan_lid_look(part: Part, answer: Callable[[Measurement], bool | None]) -> _LookPlan:
         return _LookPlan(machine=machine, part=part, call=perception.localize_lid, answer=answer)
 
-    def rotor(position_rad: float) -> _LookPlan:
+    def plan_rotor_look(position_rad: float) -> _LookPlan:
         call = perception.localize_rotor
         return _LookPlan(
             machine=machine,
@@ -128,15 +128,15 @@ def _look_plans(machine: str) -> Mapping[str, _LookPlan]:
         )
 
     return {
-        "open": lid(Part.LID, _is_open),
-        "locked": lid(Part.LATCH, lambda measurement: measurement["latched"]),
-        "rotor_in_pos_1": rotor(0.0),
-        "rotor_in_pos_2": rotor(pi),
+        "open": plan_lid_look(Part.LID, _is_open),
+        "locked": plan_lid_look(Part.LATCH, lambda measurement: measurement["latched"]),
+        "rotor_in_pos_1": plan_rotor_look(0.0),
+        "rotor_in_pos_2": plan_rotor_look(pi),
     }
 
 
 def _is_open(measurement: Measurement) -> bool | None:
-    """Return whether a lid is open; None unless at least two tags are seen, one each on base and lid."""
+    """Return whether a lid is open; None unless at least two tags are seen, one on the base and one on the lid."""
     angle_rad = measurement["lid_angle"]
     return None if angle_rad is None or measurement["markers"] < 2 else bool(angle_rad > OPEN_RAD)
 

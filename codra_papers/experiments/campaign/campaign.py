@@ -1,4 +1,4 @@
-"""Run many trials on all cores. Each is stored when it is done, so a stopped campaign continues where it stopped."""
+"""Run many trials on all cores. Each trial is stored when it is done, so a stopped campaign can be continued."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from codra_papers.experiments.campaign.records import TrialRecord, records_of
 from codra_papers.experiments.campaign.workers import run_in_processes
 
 TRIALS = "trials"
-"""The folder, within that of an experiment, for the records and frames of trials."""
+"""The name of the folder for the records and frames of trials, within the folder of an experiment."""
 
 _STAGING = ".codra-"
 
@@ -32,50 +32,51 @@ class Progress:
     """The progress of a campaign.
 
     Attributes:
-        done: trials that are complete, of `total`.
-        reused: trials among them whose records existed at the start.
+        done: how many trials are complete.
+        total: how many trials there are.
+        reused: how many of the complete trials already had a valid record at the start.
         latest: the name of the trial that was completed last; empty at the start.
     """
 
     done: int
     total: int
-    reused: int
+    reused_trials: int
     latest: str
 
 
 def run_campaign(
     trials: Sequence[AnyTrial], folder: Path, *, processes: int | None = None, progress: Callable[[Progress], None]
 ) -> Mapping[str, Any]:
-    """Run all trials that have no valid record, and return the outcomes of all trials by name, in the order given.
+    """Run all trials that have no valid record, and return the outcomes of all trials in the given order.
 
-    A record is valid if it was made from the same trial, spec, code and libraries. An outcome does not depend on the
-    number of processes or on the other trials.
+    The key of an outcome is the name of its trial. A record is valid if it was made from the same trial, spec, code and
+    libraries. An outcome does not depend on the number of processes or on the other trials.
 
     Args:
-        trials: with different names that are valid file names.
-        folder: of the experiment; records go to a folder within it.
-        processes: how many run at once; None for one per core.
-        progress: called at the start and after each trial.
+        trials: the trials; their names must differ and be valid file names.
+        folder: the folder of the experiment; records go to a folder within it.
+        processes: how many trials run at once; None for one per core.
+        progress: a function that is called at the start and after each trial.
 
     Raises:
         ValueError: if a name is not a valid file name, or occurs twice.
         SpecError: if a spec has errors.
-        CampaignBusyError: if another program runs trials in that folder.
-        TrialError: if a trial fails; trials that were completed before keep their records.
+        CampaignBusyError: if another program runs trials in the same folder.
+        TrialError: if a trial fails; trials that were completed before it keep their records.
         OSError: if a file cannot be written.
     """
     _check_names([trial.name for trial in trials])
-    place = folder / TRIALS
-    place.mkdir(parents=True, exist_ok=True)
-    with _alone_in(place):
-        records = records_of(trials, place)
+    trials_folder = folder / TRIALS
+    trials_folder.mkdir(parents=True, exist_ok=True)
+    with _locked_folder(trials_folder):
+        records = records_of(trials, trials_folder)
         outcomes = {record.trial.name: outcome for record in records if (outcome := record.read()) is not None}
-        reused = len(outcomes)
-        progress(Progress(done=reused, total=len(trials), reused=reused, latest=""))
-        missing = [record for record in records if record.trial.name not in outcomes]
-        for outcome in _run(missing, place, processes or cores()):
+        reused_trials = len(outcomes)
+        progress(Progress(done=reused_trials, total=len(trials), reused_trials=reused_trials, latest=""))
+        missing_records = [record for record in records if record.trial.name not in outcomes]
+        for outcome in _run_missing(missing_records, trials_folder, processes or cores()):
             outcomes[outcome.name] = outcome
-            progress(Progress(done=len(outcomes), total=len(trials), reused=reused, latest=outcome.name))
+            progress(Progress(done=len(outcomes), total=len(trials), reused_trials=reused_trials, latest=outcome.name))
     return {trial.name: outcomes[trial.name] for trial in trials}
 
 
@@ -84,36 +85,36 @@ def cores() -> int:
     return len(os.sched_getaffinity(0))
 
 
-def _run(missing: Sequence[TrialRecord], place: Path, processes: int) -> Iterator[AnyOutcome]:
-    """Run trials with a temporary folder, which is removed at the end in any case."""
-    if not missing:
+def _run_missing(missing_records: Sequence[TrialRecord], trials_folder: Path, processes: int) -> Iterator[AnyOutcome]:
+    """Run trials with a temporary folder, which is removed at the end, also after an error."""
+    if not missing_records:
         return
-    with tempfile.TemporaryDirectory(prefix=_STAGING, dir=place) as staging:
-        yield from run_in_processes(missing, Path(staging), processes)
+    with tempfile.TemporaryDirectory(prefix=_STAGING, dir=trials_folder) as staging:
+        yield from run_in_processes(missing_records, Path(staging), processes)
 
 
 def _check_names(names: Sequence[str]) -> None:
-    twice = [name for name, count in Counter(names).items() if count > 1]
-    if twice:
-        raise ValueError(f"two trials have the name '{twice[0]}'")
+    repeated_names = [name for name, count in Counter(names).items() if count > 1]
+    if repeated_names:
+        raise ValueError(f"two trials have the name '{repeated_names[0]}'")
     for name in names:
         is_hidden = not name or name.startswith(".") or not name.isprintable()
         if is_hidden or Path(name).name != name or Path(name).suffix in (".json", ".error") or len(name.encode()) > 200:
-            raise ValueError(f"the trial {name!r} has a name that a folder cannot have")
+            raise ValueError(f"the trial {name!r} has a name that no folder can have")
 
 
 @contextmanager
-def _alone_in(place: Path) -> Iterator[None]:
-    """Lock the folder of trials against other programs, and remove temporary files of killed ones."""
-    descriptor = os.open(place, os.O_RDONLY)
+def _locked_folder(trials_folder: Path) -> Iterator[None]:
+    """Lock the folder of trials against other programs, and remove the temporary files of killed programs."""
+    descriptor = os.open(trials_folder, os.O_RDONLY)
     try:
         with suppress(OSError):  # a file system without locks
             try:
                 fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError as error:
-                raise CampaignBusyError(f"another program runs trials in '{place}'") from error
-        for stale in place.glob(f"{_STAGING}*"):
-            shutil.rmtree(stale, ignore_errors=True)
+                raise CampaignBusyError(f"another program runs trials in '{trials_folder}'") from error
+        for stale_folder in trials_folder.glob(f"{_STAGING}*"):
+            shutil.rmtree(stale_folder, ignore_errors=True)
         yield
     finally:
         os.close(descriptor)

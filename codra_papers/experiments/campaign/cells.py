@@ -14,12 +14,12 @@ def rounded(value: float | None, digits: int) -> float | None:
 
 
 def ratio(share: Share) -> float | None:
-    """Return a ratio with three digits, as in P1."""
+    """Return the ratio of a share, rounded to three digits as in P1; None for 0 / 0."""
     return rounded(ratio_of_sums([share]), 3)
 
 
 def interval(estimate: Estimate, digits: int = 3) -> str:
-    """Return an estimate as text: the value and the ends of its interval."""
+    """Return an estimate as text with signs: the value, and the ends of its interval if it has one."""
     if estimate.value is None:
         return "none"
     if estimate.low is None or estimate.high is None:
@@ -28,39 +28,39 @@ def interval(estimate: Estimate, digits: int = 3) -> str:
 
 
 def percent(estimate: Estimate) -> str:
-    """Return an estimate of a share as percentages."""
+    """Return an estimate of a share as text, in percent."""
     return with_ends(estimate, lambda share: f"{100 * share:.1f}", "none")
 
 
-def with_ends(estimate: Estimate, formatted: Callable[[float], str], absent: str) -> str:
+def with_ends(estimate: Estimate, format_number: Callable[[float], str], absent_text: str) -> str:
     """Return an estimate as text: the value, and the ends of its interval if it has one.
 
     Args:
-        estimate: what to format.
-        formatted: returns one number as text.
-        absent: the text for an estimate without a value.
+        estimate: the estimate to format.
+        format_number: a function that returns one number as text.
+        absent_text: the text for an estimate without a value.
     """
     if estimate.value is None:
-        return absent
-    ends = (
+        return absent_text
+    interval_text = (
         ""
         if estimate.low is None or estimate.high is None
-        else f" [{formatted(estimate.low)}, {formatted(estimate.high)}]"
+        else f" [{format_number(estimate.low)}, {format_number(estimate.high)}]"
     )
-    return f"{formatted(estimate.value)}{ends}"
+    return f"{format_number(estimate.value)}{interval_text}"
 
 
 def plain_table(caption: str, header: Iterable[str], rows: Iterable[Iterable[Cell]]) -> Table:
-    """Return a table without marks."""
+    """Return a table without marked cells."""
     return Table(caption=caption, header=tuple(header), rows=tuple(tuple(row) for row in rows))
 
 
 def marked_below(table: Table, limit: float, rows: Iterable[int]) -> Table:
-    """Return a table with numbers below a limit marked, in the given rows."""
-    low = frozenset(
+    """Return a table in which the decimal numbers of the given rows are also marked if they are below a limit."""
+    low_cells = frozenset(
         (row, column)
         for row in rows
         for column, cell in enumerate(table.rows[row])
         if isinstance(cell, float) and cell < limit
     )
-    return Table(caption=table.caption, header=table.header, rows=table.rows, marked=table.marked | low)
+    return Table(caption=table.caption, header=table.header, rows=table.rows, marked=table.marked | low_cells)

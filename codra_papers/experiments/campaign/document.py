@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 Cell = str | int | float | bool | None
-"""A value in a table. Numbers are shown as given, so round them first; None is shown as a dash."""
+"""A value in a table. Numbers are shown without rounding, so round them first; None is shown as a dash."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,9 +24,9 @@ class Table:
 
     Attributes:
         caption: a description in one or two sentences.
-        header: of its columns.
-        rows: each with one cell per column.
-        marked: the cells, by row and column from 0, that are highlighted, e.g. ratios below 0.9 (P1, Table 2).
+        header: the titles of the columns.
+        rows: the rows, each with one cell per column.
+        marked: the (row, column) numbers, from 0, of the highlighted cells, e.g. of ratios below 0.9 (P1, Table 2).
     """
 
     caption: str
@@ -52,7 +52,7 @@ class Photograph:
     """A stored frame.
 
     Attributes:
-        path: of a PNG file; when it is shown, detected tags are outlined.
+        path: the PNG file of the frame. The report shows it with the detected tags outlined.
     """
 
     caption: str
@@ -64,7 +64,7 @@ Part = Words | Table | Drawing | Photograph
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Section:
-    """A part of a report under a heading."""
+    """A part of a report with its own heading."""
 
     title: str
     parts: Sequence[Part]
@@ -75,9 +75,9 @@ class Document:
     """A report.
 
     Attributes:
-        title: the title of the experiment.
+        title: the title of the report.
         summary: the results in a few sentences.
-        results: the same results as data for `json.dumps`, with units in the keys.
+        results: the results as data for `json.dumps`, with units in the keys.
     """
 
     title: str

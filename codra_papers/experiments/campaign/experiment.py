@@ -11,11 +11,12 @@ from typing import Any, Protocol
 from codra_papers.experiments.campaign.document import Document
 
 FIRST_REPORTED_SEED = 301
-"""The first seed of reports. Thresholds were tuned on 1 to 5; 101 to 130 are known (docs/papers/protocol.md)."""
+"""The first seed of reports. Thresholds were tuned on seeds 1 to 5, and the outcomes of seeds 101 to 130 are known
+(docs/papers/protocol.md)."""
 
 
 class World(StrEnum):
-    """The world in which the trials of an experiment run. It determines the declarations that the spec needs."""
+    """The world in which the trials of an experiment run. The world determines which declarations the spec needs."""
 
     LAB = "lab"
     STORE = "store"
@@ -41,7 +42,7 @@ class AnyOutcome(Protocol):
 
     @property
     def loops(self) -> int:
-        """Return how many rounds of its work were completed: loops in the lab, missions in the store."""
+        """Return how many rounds of its work the trial completed: loops in the lab, missions in the store."""
         ...
 
     @property
@@ -55,43 +56,43 @@ class AnyOutcome(Protocol):
         ...
 
     def files(self) -> Sequence[str]:
-        """Return the stored files that belong to it, relative to its folder."""
+        """Return the stored files that belong to the outcome, relative to the trial's folder."""
         ...
 
     def to_json(self) -> str:
-        """Return it as JSON."""
+        """Return the outcome as JSON."""
         ...
 
 
 class AnyTrial(Protocol):
-    """One run of an experiment: a frozen value with everything that is needed to run it again."""
+    """One run of an experiment: a frozen value with everything that is needed to repeat the run."""
 
     @property
     def name(self) -> str:
-        """Return its name, unique in its experiment; also the name of its record."""
+        """Return the name of the trial, which is unique in its experiment and is also the name of its record."""
         ...
 
     @property
     def spec(self) -> Path:
-        """Return the file of its spec."""
+        """Return the file of the spec."""
         ...
 
     @property
     def seed(self) -> int:
-        """Return the seed of all random numbers in it."""
+        """Return the seed of all random numbers of the trial."""
         ...
 
     @property
     def draws_frames(self) -> bool:
-        """Return whether it draws frames of the laboratory."""
+        """Return whether the trial draws frames of the laboratory."""
         ...
 
     def run(self, folder: Path) -> AnyOutcome:
-        """Run it; files to be stored go to the folder, which is created if there are any."""
+        """Run the trial and write the files to be stored into the folder, which is created if there are any files."""
         ...
 
     def outcome(self, text: str) -> AnyOutcome:
-        """Return the outcome that `to_json` wrote as this text."""
+        """Return the outcome from the JSON text that its `to_json` returned."""
         ...
 
 
@@ -102,7 +103,7 @@ class Settings:
     Attributes:
         spec: the file of the spec under test.
         seeds: the number of further seeds for confidence intervals; each experiment defines their use.
-        folder: for everything that the experiment writes.
+        folder: the folder for everything that the experiment writes.
     """
 
     spec: Path
@@ -115,14 +116,15 @@ class Experiment:
     """An experiment.
 
     Attributes:
-        name: as on the command line.
-        question: that it answers, in a sentence.
+        name: the name on the command line.
+        question: the question that the experiment answers, in one sentence.
         seeds: the default number of further seeds.
-        trials: returns the runs that it needs.
-        judge: makes the report from their outcomes. It uses fixed seeds only, so a report can be reproduced.
-        then: returns further runs that depend on the outcomes of the first ones, e.g. with the result of a search; or
-            None.
-        world: in which they run.
+        trials: a function that returns the trials that the experiment needs.
+        judge: a function that makes the report from the outcomes. If it uses random numbers, their seeds are fixed, so
+            that a report can be reproduced.
+        then: a function that returns further trials, which depend on the outcomes of the first trials, e.g. trials that
+            use the result of a search; or None.
+        world: the world in which the trials run.
     """
 
     name: str

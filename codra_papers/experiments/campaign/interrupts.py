@@ -1,4 +1,4 @@
-"""Delay Ctrl-C to a better moment."""
+"""Delay Ctrl-C until the end of a block of code."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from contextlib import contextmanager
 
 @contextmanager
 def interrupts_held_back() -> Iterator[None]:
-    """Deliver interrupts only after the block.
+    """Deliver interrupts only after the `with` block.
 
-    A process that is started within the block blocks interrupts for ever. Ctrl-C at a terminal goes to all processes;
-    such a process ignores it, and the process that started it has to end it.
+    A process that is started within the block never receives interrupts. Ctrl-C at a terminal goes to all processes,
+    but such a process ignores it: the process that started it has to end it.
     """
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:

@@ -1,6 +1,6 @@
 """Render a report as one HTML file that needs no network and no script, for any browser and for paper.
 
-Drawings are embedded as images and not as elements, so that names in one drawing cannot clash with those of another.
+Drawings are embedded as images and not as SVG elements, so that names in different drawings cannot clash.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from codra_papers.experiments.campaign.document import Cell, Document, Drawing, Part, Photograph, Section, Table, Words
 from codra_papers.experiments.campaign.experiment import AnyOutcome, Experiment
-from codra_papers.experiments.campaign.photographs import NoPictureError, developed
+from codra_papers.experiments.campaign.photographs import NoPictureError, annotated_jpeg
 from codra_papers.experiments.campaign.provenance import Provenance
 
 _NOT_IN_NAMES = re.compile(r"[^a-z0-9]+")
@@ -58,7 +58,7 @@ class _Image:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Block:
-    """A part of a section, or several pictures side by side."""
+    """A part of a section, or several photographs side by side."""
 
     kind: _Kind
     content: object
@@ -77,10 +77,10 @@ def render_page(
     """Return a report as HTML.
 
     Args:
-        experiment: its name and question.
+        experiment: the experiment, whose name and question are shown.
         document: the content of the report.
-        outcomes: of the trials, by name.
-        provenance: of the report.
+        outcomes: the outcomes of the trials. The key is the name of the trial.
+        provenance: the inputs and the environment of the report.
     """
     return (
         _environment()
@@ -89,7 +89,7 @@ def render_page(
             experiment=experiment,
             document=document,
             sections=_sections(document.sections),
-            made=_sections([_made_with(provenance), _trials(outcomes)], first=len(document.sections)),
+            made=_sections([_provenance_section(provenance), _trials_section(outcomes)], first=len(document.sections)),
         )
     )
 
@@ -118,7 +118,7 @@ def _anchor(number: int, title: str) -> str:
 
 
 def _blocks(parts: Sequence[Part]) -> Sequence[_Block]:
-    """Return parts as blocks; consecutive photographs become one block and are shown side by side."""
+    """Return parts as blocks. Consecutive photographs become one block, which shows them side by side."""
     blocks: list[_Block] = []
     for are_photographs, group in groupby(parts, lambda part: isinstance(part, Photograph)):
         if are_photographs:
@@ -144,7 +144,7 @@ def _block(part: Part) -> _Block:
 
 def _photograph(part: Photograph) -> _Image:
     try:
-        return _Image(caption=part.caption, uri=_uri("image/jpeg", developed(part.path)))
+        return _Image(caption=part.caption, uri=_uri("image/jpeg", annotated_jpeg(part.path)))
     except NoPictureError as error:
         return _Image(caption=part.caption, reason=str(error))
 
@@ -154,22 +154,22 @@ def _uri(kind: str, data: bytes) -> str:
 
 
 def _table(table: Table) -> _ShownTable:
-    """Return a table whose numeric columns are aligned to the right; without rows, its only row reads "none"."""
-    cells_by_row = table.rows or [("none", *[""] * (len(table.header) - 1))]
-    columns = [
-        [row[column] for row in cells_by_row if row[column] not in _ABSENT] for column in range(len(table.header))
+    """Return a table whose numeric columns are aligned to the right. If it has no rows, show one row: "none"."""
+    shown_rows = table.rows or [("none", *[""] * (len(table.header) - 1))]
+    column_cells = [
+        [row[column] for row in shown_rows if row[column] not in _ABSENT] for column in range(len(table.header))
     ]
-    numeric = [bool(column) and all(map(_is_number, column)) for column in columns]
+    is_numeric = [bool(column) and all(map(_is_number, column)) for column in column_cells]
     rows = [
         [
-            _ShownCell(text=_text(cell), is_number=numeric[column], is_marked=(number, column) in table.marked)
+            _ShownCell(text=_cell_text(cell), is_number=is_numeric[column], is_marked=(number, column) in table.marked)
             for column, cell in enumerate(row)
         ]
-        for number, row in enumerate(cells_by_row)
+        for number, row in enumerate(shown_rows)
     ]
     header = [
         _ShownCell(text=text, is_number=is_number, is_marked=False)
-        for text, is_number in zip(table.header, numeric, strict=True)
+        for text, is_number in zip(table.header, is_numeric, strict=True)
     ]
     return _ShownTable(caption=table.caption, header=header, rows=rows, has_marks=bool(table.marked))
 
@@ -187,7 +187,7 @@ def _is_number(cell: Cell) -> bool:
     return cell is not None and not isinstance(cell, bool)
 
 
-def _text(cell: Cell) -> str:
+def _cell_text(cell: Cell) -> str:
     match cell:
         case None:
             return "\u2013"
@@ -200,27 +200,27 @@ def _text(cell: Cell) -> str:
 # Sections at the end of every report
 
 
-def _made_with(made: Provenance) -> Section:
-    before = f"; {made.reused} had been run before" if made.reused else ""
+def _provenance_section(provenance: Provenance) -> Section:
+    reused_text = f"; {provenance.reused_trials} had been run before" if provenance.reused_trials else ""
     revision = "in no git repository"
-    if made.revision is not None:
-        state = "no uncommitted changes" if made.revision.is_clean else "with uncommitted changes"
-        revision = f"{made.revision.commit}, {state}"
+    if provenance.revision is not None:
+        state = "no uncommitted changes" if provenance.revision.is_clean else "with uncommitted changes"
+        revision = f"{provenance.revision.commit}, {state}"
     rows = [
-        ("Command", made.command),
-        ("Specification", made.spec),
+        ("Command", provenance.command),
+        ("Specification", provenance.spec),
         ("Working tree", revision),
-        *((name, version) for name, version in made.versions.items()),
-        ("Code of codra", f"SHA-256 {made.code}"),
-        ("Seeds", ", ".join(map(str, made.seeds))),
-        ("Cores", f"{made.cores}; {made.processes} processes side by side"),
-        ("Time", f"{made.elapsed_s:.0f} s for the trials that this call ran{before}"),
+        *((name, version) for name, version in provenance.versions.items()),
+        ("Code of codra", f"SHA-256 {provenance.code}"),
+        ("Seeds", ", ".join(map(str, provenance.seeds))),
+        ("Cores", f"{provenance.cores}; {provenance.processes} processes at once"),
+        ("Time", f"{provenance.elapsed_s:.0f} s for the trials that this call ran{reused_text}"),
     ]
-    caption = "What this report was made with. The same command, code and versions give the same results."
-    return Section(title="Made with", parts=[Table(caption=caption, header=("What", "Which"), rows=rows)])
+    caption = "The inputs of this report. The same command, code and versions give the same results."
+    return Section(title="Made with", parts=[Table(caption=caption, header=("Input", "Value"), rows=rows)])
 
 
-def _trials(outcomes: Mapping[str, AnyOutcome]) -> Section:
+def _trials_section(outcomes: Mapping[str, AnyOutcome]) -> Section:
     rows = [
         (
             name,
@@ -234,5 +234,7 @@ def _trials(outcomes: Mapping[str, AnyOutcome]) -> Section:
     ]
     header = ("Trial", "Seed", "Simulated s", "Loops", "Frames", "Ended by an error")
     marked = frozenset((number, 5) for number, outcome in enumerate(outcomes.values()) if outcome.error)
-    caption = "All trials. Loops are those of the main execution, or missions; frames were rendered for perception."
+    caption = (
+        "All trials. Loops: completed by the main execution; in the store, missions. Frames: rendered for perception."
+    )
     return Section(title="Trials", parts=[Table(caption=caption, header=header, rows=rows, marked=marked)])

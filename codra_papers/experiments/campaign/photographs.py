@@ -21,27 +21,27 @@ _FRACTION_BITS = 4
 
 
 class NoPictureError(Exception):
-    """A file is missing or is not a readable picture."""
+    """A file cannot be read, or is not a picture."""
 
 
-def developed(path: Path) -> bytes:
+def annotated_jpeg(path: Path) -> bytes:
     """Return a stored frame as JPEG in its original size, with each detected tag outlined and numbered.
 
     Raises:
-        NoPictureError: if the file is missing or not a readable picture.
+        NoPictureError: if the file cannot be read or is not a picture.
     """
-    picture = _picture(path)
-    drawn = picture.copy()
-    for tag_id, corners_px in _tags(picture):
+    picture = _read_picture(path)
+    annotated = picture.copy()
+    for tag_id, corners_px in _detect_tags(picture):
         corners = np.round(corners_px * 2**_FRACTION_BITS).astype(np.int32).reshape(-1, 1, 2)
-        cv2.polylines(drawn, [corners], True, _OUTLINE, 1, cv2.LINE_AA, _FRACTION_BITS)
-        place = (int(corners_px[:, 0].min()), int(corners_px[:, 1].max()) + 14)
-        cv2.putText(drawn, str(tag_id), place, cv2.FONT_HERSHEY_SIMPLEX, 0.45, _TEXT, 1, cv2.LINE_AA)
-    _, data = cv2.imencode(".jpg", drawn, (*_QUALITY, *_COLOURS_OF_EVERY_PIXEL))
+        cv2.polylines(annotated, [corners], True, _OUTLINE, 1, cv2.LINE_AA, _FRACTION_BITS)
+        text_place = (int(corners_px[:, 0].min()), int(corners_px[:, 1].max()) + 14)
+        cv2.putText(annotated, str(tag_id), text_place, cv2.FONT_HERSHEY_SIMPLEX, 0.45, _TEXT, 1, cv2.LINE_AA)
+    _, data = cv2.imencode(".jpg", annotated, (*_QUALITY, *_COLOURS_OF_EVERY_PIXEL))
     return bytes(data)
 
 
-def _picture(path: Path) -> NDArray[np.uint8]:
+def _read_picture(path: Path) -> NDArray[np.uint8]:
     try:
         data = np.frombuffer(path.read_bytes(), dtype=np.uint8)
     except OSError as error:
@@ -52,8 +52,11 @@ def _picture(path: Path) -> NDArray[np.uint8]:
     return np.asarray(picture, dtype=np.uint8)
 
 
-def _tags(picture: NDArray[np.uint8]) -> list[tuple[int, NDArray[np.float64]]]:
-    """Detect tags in a picture with OpenCV's order of colours. Detection uses only the pixels; the pose is a dummy."""
+def _detect_tags(picture: NDArray[np.uint8]) -> list[tuple[int, NDArray[np.float64]]]:
+    """Return the ids and corners of the tags in a picture whose colours are in OpenCV's order.
+
+    Detection uses only the pixels of a frame; the intrinsics and the pose here are dummies.
+    """
     height, width = picture.shape[:2]
     frame = Frame(
         pixels=np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2RGB), dtype=np.uint8),

@@ -21,8 +21,8 @@ class Revision:
     """The state of a working tree.
 
     Attributes:
-        commit: that is checked out.
-        is_clean: whether the working tree equals it.
+        commit: the commit that is checked out.
+        is_clean: whether the working tree is the same as the commit, apart from the folder for results.
     """
 
     commit: str
@@ -35,14 +35,15 @@ class Provenance:
 
     Attributes:
         command: the command line.
-        spec: its file, relative to the project.
-        versions: by name.
+        spec: the file of the spec, relative to the project.
+        versions: the versions of codra, Python and libraries, by name.
         code: a digest of the code of codra.
-        revision: of the project's working tree; None if it is in no repository.
-        seeds: of all trials.
-        cores: how many the machine offers; `processes` is how many trials ran at once.
-        elapsed_s: how long this call took, without rendering the page.
-        reused: how many trials had been run before.
+        revision: the state of the project's working tree; None if the project is in no repository.
+        seeds: the seeds of all trials.
+        cores: how many cores the machine offers.
+        processes: how many trials ran at once.
+        elapsed_s: how long this call took, without judging the outcomes and rendering the page.
+        reused: how many trials had been run before this call.
     """
 
     command: str
@@ -54,11 +55,11 @@ class Provenance:
     cores: int
     processes: int
     elapsed_s: float
-    reused: int
+    reused_trials: int
 
 
 def versions() -> Mapping[str, str]:
-    """Return the versions of everything that outcomes and reports depend on."""
+    """Return the versions of the programs and libraries that outcomes and reports depend on, by name."""
     return {
         "codra": __version__,
         "Python": platform.python_version(),
@@ -69,15 +70,15 @@ def versions() -> Mapping[str, str]:
     }
 
 
-def revision_of(root: Path, but: Path) -> Revision | None:
-    """Return the state of a project's working tree; None if it is in no repository.
+def revision_of(root: Path, results_folder: Path) -> Revision | None:
+    """Return the state of a project's working tree; None if the project is in no repository.
 
     Args:
         root: the project's folder.
-        but: a folder in which differences are ignored, for results.
+        results_folder: the folder for results; differences in it are ignored.
     """
     try:
         repository = Repository.around(root.resolve())
-        return Revision(commit=repository.commit("HEAD"), is_clean=not repository.changed(but.resolve()))
+        return Revision(commit=repository.commit("HEAD"), is_clean=not repository.changed(results_folder.resolve()))
     except RevisionError:
         return None

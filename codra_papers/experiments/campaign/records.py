@@ -1,4 +1,4 @@
-"""Records of trials on disk, with digests of everything that the trials were made from."""
+"""Records of trials on disk. Each record has a digest of everything that the trial was made from."""
 
 from __future__ import annotations
 
@@ -18,10 +18,11 @@ from codra_dsl.language.project import root_of
 from codra_papers.experiments.campaign.experiment import AnyOutcome, AnyTrial
 
 _LIBRARIES = frozenset({"numpy", "mujoco", "opencv-python-headless", "opencv-python", "py_trees", "networkx"})
-"""The libraries that compute frames, perception, and routes in the store."""
+"""The libraries that compute frames, perception, and routes in the store. Their versions are part of a digest."""
 
 
-PACKAGES = (Path(codra_dsl.__file__).parent, Path(codra_papers.__file__).parent)
+PACKAGE_FOLDERS = (Path(codra_dsl.__file__).parent, Path(codra_papers.__file__).parent)
+"""The folders of the packages whose code is part of a digest."""
 
 
 class ChangedMeanwhileError(Exception):
@@ -32,12 +33,12 @@ class ChangedMeanwhileError(Exception):
 class TrialRecord:
     """The record of a trial: the file `NAME.json`, and the frames in the folder `NAME`.
 
-    The first line of the file holds two digests: of everything that the trial was made from, and of the rest of the
-    file.
+    The first line of the file holds two digests: one of everything that the trial was made from, and one of the rest of
+    the file.
 
     Attributes:
         folder: the folder of the record.
-        digest: of everything that the trial is made from.
+        digest: the digest of everything that the trial is made from now.
     """
 
     trial: AnyTrial
@@ -46,12 +47,12 @@ class TrialRecord:
 
     @property
     def path(self) -> Path:
-        """Return the file."""
+        """Return the path of the file."""
         return self.folder / f"{self.trial.name}.json"
 
     @property
     def error_path(self) -> Path:
-        """Return the file with the traceback of the trial, which exists if it failed."""
+        """Return the file with the traceback, which exists only if the trial failed with an unexpected error."""
         return self.folder / f"{self.trial.name}.error"
 
     @property
@@ -60,10 +61,14 @@ class TrialRecord:
         return self.folder / self.trial.name
 
     def read(self) -> AnyOutcome | None:
-        """Return the outcome in the record; None if the record is missing or damaged, or its inputs have changed."""
+        """Return the outcome in the record.
+
+        The outcome is None if the record or one of its frames is missing, if the record is damaged, or if the inputs of
+        the trial have changed.
+        """
         try:
-            head, _, text = self.path.read_text(encoding="utf-8").partition("\n")
-            if head != self._head(text):
+            first_line, _, text = self.path.read_text(encoding="utf-8").partition("\n")
+            if first_line != self._first_line(text):
                 return None
             outcome = self.trial.outcome(text)
         except (OSError, ValueError, TypeError, LookupError, AttributeError):
@@ -73,8 +78,8 @@ class TrialRecord:
     def make(self, staging: Path) -> None:
         """Run the trial and write its record, completely or not at all.
 
-        The digest of the inputs is computed again after the run: an outcome of changed inputs is never stored under the
-        old digest.
+        The digest of the inputs is computed again after the run, so that an outcome of changed inputs is never stored
+        under the old digest.
 
         Args:
             staging: an empty folder for this run only, on the same disk.
@@ -85,7 +90,7 @@ class TrialRecord:
         text = self.trial.run(staging / "frames").to_json()
         if _digest_of_trial(self.trial, _spec_digest(self.trial.spec)) != self.digest:
             raise ChangedMeanwhileError("its spec, or code that it depends on, was changed while it ran")
-        (staging / "record").write_text(f"{self._head(text)}\n{text}", encoding="utf-8")
+        (staging / "record").write_text(f"{self._first_line(text)}\n{text}", encoding="utf-8")
         self.path.unlink(missing_ok=True)
         shutil.rmtree(self.frames, ignore_errors=True)
         if (staging / "frames").exists():
@@ -93,7 +98,7 @@ class TrialRecord:
         (staging / "record").replace(self.path)
         self.error_path.unlink(missing_ok=True)
 
-    def _head(self, text: str) -> str:
+    def _first_line(self, text: str) -> str:
         return f"{self.digest} {sha256(text.encode()).hexdigest()}"
 
 
@@ -101,12 +106,13 @@ def records_of(trials: Sequence[AnyTrial], folder: Path) -> Sequence[TrialRecord
     """Return the records of trials.
 
     Raises:
-        ValueError: if the `repr` of a value in a trial contains an address, as that of a function does.
+        ValueError: if the `repr` of a trial contains a memory address, as the `repr` of a function does.
         SpecError: if a spec has errors.
     """
-    specs = {spec: _spec_digest(spec) for spec in {trial.spec for trial in trials}}
+    spec_digests = {spec: _spec_digest(spec) for spec in {trial.spec for trial in trials}}
     return [
-        TrialRecord(trial=trial, folder=folder, digest=_digest_of_trial(trial, specs[trial.spec])) for trial in trials
+        TrialRecord(trial=trial, folder=folder, digest=_digest_of_trial(trial, spec_digests[trial.spec]))
+        for trial in trials
     ]
 
 
@@ -117,13 +123,13 @@ def _digest_of_trial(trial: AnyTrial, spec_digest: str) -> str:
             f"the description of trial '{trial.name}' contains memory addresses, which change with every run;"
             f" use frozen dataclasses instead of functions: {description}"
         )
-    return sha256("\n".join((description, spec_digest, code_digest(), _libraries())).encode()).hexdigest()
+    return sha256("\n".join((description, spec_digest, code_digest(), _library_versions())).encode()).hexdigest()
 
 
 @cache
 def code_digest() -> str:
-    """Return a digest of the code of both packages; outcomes can depend on all of it."""
-    digests = (_digest_of(package, _code_files(package)) for package in PACKAGES)
+    """Return a digest of all code of both packages, because outcomes can depend on any of it."""
+    digests = (_digest_of(package, _code_files(package)) for package in PACKAGE_FOLDERS)
     return sha256("\n".join(digests).encode()).hexdigest()
 
 
@@ -145,9 +151,9 @@ def _digest_of(root: Path, files: Sequence[Path]) -> str:
 
 
 @cache
-def _libraries() -> str:
-    """Return the versions of the libraries that frames and perception depend on."""
-    installed = {
+def _library_versions() -> str:
+    """Return the versions of Python and of the libraries that outcomes depend on, as text."""
+    installed_versions = {
         name: distribution.version for name in _LIBRARIES for distribution in metadata.distributions(name=name)
     }
-    return f"{platform.python_version()} {sorted(installed.items())}"
+    return f"{platform.python_version()} {sorted(installed_versions.items())}"

@@ -1,4 +1,4 @@
-"""Experiments by name: those of this package, and those in a project's own modules."""
+"""Find experiments: the experiments of this package by name, and the experiments in a project's own modules."""
 
 from __future__ import annotations
 
@@ -8,34 +8,42 @@ from collections.abc import Mapping
 
 from codra_papers.experiments.campaign.experiment import Experiment
 
-_STUDIES = "codra_papers.experiments.studies"
-_CONSTANT = "EXPERIMENT"
+_STUDIES_PACKAGE = "codra_papers.experiments.studies"
+_CONSTANT_NAME = "EXPERIMENT"
 
 
 class NoExperimentError(LookupError):
-    """An experiment does not exist; the message gives the reason."""
+    """An experiment cannot be imported, or is not an `Experiment`. The message gives the reason."""
 
 
 def experiments() -> Mapping[str, Experiment]:
-    """Return the experiments of this package by name, in order: the constants `EXPERIMENT` of its modules."""
-    studies = importlib.import_module(_STUDIES)
-    names = sorted(module.name for module in pkgutil.iter_modules(studies.__path__))
-    modules = [importlib.import_module(f"{_STUDIES}.{name}") for name in names]
-    known = [value for module in modules if isinstance(value := getattr(module, _CONSTANT, None), Experiment)]
-    return {experiment.name: experiment for experiment in known}
+    """Return the experiments of this package by name: the constants `EXPERIMENT` of the modules of `studies`.
+
+    Their order is that of the module names.
+    """
+    package = importlib.import_module(_STUDIES_PACKAGE)
+    names = sorted(module.name for module in pkgutil.iter_modules(package.__path__))
+    modules = [importlib.import_module(f"{_STUDIES_PACKAGE}.{name}") for name in names]
+    found_experiments = [
+        value for module in modules if isinstance(value := getattr(module, _CONSTANT_NAME, None), Experiment)
+    ]
+    return {experiment.name: experiment for experiment in found_experiments}
 
 
-def experiment_in(place: str) -> Experiment:
-    """Return an experiment of a project, by `module:CONSTANT`.
+def experiment_in(reference: str) -> Experiment:
+    """Return an experiment of a project.
+
+    Args:
+        reference: the module and the constant, as `module:CONSTANT`.
 
     Raises:
-        NoExperimentError: if it does not exist.
+        NoExperimentError: if it cannot be imported or is not an `Experiment`.
     """
-    module, _, constant = place.partition(":")
+    module, _, constant = reference.partition(":")
     try:
-        constant_value = getattr(importlib.import_module(module), constant)
+        experiment = getattr(importlib.import_module(module), constant)
     except (ImportError, ValueError, AttributeError) as error:
-        raise NoExperimentError(f"'{place}' cannot be imported: {error}") from error
-    if not isinstance(constant_value, Experiment):
-        raise NoExperimentError(f"'{place}' is not an Experiment")
-    return constant_value
+        raise NoExperimentError(f"'{reference}' cannot be imported: {error}") from error
+    if not isinstance(experiment, Experiment):
+        raise NoExperimentError(f"'{reference}' is not an Experiment")
+    return experiment

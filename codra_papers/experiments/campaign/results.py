@@ -1,6 +1,6 @@
 """Write the results of an experiment into its folder: an HTML page for people, and JSON.
 
-Values that differ between runs, such as how long a run took, are on the page and never in `results.json`.
+Values that differ from run to run, such as how long a run took, are only on the page, never in `results.json`.
 """
 
 from __future__ import annotations
@@ -27,7 +27,9 @@ def write_results(
     outcomes: Mapping[str, AnyOutcome],
     provenance: Provenance,
 ) -> Sequence[Path]:
-    """Write the page and the data into a folder; if one fails, neither changes. Return their paths.
+    """Write the page and the data into a folder and return their paths.
+
+    Both files are first written to a temporary folder. So if one of them cannot be written there, neither changes.
 
     Raises:
         OSError: if a file cannot be written.
@@ -48,13 +50,13 @@ def write_results(
 def as_json(
     experiment: Experiment, document: Document, outcomes: Mapping[str, AnyOutcome], provenance: Provenance
 ) -> str:
-    """Return the results as JSON in the form of `results.schema.json`, without values that differ between runs.
+    """Return the results as JSON in the form of `results.schema.json`, without values that differ from run to run.
 
     Raises:
         ValueError: if the results contain values that JSON cannot represent, such as NaN.
     """
     revision = provenance.revision
-    report = {
+    content = {
         "version": _VERSION,
         "experiment": experiment.name,
         "question": experiment.question,
@@ -75,4 +77,4 @@ def as_json(
         },
         "results": document.results,
     }
-    return json.dumps(report, indent=2, allow_nan=False) + "\n"
+    return json.dumps(content, indent=2, allow_nan=False) + "\n"

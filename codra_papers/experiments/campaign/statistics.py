@@ -1,4 +1,4 @@
-"""Statistical tests: paired bootstrap intervals over runs, and Welch's t-test with the effect size."""
+"""Statistics of trials: paired bootstrap intervals over runs, and Welch's t-test with the effect size."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ LEVEL = 0.95
 
 RESAMPLES = 10_000
 SEED = 2026
-"""The seed of all resampling: the same outcomes give the same intervals."""
+"""The seed of all resampling. It is fixed, so the same outcomes give the same intervals."""
 
 _ROUNDING = 1e-12
-"""Smaller differences between ratios are rounding errors of sums."""
+"""Differences between ratios that are smaller than this are only rounding errors of sums."""
 
 _Array = NDArray[np.float64]
 
@@ -29,8 +29,8 @@ class Estimate:
     """A value with its confidence interval at `LEVEL`.
 
     Attributes:
-        value: None if the data give none, e.g. a ratio if no value was ever held.
-        low, high: None if the data give no interval, e.g. because there is only one run.
+        value: the value; None if the data give none, e.g. the ratio of right seconds if no value was ever held.
+        low, high: the ends of the interval; None if the data give no interval, e.g. because there is only one run.
     """
 
     value: float | None
@@ -50,7 +50,7 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True)
 class Share:
-    """A part of a total in one run, e.g. right seconds of held seconds."""
+    """A part of a total in one run, e.g. the right seconds among the held seconds."""
 
     part: float
     total: float
@@ -66,20 +66,20 @@ def ratio_interval(shares: Sequence[Share]) -> Estimate:
     """Return the ratio of sums over runs, with its interval.
 
     Args:
-        shares: one per run.
+        shares: one share per run.
     """
-    return _resampled(_ratio, ratio_of_sums(shares), shares)
+    return _with_interval(_ratio, ratio_of_sums(shares), shares)
 
 
 def ratio_difference(first: Sequence[Share], second: Sequence[Share]) -> Estimate:
-    """Return the ratio of sums of one arm minus that of another, with its interval.
+    """Return the ratio of sums of one arm minus the ratio of sums of another arm, with the interval of the difference.
 
-    Runs are resampled as pairs: a run that is hard for one arm is hard for the other (P1, section 4.1: they watch the
-    same frames).
+    Runs are resampled with both of their shares: a run that is hard for one arm is hard for the other, because both
+    arms watch the same frames (P1, section 4.1).
 
     Args:
-        first: of one arm, one per run.
-        second: of the other arm, for the same runs in the same order.
+        first: the shares of one arm, one per run.
+        second: the shares of the other arm, for the same runs in the same order.
 
     Raises:
         ValueError: if the numbers of runs differ.
@@ -88,14 +88,14 @@ def ratio_difference(first: Sequence[Share], second: Sequence[Share]) -> Estimat
         raise ValueError(f"{len(first)} runs cannot be paired with {len(second)}")
     left, right = ratio_of_sums(first), ratio_of_sums(second)
     value = None if left is None or right is None else left - right
-    return _resampled(_difference_of_ratios, value, first, second)
+    return _with_interval(_difference_of_ratios, value, first, second)
 
 
 def mean_interval(values: Sequence[float]) -> Estimate:
     """Return the mean over runs, with its interval.
 
     Args:
-        values: one per run, e.g. differences between two arms.
+        values: one value per run, e.g. the difference between two arms.
     """
     return ratio_interval([Share(value, 1.0) for value in values])
 
@@ -103,33 +103,35 @@ def mean_interval(values: Sequence[float]) -> Estimate:
 def quantile_interval(runs: Sequence[Sequence[float]], quantile: float) -> Estimate:
     """Return a quantile of the values of all runs together, with its percentile interval.
 
-    Runs are resampled, each with all of its values; resamples without values are ignored.
+    Runs are resampled, each run with all of its values. Resamples without any value are ignored.
 
     Args:
         runs: the values of each run; a run may have none, and values may be infinite.
-        quantile: between 0 and 1. The result is one of the values: the smallest one such that at least this share of
-            the values does not exceed it.
+        quantile: a share between 0 and 1. The result is one of the values: the smallest value that at least this share
+            of all values does not exceed.
     """
-    order = sorted((value, run) for run, values in enumerate(runs) for value in values)
-    if not order:
+    ordered_values = sorted((value, run) for run, values in enumerate(runs) for value in values)
+    if not ordered_values:
         return Estimate(value=None, low=None, high=None)
-    values, owners = np.array([value for value, _ in order]), [run for _, run in order]
-    value = float(values[_place(np.ones((1, len(order))), quantile)[0]])
+    values, runs_of_values = np.array([value for value, _ in ordered_values]), [run for _, run in ordered_values]
+    value = float(values[_quantile_index(np.ones((1, len(ordered_values))), quantile)[0]])
     if len(runs) < 2:
         return Estimate(value=value, low=None, high=None)
-    drawn = np.random.default_rng(SEED).integers(len(runs), size=(RESAMPLES, len(runs)))
-    counts = np.stack([(drawn == run).sum(-1) for run in range(len(runs))], axis=-1)[:, owners]
-    quantiles = np.sort(values[_place(counts[counts.sum(-1) > 0].astype(float), quantile)])
+    drawn_runs = np.random.default_rng(SEED).integers(len(runs), size=(RESAMPLES, len(runs)))
+    counts = np.stack([(drawn_runs == run).sum(-1) for run in range(len(runs))], axis=-1)[:, runs_of_values]
+    resampled_quantiles = np.sort(values[_quantile_index(counts[counts.sum(-1) > 0].astype(float), quantile)])
     tail = (1.0 - LEVEL) / 2.0
-    low, high = (float(quantiles[int(share * (len(quantiles) - 1))]) for share in (tail, 1.0 - tail))
+    low, high = (
+        float(resampled_quantiles[int(share * (len(resampled_quantiles) - 1))]) for share in (tail, 1.0 - tail)
+    )
     return Estimate(value=value, low=low, high=high)
 
 
-def _place(counts: _Array, quantile: float) -> NDArray[np.intp]:
-    """Return, row by row, the index of a quantile among sorted values that occur `counts` times."""
+def _quantile_index(counts: _Array, quantile: float) -> NDArray[np.intp]:
+    """Return the index of a quantile among sorted values, for each row of `counts`: how often each value occurs."""
     sums = counts.cumsum(-1)
-    places: NDArray[np.intp] = np.argmax(sums >= quantile * sums[:, -1:] - _ROUNDING, axis=-1)
-    return places
+    indices: NDArray[np.intp] = np.argmax(sums >= quantile * sums[:, -1:] - _ROUNDING, axis=-1)
+    return indices
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -137,12 +139,12 @@ class Welch:
     """The result of a two-sided Welch's t-test of two independent samples (P1, section 4.2, footnote 4).
 
     Attributes:
-        difference: of the means, first minus second, with its interval by the same t distribution.
+        difference: the mean of the first sample minus that of the second, with its interval by the same t distribution.
         t: the test statistic.
-        degrees: of freedom, by Welch and Satterthwaite.
+        degrees: the degrees of freedom by Welch and Satterthwaite.
         p: the probability of a difference at least as large if the means were equal.
-        hedges_g: the difference in units of the root of the mean variance, corrected for small samples, with an
-            interval that lets variances differ (Bonett, Psychological Methods 13, 2008).
+        hedges_g: the difference in units of the root of the mean variance, corrected for small samples. The variances
+            may differ in its interval (Bonett, Psychological Methods 13, 2008).
     """
 
     difference: Estimate
@@ -156,11 +158,11 @@ def welch(first: Sequence[float], second: Sequence[float]) -> Welch | None:
     """Compare the means of two samples whose variances may differ.
 
     Args:
-        first: at least two values.
-        second: likewise.
+        first: the first sample, at least two values.
+        second: the second sample, at least two values.
 
     Returns:
-        None if neither sample varies: the test needs a variance.
+        The result of the test; None if neither sample varies, because the test needs a variance.
 
     Raises:
         ValueError: if a sample has fewer than two values.
@@ -171,14 +173,14 @@ def welch(first: Sequence[float], second: Sequence[float]) -> Welch | None:
         raise ValueError("a variance needs at least two values")
     if _variance(first) + _variance(second) == 0.0:
         return None
-    result = stats.ttest_ind(first, second, equal_var=False)
-    interval = result.confidence_interval(LEVEL)
+    t_test = stats.ttest_ind(first, second, equal_var=False)
+    interval = t_test.confidence_interval(LEVEL)
     difference = float(np.mean(first) - np.mean(second))
     return Welch(
         difference=Estimate(value=difference, low=float(interval.low), high=float(interval.high)),
-        t=float(result.statistic),
-        degrees=float(result.df),
-        p=float(result.pvalue),
+        t=float(t_test.statistic),
+        degrees=float(t_test.df),
+        p=float(t_test.pvalue),
         hedges_g=_hedges_g(difference, first, second),
     )
 
@@ -214,31 +216,32 @@ def _difference_of_ratios(
     return _ratio(first_part, first_total, axis) - _ratio(second_part, second_total, axis)
 
 
-def _resampled(statistic: Any, value: float | None, *samples: Sequence[Share]) -> Estimate:
-    """Return a value with its interval: bias-corrected and accelerated, since shares near 1 are skewed.
+def _with_interval(statistic: Any, value: float | None, *samples: Sequence[Share]) -> Estimate:
+    """Return a value with its bootstrap interval.
 
-    The interval is missing for a single run, and if a resample has no ratio because all of its totals are 0.
+    The interval is bias-corrected and accelerated (BCa), because the distribution of shares near 1 is skewed. The
+    interval is missing if there is only one run, and if a resample has no ratio because all of its totals are 0.
     """
     if value is None or len(samples[0]) < 2:
         return Estimate(value=value, low=None, high=None)
     columns = [
         np.array(column) for sample in samples for column in ([s.part for s in sample], [s.total for s in sample])
     ]
-    rows = np.random.default_rng(SEED).integers(len(columns[0]), size=(RESAMPLES, len(columns[0])))
-    if any((column[rows].sum(-1) == 0.0).any() for column in columns[1::2]):
+    drawn_runs = np.random.default_rng(SEED).integers(len(columns[0]), size=(RESAMPLES, len(columns[0])))
+    if any((column[drawn_runs].sum(-1) == 0.0).any() for column in columns[1::2]):
         return Estimate(value=value, low=None, high=None)
-    low, high = _interval(statistic, columns)
+    low, high = _bootstrap_interval(statistic, columns)
     return Estimate(value=value, low=low, high=high)
 
 
-def _interval(statistic: Any, columns: Sequence[_Array]) -> tuple[float, float] | tuple[None, None]:
-    """Return the ends of the interval; both are the value itself if no single run influences it."""
+def _bootstrap_interval(statistic: Any, columns: Sequence[_Array]) -> tuple[float, float] | tuple[None, None]:
+    """Return the ends of the interval. Both are the value itself if leaving out any single run does not change it."""
     from scipy import stats
 
     runs = range(len(columns[0]))
-    without_one = np.array([statistic(*(np.delete(column, run) for column in columns)) for run in runs])
-    if np.ptp(without_one) <= _ROUNDING:
-        return float(without_one[0]), float(without_one[0])
+    statistics_without_one_run = np.array([statistic(*(np.delete(column, run) for column in columns)) for run in runs])
+    if np.ptp(statistics_without_one_run) <= _ROUNDING:
+        return float(statistics_without_one_run[0]), float(statistics_without_one_run[0])
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", stats.DegenerateDataWarning)  # the ends are NaN in this case
         interval = stats.bootstrap(

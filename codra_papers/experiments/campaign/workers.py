@@ -1,8 +1,8 @@
-"""Run trials in parallel, each in a process of its own.
+"""Run trials in parallel, each in its own process.
 
-A fresh process has no state of another trial. That process also writes the trial's record, so outcomes are always read
-from the disk, no matter which call ran the trial. Trial processes block interrupts and watch the program that started
-them: Ctrl-C is reported once, and if that program is killed, its trial processes end too.
+A fresh process has no state of another trial. The process also writes the trial's record, so that outcomes are always
+read from the disk, no matter which call of the command ran the trial. Trial processes block interrupts, so Ctrl-C is
+reported only once. They also watch the program that started them: if that program is killed, they end too.
 """
 
 from __future__ import annotations
@@ -39,17 +39,18 @@ _EXPLAINED_ERRORS = (
     NotDeclaredError,
     UnknownNameError,
 )
-"""Errors of the trial's input: their message is enough, no traceback is needed."""
+"""Errors in the input of a trial. Their message is enough; no traceback is stored."""
 
 
-_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
+_DISK_ERROR_NUMBERS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 
-_TUNABLES = "GLIBC_TUNABLES"
-_KEPT = ":".join(
+_TUNABLES_VARIABLE = "GLIBC_TUNABLES"
+_MEMORY_TUNABLES = ":".join(
     f"glibc.malloc.{name}={setting}"
     for name, setting in (("trim_threshold", 512 << 20), ("mmap_threshold", 32 << 20), ("tcache_count", 5000))
 )
-"""How much free memory is kept, from which size a block is returned at once, and how many small blocks are cached."""
+"""Settings of GNU's memory allocation: how much free memory a process keeps, from which size on a freed block is
+returned to the system at once, and how many small blocks are cached."""
 
 
 class TrialError(Exception):
@@ -57,7 +58,7 @@ class TrialError(Exception):
 
     Attributes:
         trial: the trial that failed.
-        reason: why, in one line.
+        reason: why the trial failed, in one line.
         details: the file with the traceback; None if the reason is enough.
     """
 
@@ -79,8 +80,9 @@ class _Failure:
     """The message of a process whose trial raised an exception.
 
     Attributes:
-        error_number: `errno` of an operating system error; 0 for any other error.
-        traceback: empty if the reason is enough.
+        reason: why the trial failed.
+        error_number: the `errno` of an operating system error while the record was written; 0 for any other error.
+        traceback: the traceback; empty if the reason is enough.
     """
 
     reason: str
@@ -97,17 +99,17 @@ class _Worker:
 
     record: TrialRecord
     process: SpawnProcess
-    reports: connection.Connection
+    report_connection: connection.Connection
 
     def outcome(self) -> AnyOutcome:
         """Wait for the process to report or to end, and return the outcome of its trial.
 
         Raises:
             TrialError: if the trial has no outcome.
-            OSError: if the operating system refused to write it.
+            OSError: if the operating system refused to write the record.
         """
         try:
-            report = self.reports.recv()
+            report = self.report_connection.recv()
         except EOFError:
             self.process.join()
             raise TrialError(self.record.trial, _end_of(self.process.exitcode or 0), None) from None
@@ -116,7 +118,7 @@ class _Worker:
             raise _error_of(self.record, report)
         outcome = self.record.read()
         if outcome is None:
-            raise TrialError(self.record.trial, f"its record '{self.record.path}' was changed meanwhile", None)
+            raise TrialError(self.record.trial, f"its record '{self.record.path}' was changed before it was read", None)
         return outcome
 
     def end(self) -> None:
@@ -124,84 +126,86 @@ class _Worker:
         self.process.kill()
         self.process.join()
         self.process.close()
-        self.reports.close()
+        self.report_connection.close()
 
 
 def run_in_processes(records: Sequence[TrialRecord], staging: Path, processes: int) -> Iterator[AnyOutcome]:
-    """Run trials in the order given, several at once; yield each outcome as soon as its trial is done.
+    """Start trials in the given order, several at once. Yield each outcome as soon as its trial is done.
 
-    A failed trial ends them all: a report needs every trial, and fixing the code changes the digests of all records.
+    A failed trial ends all trials: a report needs every trial, and a correction of the code changes the digests of all
+    records.
 
     Args:
-        records: of the trials.
+        records: the records of the trials to run.
         staging: an empty folder for temporary files, on the same disk as the records.
-        processes: how many run at once.
+        processes: how many trials run at once.
 
     Raises:
         TrialError: if a trial fails; the others are killed.
-        OSError: if a file cannot be written.
+        OSError: if a record cannot be written.
     """
     backend = _backend([record.trial for record in records])
-    waiting = list(reversed(records))
-    running: dict[connection.Connection, _Worker] = {}
-    resource_tracker.ensure_running()  # started later, it would unblock interrupts
+    waiting_records = list(reversed(records))
+    running_workers: dict[connection.Connection, _Worker] = {}
+    resource_tracker.ensure_running()  # if it started later, it would unblock interrupts
     try:
-        while waiting or running:
-            with interrupts_held_back():  # until the new process is in `running`, so that `finally` ends it
-                while waiting and len(running) < processes:
-                    worker = _started(waiting.pop(), staging / str(len(waiting)), backend)
-                    running[worker.reports] = worker
-            for connected in connection.wait(list(running)):
-                assert isinstance(connected, connection.Connection)
-                outcome = running[connected].outcome()
-                running.pop(connected).end()
+        while waiting_records or running_workers:
+            with interrupts_held_back():  # until the worker is in `running_workers`, where `finally` ends it
+                while waiting_records and len(running_workers) < processes:
+                    worker = _start_worker(waiting_records.pop(), staging / str(len(waiting_records)), backend)
+                    running_workers[worker.report_connection] = worker
+            for report_connection in connection.wait(list(running_workers)):
+                assert isinstance(report_connection, connection.Connection)
+                outcome = running_workers[report_connection].outcome()
+                running_workers.pop(report_connection).end()
                 yield outcome
     finally:
-        for worker in running.values():
+        for worker in running_workers.values():
             worker.end()
 
 
 def _backend(trials: Sequence[AnyTrial]) -> str | None:
     """Return the graphics backend that draws the frames of trials; None if no trial draws any.
 
-    It is determined once here, so that the processes of trials need not do it again.
+    The backend is determined once here, so that the processes of trials need not try backends again.
 
     Raises:
         TrialError: if no graphics backend works on this machine.
     """
-    drawing = [trial for trial in trials if trial.draws_frames]
+    drawing_trials = [trial for trial in trials if trial.draws_frames]
     try:
-        return choose_backend() if drawing else None
+        return choose_backend() if drawing_trials else None
     except GraphicsUnavailableError as error:
-        raise TrialError(drawing[0], str(error), None) from error
+        raise TrialError(drawing_trials[0], str(error), None) from error
 
 
-def _started(record: TrialRecord, staging: Path, backend: str | None) -> _Worker:
+def _start_worker(record: TrialRecord, staging: Path, backend: str | None) -> _Worker:
     staging.mkdir()
-    ours, theirs = _SPAWN.Pipe(duplex=False)
-    process = _SPAWN.Process(target=_work, args=(record, staging, backend, theirs))
+    receiving_end, sending_end = _SPAWN.Pipe(duplex=False)
+    process = _SPAWN.Process(target=_run_trial, args=(record, staging, backend, sending_end))
     with _memory_kept():
         process.start()
-    theirs.close()
-    return _Worker(record, process, ours)
+    sending_end.close()
+    return _Worker(record, process, receiving_end)
 
 
 @contextmanager
 def _memory_kept() -> Iterator[None]:
     """Let a process that is started within the block keep the memory that it frees.
 
-    Perception allocates and frees pictures of one megabyte all the time. GNU's C library gives each back to the system,
-    which clears every page at the next allocation: that takes as long as the work on the picture.
+    Perception allocates and frees pictures of one megabyte all the time. By default, GNU's C library returns each of
+    them to the system, and the system clears every page at the next allocation. Clearing takes as long as the work on
+    the picture.
     """
-    before = os.environ.get(_TUNABLES)
-    os.environ[_TUNABLES] = _KEPT if before is None else f"{_KEPT}:{before}"
+    before = os.environ.get(_TUNABLES_VARIABLE)
+    os.environ[_TUNABLES_VARIABLE] = _MEMORY_TUNABLES if before is None else f"{_MEMORY_TUNABLES}:{before}"
     try:
         yield
     finally:
         if before is None:
-            del os.environ[_TUNABLES]
+            del os.environ[_TUNABLES_VARIABLE]
         else:
-            os.environ[_TUNABLES] = before
+            os.environ[_TUNABLES_VARIABLE] = before
 
 
 def _error_of(record: TrialRecord, failure: _Failure) -> Exception:
@@ -215,7 +219,7 @@ def _error_of(record: TrialRecord, failure: _Failure) -> Exception:
 
 def _end_of(code: int) -> str:
     if code >= 0:
-        return f"its process ended by itself with exit code {code}"
+        return f"its process ended with exit code {code} and reported nothing"
     hint = ": perhaps there was too little memory" if -code == signal.SIGKILL else ""
     return f"its process was ended by {signal.Signals(-code).name}{hint}"
 
@@ -223,49 +227,55 @@ def _end_of(code: int) -> str:
 # In the process of a trial
 
 
-def _work(record: TrialRecord, staging: Path, backend: str | None, reports: connection.Connection) -> None:
+def _run_trial(
+    record: TrialRecord, staging: Path, backend: str | None, report_connection: connection.Connection
+) -> None:
     """Run a trial and report how it ended."""
     threading.Thread(target=_end_with_parent, daemon=True).start()
     if backend is not None:
         rely_on(backend)
     tempfile.tempdir = str(staging)
-    reports.send(_made(record, staging))
-    reports.close()
-    gc.freeze()  # the process frees all memory as it ends; a last search for reference cycles would take long
+    report_connection.send(_make_record(record, staging))
+    report_connection.close()
+    gc.freeze()  # all memory is freed when the process ends; a last search for reference cycles would take long
 
 
-def _made(record: TrialRecord, staging: Path) -> _Report:
+def _make_record(record: TrialRecord, staging: Path) -> _Report:
     try:
         record.make(staging)
     except _EXPLAINED_ERRORS as error:
         return _Failure(reason=str(error))
     except OSError as error:
-        if error.errno is None or not _is_ours(error, record.folder):
-            return _unexpected(error)
+        if error.errno is None or not _is_record_error(error, record.folder):
+            return _unexpected_failure(error)
         return _Failure(reason=str(error), error_number=error.errno)
     except Exception as error:  # noqa: BLE001  the parent process reports it
-        return _unexpected(error)
+        return _unexpected_failure(error)
     return _Done.DONE
 
 
-def _is_ours(error: OSError, folder: Path) -> bool:
-    """Return whether writing the record failed; an error that names no file counts if the disk is full."""
+def _is_record_error(error: OSError, folder: Path) -> bool:
+    """Return whether an error means that the record could not be written.
+
+    This is so if the file of the error is in the folder of records. An error without a file counts if the disk is full
+    or defective.
+    """
     if error.filename is None:
-        return error.errno in _FULL
+        return error.errno in _DISK_ERROR_NUMBERS
     return isinstance(error.filename, str) and Path(error.filename).is_relative_to(folder)
 
 
-def _unexpected(error: Exception) -> _Failure:
+def _unexpected_failure(error: Exception) -> _Failure:
     frames = traceback.extract_tb(error.__traceback__)
-    package = Path(codra_dsl.__file__).parents[1]
+    packages_folder = Path(codra_dsl.__file__).parents[1]
     path = Path(frames[-1].filename)
-    place = path.relative_to(package) if path.is_relative_to(package) else path
+    place = path.relative_to(packages_folder) if path.is_relative_to(packages_folder) else path
     reason = f"{type(error).__name__}: {error} ({place.as_posix()}:{frames[-1].lineno})"
     return _Failure(reason=" ".join(reason.split()), traceback="".join(traceback.format_exception(error)))
 
 
 def _end_with_parent() -> None:
-    """End this process as soon as its parent has ended, also if it was killed."""
+    """End this process as soon as its parent process has ended, also if the parent was killed."""
     parent = multiprocessing.parent_process()
     assert parent is not None
     parent.join()

@@ -1,4 +1,4 @@
-"""The arms of an experiment: the observers of each, and whether they follow the needs of the main execution."""
+"""The arms of an experiment: the observers of each arm, and whether they run only when needed."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from typing import Any
 from codra_dsl.integrations.inspection import compile_and_load
 from codra_dsl.language.model import Refresh, Spec
 from codra_dsl.runtime import ContextManager
-from codra_papers.experiments.lab.spec_variants import Naive, Refreshed, SpecVariant
+from codra_papers.experiments.lab.spec_variants import Naive, Refreshed, SpecEdit
 
 P1_TRIGGER_S = 7.2
 """P1, section 4.1: a naive observer's 5006 triggers in 35,806 s of operation."""
 
 
 class Need(StrEnum):
-    """Which variables an arm's observers run for."""
+    """The variables for which an arm's observers run."""
 
     EVERYTHING = "everything, always"
     ANNOUNCED = "what the main execution decides on now and next"
@@ -26,20 +26,20 @@ class Need(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Arm:
-    """One way to observe.
+    """One of the compared sets of observers in an experiment.
 
     Attributes:
-        name: unique in its experiment, and shown in tables.
-        need: the variables for which its observers run.
-        edits: the differences between its spec and the experiment's.
+        name: the name of the arm, unique in its experiment and shown in tables.
+        need: the variables for which the observers of the arm run.
+        edits: the edits that turn the experiment's spec into the spec of the arm.
     """
 
     name: str
     need: Need
-    edits: tuple[SpecVariant, ...] = ()
+    edits: tuple[SpecEdit, ...] = ()
 
-    def edited(self, name: str, edit: SpecVariant) -> Arm:
-        """Return an arm that differs from this one only in one more edit."""
+    def edited(self, name: str, edit: SpecEdit) -> Arm:
+        """Return an arm with this name that differs from this arm only in one more edit."""
         return replace(self, name=name, edits=(*self.edits, edit))
 
 
@@ -58,15 +58,15 @@ NAIVE_PACED = Arm(name="naive, every 7.2 s", need=Need.EVERYTHING, edits=(_PERIO
 PRECONDITIONS = Arm(name="preconditions", need=Need.EVERYTHING, edits=(_PERIODICALLY,))
 NEED = Arm(name="preconditions and need", need=Need.ANNOUNCED, edits=(_PERIODICALLY,))
 NEED_ON_EVENT = Arm(name="need, on event", need=Need.ANNOUNCED)
-"""The unchanged spec, which declares how each variable is refreshed."""
+"""The arm with the unchanged spec, which declares how each variable is refreshed."""
 
 
 def observers(arm: Arm, spec: Spec, folder: Path) -> Observers:
     """Compile an arm.
 
     Args:
-        arm: to be compiled.
-        spec: of the experiment, without errors.
+        arm: the arm to compile.
+        spec: the spec of the experiment, which must have no errors.
         folder: an empty folder for the generated code.
 
     Raises:

@@ -1,4 +1,4 @@
-"""Connect the main execution to the arms of an experiment: one arm, or none, answers it; the others only listen."""
+"""Connect the main execution to the arms of an experiment. At most one arm answers; the others only listen."""
 
 from __future__ import annotations
 
@@ -18,18 +18,21 @@ Manager = ContextManager[Any, Any]
 class Asked:
     """A decision of the main execution (P1, Figure 7: the rings).
 
-    It takes from `instant_s` to `answered_s`: to ask, to wait for observers, and to look if context has no answer.
+    From `instant_s` to `answered_s` the main execution asks, waits for observers, and looks if context has no answer.
 
     Attributes:
         instant_s: when the main execution needed the variable.
-        skill: the skill that was running.
-        since_s: how old the evidence may be: 0 for a preview; the end of the action if the decision monitors it.
-        held: the value that each arm held at that instant, by arm.
+        variable: the variable that the decision needs.
+        skill: the skill that was running; empty if there was none.
+        since_s: evidence from before this instant does not count: 0 or less for a preview, the end of the action for a
+            decision that monitors the action.
+        held: the reading that each arm held at `instant_s`. The key is the name of the arm.
         answer: the value on which the decision was based.
-        answered_s: when the answer was there.
-        waited_s: how long it waited for the arm that answers.
+        answered_s: when the main execution had the answer.
+        waited_s: how long the main execution waited for the arm that answers.
         looked_s: how long the robot looked by itself; 0 if context answered.
-        last: what that arm held when it answered, or when the robot began to look instead; None if no arm answers.
+        last: the reading of the arm that answers, when it answered or when the robot began to look instead; None if no
+            arm answers.
         has_looked: whether the robot looked by itself.
     """
 
@@ -56,10 +59,10 @@ class SkillSpan:
 
 
 class Fanout:
-    """Passes all reports of the main execution to every arm that follows. One arm, or looking, answers its requests.
+    """Passes the skills of the main execution to every arm that follows them, and its values to all arms.
 
-    Without an arm that answers, every decision is made by looking, as P1's robot did while observers only watched
-    (section 4.1): the actions of the robot then do not depend on any arm.
+    One arm answers the decisions. If no arm answers, the robot looks for every decision, as P1's robot did while
+    observers only watched (section 4.1). The actions of the robot then do not depend on any arm.
 
     Attributes:
         asked: the decisions, in order of time.
@@ -78,11 +81,11 @@ class Fanout:
         """Connect the arms.
 
         Args:
-            clock: of all of them.
-            arms: by name.
-            following: the arms that are notified of skills and of what comes next.
-            answering: the arm that answers; None if no arm answers.
-            decision_s: how long it takes to ask it.
+            clock: the clock of all arms.
+            arms: the context managers of the arms. The key is the name of the arm.
+            following: the names of the arms that are notified of skills and of the skills that come next.
+            answering: the name of the arm that answers; None if no arm answers.
+            decision_s: how long it takes to ask the arm that answers.
         """
         self.asked: list[Asked] = []
         self.skills: list[SkillSpan] = []
@@ -91,7 +94,7 @@ class Fanout:
         self._following = [arms[name] for name in following]
         self._answering = None if answering is None else arms[answering]
         self._decision_s = decision_s
-        self._under_way: list[str] = []
+        self._running_skills: list[str] = []
 
     @contextmanager
     def skill(self, name: str) -> Iterator[ActingSkill]:
@@ -99,11 +102,11 @@ class Fanout:
         with ExitStack() as stack:
             skills = [stack.enter_context(manager.skill(name)) for manager in self._following]
             start_s = self._clock.now_s()
-            self._under_way.append(name)
+            self._running_skills.append(name)
             try:
                 yield _SharedSkill(skills)
             finally:
-                self._under_way.pop()
+                self._running_skills.pop()
                 self.skills.append(SkillSpan(name=name, start_s=start_s, end_s=self._clock.now_s()))
 
     def expect(self, *skills: str) -> None:
@@ -112,21 +115,21 @@ class Fanout:
             manager.expect(*skills)
 
     def set(self, name: str, value: Any) -> None:
-        """Pass a value that the main execution knows itself to every arm."""
+        """Pass the value of a variable, which the main execution knows by itself, to every arm."""
         for manager in self._arms.values():
             manager.set(name, value)
 
     def decide(
         self, name: str, otherwise: Callable[[], Any], *, since_s: float = 0.0, wait_up_to_s: float = 0.0
     ) -> Any:
-        """Let the answering arm decide, or look; record the values that every arm held at the request."""
+        """Let the answering arm decide, or look if no arm answers. Record the reading of every arm at the request."""
         asked_s, held = self._clock.now_s(), {arm: manager.get(name) for arm, manager in self._arms.items()}
         self._clock.sleep(0.0 if self._answering is None else self._decision_s)
         waits_from_s = self._clock.now_s()
-        began: list[tuple[float, Reading[Any] | None]] = []
+        look_starts: list[tuple[float, Reading[Any] | None]] = []
 
         def look() -> Any:
-            began.append((self._clock.now_s(), self._last(name)))
+            look_starts.append((self._clock.now_s(), self._last_reading(name)))
             return otherwise()
 
         if self._answering is None:
@@ -134,12 +137,12 @@ class Fanout:
         else:
             answer = self._answering.decide(name, look, since_s=since_s, wait_up_to_s=wait_up_to_s)
         answered_s = self._clock.now_s()
-        looks_from_s, last = began[0] if began else (answered_s, self._last(name))
+        looks_from_s, last = look_starts[0] if look_starts else (answered_s, self._last_reading(name))
         self.asked.append(
             Asked(
                 instant_s=asked_s,
                 variable=name,
-                skill=self._under_way[-1] if self._under_way else "",
+                skill=self._running_skills[-1] if self._running_skills else "",
                 since_s=since_s,
                 held=held,
                 answer=answer,
@@ -147,16 +150,16 @@ class Fanout:
                 waited_s=looks_from_s - waits_from_s,
                 looked_s=answered_s - looks_from_s,
                 last=last,
-                has_looked=bool(began),
+                has_looked=bool(look_starts),
             )
         )
         return answer
 
-    def _last(self, name: str) -> Reading[Any] | None:
+    def _last_reading(self, name: str) -> Reading[Any] | None:
         return None if self._answering is None else self._answering.get(name)
 
     def slot(self, *resources: str) -> AbstractContextManager[None]:
-        """Hold slots of the answering arm; arms that only listen have slots of their own."""
+        """Hold slots of the answering arm, if there is one. Arms that only listen have their own slots."""
         return nullcontext() if self._answering is None else self._answering.slot(*resources)
 
 

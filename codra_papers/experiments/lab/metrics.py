@@ -1,7 +1,8 @@
 """The metrics of the protocol: seconds in the common window, time to first knowledge, lag, and answers to decisions.
 
-The window of a variable in a run begins when the last arm has first identified it: P1's Table 2 compares arms over the
-same seconds. An arm that never identifies the variable would leave the others no window, so it is left out.
+The window of a variable in a run begins when every arm has identified the variable at least once, because P1's Table 2
+compares arms over the same seconds. An arm that never identifies the variable is left out, because with this arm there
+would be no window for the others.
 """
 
 from __future__ import annotations
@@ -19,14 +20,14 @@ from codra_papers.experiments.lab.scoring import Piece, overlaps
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Seconds:
-    """How long a held value was right (P1's agreement time), wrong (its disagreement time), or unknown."""
+    """How long a held value was right (P1's agreement time), wrong (P1's disagreement time), or unknown."""
 
     right_s: float = 0.0
     wrong_s: float = 0.0
     unknown_s: float = 0.0
 
     def __add__(self, other: Seconds) -> Seconds:
-        """Return the seconds of both."""
+        """Return the sums of the seconds of both."""
         return Seconds(
             right_s=self.right_s + other.right_s,
             wrong_s=self.wrong_s + other.wrong_s,
@@ -35,23 +36,25 @@ class Seconds:
 
     @property
     def paper(self) -> Share:
-        """Return right seconds of held seconds: P1's ratio."""
+        """Return the share of right seconds among held seconds: P1's ratio."""
         return Share(self.right_s, self.right_s + self.wrong_s)
 
     @property
     def strict(self) -> Share:
-        """Return right seconds of all seconds: an unknown value counts like a wrong one."""
+        """Return the share of right seconds among all seconds: an unknown value counts like a wrong one."""
         return Share(self.right_s, self.right_s + self.wrong_s + self.unknown_s)
 
 
 def seconds(held: Sequence[Piece], truth: Sequence[Piece], start_s: float = 0.0) -> Seconds:
     """Return how long held values were right, wrong and unknown, from an instant to the end of the run."""
-    lasted = {"right": 0.0, "wrong": 0.0, "unknown": 0.0}
+    durations_s = {"right": 0.0, "wrong": 0.0, "unknown": 0.0}
     window = [Piece(start_s, math.inf, None)]
     held = [Piece(max(piece.start_s, start_s), piece.end_s, piece.value) for piece, _, _ in overlaps(held, window)]
     for piece, fact, duration_s in overlaps(held, truth):
-        lasted["unknown" if piece.value is None else "right" if piece.value == fact.value else "wrong"] += duration_s
-    return Seconds(right_s=lasted["right"], wrong_s=lasted["wrong"], unknown_s=lasted["unknown"])
+        durations_s["unknown" if piece.value is None else "right" if piece.value == fact.value else "wrong"] += (
+            duration_s
+        )
+    return Seconds(right_s=durations_s["right"], wrong_s=durations_s["wrong"], unknown_s=durations_s["unknown"])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,8 +62,9 @@ class Window:
     """The part of a run in which its arms are compared on a variable.
 
     Attributes:
-        start_s: when the last arm first identified it; None if no arm did.
-        left_out: the arms that never identified it.
+        start_s: the instant from which on all arms that are not left out have identified the variable; None if no arm
+            identified it.
+        left_out: the arms that never identified the variable.
     """
 
     start_s: float | None
@@ -77,21 +81,26 @@ def window(outcome: Outcome, variable: str) -> Window:
 
 
 def in_window(outcome: Outcome, variable: str, arm: str) -> Seconds | None:
-    """Return an arm's seconds in the window of a variable; None if the arm is left out."""
+    """Return the seconds of an arm in the window of a variable; None if there is no window or the arm is left out."""
     common = window(outcome, variable)
     if common.start_s is None or arm in common.left_out:
         return None
     return seconds(outcome.arms[arm].held[variable], outcome.truth[variable], common.start_s)
 
 
-def total(seconds_by_run: Iterable[Seconds | None]) -> Seconds:
-    """Return the sum of seconds over runs; runs in which the arm was left out add 0."""
-    return sum((run_seconds for run_seconds in seconds_by_run if run_seconds is not None), Seconds())
+def total(seconds_of_runs: Iterable[Seconds | None]) -> Seconds:
+    """Return the sum of an arm's seconds over runs. A run with None, in which the arm was left out, adds nothing."""
+    return sum((run_seconds for run_seconds in seconds_of_runs if run_seconds is not None), Seconds())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Causes:
-    """Why a held value was wrong, in seconds."""
+    """How long held values were wrong, by cause.
+
+    Attributes:
+        seen_wrongly_s: the value was already wrong at the instant of its evidence.
+        changed_since_s: the value was true at the instant of its evidence.
+    """
 
     seen_wrongly_s: float
     changed_since_s: float
@@ -108,10 +117,10 @@ def causes(spans: Iterable[WrongSpan]) -> Causes:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Lags:
-    """The delays after which an arm held the new value after changes of the truth.
+    """The delays between changes of the truth and the instants at which an arm held the new values.
 
     Attributes:
-        seen_s: of each change that was seen; 0 if the arm held the new value before it was true.
+        seen_s: the delay of each change that was seen; 0 if the arm held the new value already before the change.
         unseen: the number of changes that were not seen before the next change or the end of the run.
     """
 
@@ -119,36 +128,37 @@ class Lags:
     unseen: int = 0
 
     def __add__(self, other: Lags) -> Lags:
-        """Return the lags of both."""
+        """Return the delays and the unseen changes of both."""
         return Lags(seen_s=self.seen_s + other.seen_s, unseen=self.unseen + other.unseen)
 
     def quantile_s(self, share: float) -> float | None:
-        """Return the lag that this share of the seen changes does not exceed; None if none was seen."""
+        """Return the delay that this share of the seen changes does not exceed; None if no change was seen."""
         return float(np.quantile(self.seen_s, share)) if self.seen_s else None
 
 
 def lags(held: Sequence[Piece], truth: Sequence[Piece]) -> Lags:
-    """Return the delay between each change of the truth and the change of the held value."""
+    """Return the delays between changes of the truth and the instants at which the held value was the new one."""
     seen_s: list[float] = []
     for change in truth[1:]:
-        followed = (
+        lags_s = (
             max(piece.start_s, change.start_s) - change.start_s
             for piece, _, _ in overlaps(held, [change])
             if piece.value == change.value
         )
-        seen_s.extend(lag_s for lag_s in [next(followed, None)] if lag_s is not None)
+        seen_s.extend(lag_s for lag_s in [next(lags_s, None)] if lag_s is not None)
     return Lags(seen_s=tuple(seen_s), unseen=len(truth[1:]) - len(seen_s))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Answers:
-    """The values that an arm held when decisions needed them.
+    """The number of decisions by what an arm held when they needed a variable.
 
     Attributes:
-        right: the held value was true.
-        wrong: the held value was not true.
-        fell_back: the value was unknown: the main execution would look by itself.
-        fresh: there was evidence from after the monitored action; for a preview, any evidence counts.
+        right: decisions for which the held value was true.
+        wrong: decisions for which the held value was not true.
+        fell_back: decisions for which the value was unknown, so that the main execution would look by itself.
+        fresh: decisions for which the value was known from evidence after the monitored action. For a preview, any
+            evidence counts.
     """
 
     right: int
@@ -158,12 +168,12 @@ class Answers:
 
 
 def answers(decisions: Iterable[Decision], arm: str) -> Answers:
-    """Return how often an arm held the truth when a decision needed it."""
-    needed = list(decisions)
-    held = [(decision.held[arm], decision.truth) for decision in needed]
+    """Return how often an arm held the truth when a decision needed a variable."""
+    needed_decisions = list(decisions)
+    held = [(decision.held[arm], decision.truth) for decision in needed_decisions]
     return Answers(
         right=sum(value == fact for value, fact in held if value is not None),
         wrong=sum(value != fact for value, fact in held if value is not None),
         fell_back=sum(value is None for value, _ in held),
-        fresh=sum(decision.fresh[arm] for decision in needed),
+        fresh=sum(decision.fresh[arm] for decision in needed_decisions),
     )

@@ -11,10 +11,10 @@ from codra_dsl.runtime.values.conditions import Value
 from codra_papers.experiments.lab.scoring import Piece
 
 OWN_LOOK = "own look"
-"""The name of the algorithm for evidence that no arm took: the main execution looked itself."""
+"""The value of `Basis.algorithm` for evidence that no arm took, because the main execution looked by itself."""
 
 BEFORE_THE_ACTION = "before_the_action"
-"""Why context has no answer although it knows the variable: the evidence is from before the action."""
+"""The value of `Decision.unanswered` if context knew the variable, but only by evidence from before the action."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -22,11 +22,12 @@ class Basis:
     """The evidence for a value that was not true when a decision needed it.
 
     Attributes:
-        algorithm: that took the evidence; `OWN_LOOK` if the main execution did.
-        evidence_s: when it was taken.
-        values: that the algorithm returned.
-        was_true: whether the value was true at that instant. If so, it has changed since; if not, it was seen wrongly.
-        frame: the picture's file, relative to the folder of the trial's record, or empty.
+        algorithm: the algorithm that took the evidence; `OWN_LOOK` if the main execution looked by itself.
+        evidence_s: when the evidence was taken.
+        values: the values that the algorithm returned.
+        was_true: whether the value was true at the instant of the evidence. If so, the truth has changed since; if not,
+            the value was seen wrongly.
+        frame: the file of the picture, relative to the folder of the trial's frames; empty if there is no picture.
     """
 
     algorithm: str
@@ -38,21 +39,26 @@ class Basis:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Decision:
-    """A decision of the main execution, and the values that each arm held then (P1, Figure 7).
+    """A decision of the main execution, and the values that the arms held at the same time (P1, Figure 7).
 
     Attributes:
-        truth: the true value when the main execution asked.
-        held: the value that each arm held then, None for unknown.
-        fresh: whether each arm's evidence was from after the action that the decision monitors; always for a preview.
+        instant_s: when the main execution asked.
+        variable: the variable that the decision needed.
+        skill: the skill that was running.
+        is_preview: whether the decision was made before an action, not after it to monitor the action.
+        truth: the true value at `instant_s`.
+        held: the value that each arm held at `instant_s`; None if it was unknown.
+        fresh: for each arm, whether its value was known from evidence after the action that the decision monitors. For
+            a preview, any evidence counts.
         answer: the value that the main execution used.
-        answered_s: when it had that answer: between asking and this instant it waited and looked.
-        waited_s: how long it waited for the arm that answers.
+        answered_s: when the main execution had the answer. From `instant_s` to this instant it waited and looked.
+        waited_s: how long the main execution waited for the arm that answers.
         looked_s: how long the robot looked by itself.
-        has_looked: whether it did, because context had no answer or was not asked.
-        unanswered: why context had no answer: the reason why the variable was unknown, or `BEFORE_THE_ACTION`; empty if
-            it had one or was not asked.
-        wrong: by arm, the basis of each value held at `instant_s` that was not true.
-        wrong_answer: the basis of the answer if it was not true at `answered_s`.
+        has_looked: whether the robot looked by itself, because context had no answer or was not asked.
+        unanswered: why context had no answer: the reason why the variable was unknown, or `BEFORE_THE_ACTION`. Empty if
+            context had an answer or was not asked.
+        wrong: the basis of each value that an arm held at `instant_s` and that was not true. The key is the arm.
+        wrong_answer: the basis of the answer, if the answer was not true at `answered_s`.
     """
 
     instant_s: float
@@ -77,8 +83,12 @@ class KeptFrame:
     """A stored frame, and the values that an algorithm measured in it.
 
     Attributes:
-        file: of the picture, relative to the folder of the trial.
-        believed_map_from_camera: the believed pose of the camera: rotation, shape (3, 3), and translation.
+        file: the file of the picture, relative to the folder of the trial's frames.
+        arm: the arm whose job used the frame.
+        algorithm: the algorithm of the job.
+        evidence_s: when the frame was taken.
+        values: the values that the algorithm returned.
+        believed_map_from_camera: the believed pose of the camera: its rotation, shape (3, 3), and its translation.
     """
 
     file: str
@@ -94,8 +104,8 @@ class WrongSpan:
     """A span of time in which an arm held a value that was not true.
 
     Attributes:
-        was_true: whether it was true at the instant of its evidence. If so, it has changed since; if not, it was seen
-            wrongly.
+        was_true: whether the value was true at the instant of its evidence. If so, the truth has changed since; if not,
+            the value was seen wrongly.
     """
 
     start_s: float
@@ -108,11 +118,11 @@ class ArmOutcome:
     """The values that one arm held in a trial, and its jobs.
 
     Attributes:
-        held: the held values, by variable.
-        wrong: the spans in which held values were not true, by variable.
-        first_s: when an observer first identified each variable; None if never.
+        held: the held values of each variable.
+        wrong: for each variable, the spans in which the held value was not true.
+        first_s: when an observer first identified each variable; None if no observer did.
         triggers: how many jobs of each algorithm were started.
-        slot_s: for how long its observers held slots.
+        slot_s: how long the observers of the arm held slots.
     """
 
     held: Mapping[str, Sequence[Piece]]
@@ -124,16 +134,16 @@ class ArmOutcome:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
-    """The outcome of a trial. All of it is plain data: `from_json` is the inverse of `to_json`.
+    """The outcome of a trial, which consists of plain data: `from_json` is the inverse of `to_json`.
 
     Attributes:
-        error: that ended the main execution early, or None.
-        interruptions: instants in s and texts of errors after which it started again.
+        error: the error that ended the main execution early, or None.
+        interruptions: the instants, in s, and the texts of errors after which the main execution started again.
         frames: how many frames were rendered for perception.
-        perceived: at how many instants perception looked.
-        truth: the true values, by variable.
-        skills: the main execution's skills as (name, start in s, end in s).
-        kept: frames that are stored to be analysed again.
+        perceived: at how many instants perception took frames.
+        truth: the true values of each variable.
+        skills: the skills of the main execution as (name, start in s, end in s).
+        kept: the frames that are stored to be analysed again.
     """
 
     name: str
@@ -151,17 +161,17 @@ class Outcome:
     kept: Sequence[KeptFrame]
 
     def files(self) -> Sequence[str]:
-        """Return the stored pictures, relative to the folder of the trial."""
+        """Return the files of stored pictures, relative to the folder of the trial's frames."""
         bases = [basis for decision in self.decisions for basis in (*decision.wrong.values(), decision.wrong_answer)]
         return [*(basis.frame for basis in bases if basis and basis.frame), *(kept.file for kept in self.kept)]
 
     def to_json(self) -> str:
-        """Return it as JSON."""
+        """Return the outcome as JSON."""
         return json.dumps(asdict(self), separators=(",", ":"))
 
     @classmethod
     def from_json(cls, text: str) -> Outcome:
-        """Return the outcome that `to_json` wrote as this text."""
+        """Return the outcome from the JSON text that `to_json` returned."""
         content = json.loads(text)
         arms = {name: _arm(arm) for name, arm in content["arms"].items()}
         decisions = [_decision(decision) for decision in content["decisions"]]

@@ -1,4 +1,4 @@
-"""Pictures of a run: the values that each arm held, beside the truth."""
+"""The timeline of a run: the values that each arm held, below the truth."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ def draw_timeline(
     arms: Mapping[str, Mapping[str, Sequence[Piece]]],
     labels: Mapping[str, str],
 ) -> None:
-    """Draw one row per variable: a strip of its truth and below it one strip per arm, coloured by agreement.
+    """Draw one row per variable: a strip for the truth, and below it a strip for each arm, coloured by agreement.
 
     Args:
-        path: of the picture; its suffix (`.png`, `.svg`) selects the format.
-        truth: the true values, by variable.
-        arms: the values that each arm held, by arm and variable.
+        path: the file of the picture; its suffix (`.png`, `.svg`) selects the format.
+        truth: the true values of each variable.
+        arms: for each arm, the values of each variable that the arm held.
         labels: the label of each variable.
     """
     names = list(truth)
@@ -37,9 +37,9 @@ def draw_timeline(
     axes = figure.add_subplot()
     for row, name in enumerate(names):
         top = row * _ROW
-        _strip(axes, top, [(piece, TRUE if piece.value else FALSE) for piece in truth[name]])
+        _draw_strip(axes, top, [(piece, TRUE if piece.value else FALSE) for piece in truth[name]])
         for index, held in enumerate(arms.values(), start=1):
-            _strip(axes, top + index * _STRIP, _coloured(held[name], truth[name]))
+            _draw_strip(axes, top + index * _STRIP, _coloured_pieces(held[name], truth[name]))
     axes.set_yticks(
         [row * _ROW + _STRIP * (1 + len(arms)) / 2 for row in range(len(names))], [labels[n] for n in names]
     )
@@ -54,15 +54,15 @@ def draw_timeline(
         figure.savefig(path, dpi=90, metadata={"Date": None} if path.suffix == ".svg" else None)
 
 
-def _coloured(held: Sequence[Piece], truth: Sequence[Piece]) -> list[tuple[Piece, str]]:
-    coloured = []
+def _coloured_pieces(held: Sequence[Piece], truth: Sequence[Piece]) -> list[tuple[Piece, str]]:
+    coloured_pieces = []
     for piece, fact, duration_s in overlaps(held, truth):
         start_s = max(piece.start_s, fact.start_s)
         colour = UNKNOWN if piece.value is None else RIGHT if piece.value == fact.value else WRONG
-        coloured.append((Piece(start_s, start_s + duration_s, piece.value), colour))
-    return coloured
+        coloured_pieces.append((Piece(start_s, start_s + duration_s, piece.value), colour))
+    return coloured_pieces
 
 
-def _strip(axes: Axes, top: float, coloured: Sequence[tuple[Piece, str]]) -> None:
-    spans = [(piece.start_s, piece.end_s - piece.start_s) for piece, _ in coloured]
-    axes.broken_barh(spans, (top, _STRIP * 0.86), facecolors=[colour for _, colour in coloured], linewidth=0)
+def _draw_strip(axes: Axes, top: float, coloured_pieces: Sequence[tuple[Piece, str]]) -> None:
+    spans = [(piece.start_s, piece.end_s - piece.start_s) for piece, _ in coloured_pieces]
+    axes.broken_barh(spans, (top, _STRIP * 0.86), facecolors=[colour for _, colour in coloured_pieces], linewidth=0)

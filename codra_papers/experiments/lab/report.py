@@ -1,4 +1,4 @@
-"""The printed tables and the pictures of a run in the laboratory."""
+"""The tables that are printed after a run in the laboratory, and the pictures of the run."""
 
 from __future__ import annotations
 
@@ -9,27 +9,29 @@ from types import MappingProxyType
 
 from codra_dsl.runtime import Cost
 from codra_papers.experiments.lab.pictures import draw_timeline
-from codra_papers.experiments.lab.run import OBSERVED, ArmRun, LabRun
+from codra_papers.experiments.lab.run import OBSERVED, LabRun
 from codra_papers.experiments.lab.tables import score_table, text_table
 from codra_papers.lab.detection.drawing import draw_detections
 
-_ENDS = ("accepted", "rejected", "voided", "failed", "cancelled")
-_TIMES = MappingProxyType({"waiting_s": "waiting s", "perception_s": "perception s", "slot_s": "slot s"})
-_ANSWERS = MappingProxyType({"answered": "from context", OBSERVED: "of these observed", "fell_back": "fell back"})
+_JOB_ENDS = ("accepted", "rejected", "voided", "failed", "cancelled")
+_TIMES = MappingProxyType({"waiting_s": "waiting s", "perception_s": "perception s", "slot_s": "slot-seconds"})
+_ANSWERS = MappingProxyType({"answered": "from context", OBSERVED: "of these, by observers", "fell_back": "fell back"})
 
 
 def run_text(run: LabRun) -> str:
     """Return the tables of a run."""
     tables = (_jobs_text(run), _spent_text(run), _decisions_text(run))
-    return "\n".join((_summary(run), *(_arm_text(arm) for arm in run.arms), *tables))
+    return "\n".join((_summary(run), *(f"{arm.name}\n{score_table(arm.scores)}" for arm in run.arms), *tables))
 
 
 def write_pictures(run: LabRun, folder: Path, labels: Mapping[str, str]) -> Iterator[Path]:
-    """Write frames with the detected tags drawn in, the timeline over the truth, and the records; yield each path.
+    """Write the event log of each arm, the frames with the detected tags drawn into them, and the timeline.
+
+    Yield the path of each file after it was written.
 
     Args:
-        run: to be shown.
-        folder: created if it does not exist.
+        run: the run to show.
+        folder: the folder for the files, which is created if it does not exist.
         labels: the label of each variable.
     """
     folder.mkdir(parents=True, exist_ok=True)
@@ -48,12 +50,8 @@ def write_pictures(run: LabRun, folder: Path, labels: Mapping[str, str]) -> Iter
 
 def _summary(run: LabRun) -> str:
     loops = f"{run.loops} sample-processing loop{'' if run.loops == 1 else 's'}"
-    ended = f", ended by: {run.error}" if run.error else ""
-    return f"{run.duration_s:.1f} s, {loops}, {run.frames} frames rendered{ended}\n"
-
-
-def _arm_text(arm: ArmRun) -> str:
-    return f"{arm.name}\n{score_table(arm.scores)}"
+    end_text = f", ended by: {run.error}" if run.error else ""
+    return f"{run.duration_s:.1f} s, {loops}, {run.frames} frames rendered{end_text}\n"
 
 
 def _jobs_text(run: LabRun) -> str:
@@ -64,15 +62,19 @@ def _jobs_text(run: LabRun) -> str:
 
 
 def _spent_text(run: LabRun) -> str:
-    everything = sum(run.arms[0].spent.values(), Cost())
+    total_cost = sum(run.arms[0].spent.values(), Cost())
     rows = [
-        (name, *(str(getattr(spent, end)) for end in _ENDS), *(f"{getattr(spent, time):.1f}" for time in _TIMES))
-        for name, spent in {**run.arms[0].spent, "all": everything}.items()
+        (
+            name,
+            *(str(getattr(cost, job_end)) for job_end in _JOB_ENDS),
+            *(f"{getattr(cost, time_name):.1f}" for time_name in _TIMES),
+        )
+        for name, cost in {**run.arms[0].spent, "all": total_cost}.items()
     ]
-    return text_table((f"spent by {run.arms[0].name}", *_ENDS, *_TIMES.values()), rows)
+    return text_table((f"spent by {run.arms[0].name}", *_JOB_ENDS, *_TIMES.values()), rows)
 
 
 def _decisions_text(run: LabRun) -> str:
-    counted = {**run.decisions, "all": sum(run.decisions.values(), Counter())}
-    rows = [(name, *(str(counts[answer]) for answer in _ANSWERS)) for name, counts in counted.items()]
+    counts_by_variable = {**run.decisions, "all": sum(run.decisions.values(), Counter())}
+    rows = [(name, *(str(counts[answer]) for answer in _ANSWERS)) for name, counts in counts_by_variable.items()]
     return text_table(("decisions", *_ANSWERS.values()), rows)

@@ -1,4 +1,4 @@
-"""A run in the laboratory: one main execution, and arms on the same frames, scored against ground truth."""
+"""A run in the laboratory: one main execution, and arms that see the same frames and are scored against the truth."""
 
 from __future__ import annotations
 
@@ -30,21 +30,24 @@ from codra_papers.lab.simulator.world import LabWorld
 
 OBSERVED = "observed"
 
-PICTURED = ("centrifuge_open", "centrifuge_locked", "pcr_cycler_open", "pcr_cycler_locked")
-"""The variables for which the first misjudged frame is shown."""
+PICTURED_VARIABLES = ("centrifuge_open", "centrifuge_locked", "pcr_cycler_open", "pcr_cycler_locked")
+"""The variables for which the first frame that was judged wrongly is shown."""
 
 Work = Callable[[Mission], None]
-"""The work of the main execution: a frozen value, so that it can be sent to a process and described in a report."""
+"""The work of the main execution. It is a frozen value, so that it can be sent to a process and described in a
+report."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ArmRun:
-    """The values that one arm held, its jobs and their costs.
+    """The values that one arm held in a run, its jobs and their costs.
 
     Attributes:
-        held: by context-variable.
+        record: the event log of the arm.
+        held: the held values of each context-variable.
+        scores: the score of each context-variable.
         jobs: how many jobs of each algorithm were started.
-        spent: the costs and the results of each observer.
+        spent: the costs of each observer, and how its jobs ended.
     """
 
     name: str
@@ -61,17 +64,18 @@ class LabRun:
 
     Attributes:
         loops: how many sample-processing loops were completed.
-        error: the main execution's unrecoverable error, if one ended it.
-        interruptions: the instants and texts of unrecoverable errors after which it started again.
+        error: the unrecoverable error that ended the main execution, or None.
+        interruptions: the instants and texts of unrecoverable errors after which the main execution started again.
         frames: how many frames were rendered.
-        perceived: how many of these perception functions used.
-        looks_s: the instants of the frames that the main execution took itself.
+        perceived: at how many instants perception functions took frames.
+        looks_s: the instants of the frames that the main execution took by itself.
+        truth: the true values of each variable.
         asked: the decisions of the main execution.
-        skills: when each of its skills was running.
-        decisions: by variable, how many decisions were `answered` from context, how many of these from an observer's
-            evidence (`OBSERVED`) rather than from an earlier look of the main execution itself, and how many
-            `fell_back`; empty if no arm answered.
-        pictures: frames at notable moments, by a name that describes the moment.
+        skills: when each skill of the main execution was running.
+        decisions: for each variable, how many decisions were `answered` from context, how many of the answers came from
+            an observer's evidence (`OBSERVED`) and not from an earlier look of the main execution, and how many
+            decisions `fell_back`. Empty if no arm answers.
+        pictures: frames at notable moments. The key is a name that describes the moment.
     """
 
     duration_s: float
@@ -103,25 +107,27 @@ ONE_LOOP = OneLoop()
 
 @dataclass(frozen=True, slots=True)
 class Loops:
-    """Process batch after batch, until time is up."""
+    """Process batch after batch, until the time of the run is up."""
 
     def __call__(self, mission: Mission) -> None:
-        """Process batches for ever."""
+        """Process batches without end."""
         while True:
             mission.run_loop()
 
 
 def notable_moments(run: LabRun) -> Mapping[str, float]:
-    """Return instants that are worth a picture, by a name that gives the reason."""
+    """Return the instants that are worth a picture. The key is a name that gives the reason."""
     moments: dict[str, float] = {}
     for arm in run.arms:
-        moments |= {f"{arm.name}-{name}": instant_s for name, instant_s in _most_markers(arm).items()}
-        moments |= {f"{arm.name}-wrong-{name}": instant_s for name, instant_s in _misjudged(arm, run.truth).items()}
+        moments |= {f"{arm.name}-{name}": instant_s for name, instant_s in _most_marker_instants(arm).items()}
+        moments |= {
+            f"{arm.name}-wrong-{name}": instant_s for name, instant_s in _misjudged_instants(arm, run.truth).items()
+        }
     return moments
 
 
-def _most_markers(arm: ArmRun) -> Mapping[str, float]:
-    """Return, by algorithm, the instant of the evidence with the most markers."""
+def _most_marker_instants(arm: ArmRun) -> Mapping[str, float]:
+    """Return, for each algorithm, the instant of the evidence with the most markers."""
     best: dict[str, tuple[int, float]] = {}
     for event in arm.record.of(Kind.JOB):
         markers = event.details.get("values", {}).get("markers")
@@ -130,16 +136,16 @@ def _most_markers(arm: ArmRun) -> Mapping[str, float]:
     return {name: instant_s for name, (_, instant_s) in sorted(best.items())}
 
 
-def _misjudged(arm: ArmRun, truth: Mapping[str, Sequence[Piece]]) -> Mapping[str, float]:
-    """Return, by variable, the instant of the first evidence that gave it a value that was not true at that instant."""
-    evidence_by_variable: dict[str, float] = {}
+def _misjudged_instants(arm: ArmRun, truth: Mapping[str, Sequence[Piece]]) -> Mapping[str, float]:
+    """Return, for each variable, the instant of the first evidence that gave a value which was not true then."""
+    evidence_s_by_variable: dict[str, float] = {}
     for event in arm.record.of(Kind.VARIABLE):
-        if event.what == "identified" and event.name in PICTURED and event.name not in evidence_by_variable:
+        if event.what == "identified" and event.name in PICTURED_VARIABLES and event.name not in evidence_s_by_variable:
             evidence_s = event.details["evidence_s"]
             facts = (piece.value for piece in truth[event.name] if piece.start_s <= evidence_s < piece.end_s)
             if next(facts, None) not in (None, event.details["value"]):
-                evidence_by_variable[event.name] = evidence_s
-    return evidence_by_variable
+                evidence_s_by_variable[event.name] = evidence_s
+    return evidence_s_by_variable
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -147,19 +153,20 @@ class LabSettings:
     """The settings of a run.
 
     Attributes:
-        seed: of all random numbers.
-        laboratory: in which the robot works.
-        duration_s: the maximum duration; None for as long as the work takes.
-        work: of the main execution.
-        answering: the arm that answers the main execution's decisions; None if it looks at each of them.
-        decision_s: how long it takes the main execution to ask that arm.
+        seed: the seed of all random numbers.
+        laboratory: the laboratory in which the robot works.
+        duration_s: the maximum duration; None if the run lasts as long as the work takes.
+        work: the work of the main execution.
+        answering: the arm that answers the main execution's decisions; None if the robot looks for each decision.
+        decision_s: how long it takes the main execution to ask the arm that answers.
         repair_s: how long someone takes to repair the situation after an unrecoverable error; the work then starts
-            again. None if such an error ends the run (P1, section 4.1). If it is set, set `duration_s` too.
-        expect: whether the main execution announces what comes next.
-        moments: returns the instants of frames to store, by name.
-        progress: called with the present instant now and then.
-        journal: the journal of the answering arm; None for no journal. Those of other arms are beside it, with the
-            arm's name in their file names.
+            again. None if such an error ends the run (P1, section 4.1). If you set it, also set `duration_s`.
+        pace: whether simulated time runs as fast as possible or like real time.
+        expect: whether the main execution announces the skill that comes next.
+        moments: a function that returns the instants of the frames in `LabRun.pictures`, by name.
+        progress: a function that is called with the present instant now and then.
+        journal: the journal of the answering arm; None for no journal. The journals of other arms are in the same
+            folder, with the name of the arm in the file name.
     """
 
     seed: int = 1
@@ -177,17 +184,17 @@ class LabSettings:
 
 
 def run_lab(observers: Sequence[Observers], settings: LabSettings) -> LabRun:
-    """Let the robot work while every arm watches the same frames, each with slots of its own.
+    """Let the robot work while all arms watch the same frames, each arm with its own slots.
 
     Args:
-        observers: the arms, with different names.
-        settings: of the run.
+        observers: the observers of the arms, whose names must differ.
+        settings: the settings of the run.
     """
     with ExitStack() as stack:
         stack.enter_context(surveyed(settings.laboratory.machines))
         world = LabWorld(settings.seed, settings.laboratory)
         frames = stack.enter_context(FrameSource(world))
-        clock = _clock(settings, stack)  # after everything slow: in real time it runs from here
+        clock = _clock(settings, stack)  # after all slow preparations, because a clock in real time starts here
         camera, own_camera = (WatchedCamera(ArmCamera(frames, clock)) for _ in range(2))
         resources = {"camera": camera, "base": Localization(world, clock)}
         managers = {
@@ -196,12 +203,12 @@ def run_lab(observers: Sequence[Observers], settings: LabSettings) -> LabRun:
                     clock=clock,
                     resources=resources,
                     seed=settings.seed,
-                    record=_record(arm_observers.arm.name, settings),
+                    record=_make_event_log(arm_observers.arm.name, settings),
                 )
             )
             for arm_observers in observers
         }
-        fanout = _gathered(clock, managers, observers, settings)
+        fanout = _make_fanout(clock, managers, observers, settings)
         robot = Robot(world, clock, Random(f"{settings.seed} robot"))
         perception = SequentialPerception(robot, own_camera, fanout, clock, seed=settings.seed)
         mission = Mission(robot, perception, fanout, clock, settings.expect)
@@ -210,10 +217,10 @@ def run_lab(observers: Sequence[Observers], settings: LabSettings) -> LabRun:
         error = _execute(mission, settings, clock, interruptions)
         end_s = clock.now_s()
         for manager in managers.values():
-            manager.close()  # in real time jobs would continue while the run is judged
+            manager.close()  # in real time, jobs would otherwise continue while the run is scored
         truth = _truth_pieces(GroundTruth(world).over(0.0, end_s), list(managers.values()))
         arms = [_arm(name, manager, truth, end_s) for name, manager in managers.items()]
-        answering = managers.get(settings.answering or "")
+        answering_manager = managers.get(settings.answering or "")
         run = LabRun(
             duration_s=end_s,
             loops=mission.loops,
@@ -226,7 +233,7 @@ def run_lab(observers: Sequence[Observers], settings: LabSettings) -> LabRun:
             truth=truth,
             asked=tuple(fanout.asked),
             skills=tuple(fanout.skills),
-            decisions={} if answering is None else _decisions(answering.record),
+            decisions={} if answering_manager is None else _count_decisions(answering_manager.record),
             pictures={},
         )
         return replace(
@@ -235,10 +242,10 @@ def run_lab(observers: Sequence[Observers], settings: LabSettings) -> LabRun:
 
 
 class WatchedCamera:
-    """A camera that remembers at which instants frames were taken.
+    """A camera that records the instants at which frames are taken.
 
     Attributes:
-        instants_s: those instants.
+        instants_s: the instants so far.
     """
 
     def __init__(self, camera: Camera) -> None:
@@ -252,17 +259,19 @@ class WatchedCamera:
         return frame
 
     def processing_s(self, mean_s: float) -> float:
-        """Return the processing time, from now, of work with this mean duration on the camera's computer."""
+        """Return the duration of work that the camera's computer begins now, given its mean duration."""
         return self._camera.processing_s(mean_s)
 
 
-def _gathered(
+def _make_fanout(
     clock: Clock, managers: Mapping[str, Manager], observers: Sequence[Observers], settings: LabSettings
 ) -> Fanout:
-    """Declare all variables for arms that need everything, and connect the main execution to all arms."""
+    """Declare all variables with the arms that need everything, and connect the main execution to all arms."""
     for arm_observers in observers:
         if arm_observers.arm.need is Need.EVERYTHING:
-            _declare_all(managers[arm_observers.arm.name])
+            manager = managers[arm_observers.arm.name]
+            for name in manager.modelled():
+                manager.declare(name)
     return Fanout(
         clock,
         managers,
@@ -278,27 +287,22 @@ def _clock(settings: LabSettings, stack: ExitStack) -> LimitedClock:
     return LimitedClock(clock, end_s, settings.progress)
 
 
-def _record(arm: str, settings: LabSettings) -> EventLog:
-    """Return the event log of an arm. It keeps all events, since they are scored at the end."""
+def _make_event_log(arm: str, settings: LabSettings) -> EventLog:
+    """Return a new event log for an arm. The log keeps all events, because they are scored at the end."""
     if settings.journal is None:
         return EventLog(math.inf)
-    return Journal(settings.journal if arm == settings.answering else beside(settings.journal, arm), math.inf)
+    return Journal(settings.journal if arm == settings.answering else arm_journal_path(settings.journal, arm), math.inf)
 
 
-def beside(journal: Path, arm: str) -> Path:
-    """Return the path of another arm's journal."""
+def arm_journal_path(journal: Path, arm: str) -> Path:
+    """Return the path of the journal of another arm, next to the journal of the answering arm."""
     return journal.with_name(f"{journal.stem}.{arm}{journal.suffix}")
-
-
-def _declare_all(manager: Manager) -> None:
-    for name in manager.modelled():
-        manager.declare(name)
 
 
 def _execute(
     mission: Mission, settings: LabSettings, clock: Clock, interruptions: list[tuple[float, str]]
 ) -> str | None:
-    """Run the main execution to its end; return the unrecoverable error that ended it, if there was one."""
+    """Run the main execution to its end. Return the unrecoverable error that ended it, or None."""
     try:
         while True:
             try:
@@ -314,32 +318,32 @@ def _execute(
 
 
 def _truth_pieces(spans: Sequence[TruthSpan], managers: Sequence[Manager]) -> Mapping[str, Sequence[Piece]]:
-    """Return the true values of all variables that an arm's spec models; of all variables without arms."""
+    """Return the true values of all variables that the spec of some arm models. Without arms, return all values."""
     variables = tuple(spans[0].values) if spans else ()
-    modelled = {name for manager in managers for name in manager.modelled()} if managers else set(variables)
-    names = [name for name in variables if name in modelled]
+    modelled_variables = {name for manager in managers for name in manager.modelled()} if managers else set(variables)
+    names = [name for name in variables if name in modelled_variables]
     return {name: pieces([(span.start_s, span.values[name]) for span in spans], spans[-1].end_s) for name in names}
 
 
 def _arm(name: str, manager: Manager, truth: Mapping[str, Sequence[Piece]], end_s: float) -> ArmRun:
     record = manager.record
     held = held_pieces(record, tuple(truth), end_s)
-    started = (event.name for event in record.of(Kind.JOB) if event.what == "started")
+    started_algorithms = (event.name for event in record.of(Kind.JOB) if event.what == "started")
     return ArmRun(
         name=name,
         record=record,
         held=held,
         scores=[score(variable, held[variable], truth[variable], record) for variable in truth],
-        jobs=dict(sorted(Counter(started).items())),
+        jobs=dict(sorted(Counter(started_algorithms).items())),
         spent=manager.spent(),
     )
 
 
-def _decisions(record: EventLog) -> Mapping[str, Counter[str]]:
-    counts: dict[str, Counter[str]] = {}
+def _count_decisions(record: EventLog) -> Mapping[str, Counter[str]]:
+    counts_by_variable: dict[str, Counter[str]] = {}
     for event in record.of(Kind.DECISION):
-        counted = counts.setdefault(event.name, Counter())
-        counted[event.what] += 1
+        variable_counts = counts_by_variable.setdefault(event.name, Counter())
+        variable_counts[event.what] += 1
         if event.what == "answered" and event.details["source"] != MAIN:
-            counted[OBSERVED] += 1
-    return dict(sorted(counts.items()))
+            variable_counts[OBSERVED] += 1
+    return dict(sorted(counts_by_variable.items()))

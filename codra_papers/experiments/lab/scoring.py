@@ -12,7 +12,7 @@ from codra_dsl.runtime.values.conditions import Value
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """A half-open span of time with one value; None is unknown."""
+    """A half-open span of time in which a variable has one value; None means that the value is unknown."""
 
     start_s: float
     end_s: float
@@ -21,14 +21,15 @@ class Piece:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Score:
-    """How a variable was held over a run.
+    """How well an arm knew a variable over a run.
 
     Attributes:
-        right_s: the time in which the held value equals the truth: P1's agreement time.
-        wrong_s: the time in which it is known and differs: P1's disagreement time.
-        unknown_s: the time in which no value is held.
-        identified: how often an observer gave it a value.
-        first_s: when an observer first did; None if never.
+        name: the variable.
+        right_s: how long the held value equalled the truth: P1's agreement time.
+        wrong_s: how long the held value was known and differed from the truth: P1's disagreement time.
+        unknown_s: how long no value was held.
+        identified: how often an observer gave the variable a value.
+        first_s: when an observer first gave the variable a value; None if no observer did.
     """
 
     name: str
@@ -46,7 +47,13 @@ class Score:
 
 
 def held_pieces(record: EventLog, names: Sequence[str], end_s: float) -> Mapping[str, tuple[Piece, ...]]:
-    """Return the values of each variable that a context manager held from 0 s to the end of a run, from its record."""
+    """Return the values of each variable that a context manager held from 0 s to the end of a run.
+
+    Args:
+        record: the event log of the context manager.
+        names: the variables.
+        end_s: the end of the run.
+    """
     changes: dict[str, list[tuple[float, Value | None]]] = {name: [(0.0, None)] for name in names}
     for event in record.of(Kind.VARIABLE):
         if event.details.get("present") and event.name in changes and event.instant_s < end_s:
@@ -55,7 +62,7 @@ def held_pieces(record: EventLog, names: Sequence[str], end_s: float) -> Mapping
 
 
 def pieces(changes: Sequence[tuple[float, Value | None]], end_s: float) -> tuple[Piece, ...]:
-    """Return the pieces between changes, given in order of time; equal neighbours are merged."""
+    """Return the pieces between changes, which must be in order of time. Neighbours with equal values are merged."""
     merged: list[Piece] = []
     starts = [start_s for start_s, _ in changes]
     for (start_s, value), next_s in zip(changes, [*starts[1:], end_s], strict=True):
@@ -67,12 +74,12 @@ def pieces(changes: Sequence[tuple[float, Value | None]], end_s: float) -> tuple
 
 
 def score(name: str, held: Sequence[Piece], truth: Sequence[Piece], record: EventLog) -> Score:
-    """Return how a variable was held against its truth, over the time that both cover."""
+    """Return the score of a variable, over the time that the held values and the truth both cover."""
     seconds = {"right": 0.0, "wrong": 0.0, "unknown": 0.0}
     for piece, fact, duration_s in overlaps(held, truth):
         verdict = "unknown" if piece.value is None else "right" if piece.value == fact.value else "wrong"
         seconds[verdict] += duration_s
-    identified = [
+    identified_events = [
         event
         for event in record.of(Kind.VARIABLE, name)
         if event.what == "identified" and event.details["source"] != MAIN
@@ -82,13 +89,13 @@ def score(name: str, held: Sequence[Piece], truth: Sequence[Piece], record: Even
         right_s=seconds["right"],
         wrong_s=seconds["wrong"],
         unknown_s=seconds["unknown"],
-        identified=len(identified),
-        first_s=identified[0].instant_s if identified else None,
+        identified=len(identified_events),
+        first_s=identified_events[0].instant_s if identified_events else None,
     )
 
 
 def overlaps(left: Sequence[Piece], right: Sequence[Piece]) -> list[tuple[Piece, Piece, float]]:
-    """Return the pairs of pieces that overlap, with the length of their overlap, in order of time."""
+    """Return the pairs of pieces that overlap, with the duration of their overlap in s, in order of time."""
     pairs: list[tuple[Piece, Piece, float]] = []
     position = 0
     for piece in left:

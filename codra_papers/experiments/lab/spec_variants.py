@@ -1,4 +1,4 @@
-"""Differences between the specs of arms: frozen values that turn a spec into another."""
+"""Edits that turn the spec of an experiment into the specs of its arms. Each edit is a frozen value."""
 
 from __future__ import annotations
 
@@ -18,30 +18,31 @@ from codra_dsl.language.model import (
     Spec,
 )
 
-SpecVariant = Callable[[Spec], Spec]
-"""Turns a spec into another: a frozen value, so that it can be sent to a process and described in a report."""
+SpecEdit = Callable[[Spec], Spec]
+"""Turns a spec into another spec. It is a frozen value, so that it can be sent to a process and described in a
+report."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Naive:
-    """No knowledge of when perception can be trusted (P1, section 4.1): the same calls without any condition.
+    """Remove all knowledge of when perception can be trusted (P1, section 4.1): the same calls without any condition.
 
-    The functions, their arguments, their results and the meaning of these for variables stay the same. No skill is
-    left: every variable that has an algorithm gets its observer.
+    The functions, their arguments and results, and the meaning of the results for variables stay the same. All skills
+    are removed, so every variable that has an algorithm gets its observer.
 
     Attributes:
-        pause_s: the minimum time between two jobs of one algorithm that needs a slot; 0 to look again immediately.
+        pause_s: the minimum time between two jobs of an algorithm that needs a slot; 0 to look again immediately.
     """
 
     pause_s: float = 0.0
 
     def __str__(self) -> str:
-        """Return its description in a report."""
+        """Return the description of the edit in a report."""
         pause = f", {self.pause_s} s between two jobs of the vision slot" if self.pause_s else ""
         return f"no conditions{pause}"
 
     def __call__(self, spec: Spec) -> Spec:
-        """Return the spec without conditions."""
+        """Return the spec without conditions and skills."""
         algorithms = tuple(self._without_conditions(algorithm) for algorithm in spec.perception)
         return replace(spec, perception=algorithms, skills=(), observers=_without_pause(spec, algorithms))
 
@@ -52,15 +53,16 @@ class Naive:
 
 
 def _without_pause(spec: Spec, algorithms: tuple[Algorithm, ...]) -> tuple[ObserverSetting, ...]:
-    """Give every tree a period of 0 s and the same priority; keep its name."""
-    named = {reference.name for setting in spec.observers for reference in setting.identifies}
+    """Return settings that give every tree a period of 0 s and the same priority. Every tree keeps its name."""
+    named_variables = {reference.name for setting in spec.observers for reference in setting.identifies}
     settings = [replace(setting, period_s=0.0, priority=0) for setting in spec.observers]
-    for algorithm in sorted(algorithms, key=lambda algorithm: algorithm.rank):  # the first alternative names the tree
+    # A tree has the name of its first alternative.
+    for algorithm in sorted(algorithms, key=lambda algorithm: algorithm.rank):
         variables = tuple(
             Reference(name=entry.variable.name, place=entry.variable.place) for entry in algorithm.identifies
         )
-        if not named & {reference.name for reference in variables}:
-            named |= {reference.name for reference in variables}
+        if not named_variables & {reference.name for reference in variables}:
+            named_variables |= {reference.name for reference in variables}
             settings.append(
                 ObserverSetting(name=algorithm.name, place=algorithm.place, identifies=variables, period_s=0.0)
             )
@@ -69,7 +71,7 @@ def _without_pause(spec: Spec, algorithms: tuple[Algorithm, ...]) -> tuple[Obser
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Refreshed:
-    """Look again at all variables periodically, or on events alone."""
+    """Set `refresh` of all variables: look again periodically, or only on events."""
 
     refresh: Refresh
 
@@ -78,7 +80,7 @@ class Refreshed:
         return f"refresh: {self.refresh.value}"
 
     def __call__(self, spec: Spec) -> Spec:
-        """Return the spec with that `refresh` for all variables."""
+        """Return the spec with this `refresh` for all variables."""
         return replace(spec, context=tuple(replace(variable, refresh=self.refresh) for variable in spec.context))
 
 
@@ -113,9 +115,9 @@ class Confirmed:
     """Require several results to agree before a value is believed, wherever a single condition identifies it.
 
     Attributes:
-        needed: how many results have to agree,
-        of: among this many latest results; 1 of 1 removes confirmation.
-        variables: the ends of the names of the variables.
+        needed: how many of the latest results have to agree.
+        of: how many of the latest results are compared. 1 of 1 removes confirmation.
+        variables: the ends of the names of the variables that need confirmation.
     """
 
     needed: int
@@ -127,17 +129,17 @@ class Confirmed:
         return f"confirm: {self.needed} of {self.of} for {', '.join(f'*{name}' for name in self.variables)}"
 
     def __call__(self, spec: Spec) -> Spec:
-        """Return the spec with that `confirm`."""
-        return replace(spec, perception=tuple(map(self._confirmed, spec.perception)))
+        """Return the spec with this `confirm`."""
+        return replace(spec, perception=tuple(map(self._confirmed_algorithm, spec.perception)))
 
-    def _confirmed(self, algorithm: Algorithm) -> Algorithm:
+    def _confirmed_algorithm(self, algorithm: Algorithm) -> Algorithm:
         entries = (
-            self._asked(entry) if entry.variable.name.endswith(self.variables) else entry
+            self._with_confirmation(entry) if entry.variable.name.endswith(self.variables) else entry
             for entry in algorithm.identifies
         )
         return replace(algorithm, identifies=tuple(entries))
 
-    def _asked(self, entry: Identification) -> Identification:
+    def _with_confirmation(self, entry: Identification) -> Identification:
         confirm = (self.needed, self.of) if self.of > 1 else None
         if isinstance(entry.by, Hysteresis):
             return replace(entry, by=replace(entry.by, confirm=confirm))
@@ -149,11 +151,12 @@ class Confirmed:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Without:
-    """Remove one condition: of `observable_when` (a precondition) or of `accept_when` (a refinement).
+    """Remove a condition from `observable_when` (a precondition) and from `accept_when` (a refinement).
 
     Attributes:
-        algorithm: the end of the names of the algorithms that lose it, e.g. `_lid` for the lids of all machines.
-        condition: the end of its text, e.g. `_lid_in_FOV`.
+        algorithm: the end of the names of the algorithms that lose the condition, e.g. `_lid` for the lids of all
+            machines.
+        condition: the end of the text of the condition, e.g. `_lid_in_FOV`.
     """
 
     algorithm: str
@@ -164,10 +167,10 @@ class Without:
         return f"*{self.algorithm} without *{self.condition}"
 
     def __call__(self, spec: Spec) -> Spec:
-        """Return the spec without that condition.
+        """Return the spec without the condition.
 
         Raises:
-            ValueError: if no algorithm has it.
+            ValueError: if no algorithm with such a name has the condition.
         """
         changed = tuple(map(self._without, spec.perception))
         if changed == spec.perception:
@@ -179,9 +182,9 @@ class Without:
             return algorithm
         return replace(
             algorithm,
-            observable_when=self._kept(algorithm.observable_when),
-            accept_when=self._kept(algorithm.accept_when),
+            observable_when=self._without_condition(algorithm.observable_when),
+            accept_when=self._without_condition(algorithm.accept_when),
         )
 
-    def _kept(self, conditions: tuple[Condition, ...]) -> tuple[Condition, ...]:
+    def _without_condition(self, conditions: tuple[Condition, ...]) -> tuple[Condition, ...]:
         return tuple(condition for condition in conditions if not condition.text.endswith(self.condition))

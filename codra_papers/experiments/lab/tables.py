@@ -8,7 +8,7 @@ from codra_papers.experiments.lab.scoring import Score
 
 
 def text_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Return a table in plain text: the first column is aligned to the left, the others to the right."""
+    """Return a table as plain text. The first column is aligned to the left, all others to the right."""
     widths = [max(len(row[column]) for row in (header, *rows)) for column in range(len(header))]
     lines = [_line(header, widths), "  ".join("-" * width for width in widths)]
     lines.extend(_line(row, widths) for row in rows)
@@ -21,7 +21,7 @@ def _line(cells: Sequence[str], widths: Sequence[int]) -> str:
 
 
 def score_table(scores: Sequence[Score]) -> str:
-    """Return right, wrong and unknown seconds per variable, as in P1's Table 2."""
+    """Return a table of the right, wrong and unknown seconds of each variable, as in P1's Table 2."""
     header = ("context-variable", "right s", "wrong s", "unknown s", "right/held", "identified", "first at s")
     return text_table(header, [_score_row(score) for score in scores])
 

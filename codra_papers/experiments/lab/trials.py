@@ -1,4 +1,4 @@
-"""One run of an experiment, described completely enough to be run again."""
+"""One run of an experiment in the laboratory, described so completely that it can be repeated."""
 
 from __future__ import annotations
 
@@ -35,17 +35,19 @@ from codra_papers.lab.simulator.laboratory import LABORATORY, Laboratory
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trial:
-    """One run of an experiment.
+    """One run of an experiment in the laboratory.
 
     Attributes:
-        name: unique in its experiment; also the name of its record.
+        name: the name of the trial, which is unique in its experiment and is also the name of its record.
         spec: the file of the experiment's spec.
-        laboratory: in which the robot works.
-        answering: the arm that answers the main execution's decisions; None if it looks at each of them.
-        decision_s: how long it takes to ask that arm.
-        repair_s: how long a repair takes after an unrecoverable error; None if the error ends the run.
-        work: of the main execution.
-        duration_s: the maximum duration.
+        seed: the seed of all random numbers.
+        arms: the arms, which all see the same frames.
+        laboratory: the laboratory in which the robot works.
+        answering: the arm that answers the main execution's decisions; None if the robot looks for each decision.
+        decision_s: how long it takes to ask the arm that answers.
+        repair_s: how long a repair takes after an unrecoverable error; None if such an error ends the run.
+        work: the work of the main execution.
+        duration_s: the maximum duration; None if the run lasts as long as the work takes.
         frames_kept: how many frames are stored to be analysed again, besides those of wrong decisions.
     """
 
@@ -67,25 +69,25 @@ class Trial:
         return True
 
     def run(self, folder: Path) -> Outcome:
-        """Run it; stored frames go to the folder."""
+        """Run the trial and write the stored frames into the folder."""
         return run_trial(self, folder)
 
     def outcome(self, text: str) -> Outcome:
-        """Return the outcome that `to_json` wrote as this text."""
+        """Return the outcome from the JSON text that its `to_json` returned."""
         return Outcome.from_json(text)
 
 
-@paused_collector()  # nothing refers back to a completed job, so its memory is freed without it
+@paused_collector()  # nothing refers back to a completed job, so the job's memory is freed without the collector
 def run_trial(trial: Trial, folder: Path, progress: Callable[[float], None] = lambda _: None) -> Outcome:
-    """Run a trial, and store frames of wrong decisions and of evidence to be analysed again.
+    """Run a trial. Store the frames of wrong decisions, and frames that are to be analysed again.
 
     Args:
-        trial: to be run.
-        folder: for frames; it is created.
-        progress: called with the present simulated instant now and then.
+        trial: the trial to run.
+        folder: the folder for frames, which is created if there are any frames.
+        progress: a function that is called with the present simulated instant now and then.
 
     Raises:
-        SpecError: if the spec, or an arm's, has errors.
+        SpecError: if the spec, or the edited spec of an arm, has errors.
     """
     spec = read_spec(trial.spec)
     settings = LabSettings(
@@ -99,8 +101,8 @@ def run_trial(trial: Trial, folder: Path, progress: Callable[[float], None] = la
         moments=lambda run: _moments(run, trial),
         progress=progress,
     )
-    with tempfile.TemporaryDirectory(prefix="codra-") as made:
-        arms = [observers(arm, spec, Path(made) / str(number)) for number, arm in enumerate(trial.arms)]
+    with tempfile.TemporaryDirectory(prefix="codra-") as code_folder:
+        arms = [observers(arm, spec, Path(code_folder) / str(number)) for number, arm in enumerate(trial.arms)]
         run = run_lab(arms, settings)
     for name, frame in run.pictures.items():
         store_frame(frame, folder / name)
@@ -122,24 +124,27 @@ def store_frame(frame: Frame, path: Path) -> None:
 
 
 def _moments(run: LabRun, trial: Trial) -> Mapping[str, float]:
-    """Return the instants of frames to store, by file name: evidence for wrong decisions, and evenly over the run."""
+    """Return the instants of the frames to store: of evidence for wrong decisions, and evenly spread over the run.
+
+    The key is the name of the frame's file.
+    """
     instants = {
         basis.evidence_s
         for decision in _decisions(run, trial)
         for basis in (*decision.wrong.values(), decision.wrong_answer)
         if basis is not None and basis.frame
     }
-    instants |= {kept.evidence_s for kept in _evenly(run, trial.frames_kept)}
-    return {_file_of(instant_s): instant_s for instant_s in sorted(instants)}
+    instants |= {kept.evidence_s for kept in _evenly_spread_evidence(run, trial.frames_kept)}
+    return {_frame_file(instant_s): instant_s for instant_s in sorted(instants)}
 
 
-def _file_of(instant_s: float) -> str:
+def _frame_file(instant_s: float) -> str:
     return f"{instant_s!r}.png"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Evidence:
-    """The values that a job of an arm returned for a frame."""
+    """The values that a job of an arm returned for one frame."""
 
     arm: str
     algorithm: str
@@ -147,8 +152,8 @@ class _Evidence:
     values: Mapping[str, Any]
 
 
-def _evenly(run: LabRun, count: int) -> Sequence[_Evidence]:
-    """Return evidence from frames, of all arms, evenly spread over a run."""
+def _evenly_spread_evidence(run: LabRun, count: int) -> Sequence[_Evidence]:
+    """Return this number of pieces of evidence from frames, of all arms, evenly spread over a run."""
     evidence = [
         _Evidence(arm=arm.name, algorithm=event.name, evidence_s=event.details["evidence_s"][1], values=values)
         for arm in run.arms
@@ -176,7 +181,7 @@ def _outcome(trial: Trial, run: LabRun) -> Outcome:
         arms={arm.name: _arm_outcome(arm, run.truth) for arm in run.arms},
         decisions=_decisions(run, trial),
         skills=[(span.name, span.start_s, span.end_s) for span in run.skills],
-        kept=list(_kept(run, trial.frames_kept)),
+        kept=list(_kept_frames(run, trial.frames_kept)),
     )
 
 
@@ -186,28 +191,30 @@ def _arm_outcome(arm: ArmRun, truth: Mapping[str, Sequence[Piece]]) -> ArmOutcom
         wrong=wrong_spans(arm.record, truth),
         first_s={score.name: score.first_s for score in arm.scores},
         triggers=arm.jobs,
-        slot_s=sum(spent.slot_s for spent in arm.spent.values()),
+        slot_s=sum(cost.slot_s for cost in arm.spent.values()),
     )
 
 
 def wrong_spans(record: EventLog, truth: Mapping[str, Sequence[Piece]]) -> Mapping[str, Sequence[WrongSpan]]:
-    """Return the spans in which held values were not true, by variable, and whether their evidence was true.
+    """Return, for each variable, the spans in which the held value was not true.
+
+    Each span states whether the value was true at the instant of its evidence.
 
     Args:
-        record: of a context manager.
-        truth: by variable, from 0 s to the end of the run.
+        record: the event log of a context manager.
+        truth: the true values of each variable, from 0 s to the end of the run.
     """
     events_by_name: dict[str, list[Event]] = {name: [] for name in truth}
     for event in record.of(Kind.VARIABLE):
         if event.details.get("present") and event.name in events_by_name:
             events_by_name[event.name].append(event)
-    return {name: _wrong(events, truth[name]) for name, events in events_by_name.items()}
+    return {name: _wrong_spans_of(events, truth[name]) for name, events in events_by_name.items()}
 
 
-def _wrong(events: Sequence[Event], truth: Sequence[Piece]) -> tuple[WrongSpan, ...]:
+def _wrong_spans_of(events: Sequence[Event], truth: Sequence[Piece]) -> tuple[WrongSpan, ...]:
     spans: list[WrongSpan] = []
     ends = (*(event.instant_s for event in events[1:]), truth[-1].end_s)
-    for event, end_s in zip(events, ends, strict=False):  # without events there is still one end
+    for event, end_s in zip(events, ends, strict=False):  # if there are no events, there is still one end
         value = event.details["value"]
         held = Piece(event.instant_s, end_s, value)
         for _, fact, duration_s in overlaps([held], truth):
@@ -220,35 +227,35 @@ def _wrong(events: Sequence[Event], truth: Sequence[Piece]) -> tuple[WrongSpan, 
     return tuple(spans)
 
 
-def _kept(run: LabRun, count: int) -> Iterator[KeptFrame]:
-    for evidence in _evenly(run, count):
-        name = _file_of(evidence.evidence_s)
-        believed = run.pictures[name].believed_map_from_camera
+def _kept_frames(run: LabRun, count: int) -> Iterator[KeptFrame]:
+    for evidence in _evenly_spread_evidence(run, count):
+        name = _frame_file(evidence.evidence_s)
+        believed_pose = run.pictures[name].believed_map_from_camera
         yield KeptFrame(
             file=name,
             arm=evidence.arm,
             algorithm=evidence.algorithm,
             evidence_s=evidence.evidence_s,
             values=dict(evidence.values),
-            believed_map_from_camera=(believed.rotation.tolist(), believed.translation_m.tolist()),
+            believed_map_from_camera=(believed_pose.rotation.tolist(), believed_pose.translation_m.tolist()),
         )
 
 
 def _decisions(run: LabRun, trial: Trial) -> Sequence[Decision]:
-    returned = {arm.name: _returned(arm) for arm in run.arms}
-    answers = returned.get(trial.answering or "", {})
+    values_by_arm = {arm.name: _returned_values(arm) for arm in run.arms}
+    answering_values = values_by_arm.get(trial.answering or "", {})
     return [
-        _decision(asked, truth, returned, _wrong_answer(asked, truth, answers, run.looks_s))
+        _decision(asked, truth, values_by_arm, _wrong_answer(asked, truth, answering_values, run.looks_s))
         for asked in run.asked
         if (truth := run.truth.get(asked.variable)) is not None
     ]
 
 
-_Returned = Mapping[tuple[str, float], Mapping[str, Any]]
-"""The values that jobs returned, by algorithm and end of the evidence."""
+_ReturnedValues = Mapping[tuple[str, float], Mapping[str, Any]]
+"""The values that jobs returned. The key is the algorithm and the end of the evidence in s."""
 
 
-def _returned(arm: ArmRun) -> _Returned:
+def _returned_values(arm: ArmRun) -> _ReturnedValues:
     return {
         (event.name, event.details["evidence_s"][1]): event.details["values"]
         for event in arm.record.of(Kind.JOB)
@@ -257,16 +264,16 @@ def _returned(arm: ArmRun) -> _Returned:
 
 
 def _decision(
-    asked: Asked, truth: Sequence[Piece], returned: Mapping[str, _Returned], wrong_answer: Basis | None
+    asked: Asked, truth: Sequence[Piece], returned_values: Mapping[str, _ReturnedValues], wrong_answer: Basis | None
 ) -> Decision:
-    true_now = value_at(truth, asked.instant_s)
+    true_value = value_at(truth, asked.instant_s)
     held = {arm: reading.content for arm, reading in asked.held.items()}
     return Decision(
         instant_s=asked.instant_s,
         variable=asked.variable,
         skill=asked.skill,
         is_preview=asked.since_s <= 0.0,
-        truth=true_now,
+        truth=true_value,
         held=held,
         fresh={arm: reading.known and reading.evidence_s >= asked.since_s for arm, reading in asked.held.items()},
         answer=asked.answer,
@@ -274,53 +281,55 @@ def _decision(
         waited_s=asked.waited_s,
         looked_s=asked.looked_s,
         has_looked=asked.has_looked,
-        unanswered=_unanswered(asked),
+        unanswered=_unanswered_reason(asked),
         wrong={
-            arm: _basis(reading, truth, returned[arm])
+            arm: _basis(reading, truth, returned_values[arm])
             for arm, reading in asked.held.items()
-            if reading.known and reading.content != true_now
+            if reading.known and reading.content != true_value
         },
         wrong_answer=wrong_answer,
     )
 
 
-def _unanswered(asked: Asked) -> str:
+def _unanswered_reason(asked: Asked) -> str:
     if not asked.has_looked or asked.last is None:
         return ""
     return BEFORE_THE_ACTION if asked.last.reason is None else asked.last.reason.value
 
 
-def _wrong_answer(asked: Asked, truth: Sequence[Piece], returned: _Returned, looks_s: Sequence[float]) -> Basis | None:
-    """Return the basis of an answer that was not true when it was given; None if it was true or missing."""
+def _wrong_answer(
+    asked: Asked, truth: Sequence[Piece], returned_values: _ReturnedValues, looks_s: Sequence[float]
+) -> Basis | None:
+    """Return the basis of an answer that was not true when it was given; None if the answer was true or missing."""
     if asked.answer is None or asked.answer == value_at(truth, asked.answered_s):
         return None
     if asked.last is not None and not asked.has_looked:
-        return _basis(asked.last, truth, returned)
-    own_s = [instant_s for instant_s in looks_s if asked.instant_s <= instant_s <= asked.answered_s]
-    evidence_s = own_s[-1] if own_s else asked.answered_s
+        return _basis(asked.last, truth, returned_values)
+    own_looks_s = [instant_s for instant_s in looks_s if asked.instant_s <= instant_s <= asked.answered_s]
+    evidence_s = own_looks_s[-1] if own_looks_s else asked.answered_s
     return Basis(
         algorithm=OWN_LOOK,
         evidence_s=evidence_s,
         values={},
         was_true=value_at(truth, evidence_s) == asked.answer,
-        frame=_file_of(evidence_s) if own_s else "",
+        frame=_frame_file(evidence_s) if own_looks_s else "",
     )
 
 
-def _basis(reading: Reading[Any], truth: Sequence[Piece], returned: _Returned) -> Basis:
-    values = returned.get((reading.source, reading.evidence_s))
+def _basis(reading: Reading[Any], truth: Sequence[Piece], returned_values: _ReturnedValues) -> Basis:
+    values = returned_values.get((reading.source, reading.evidence_s))
     is_frame = values is not None and "distance" not in values
     return Basis(
         algorithm=reading.source,
         evidence_s=reading.evidence_s,
         values=dict(values or {}),
         was_true=value_at(truth, reading.evidence_s) == reading.content,
-        frame=_file_of(reading.evidence_s) if is_frame else "",
+        frame=_frame_file(reading.evidence_s) if is_frame else "",
     )
 
 
 def value_at(pieces: Sequence[Piece], instant_s: float) -> Value | None:
-    """Return the value at an instant; at and after the end of the last piece, its value."""
+    """Return the value at an instant. From the end of the last piece on, return the value of the last piece."""
     for piece in pieces:
         if instant_s < piece.end_s:
             return piece.value

@@ -14,7 +14,7 @@ from codra_papers.experiments.lab.outcomes import Outcome
 from codra_papers.experiments.lab.spec_variants import (
     Confirmed,
     Refreshed,
-    SpecVariant,
+    SpecEdit,
     WithoutChanges,
     WithoutValidity,
 )
@@ -36,7 +36,7 @@ UNCHANGED = Arm(name="as it stands", need=Need.ANNOUNCED)
 
 _JUDGED = ("_open", "_locked")
 
-OPTIONS: Mapping[str, SpecVariant] = {
+OPTIONS: Mapping[str, SpecEdit] = {
     "without validity": WithoutValidity(),
     "without changes": WithoutChanges(),
     "without confirmation": Confirmed(needed=1, of=1, variables=_JUDGED),

@@ -16,7 +16,7 @@ from codra_papers.experiments.campaign.experiment import Experiment, Settings
 from codra_papers.experiments.campaign.statistics import Estimate
 from codra_papers.experiments.lab.arms import NAIVE, PRECONDITIONS, Arm
 from codra_papers.experiments.lab.outcomes import Outcome
-from codra_papers.experiments.lab.spec_variants import SpecVariant
+from codra_papers.experiments.lab.spec_variants import SpecEdit
 from codra_papers.experiments.lab.trials import Trial
 from codra_papers.experiments.studies.beyond.arm_comparison import (
     LIDS_AND_LATCHES,
@@ -106,7 +106,7 @@ def arms(settings: Settings) -> tuple[Arm, ...]:
     return (NAIVE, PRECONDITIONS, *changed)
 
 
-def _changes(parameter: Parameter) -> Sequence[tuple[str, SpecVariant]]:
+def _changes(parameter: Parameter) -> Sequence[tuple[str, SpecEdit]]:
     return (("x 0.5", parameter.smaller), ("x 1.5", parameter.larger))
 
 

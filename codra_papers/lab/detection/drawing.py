@@ -1,4 +1,4 @@
-"""Frames with the detected tags drawn in, for people to look at."""
+"""Draw the detected tags into frames, for people to look at."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _SCALE = 2
 
 
 def draw_detections(frame: Frame, path: Path) -> None:
-    """Write a frame as PNG, twice its size, with each detected tag outlined and numbered."""
+    """Write a frame as PNG, enlarged to twice its size, with each detected tag outlined and numbered."""
     picture = cv2.cvtColor(frame.pixels, cv2.COLOR_RGB2BGR)
     picture = cv2.resize(picture, None, fx=_SCALE, fy=_SCALE, interpolation=cv2.INTER_NEAREST)
     for detection in detect(frame):

@@ -1,8 +1,8 @@
 """The map of detection error: accuracy of tag and lid measurements by distance, viewing angle and number of tags.
 
-It is measured, not fitted: `python -m codra_papers.lab.detection.error_map FOLDER` draws the frames, measures in
-them and writes the map as a table and as a picture. The robot is at rest in ordinary light, so the map shows
-the best case. `docs/papers/protocol.md` has the checked-in map, and a test measures it again.
+The map is measured, not fitted: `python -m codra_papers.lab.detection.error_map FOLDER` draws frames, measures in these
+frames, and writes the map as a table and as a picture. The robot is at rest in ordinary light, so the map shows the
+best case. `docs/papers/protocol.md` shows the checked-in map, and a test measures it again.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from random import Random
 
 import numpy as np
 
-from codra_papers.lab.detection.rows import Row
+from codra_papers.lab.detection.rows import MapRow
 from codra_papers.lab.perception.frame import Frame, StillCamera
 from codra_papers.lab.perception.functions import localize_lid
 from codra_papers.lab.perception.layout import MACHINES, Machine, Part, Tag
@@ -36,23 +36,27 @@ VIEWS_PER_CELL = 20
 """Number of frames for each machine, distance and angle."""
 
 WRONG_SIDE_RAD = 0.3
-"""An error of a lid's angle above which the pose of a tag was confused with its mirror image."""
+"""If a lid's angle is wrong by more than this, the pose of a tag was confused with its mirror image."""
 
 RANGES_M = ((0.0, 0.9), (0.9, 1.8), (1.8, 9.0))
 """Ranges of distance that group the lid measurements."""
 
-_TRIES = 400
+_PLACEMENT_TRIES = 400
 _BEHIND_M = 0.7
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class View:
-    """Measurements in one frame: of the tag that the camera was placed for, and of the lid.
+    """Measurements in one frame: of the tag in front of which the camera was placed, and of the lid.
 
     Attributes:
-        corner_error_px: the largest error of a corner; None if the tag was not detected.
-        lid_error_rad: None if the lid's angle could not be measured.
-        lid_markers: how many tags of base and lid were seen.
+        machine: the name of the machine.
+        distance_m: the distance of the camera from the tag.
+        angle_deg: the viewing angle of the tag.
+        is_whole: whether the tag is completely in the image and not hidden.
+        corner_error_px: the error of the worst corner; None if the tag was not detected.
+        lid_error_rad: the error of the lid's angle; None if the angle could not be measured.
+        lid_markers: how many tags of base and lid the measured poses are computed from.
     """
 
     machine: str
@@ -65,8 +69,8 @@ class View:
 
 
 @dataclass(frozen=True, slots=True)
-class _Timeless:
-    """A job that takes no time."""
+class _TimelessJob:
+    """The argument `job` of perception functions that take no time."""
 
     random: Random = field(default_factory=lambda: Random(SEED))
     index: int = 0
@@ -86,8 +90,8 @@ def views(cells: Iterable[tuple[str, float, int]], per_cell: int = VIEWS_PER_CEL
     """Draw frames and measure in them.
 
     Args:
-        cells: machine, distance in metres and viewing angle in degrees.
-        per_cell: how many frames per cell.
+        cells: the name of the machine, the distance in metres and the viewing angle in degrees of each cell.
+        per_cell: how many frames are drawn for each cell.
     """
     measured: list[View] = []
     geometry = GeometricCamera()
@@ -108,9 +112,12 @@ def views(cells: Iterable[tuple[str, float, int]], per_cell: int = VIEWS_PER_CEL
 def _place_camera(
     world: LabWorld, random: Random, machine: Machine, distance_m: float, angle_deg: int, *, at_s: float
 ) -> Tag | None:
-    """Turn the machine's lid and place the camera in front of one of its tags; None if the room has no space for it."""
+    """Turn the machine's lid and place the camera in front of one of the machine's tags.
+
+    Return the tag, or None if the room has no space for the camera.
+    """
     tags = [tag for tag in machine.tags if tag.part in (Part.BASE, Part.LID)]
-    for _ in range(_TRIES):
+    for _ in range(_PLACEMENT_TRIES):
         lid_rad = random.uniform(*machine.joint(Part.LID).range_rad)
         tag = random.choice(tags)
         map_from_tag = machine.map_from_part(tag.part, lid_rad) @ tag.part_from_tag
@@ -119,14 +126,14 @@ def _place_camera(
             continue
         aside_m = distance_m * np.array([random.uniform(-0.4, 0.4), random.uniform(-0.3, 0.3), 0.0])
         target_m = map_from_tag.translation_m + looking_at(eye_m, map_from_tag.translation_m).rotation @ aside_m
-        _put(world, eye_m, target_m, at_s)
-        _turn(world, machine.name, lid_rad, at_s)
+        _place_robot(world, eye_m, target_m, at_s)
+        world.schedule(at_s, [world.moves_to(at_s, JointKey(machine.name, Part.LID), (lid_rad,), 0.0)])
         return tag
     return None
 
 
 def _direction(random: Random, angle_deg: int) -> Array:
-    """Return a unit vector in a tag's frame, at an angle to its normal, to any side."""
+    """Return a unit vector in a tag's frame, at an angle to the tag's normal and in a random direction around it."""
     angle_rad, side_rad = angle_deg * pi / 180, random.uniform(-pi, pi)
     return np.array([sin(angle_rad) * cos(side_rad), sin(angle_rad) * sin(side_rad), cos(angle_rad)])
 
@@ -138,7 +145,7 @@ def _has_room(machine: Machine, eye_m: Array) -> bool:
     return in_room and 0.5 < eye_m[2] < 1.6 and bool(in_machine[0] > 0.2 and in_machine[2] > 0.0)
 
 
-def _put(world: LabWorld, eye_m: Array, target_m: Array, at_s: float) -> None:
+def _place_robot(world: LabWorld, eye_m: Array, target_m: Array, at_s: float) -> None:
     """Move the robot instantly to a place behind its camera."""
     heading_rad = atan2(target_m[1] - eye_m[1], target_m[0] - eye_m[0])
     base = (eye_m[0] - _BEHIND_M * cos(heading_rad), eye_m[1] - _BEHIND_M * sin(heading_rad), heading_rad)
@@ -148,13 +155,9 @@ def _put(world: LabWorld, eye_m: Array, target_m: Array, at_s: float) -> None:
     world.schedule(at_s, [world.moves_to(at_s, channel, values, 0.0) for channel, values in jumps.items()])
 
 
-def _turn(world: LabWorld, machine: str, lid_rad: float, at_s: float) -> None:
-    world.schedule(at_s, [world.moves_to(at_s, JointKey(machine, Part.LID), (lid_rad,), 0.0)])
-
-
 def _view(frame: Frame, state: LabState, machine: str, cell: tuple[float, int], tag: TagInView | None) -> View:
     corners_by_tag = {detection.tag_id: detection.corners_px for detection in detect(frame)}
-    lid = localize_lid(machine=machine, camera=StillCamera(frame), job=_Timeless())
+    lid = localize_lid(machine=machine, camera=StillCamera(frame), job=_TimelessJob())
     true_rad = state.joints_rad[JointKey(machine, Part.LID)]
     is_whole = tag is not None and tag.margin_px >= 4.0 and tag.covered == 0.0
     corner_error_px = None
@@ -171,31 +174,31 @@ def _view(frame: Frame, state: LabState, machine: str, cell: tuple[float, int], 
     )
 
 
-def table(measured: Sequence[View]) -> list[Row]:
-    """Return the map: one row per cell for which frames were drawn."""
+def table(measured: Sequence[View]) -> list[MapRow]:
+    """Return the rows of the map: one row for each cell with measurements."""
     return [*_tag_rows(measured), *_lid_rows(measured)]
 
 
-def _tag_rows(measured: Sequence[View]) -> Iterator[Row]:
+def _tag_rows(measured: Sequence[View]) -> Iterator[MapRow]:
     for machine, distance_m, angle_deg in dict.fromkeys((v.machine, v.distance_m, v.angle_deg) for v in measured):
-        here = [v for v in measured if (v.machine, v.distance_m, v.angle_deg) == (machine, distance_m, angle_deg)]
-        complete = [view for view in here if view.is_whole]
-        errors = [view.corner_error_px for view in complete if view.corner_error_px is not None]
-        yield Row(
+        cell_views = [v for v in measured if (v.machine, v.distance_m, v.angle_deg) == (machine, distance_m, angle_deg)]
+        complete_views = [view for view in cell_views if view.is_whole]
+        errors = [view.corner_error_px for view in complete_views if view.corner_error_px is not None]
+        yield MapRow(
             about="tag",
             machine=machine,
             distance_m=f"{distance_m:g}",
             angle_deg=angle_deg,
             markers=None,
-            samples=len(complete),
-            found_share=round(len(errors) / len(complete), 3) if complete else None,
+            samples=len(complete_views),
+            found_share=round(len(errors) / len(complete_views), 3) if complete_views else None,
             error_median=_quantile(errors, 0.5),
             error_p95=_quantile(errors, 0.95),
             wrong_side_share=None,
         )
 
 
-def _lid_rows(measured: Sequence[View]) -> Iterator[Row]:
+def _lid_rows(measured: Sequence[View]) -> Iterator[MapRow]:
     machines = dict.fromkeys(view.machine for view in measured)
     for machine, (from_m, to_m), markers in product(machines, RANGES_M, range(2, 8)):
         errors = [
@@ -205,7 +208,7 @@ def _lid_rows(measured: Sequence[View]) -> Iterator[Row]:
             if view.lid_error_rad is not None
         ]
         if errors:
-            yield Row(
+            yield MapRow(
                 about="lid",
                 machine=machine,
                 distance_m=f"{from_m:g} to {min(to_m, max(DISTANCES_M)):g}",
@@ -223,16 +226,16 @@ def _quantile(errors: Sequence[float], share: float) -> float | None:
     return round(float(np.quantile(errors, share)), 3) if errors else None
 
 
-def write_table(rows: Sequence[Row], path: Path) -> None:
-    """Write the map as CSV, its first line naming the columns."""
+def write_table(rows: Sequence[MapRow], path: Path) -> None:
+    """Write the map as CSV. The first line has the names of the columns."""
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(column.name for column in fields(Row))
+        writer.writerow(column.name for column in fields(MapRow))
         writer.writerows(["" if value is None else value for value in astuple(row)] for row in rows)
 
 
 def read_table(path: Path) -> list[Mapping[str, str]]:
-    """Return the rows of a written map, as text by column."""
+    """Return the rows of a map that was written as CSV. The keys of a row are the names of the columns."""
     with path.open(encoding="utf-8", newline="") as file:
         return list(csv.DictReader(file))
 

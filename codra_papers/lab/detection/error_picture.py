@@ -10,36 +10,38 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from codra_papers.lab.detection.rows import Row
+from codra_papers.lab.detection.rows import MapRow
 
 _MACHINES = ("centrifuge", "pcr_cycler")
 _SMALLEST_RAD = 0.0005
-"""Half of the last digit of the map: smaller errors are drawn here."""
+"""Half of the last digit of the map. Smaller errors are drawn at this value."""
 _COLOURS = ("#33526e", "#2e9e5b", "#d1352b")
 
 
-def draw(rows: Sequence[Row], path: Path) -> None:
-    """Draw a map: for each machine the share of detected tags, the error of their corners and of the lid's angle.
+def draw(rows: Sequence[MapRow], path: Path) -> None:
+    """Draw a map: for each machine, the share of detected tags, the error of their corners, and that of lid angles.
 
     Args:
-        rows: the map.
+        rows: the rows of the map.
         path: the file to write; its suffix (`.png`, `.svg`) selects the format.
     """
     figure = Figure(figsize=(13, 7.5), layout="constrained")
-    for line, machine in enumerate(_MACHINES):
-        here = [row for row in rows if row.machine == machine]
-        tags = [row for row in here if row.about == "tag"]
-        detected = _grid(figure.add_subplot(2, 3, 3 * line + 1), tags, [row.found_share for row in tags], 1.0)
-        detected.set_title(f"{machine}: share of whole tags found")
-        corners = _grid(figure.add_subplot(2, 3, 3 * line + 2), tags, [row.error_median for row in tags], 1.0)
-        corners.set_title(f"{machine}: corner error, median in px")
-        _lids(figure.add_subplot(2, 3, 3 * line + 3), [row for row in here if row.about == "lid"], machine)
+    for index, machine in enumerate(_MACHINES):
+        machine_rows = [row for row in rows if row.machine == machine]
+        tags = [row for row in machine_rows if row.about == "tag"]
+        share_axes = _draw_grid(figure.add_subplot(2, 3, 3 * index + 1), tags, [row.found_share for row in tags], 1.0)
+        share_axes.set_title(f"{machine}: share of whole tags found")
+        error_axes = _draw_grid(figure.add_subplot(2, 3, 3 * index + 2), tags, [row.error_median for row in tags], 1.0)
+        error_axes.set_title(f"{machine}: corner error, median in px")
+        _draw_lids(
+            figure.add_subplot(2, 3, 3 * index + 3), [row for row in machine_rows if row.about == "lid"], machine
+        )
     with mpl.rc_context({"svg.hashsalt": "codra", "svg.fonttype": "none"}):
         figure.savefig(path, dpi=80, metadata={"Date": None} if path.suffix == ".svg" else None)
 
 
-def _grid(axes: Axes, tags: Sequence[Row], values: Sequence[float | None], highest: float) -> Axes:
-    """Draw one number per distance and angle."""
+def _draw_grid(axes: Axes, tags: Sequence[MapRow], values: Sequence[float | None], highest: float) -> Axes:
+    """Draw one number for each distance and viewing angle."""
     distances = sorted({float(row.distance_m) for row in tags})
     angles = sorted({row.angle_deg for row in tags if row.angle_deg is not None})
     cells = np.full((len(angles), len(distances)), np.nan)
@@ -56,16 +58,16 @@ def _grid(axes: Axes, tags: Sequence[Row], values: Sequence[float | None], highe
     return axes
 
 
-def _lids(axes: Axes, lids: Sequence[Row], machine: str) -> None:
-    """Draw the lid's angle error over the number of tags, a line for each range of distances."""
+def _draw_lids(axes: Axes, lids: Sequence[MapRow], machine: str) -> None:
+    """Draw the error of the lid's angle over the number of tags, with two lines for each range of distances."""
     axes.set_ylim(_SMALLEST_RAD / 1.5, 2.0)
     for colour, distance_m in zip(_COLOURS, dict.fromkeys(row.distance_m for row in lids), strict=False):
         rows = [row for row in lids if row.distance_m == distance_m]
         markers = [row.markers or 0 for row in rows]
-        for line, what in (("o-", "95 %"), ("o:", "median")):
-            errors = [row.error_p95 if what == "95 %" else row.error_median for row in rows]
-            shown = [max(error or 0.0, _SMALLEST_RAD) for error in errors]
-            axes.plot(markers, shown, line, color=colour, label=f"{distance_m} m, {what}")
+        for line, statistic in (("o-", "95 %"), ("o:", "median")):
+            errors = [row.error_p95 if statistic == "95 %" else row.error_median for row in rows]
+            drawn_errors = [max(error or 0.0, _SMALLEST_RAD) for error in errors]
+            axes.plot(markers, drawn_errors, line, color=colour, label=f"{distance_m} m, {statistic}")
     axes.set_yscale("log")
     axes.set_xticks(range(2, 8))
     axes.set_xlabel("tags of base and lid")

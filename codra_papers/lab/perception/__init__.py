@@ -1,1 +1,1 @@
-"""Computations of the laboratory's robot on frames: tags, poses, and the functions that `specs/lab.yaml` names."""
+"""The perception of the laboratory's robot: tags and poses in frames, and the functions that `specs/lab.yaml` calls."""

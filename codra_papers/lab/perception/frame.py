@@ -1,4 +1,4 @@
-"""Camera frames for perception: pixels, intrinsics, the believed pose of the camera, and the time."""
+"""Camera frames for perception: pixels, intrinsics, the believed pose of the camera, and the instant."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from codra_papers.lab.perception.poses import Array, Pose
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Intrinsics:
-    """A pinhole camera without distortion; pixel centres have whole coordinates."""
+    """A pinhole camera without distortion. Pixel centres have integer coordinates."""
 
     width: int
     height: int
@@ -25,7 +25,11 @@ class Intrinsics:
         return _matrix(self)
 
     def project(self, points_m: Array) -> Array:
-        """Project points of shape (n, 3) in the camera frame (x right, y down, z forward, z > 0) to pixels, (n, 2)."""
+        """Project points to pixels, shape (n, 2).
+
+        Args:
+            points_m: points in the camera frame (x right, y down, z forward), shape (n, 3), with z > 0.
+        """
         image = points_m @ self.matrix().T
         pixels: Array = image[:, :2] / image[:, 2:]
         return pixels
@@ -51,8 +55,8 @@ class Frame:
     Attributes:
         pixels: shape (height, width, 3), RGB, uint8, read-only.
         intrinsics: the camera's calibration.
-        believed_map_from_camera: pose from the robot's own localisation and joints, including their errors.
-        stamp_s: when the shutter closed, in seconds of the clock of the world.
+        believed_map_from_camera: the pose according to the robot's own localisation and joints, with their errors.
+        stamp_s: when the shutter closed, in seconds of the world's clock.
     """
 
     pixels: NDArray[np.uint8]
@@ -92,5 +96,5 @@ class Base(Protocol):
     """The handle that perception functions get as `base`: the mobile base's own state."""
 
     def believed_map_from_base(self) -> Pose:
-        """Return where the robot currently believes its base to be."""
+        """Return the pose that the robot currently believes its base to have."""
         ...

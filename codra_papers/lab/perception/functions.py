@@ -1,12 +1,13 @@
-"""The perception functions of the laboratory's observers and its main execution, as named by `specs/lab.yaml`.
+"""The perception functions of the laboratory's observers and its main execution, to which `specs/lab.yaml` refers.
 
-A function uses its handles (a camera's frames, the base's own localisation) and the layout, which lists the places of
-tags on parts but not the angles of joints. No function knows the simulator or its caller.
+A function uses its handles (a camera's frames, the base's own localisation) and the layout. The layout lists the places
+of tags on parts, but not the angles of joints. No function knows the simulator or its caller.
 
-A function takes its evidence at one instant, reports that instant, and then spends the time that such processing takes
-on a robot. In P1 ten hours of naive observers, which look again as soon as they have looked, make 5006 triggers
-(section 4.1): 7.2 s each. A naive round over this laboratory's cameras is a view and a lid call for each of two
-machines and a rotor call; the means below add up to the same: 2 x 0.4 s + 2 x 2.4 s + 1.6 s = 7.2 s.
+A function takes its evidence at one instant, reports this instant, and then spends the time that such processing takes
+on a robot. In P1, naive observers, which look again as soon as they have looked, made 5006 triggers in ten hours
+(section 4.1). This is 7.2 s for each trigger. In this laboratory, a naive observer makes five vision calls per trigger:
+`find_in_view` and `localize_lid` for each of the two machines, and `localize_rotor`. The mean times below add up to the
+same duration: 2 x 0.4 s + 2 x 2.4 s + 1.6 s = 7.2 s.
 """
 
 from __future__ import annotations
@@ -27,27 +28,28 @@ from codra_papers.lab.perception.sharpness import sharpness
 from codra_papers.lab.perception.tags import detect
 
 MEASURE_DISTANCE_S = 0.25
-"""Mean time of `measure_distance`: asking the localisation."""
+"""Mean time of `measure_distance`, which asks the localisation."""
 
 FIND_IN_VIEW_S = 0.4
-"""Mean time of `find_in_view`: one search for tags."""
+"""Mean time of `find_in_view`, which searches for tags once."""
 
 LOCALIZE_LID_S = 2.4
-"""Mean time of `localize_lid`: two parts and a latch are fitted and the object's pose is updated."""
+"""Mean time of `localize_lid`, which fits the poses of two parts and a latch and updates the object's pose."""
 
 LOCALIZE_ROTOR_S = 1.6
 """Mean time of `localize_rotor`."""
 
 _POSES_KEPT = 32
-"""Observers of several arms use the same frame within an instant or two, so a few poses per part are enough."""
+"""Number of poses that are cached. Observers of several arms use the same frame within an instant or two, so a few
+poses per part are enough."""
 
 
 def measure_distance(*, machine: str, base: Base, job: Job) -> Mapping[str, Any]:
-    """Measure the distance of the robot from a machine, with its localisation only.
+    """Measure the distance of the robot from a machine, only with the robot's localisation.
 
     Returns:
-        `distance`: horizontal, in metres, from the origin of the robot's base, at its believed pose, to the origin of
-        the machine's base in the map.
+        `distance`: the horizontal distance in metres from the origin of the robot's base, at its believed pose, to the
+        origin of the machine's base in the map.
     """
     start_s = job.now_s()
     distance_m = machine_named(machine).distance_m(base.believed_map_from_base())
@@ -60,10 +62,12 @@ def find_in_view(*, machine: str, camera: Camera, job: Job) -> Mapping[str, Any]
     """Measure how much of a machine is in the camera's view.
 
     Returns:
-        `base_share`, `lid_share`: percent of the corners of the part's tags that the frame shows, see `_share_in_view`.
-        `sharpness`: the quality of the frame, see `sharpness.sharpness`: is an undetected tag really absent?
+        `base_share`, `lid_share`: the percentage of the corners of the part's tags that the frame shows (see
+        `_share_in_view`).
+        `sharpness`: the quality of the frame (see `sharpness.sharpness`). It tells whether a tag that is not
+        detected is really not in view.
     """
-    frame = _look(camera, job)
+    frame = _take_frame(camera, job)
     surveyed_machine = machine_named(machine)
     job.sleep(camera.processing_s(FIND_IN_VIEW_S))
     return {
@@ -77,19 +81,19 @@ def localize_lid(*, machine: str, camera: Camera, job: Job) -> Mapping[str, Any]
     """Measure the joint angles of a machine's lid and latch.
 
     Returns:
-        `markers`: how many tags of base and lid the poses are computed from.
-        `lid_angle`: the hinge's angle in rad, None unless base and lid were both localised. With few markers it may be
-        far off (P1, section 4.1: too few visible markers for reliable localisation).
+        `markers`: from how many tags of base and lid the poses are computed.
+        `lid_angle`: the hinge's angle in rad; None unless base and lid were both localised. With few markers the angle
+        may be far off (P1, section 4.1: too few visible markers for reliable localisation).
         `latched`: whether the lever is nearer to its locked than to its open end; None unless base and lever were
         localised.
     """
-    frame = _look(camera, job)
+    frame = _take_frame(camera, job)
     surveyed_machine = machine_named(machine)
-    base, lid, latch = (_localized(surveyed_machine, part, frame) for part in (Part.BASE, Part.LID, Part.LATCH))
+    base, lid, latch = (_localized_part(surveyed_machine, part, frame) for part in (Part.BASE, Part.LID, Part.LATCH))
     latch_angle_rad = _joint_angle_rad(surveyed_machine.joint(Part.LATCH), base, latch)
     job.sleep(camera.processing_s(LOCALIZE_LID_S))
     return {
-        "markers": _markers(base) + _markers(lid),
+        "markers": _marker_count(base) + _marker_count(lid),
         "lid_angle": _joint_angle_rad(surveyed_machine.joint(Part.LID), base, lid),
         "latched": None
         if latch_angle_rad is None
@@ -101,38 +105,38 @@ def localize_rotor(*, machine: str, camera: Camera, job: Job) -> Mapping[str, An
     """Measure the rotor angle of a centrifuge.
 
     Returns:
-        `markers`: how many tags of the rotor its pose is computed from.
-        `rotor_angle`: in rad from -pi / 2 to 3 / 2 pi, so that neither of the two positions, 0 and pi, lies at the
-        seam; None unless base and rotor were both localised.
+        `markers`: from how many tags of the rotor its pose is computed.
+        `rotor_angle`: the angle in rad, from -pi / 2 to 3 / 2 pi, so that neither of the two positions, 0 and pi, lies
+        at an end of this range; None unless base and rotor were both localised.
     """
-    frame = _look(camera, job)
+    frame = _take_frame(camera, job)
     surveyed_machine = machine_named(machine)
-    base, rotor = (_localized(surveyed_machine, part, frame) for part in (Part.BASE, Part.ROTOR))
+    base, rotor = (_localized_part(surveyed_machine, part, frame) for part in (Part.BASE, Part.ROTOR))
     angle_rad = _joint_angle_rad(surveyed_machine.joint(Part.ROTOR), base, rotor)
     job.sleep(camera.processing_s(LOCALIZE_ROTOR_S))
     return {
-        "markers": _markers(rotor),
+        "markers": _marker_count(rotor),
         "rotor_angle": None if angle_rad is None else (angle_rad + pi / 2) % (2 * pi) - pi / 2,
     }
 
 
-def _look(camera: Camera, job: Job) -> Frame:
+def _take_frame(camera: Camera, job: Job) -> Frame:
     frame = camera.capture()
     job.evidence(frame.stamp_s, frame.stamp_s)
     return frame
 
 
 @lru_cache(maxsize=_POSES_KEPT)
-def _localized(machine: Machine, part: Part, frame: Frame) -> PartPose | None:
+def _localized_part(machine: Machine, part: Part, frame: Frame) -> PartPose | None:
     return part_pose(machine.tags_on(part), detect(frame), frame.intrinsics)
 
 
-def _markers(pose: PartPose | None) -> int:
+def _marker_count(pose: PartPose | None) -> int:
     return 0 if pose is None else len(pose.tag_ids)
 
 
 def _joint_angle_rad(joint: Joint, base: PartPose | None, moving: PartPose | None) -> float | None:
-    """Return the turn about a joint's axis that fits the poses of two parts best, in (-pi, pi]."""
+    """Return the angle about a joint's axis that fits the poses of its two parts best, in (-pi, pi]."""
     if base is None or moving is None:
         return None
     base_from_moving = base.camera_from_part.inverse() @ moving.camera_from_part
@@ -144,14 +148,14 @@ def _joint_angle_rad(joint: Joint, base: PartPose | None, moving: PartPose | Non
 
 
 def _share_in_view(machine: Machine, part: Part, frame: Frame) -> float:
-    """Return the percentage of the corners of a part's tags that a frame shows, 0 if no tag could be localised.
+    """Return the percentage of the corners of a part's tags that a frame shows; 0 if the part could not be localised.
 
     All four corners of a detected tag count. A detector cannot find a tag that the edge of the image cuts. The pose
     from the other tags shows which corners of such a tag are inside the image, and these corners count. All other
-    undetected tags count as hidden or as facing away. Over 500 views the share lies on the right side of 50 % in 93 of
-    100; it is too large in one of 100, and misses parts whose tags are seen at a slant in six.
+    undetected tags count as hidden or as facing away. In 500 views, the share lies on the right side of 50 % in 93 of
+    100 cases. In one of 100 cases it is too large; in six it is too small, for parts whose tags are seen at a slant.
     """
-    pose = _localized(machine, part, frame)
+    pose = _localized_part(machine, part, frame)
     if pose is None:
         return 0.0
     tags = machine.tags_on(part)
@@ -160,7 +164,11 @@ def _share_in_view(machine: Machine, part: Part, frame: Frame) -> float:
 
 
 def _corners_of_a_cut_tag(tag: Tag, pose: PartPose, intrinsics: Intrinsics) -> int:
-    """Return how many corners lie inside the image if some lie outside; else 0: the tag was detectable."""
+    """Return how many corners of an undetected tag lie inside the image, if at least one corner lies outside.
+
+    Return 0 for a tag that is completely inside the image, because the tag could have been detected. Also return 0 for
+    a tag that faces away from the camera or is behind it.
+    """
     camera_from_tag = pose.camera_from_part @ tag.part_from_tag
     corners_m = pose.camera_from_part.apply(tag.corners_m())
     faces_away = camera_from_tag.rotation[:, 2] @ camera_from_tag.translation_m >= 0.0

@@ -1,4 +1,4 @@
-"""Rigid transforms between frames. A pose named `map_from_base` takes points given in `base` to `map`."""
+"""Rigid transforms between frames. A pose with the name `map_from_base` transforms points from `base` to `map`."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Pose:
 
     @staticmethod
     def identity() -> Pose:
-        """Return the pose that moves nothing."""
+        """Return the pose that does not move points."""
         return Pose(np.eye(3), np.zeros(3))
 
     @staticmethod
@@ -38,11 +38,11 @@ class Pose:
 
     def __matmul__(self, other: Pose) -> Pose:
         """Chain two poses: `(a_from_b @ b_from_c)` is `a_from_c`."""
-        turned = self.rotation.dot  # of arrays so small, `@` takes twice as long
-        return Pose(turned(other.rotation), turned(other.translation_m) + self.translation_m)
+        rotate = self.rotation.dot  # for such small arrays, `@` takes twice as long
+        return Pose(rotate(other.rotation), rotate(other.translation_m) + self.translation_m)
 
     def inverse(self) -> Pose:
-        """Return the pose that undoes this one."""
+        """Return the inverse transform."""
         return Pose(self.rotation.T, (-self.rotation.T).dot(self.translation_m))
 
     def apply(self, points_m: Array) -> Array:
@@ -53,8 +53,8 @@ class Pose:
 
 def rotation_about(axis: tuple[float, float, float], angle_rad: float) -> Array:
     """Return the right-handed rotation, shape (3, 3), about an axis (Rodrigues)."""
-    cross, squared = _crossing(axis)
-    rotation: Array = _UNTURNED + np.sin(angle_rad) * cross + (1.0 - np.cos(angle_rad)) * squared
+    cross, squared = _cross_matrices(axis)
+    rotation: Array = _IDENTITY + np.sin(angle_rad) * cross + (1.0 - np.cos(angle_rad)) * squared
     return rotation
 
 
@@ -70,29 +70,32 @@ def looking_at(eye_m: Array, target_m: Array) -> Pose:
 
 @lru_cache(maxsize=64)
 def planar(x_m: float, y_m: float, heading_rad: float) -> Pose:
-    """Return `Pose.planar`, cached for places that are used repeatedly. The pose is read-only."""
-    return _kept(Pose.planar(x_m, y_m, heading_rad))
+    """Return the result of `Pose.planar`, from a cache for repeated places. The pose is read-only."""
+    return _made_read_only(Pose.planar(x_m, y_m, heading_rad))
 
 
 @lru_cache(maxsize=64)
 def camera_at(eye_m: tuple[float, float, float], target_m: tuple[float, float, float]) -> Pose:
-    """Return `looking_at` of places given as numbers, cached for a resting camera. The pose is read-only."""
-    return _kept(looking_at(np.array(eye_m), np.array(target_m)))
+    """Return the result of `looking_at` for points given as tuples, from a cache for a camera at rest.
+
+    The pose is read-only.
+    """
+    return _made_read_only(looking_at(np.array(eye_m), np.array(target_m)))
 
 
-def _kept(pose: Pose) -> Pose:
+def _made_read_only(pose: Pose) -> Pose:
     pose.rotation.setflags(write=False)
     pose.translation_m.setflags(write=False)
     return pose
 
 
-_UNTURNED = np.eye(3)
+_IDENTITY = np.eye(3)
 _UP = np.array([0.0, 0.0, 1.0])
 
 
 @lru_cache(maxsize=64)
-def _crossing(axis: tuple[float, float, float]) -> tuple[Array, Array]:
-    """Return the matrix, shape (3, 3), that crosses an axis's direction with a vector, and that matrix squared."""
+def _cross_matrices(axis: tuple[float, float, float]) -> tuple[Array, Array]:
+    """Return the cross-product matrix, shape (3, 3), of an axis's direction, and the square of this matrix."""
     x, y, z = _unit(np.asarray(axis, dtype=np.float64))
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     return cross, cross @ cross
@@ -104,18 +107,18 @@ def _unit(vector: Array) -> Array:
 
 
 def columns(x: Array, y: Array, z: Array) -> Array:
-    """Return the same as `np.column_stack` for three vectors of shape (3,), in a third of its time."""
+    """Return the result of `np.column_stack` for three vectors of shape (3,), in a third of the time."""
     stacked = np.empty((3, 3))
     stacked[:, 0], stacked[:, 1], stacked[:, 2] = x, y, z
     return stacked
 
 
 def length(vector: Array) -> float:
-    """Return the same as `np.linalg.norm` for a vector, in a fifth of its time."""
+    """Return the result of `np.linalg.norm` for a vector, in a fifth of the time."""
     return sqrt(vector.dot(vector))
 
 
 def cross(left: Array, right: Array) -> Array:
-    """Return the same as `np.cross` for two vectors of shape (3,), in a tenth of its time."""
+    """Return the result of `np.cross` for two vectors of shape (3,), in a tenth of the time."""
     (a, b, c), (d, e, f) = left.tolist(), right.tolist()
     return np.array([b * f - c * e, c * d - a * f, a * e - b * d])

@@ -1,4 +1,4 @@
-"""Durations of perception: drawn per call, or those of a computer that all simultaneous callers share."""
+"""Durations of perception: either drawn for each call, or given by a computer that all simultaneous callers share."""
 
 from __future__ import annotations
 
@@ -9,34 +9,38 @@ from math import erfc, exp, floor, inf, log, pi, sqrt
 from random import Random
 
 SPREAD = 0.25
-"""Deviation of the logarithm of every processing time: two of three calls take 0.78 to 1.28 times the median."""
+"""Standard deviation of the logarithm of every processing time: two of three calls take 0.78 to 1.28 times the
+median."""
 
 SHORTEST_MEAN_S = 0.35
 """Shortest mean duration of work that `Computer` accepts."""
 
 _POINTS_PER_S = 20.0
-"""Density of points, above every hazard: the shortest work has at most 18.5, and it falls with the inverse mean."""
+"""Points per second, which is also the largest height of a point in 1/s. It is larger than every hazard: that of the
+shortest work is at most 18.5, and the largest hazard is inversely proportional to the mean."""
 
 _CELL_S = 4.0
 _CELLS_KEPT = 8
-"""Simultaneous callers need the same one or two cells. A cell that was dropped is drawn again, with the same points."""
+"""Number of cells of time that are cached. Simultaneous callers need the same one or two cells. If a cell that was
+dropped is needed, it is drawn again with the same points."""
 
 _Points = tuple[tuple[float, float], ...]
 
 
 def processing_s(random: Random, mean_s: float) -> float:
-    """Return a time drawn from the log-normal distribution with a mean."""
+    """Return a time drawn from the log-normal distribution with this mean."""
     return random.lognormvariate(_median_log(mean_s), SPREAD)
 
 
 class Computer:
     """The computer for a robot's vision. The duration of work depends only on the seed, the instant and the mean.
 
-    Points lie at random in the plane of instants and hazards, with uniform density, and work ends at the first point
-    below its own hazard at that instant (thinning; Lewis and Shedler 1979). So durations have the distribution of
-    `processing_s`. For consecutive calls they are independent; for overlapping calls they are correlated. Two robots
-    that begin the same work at slightly different instants often end it at the same point and then stay in step, with
-    the same frames, until one of them does something else. In comparisons this is known as common random numbers.
+    Points lie at random in the plane of instants and hazards, with uniform density. Work ends at the first point that
+    is below the hazard of the work at the instant of the point (thinning; Lewis and Shedler 1979). So durations have
+    the distribution of `processing_s`. The durations of consecutive calls are independent; those of overlapping calls
+    are correlated. Two robots that begin the same work at slightly different instants often end it at the same point.
+    Then they remain synchronised and use the same frames, until one of them does other work. In comparisons, this
+    method is known as common random numbers.
     """
 
     def __init__(self, seed: int) -> None:
@@ -46,11 +50,11 @@ class Computer:
         """Return the duration of work that begins at an instant.
 
         Args:
-            start_s: the instant.
+            start_s: the instant at which the work begins.
             mean_s: the mean duration of such work, at least `SHORTEST_MEAN_S`.
 
         Raises:
-            ValueError: the mean is shorter or not finite.
+            ValueError: the mean is shorter than that, or not finite.
         """
         if not SHORTEST_MEAN_S <= mean_s < inf:
             raise ValueError(f"the mean must be at least {SHORTEST_MEAN_S:g} s and finite, but is {mean_s:g} s")
@@ -68,10 +72,10 @@ def _median_log(mean_s: float) -> float:
 
 
 def _points(seed: int, cell: int) -> _Points:
-    return tuple(_drawn(Random(f"{seed} computer {cell}"), cell * _CELL_S))
+    return tuple(_draw_points(Random(f"{seed} computer {cell}"), cell * _CELL_S))
 
 
-def _drawn(random: Random, start_s: float) -> Iterator[tuple[float, float]]:
+def _draw_points(random: Random, start_s: float) -> Iterator[tuple[float, float]]:
     """Draw the points of one cell: instants, and heights in 1/s."""
     instant_s = start_s + random.expovariate(_POINTS_PER_S)
     while instant_s < start_s + _CELL_S:
@@ -80,7 +84,11 @@ def _drawn(random: Random, start_s: float) -> Iterator[tuple[float, float]]:
 
 
 def _hazard(elapsed_s: float, median_log: float) -> float:
-    """Return the hazard rate, in 1/s, of a log-normal duration that has lasted for some time."""
-    away = (log(elapsed_s) - median_log) / SPREAD
-    left = erfc(away / sqrt(2)) / 2
-    return exp(-(away**2) / 2) / (sqrt(2 * pi) * elapsed_s * SPREAD * left) if left > 0.0 else inf
+    """Return the hazard rate, in 1/s, of work with a log-normal duration after it has lasted for some time."""
+    deviations = (log(elapsed_s) - median_log) / SPREAD
+    remaining_share = erfc(deviations / sqrt(2)) / 2
+    return (
+        exp(-(deviations**2) / 2) / (sqrt(2 * pi) * elapsed_s * SPREAD * remaining_share)
+        if remaining_share > 0.0
+        else inf
+    )

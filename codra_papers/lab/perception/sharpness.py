@@ -1,4 +1,4 @@
-"""Quality of a frame from its light, blur and noise: is a tag that is not detected really absent?"""
+"""The quality of a frame, from its light, blur and noise. It tells whether an undetected tag is really not in view."""
 
 from __future__ import annotations
 
@@ -13,48 +13,53 @@ from numpy.typing import NDArray
 from codra_papers.lab.perception.frame import Frame
 
 _BLUR_LIMIT_PX2 = 1.1
-"""Variance of the blur, summed over both directions, at which the detector begins to miss tags of 20 to 30 pixels: a
-motion of 4 to 5 pixels within the exposure."""
+"""Variance of the blur, summed over two crossed directions, at which the detector begins to miss tags of 20 to 30
+pixels. A motion of 4 to 5 pixels within the exposure causes this blur."""
 
 _NEEDED_NOISE = 12.0
-"""How bright, in standard deviations of the noise, white must be for the detector to find such tags."""
+"""How bright white must be for the detector to find such tags, in standard deviations of the noise."""
 
 _NEEDED_GREYS = 10.0
-"""How bright white must be without any noise: the detector's own threshold."""
+"""How bright white must be if there is no noise. It is the detector's own threshold."""
 
 _SATURATED_GREYS = 250
 _SATURATED_LIMIT = 0.2
-"""Share of saturated pixels above which a tag may be lost among them."""
+"""If the share of saturated pixels is larger than this, a tag may be lost among these pixels."""
 
 _REACH_PX = 6
 _LENS_BLUR_PX = 0.8
-"""Deviation of the isotropic blur that is added before slopes are computed from noisy pixels."""
+"""Standard deviation of the isotropic blur that is added before slopes are computed from noisy pixels."""
 
 _NOISE_LEFT = 0.35
-"""Share of the noise that remains after that blur; in a slope a quarter remains."""
+"""Share of the noise that remains after the blur of `_LENS_BLUR_PX`. In a slope, a quarter of the noise remains."""
 
 _FLATTEST_EDGE = 1.5
 _EDGE_OVER_NOISE = 6.0
-"""An edge is steeper than this many deviations of a slope, so a frame with only noise has no edges."""
+"""An edge must be steeper than this many standard deviations of a slope, so that a frame with only noise has no
+edges."""
 
 _AIM_RAD = pi / 12
-"""Largest difference between the direction of an edge and the direction that it counts for."""
+"""Largest difference between the direction across an edge and a direction for which the edge counts."""
 
 _FEWEST_EDGES = 40
 _FEWER_SHARE = 0.2
-"""With fewer edges than this share of the crossed direction's, a motion may have blurred them away."""
+"""If one direction has fewer edges than this share of the edges of the crossed direction, a motion may have blurred
+away edges of the first direction."""
 
 _MOST_EDGES = 12_000
 _SHARPER_PERCENTILE = 25
-"""The sharper quarter of the edges counts, because round surfaces and prints seen closely have soft edges."""
+"""Only the sharper quarter of the edges counts, because round surfaces, and prints seen from nearby, have soft
+edges."""
 
 _LINE_WIDENING = 0.3
-"""A thin line looks sharper than a step under the same blur. This share of the width is added to correct that."""
+"""Under the same blur, a thin line looks sharper than a step. To correct this, up to this share of the width is
+added."""
 
 _BLOCK_PX = 16
 
 _FRAMES_KEPT = 8
-"""Observers of several machines use the same frame within an instant or two, so a few frames are enough."""
+"""Number of frames whose results are cached. Observers of several machines use the same frame within an instant or two,
+so a few frames are enough."""
 
 _ROUGHNESS = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], dtype=np.float32) / 6
 
@@ -67,7 +72,9 @@ class _Direction:
     """A direction across edges.
 
     Attributes:
-        sharpest_px: width of edges across this direction in a frame of a still scene.
+        right: the step from one sample to the next, in pixels to the right.
+        down: the step from one sample to the next, in pixels down.
+        sharpest_px: the width of edges across this direction in a frame of a still scene.
     """
 
     right: int
@@ -79,7 +86,7 @@ class _Direction:
         return hypot(self.right, self.down)
 
     def angle_rad(self) -> float:
-        """Return the angle from right, growing downwards."""
+        """Return the angle of the direction: 0 to the right, and positive downwards."""
         return atan2(self.down, self.right)
 
 
@@ -91,13 +98,14 @@ _CROSSED_PAIRS = (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Edges:
-    """Steep places of a picture.
+    """The steep places of a picture.
 
     Attributes:
-        greys: the picture, row by row.
-        row_px: how long a row is.
-        places: indices into `greys`.
-        angles_rad: their directions.
+        greys: the pixels of the picture, row by row.
+        row_px: the length of a row.
+        places: the indices of the steep places in `greys`.
+        angles_rad: the direction across the edge at each steep place.
+        noise: the standard deviation of the noise in the picture, in greys.
     """
 
     greys: _Picture
@@ -113,19 +121,20 @@ def sharpness(frame: Frame) -> float:
 
     A frame is evaluated once for all callers.
 
-    The result is 1 / (1 + blur + darkness + glare). Each term is 1 at the limit above which the detector misses tags:
-    blur by the widths of edges, in two crossed directions at least; darkness by the brightest parts against the noise;
-    glare by the saturated share. Without enough edges, as in a grey frame, it is 0.
+    The result is 1 / (1 + blur + darkness + glare). Each of the three terms is 1 at the limit beyond which the detector
+    begins to miss tags. Blur is computed from the widths of edges, in at least two crossed directions; darkness from
+    the brightest parts compared with the noise; glare from the share of saturated pixels. If there are not enough
+    edges, as in a grey frame, the result is 0.
 
-    From 0.5 on, a missing detection is evidence that no tag is in view. In 900 drawn frames with light from a
-    twentieth of a day to a day and turns up to 1.5 rad/s, the detector found these shares of the complete tags in view
-    (20 pixels wide or more):
+    If the result is 0.5 or more and no tag is detected, this is evidence that no tag is in view. In 900 drawn frames,
+    with light from a twentieth of a day's light to that of a day and with turns of up to 1.5 rad/s, the detector found
+    these shares of the complete tags in view (20 pixels wide or more):
 
         sharpness   0-0.2  0.2-0.3  0.3-0.4  0.4-0.5  0.5-0.6  0.6-0.7  0.7-0.8  0.8-1
         found       58 %   80 %     75 %     87 %     100 %    99.8 %   100 %    99.8 %
 
-    that is 1774 of 1776 from 0.5 on. All still frames of machines in daylight reach 0.5, of those without a machine 83
-    of 84, but in a turn of over 0.6 rad/s (4 pixels within the exposure) only one in eleven.
+    From 0.5 on, these are 1774 of 1776 tags. In daylight, all still frames of machines reach 0.5, and 83 of 84 still
+    frames without a machine. In a turn of over 0.6 rad/s (4 pixels within the exposure), only one frame in eleven does.
     """
     grey = cv2.cvtColor(frame.pixels, cv2.COLOR_RGB2GRAY).astype(np.float32)
     noise = _noise_greys(grey)
@@ -141,13 +150,15 @@ def sharpness(frame: Frame) -> float:
 
 def _noise_greys(grey: _Picture) -> float:
     """Return the standard deviation of the noise where the picture is flattest (Immerkaer's mask, block by block)."""
-    rough = np.abs(cv2.filter2D(grey, -1, _ROUGHNESS))
-    blocks = cv2.resize(rough, (grey.shape[1] // _BLOCK_PX, grey.shape[0] // _BLOCK_PX), interpolation=cv2.INTER_AREA)
+    roughness = np.abs(cv2.filter2D(grey, -1, _ROUGHNESS))
+    blocks = cv2.resize(
+        roughness, (grey.shape[1] // _BLOCK_PX, grey.shape[0] // _BLOCK_PX), interpolation=cv2.INTER_AREA
+    )
     return _percentile(np.asarray(blocks, dtype=np.float32).ravel(), 10) * sqrt(pi / 2)
 
 
 def _percentile(values: _Picture, percent: float) -> float:
-    """Return the same as `np.percentile` for values of shape (n,) without NaN, in a third of its time."""
+    """Return the result of `np.percentile` for values of shape (n,) without NaN, in a third of the time."""
     place = (len(values) - 1) * (percent / 100)
     before = min(int(place), len(values) - 2)
     if before < 0:
@@ -158,7 +169,7 @@ def _percentile(values: _Picture, percent: float) -> float:
 
 
 def _edges(grey: _Picture, noise: float) -> _Edges:
-    """Return places that are steeper than noise, or an evenly spaced selection if there are very many."""
+    """Return the places that are steeper than noise; if there are very many, an evenly spaced selection of them."""
     picture = np.asarray(cv2.GaussianBlur(grey, (0, 0), _LENS_BLUR_PX), dtype=np.float32)
     height, width = picture.shape
     margin = _REACH_PX + 2
@@ -166,10 +177,10 @@ def _edges(grey: _Picture, noise: float) -> _Edges:
     right = cv2.subtract(picture[rows, margin + 1 : 1 - margin], picture[rows, margin - 1 : -1 - margin])
     down = cv2.subtract(picture[margin + 1 : 1 - margin, columns], picture[margin - 1 : -1 - margin, columns])
     flattest = max(_FLATTEST_EDGE, _EDGE_OVER_NOISE * noise / 4)
-    steep = np.flatnonzero(cv2.magnitude(right, down) > 2 * flattest)  # both are differences over two pixels
-    steep = steep[:: 1 + len(steep) // _MOST_EDGES]
-    angles_rad = np.arctan2(down.ravel()[steep], right.ravel()[steep])
-    steep_rows, steep_columns = np.divmod(steep, right.shape[1])
+    steep_indices = np.flatnonzero(cv2.magnitude(right, down) > 2 * flattest)  # both are differences over two pixels
+    steep_indices = steep_indices[:: 1 + len(steep_indices) // _MOST_EDGES]
+    angles_rad = np.arctan2(down.ravel()[steep_indices], right.ravel()[steep_indices])
+    steep_rows, steep_columns = np.divmod(steep_indices, right.shape[1])
     places = (steep_rows + margin) * width + steep_columns + margin
     return _Edges(picture.ravel(), width, places, angles_rad, noise)
 
@@ -177,23 +188,24 @@ def _edges(grey: _Picture, noise: float) -> _Edges:
 def _blur_px2(edges: _Edges) -> float | None:
     """Return the variance of the blur, summed over two crossed directions; None if there are too few edges.
 
-    A motion blurs the edges across it and leaves sharp streaks along it. A motion in any direction shows in the worse
-    of the two pairs of crossed directions, or it has blurred away nearly all edges of one direction.
+    A motion blurs the edges across its direction and leaves sharp streaks along its direction. There are two pairs of
+    crossed directions. Every motion increases the larger of their two sums, or it has blurred away nearly all edges of
+    one direction.
     """
     sums_px2: list[float] = []
     for pair in _CROSSED_PAIRS:
-        facing = [_facing(edges, direction) for direction in pair]
-        fewer, more = sorted(len(edges.places) for edges in facing)
+        facing_edges = [_facing_edges(edges, direction) for direction in pair]
+        fewer, more = sorted(len(edges.places) for edges in facing_edges)
         if more >= _FEWEST_EDGES and fewer < _FEWER_SHARE * more:
             return None
-        added_px2 = [_added_blur_px2(edges, direction) for edges, direction in zip(facing, pair, strict=True)]
+        added_px2 = [_added_blur_px2(edges, direction) for edges, direction in zip(facing_edges, pair, strict=True)]
         if None not in added_px2:
             sums_px2.append(sum(filter(None, added_px2)))
     return max(sums_px2, default=None)
 
 
 def _added_blur_px2(edges: _Edges, direction: _Direction) -> float | None:
-    """Return the variance of the blur across a direction, beyond that of the lens; None if there are too few edges."""
+    """Return the variance of the blur across a direction, beyond the lens; None if there are too few edges."""
     width_px = _width_px(edges, direction)
     return None if width_px is None else max(width_px**2 - direction.sharpest_px**2, 0.0) / (2 * pi)
 
@@ -201,42 +213,43 @@ def _added_blur_px2(edges: _Edges, direction: _Direction) -> float | None:
 def _width_px(edges: _Edges, direction: _Direction) -> float | None:
     """Return the width of the sharper edges across a direction, or None if there are too few edges.
 
-    A width is an edge's height over its slope; for a step under a Gaussian blur it is sqrt(2 pi) times the deviation.
+    The width of an edge is its height divided by its slope. For a step under a Gaussian blur, the width is sqrt(2 pi)
+    times the standard deviation of the blur.
     """
-    upwards = _upwards(edges, direction)
-    around = _profiles(edges.greys, edges.places, upwards, 2)
-    before, here, after = np.abs(around[2:] - around[:-2]) / (2 * direction.stride_px())
+    upward_steps = _upward_steps(edges, direction)
+    near_profiles = _profiles(edges.greys, edges.places, upward_steps, 2)
+    before, here, after = np.abs(near_profiles[2:] - near_profiles[:-2]) / (2 * direction.stride_px())
     is_steepest = (here >= before) & (here > after)
     steepest, reach = here[is_steepest], int(_REACH_PX / direction.stride_px())
-    profiles = _profiles(edges.greys, edges.places[is_steepest], upwards[is_steepest], reach)
+    profiles = _profiles(edges.greys, edges.places[is_steepest], upward_steps[is_steepest], reach)
     tops, feet = profiles[reach:].max(axis=0), profiles[: reach + 1].min(axis=0)
     heights = np.maximum(tops - feet - 1.35 * _NOISE_LEFT * edges.noise, 0.0)  # the extremes of seven noisy values
     step_share = np.clip((profiles[-1] - profiles[0]) / np.maximum(tops - feet, 1e-6), 0.0, 1.0)
     widths_px = heights / steepest * (1.0 + _LINE_WIDENING * (1.0 - step_share))
-    widths_px = widths_px[tops < _SATURATED_GREYS]  # beyond, an edge is cut off and looks sharper than it is
+    widths_px = widths_px[tops < _SATURATED_GREYS]  # an edge with a saturated top is cut off and looks too sharp
     return None if len(widths_px) < _FEWEST_EDGES else _percentile(widths_px, _SHARPER_PERCENTILE)
 
 
 def _profiles(greys: _Picture, places: _Places, upwards: _Places, reach: int) -> _Picture:
-    """Return the greys around places, from `reach` steps before to as many after, shape (2 * reach + 1, n)."""
+    """Return the greys around places, from `reach` steps before to `reach` steps after, shape (2 * reach + 1, n)."""
     return greys.take(places + upwards * np.arange(-reach, reach + 1)[:, None])
 
 
-def _upwards(edges: _Edges, direction: _Direction) -> _Places:
-    """Return the step from place to place that leads along a direction, from each edge's dark side to its bright."""
+def _upward_steps(edges: _Edges, direction: _Direction) -> _Places:
+    """Return, for each edge, the index step along a direction, from the dark side of the edge to its bright side."""
     step = direction.down * edges.row_px + direction.right
     return np.where(np.cos(edges.angles_rad - direction.angle_rad()) > 0, step, -step)
 
 
-def _facing(edges: _Edges, direction: _Direction) -> _Edges:
-    """Return the edges that a direction crosses at nearly a right angle."""
+def _facing_edges(edges: _Edges, direction: _Direction) -> _Edges:
+    """Return the edges that a direction crosses nearly at a right angle."""
     off_rad = _modulo_pi(edges.angles_rad - direction.angle_rad() + pi / 2) - pi / 2
-    faces = np.flatnonzero(np.abs(off_rad) < _AIM_RAD)
-    return replace(edges, places=edges.places[faces], angles_rad=edges.angles_rad[faces])
+    facing_indices = np.flatnonzero(np.abs(off_rad) < _AIM_RAD)
+    return replace(edges, places=edges.places[facing_indices], angles_rad=edges.angles_rad[facing_indices])
 
 
 def _modulo_pi(angles_rad: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return the same as `np.mod` with pi, for angles between -2 pi and 2 pi, in a tenth of its time."""
+    """Return the result of `np.mod` with pi, for angles between -2 pi and 2 pi, in a tenth of the time."""
     half_turn = np.float32(pi)
     angles_rad = angles_rad - half_turn * (angles_rad >= half_turn).astype(np.float32)  # `np.where` takes twice as long
     angles_rad = angles_rad + half_turn * (angles_rad <= -half_turn).astype(np.float32)

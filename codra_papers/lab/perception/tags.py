@@ -16,15 +16,17 @@ from codra_papers.lab.perception.poses import Array
 from codra_papers.lab.perception.refine import refined_corners_px
 
 CELLS_ACROSS = 8
-"""Cells along the side of the black square, which is a tag's size: 6 of code and a black one at each end."""
+"""Number of cells along the side of the black square, whose side is the tag's size: 6 cells of code, and a black cell
+at each end."""
 
 FAMILY_SIZE = 587
-"""How many tags the family has; ids run from 0."""
+"""How many tags the family has. The ids begin at 0."""
 
 _FRAMES_KEPT = 8
-"""Observers of several machines use the same frame within an instant or two, so a few frames are enough."""
+"""Number of frames whose detections are cached. Observers of several machines use the same frame within an instant or
+two, so a few frames are enough."""
 
-_detecting = Lock()
+_detection_lock = Lock()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -32,9 +34,10 @@ class Detection:
     """One tag in a frame.
 
     Attributes:
-        tag_id: its number in the family.
-        corners_px: shape (4, 2), sub-pixel: the black square's top left, top right, bottom right and bottom left as
-            seen on an upright tag, also if the tag is rotated in the image. Pixel centres have whole coordinates.
+        tag_id: the number of the tag in the family.
+        corners_px: the sub-pixel corners of the black square, shape (4, 2): top left, top right, bottom right and
+            bottom left. These are their places on an upright tag, also if the tag is rotated in the image. Pixel
+            centres have integer coordinates.
     """
 
     tag_id: int
@@ -42,10 +45,10 @@ class Detection:
 
 
 def tag_image(tag_id: int) -> NDArray[np.uint8]:
-    """Return a tag's picture, shape (10, 10), one pixel per cell, 0 black and 255 white, upright.
+    """Return the picture of an upright tag, shape (10, 10), with one pixel per cell: 0 is black and 255 is white.
 
-    The outer ring is the white border that detection needs; the black square, whose side is the tag's size, spans the
-    inner 8 x 8 cells. Enlarge it without interpolation.
+    The outer ring is the white border that detection needs. The black square, whose side is the tag's size, spans the
+    inner 8 x 8 cells. Enlarge the picture without interpolation.
 
     Raises:
         ValueError: the family has no such tag.
@@ -57,27 +60,27 @@ def tag_image(tag_id: int) -> NDArray[np.uint8]:
 
 
 def detect(frame: Frame) -> tuple[Detection, ...]:
-    """Return the laboratory's tags that a frame shows, by growing id. An id that appears twice is dropped.
+    """Return the laboratory's tags that a frame shows, in ascending order of their ids.
 
-    A frame is searched once for all callers, also from several threads. The same pixels give the same
-    detections in every process.
+    Tags with the same id in one frame are dropped. A frame is searched once for all callers, also from several threads.
+    The same pixels give the same detections in every process.
     """
-    with _detecting:
+    with _detection_lock:
         return _detect_once(frame)
 
 
 @lru_cache(maxsize=_FRAMES_KEPT)
 def _detect_once(frame: Frame) -> tuple[Detection, ...]:
     grey = np.asarray(cv2.cvtColor(frame.pixels, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
-    known = known_tag_ids()
-    quads, places, _ = _detector(known).detectMarkers(grey)
-    if places is None:
+    known_ids = known_tag_ids()
+    quads, indices, _ = _detector(known_ids).detectMarkers(grey)
+    if indices is None:
         return ()
-    tag_ids = [known[int(place)] for place in np.asarray(places).ravel()]
+    tag_ids = [known_ids[int(index)] for index in np.asarray(indices).ravel()]
     corners_px = refined_corners_px(grey, np.asarray(quads, dtype=np.float64).reshape(-1, 4, 2))
-    by_id = sorted(zip(tag_ids, corners_px, strict=True), key=lambda pair: pair[0])
+    sorted_corners = sorted(zip(tag_ids, corners_px, strict=True), key=lambda pair: pair[0])
     return tuple(
-        Detection(tag_id=tag_id, corners_px=corners) for tag_id, corners in by_id if tag_ids.count(tag_id) == 1
+        Detection(tag_id=tag_id, corners_px=corners) for tag_id, corners in sorted_corners if tag_ids.count(tag_id) == 1
     )
 
 
@@ -88,11 +91,14 @@ def _family() -> cv2.aruco.Dictionary:
 
 @lru_cache(maxsize=1)
 def _detector(tag_ids: tuple[int, ...]) -> cv2.aruco.ArucoDetector:
-    """Return the shared detector for some tags, of 15 to 150 px a side, from bright day down to an eighth of it."""
-    cv2.setNumThreads(
-        1
-    )  # the frames are small: more threads would cost more time than they save, and take cores from others
-    codes = np.ascontiguousarray(_family().bytesList[list(tag_ids)])  # all 587 codes would take 1 ms a candidate
+    """Return the shared detector for some tags.
+
+    It detects tags with sides of 15 to 150 px, in light from that of a bright day down to an eighth of it.
+    """
+    # Frames are small: more threads would cost more time than they save, and take cores from other processes.
+    cv2.setNumThreads(1)
+    # With all 587 codes, each candidate would take 1 ms.
+    codes = np.ascontiguousarray(_family().bytesList[list(tag_ids)])
     parameters = cv2.aruco.DetectorParameters()
     parameters.adaptiveThreshWinSizeMin = 5
     parameters.adaptiveThreshWinSizeMax = 21

@@ -1,7 +1,7 @@
-"""The arm camera: its frame at an instant, drawn by one thread for all callers.
+"""The arm camera: its frame at any instant, which one thread draws for all callers.
 
-A frame is a function of (the world's seed, the camera, the instant). It shows motion blur within the exposure, the
-room's light, the lens, and noise.
+A frame is a function of the world's state within the exposure and of (the world's seed, the camera, the instant). It
+shows the blur by motion within the exposure, the room's light, the blur of the lens, and noise.
 """
 
 from __future__ import annotations
@@ -33,39 +33,41 @@ from codra_papers.lab.simulator.scene import CAMERA_NAME, Stage
 from codra_papers.lab.simulator.world import LabState, LabWorld
 
 EXPOSURE_S = 0.012
-"""How long the shutter is open; a frame's stamp is its end."""
+"""How long the shutter is open. The stamp of a frame is the end of this time."""
 
 LENS_BLUR_PX = 0.7
 
 _SHARP_BELOW_PX = 0.2
-"""With less motion within an exposure, a frame is as sharp as one of a still scene."""
+"""If the motion within an exposure is smaller than this, the frame is as sharp as a frame of a still scene."""
 
 _SUBFRAMES = 6
-"""Largest number of instants of an exposure that are averaged."""
+"""The largest number of instants of an exposure that are averaged for one frame."""
 
-_TOUCHES_M = 1e-6
-_ROUNDER = 1.001
-_NOT_DRAWN = 2
-"""A group of geoms that no drawing option shows."""
+_TOUCH_TOLERANCE_M = 1e-6
+_RADIUS_FACTOR = 1.001
+_UNDRAWN_GROUP = 2
+"""The number of a group of geoms that no drawing option shows."""
 
 _FRAMES_KEPT = 32
 _NOISE_BANK_PX = 1024
-_LEFT_OUT = (
+_UNDRAWN_FEATURES = (
     mujoco.mjtRndFlag.mjRND_SHADOW,
     mujoco.mjtRndFlag.mjRND_REFLECTION,
     mujoco.mjtRndFlag.mjRND_SKYBOX,
 )
-"""Features that MuJoCo draws by default, at three times the cost. Shadows also disturb the poses of tags."""
+"""Features that MuJoCo draws by default. With them, drawing costs three times as much, and shadows disturb the poses of
+tags."""
 
-_UNSEEN = frozenset({"t_s", "light", "is_localized", "laboratory"})
-"""Fields of a state that do not affect a picture of the room in ordinary light."""
+_INVISIBLE_FIELDS = frozenset({"t_s", "light", "is_localized", "laboratory"})
+"""The fields of a state that do not affect a picture of the room in ordinary light."""
 
-_SEEN = attrgetter(*(field.name for field in fields(LabState) if field.name not in _UNSEEN))
+_read_visible_fields = attrgetter(*(field.name for field in fields(LabState) if field.name not in _INVISIBLE_FIELDS))
+"""Returns all values of a state that a picture of the room shows."""
 
 Pixels = NDArray[np.uint8]
 
 
-class Now(Protocol):
+class ReadableClock(Protocol):
     """A clock that can be read."""
 
     def now_s(self) -> float:
@@ -74,7 +76,7 @@ class Now(Protocol):
 
 
 class FramesByInstant(Protocol):
-    """A source of a frame for every instant, with a computer that processes the frames.
+    """A source that has a frame for every instant, and a computer that processes the frames.
 
     Attributes:
         computer: the computer that processes the frames.
@@ -95,7 +97,7 @@ def frames_rendered() -> int:
 class ArmCamera:
     """The handle that perception functions get as `camera`: it takes frames at the clock's current time."""
 
-    def __init__(self, frames: FramesByInstant, clock: Now) -> None:
+    def __init__(self, frames: FramesByInstant, clock: ReadableClock) -> None:
         self._frames = frames
         self._clock = clock
 
@@ -104,7 +106,7 @@ class ArmCamera:
         return self._frames.frame_at(self._clock.now_s())
 
     def processing_s(self, mean_s: float) -> float:
-        """Return the duration of work that the computer begins now, given its mean duration."""
+        """Return the duration of work that the camera's computer begins now, given its mean duration."""
         return self._frames.computer.processing_s(self._clock.now_s(), mean_s)
 
 
@@ -139,17 +141,17 @@ class FrameSource:
         self.close()
 
     def close(self) -> None:
-        """Free the resources of the drawing thread and end it. Repeated calls do nothing."""
+        """Free the resources of the drawing thread and end the thread. Repeated calls do nothing."""
         with self._lock:
             if self._is_closed:
                 return
             self._is_closed = True
-            freed = self._thread.submit(self._renderer.free)
-        freed.result()
+            release = self._thread.submit(self._renderer.free)
+        release.result()
         self._thread.shutdown(wait=True)
 
     def frame_at(self, instant_s: float) -> Frame:
-        """Return the frame whose exposure ends at an instant. The first call for an instant draws the frame.
+        """Return the frame whose exposure ends at an instant. The frame is drawn in the first call for this instant.
 
         Raises:
             RuntimeError: the source is closed.
@@ -157,13 +159,13 @@ class FrameSource:
         with self._lock:
             if self._is_closed:
                 raise RuntimeError("the camera is closed")
-            drawing = self._frames.get(instant_s)
-            if drawing is None:
-                drawing = self._thread.submit(self._draw, instant_s)
-                self._frames[instant_s] = drawing
+            drawn_frame = self._frames.get(instant_s)
+            if drawn_frame is None:
+                drawn_frame = self._thread.submit(self._draw, instant_s)
+                self._frames[instant_s] = drawn_frame
                 if len(self._frames) > _FRAMES_KEPT:
                     self._frames.popitem(last=False)
-        return drawing.result()
+        return drawn_frame.result()
 
     def _draw(self, instant_s: float) -> Frame:
         states = exposure(self._world, instant_s)
@@ -174,7 +176,7 @@ class FrameSource:
 
 
 class GreyFrameSource:
-    """A camera whose lens is covered by grey foil: frames at the same instants and places, but empty.
+    """A camera whose lens is covered by grey foil: its frames have the same instants and poses, but show nothing.
 
     Attributes:
         computer: the computer that processes the frames.
@@ -192,7 +194,10 @@ class GreyFrameSource:
 
 
 def exposure(world: LabWorld, instant_s: float) -> list[LabState]:
-    """Return the states that a frame averages: one if the image is still, else about one per pixel of motion."""
+    """Return the states that are averaged for a frame.
+
+    If the image is still, this is one state; otherwise about one state per pixel of motion, but at most `_SUBFRAMES`.
+    """
     end = world.state(instant_s)
     if not world.moves_within(instant_s - EXPOSURE_S, instant_s):
         return [end]
@@ -222,51 +227,51 @@ class _Renderer:
         self._mujoco_context = mujoco.MjrContext(self._stage.model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._mujoco_context)
         self._scene = mujoco.MjvScene(self._stage.model, maxgeom=500)
-        for flag in _LEFT_OUT:
+        for flag in _UNDRAWN_FEATURES:
             self._scene.flags[flag] = 0
         self._camera = mujoco.MjvCamera()
         self._camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
         self._camera.fixedcamid = self._stage.model.camera(CAMERA_NAME).id
         self._rectangle = mujoco.MjrRect(0, 0, INTRINSICS.width, INTRINSICS.height)
-        self._in_the_room, self._the_room = _drawing_order(self._stage)
+        self._contents_option, self._room_option = _drawing_order(self._stage)
         self._view = _View(self._stage, self._camera.fixedcamid)
         self._perturbation = mujoco.MjvPerturb()
         self._upside_down = np.empty((INTRINSICS.height, INTRINSICS.width, 3), dtype=np.uint8)
-        self._shown: tuple[Any, ...] = ()
+        self._still_values: tuple[Any, ...] = ()
         self._still: Pixels = self._upside_down
 
     def expose(self, states: Sequence[LabState]) -> Pixels:
-        """Return the average of the room in some states, in ordinary light through a perfect lens.
+        """Return the average picture of the room in some states, in ordinary light and through a perfect lens.
 
-        While nothing moves, the last picture is returned again.
+        For one state that looks the same as the last one, the last picture is returned again.
         """
         if len(states) > 1:
             return _average([self._draw(state) for state in states])
-        shown = _shown(states[0])
-        if shown != self._shown:
-            self._still, self._shown = self._draw(states[0]), shown
+        visible_values: tuple[Any, ...] = _read_visible_fields(states[0])
+        if visible_values != self._still_values:
+            self._still, self._still_values = self._draw(states[0]), visible_values
         return self._still
 
     def _draw(self, state: LabState) -> Pixels:
         self._stage.place(state)
-        self._view.leave_out()
+        self._view.leave_out_unseen()
         model, data, everything = self._stage.model, self._stage.data, mujoco.mjtCatBit.mjCAT_ALL.value
         mujoco.mjv_updateScene(
-            model, data, self._in_the_room, self._perturbation, self._camera, everything, self._scene
+            model, data, self._contents_option, self._perturbation, self._camera, everything, self._scene
         )
-        mujoco.mjv_addGeoms(model, data, self._the_room, self._perturbation, everything, self._scene)
+        mujoco.mjv_addGeoms(model, data, self._room_option, self._perturbation, everything, self._scene)
         mujoco.mjr_render(self._rectangle, self._scene, self._mujoco_context)
         mujoco.mjr_readPixels(self._upside_down, None, self._rectangle, self._mujoco_context)
         return np.asarray(cv2.flip(self._upside_down, 0), dtype=np.uint8)
 
     def free(self) -> None:
-        """Free all resources. Call it in the thread that created them."""
+        """Free all resources. Call this method in the thread that created the renderer."""
         self._mujoco_context.free()
         self._context.free()
 
 
 class _View:
-    """The view frustum of the camera: geoms outside the picture need not be drawn."""
+    """The view frustum of the camera. Geoms outside it need not be drawn."""
 
     def __init__(self, stage: Stage, camera: int) -> None:
         model, data = stage.model, stage.data
@@ -275,15 +280,18 @@ class _View:
         sides = np.array([[1.0, 0.0, wide], [-1.0, 0.0, wide], [0.0, 1.0, high], [0.0, -1.0, high], [0.0, 0.0, 1.0]])
         self._sides = sides / np.linalg.norm(sides, axis=1, keepdims=True)
         self._groups_now, self._groups = model.geom_group, model.geom_group.copy()
-        self._reach_m = np.where(model.geom_rbound > 0.0, model.geom_rbound * _ROUNDER + _TOUCHES_M, np.inf)
+        self._reach_m = np.where(
+            model.geom_rbound > 0.0, model.geom_rbound * _RADIUS_FACTOR + _TOUCH_TOLERANCE_M, np.inf
+        )
         self._middles_m, self._eye_m = data.geom_xpos, data.cam_xpos[camera]
         self._map_from_eye = data.cam_xmat[camera].reshape(3, 3)
 
-    def leave_out(self) -> None:
+    def leave_out_unseen(self) -> None:
         """Move geoms that are completely outside the picture to a group that is not drawn, all others to their own."""
         map_from_eye = self._map_from_eye
-        away_m = (self._middles_m - self._eye_m) @ (map_from_eye @ self._sides.T)  # the camera looks along its -z
-        self._groups_now[:] = np.where((away_m > self._reach_m[:, None]).any(axis=1), _NOT_DRAWN, self._groups)
+        # The camera looks along -z of its own frame.
+        away_m = (self._middles_m - self._eye_m) @ (map_from_eye @ self._sides.T)
+        self._groups_now[:] = np.where((away_m > self._reach_m[:, None]).any(axis=1), _UNDRAWN_GROUP, self._groups)
 
 
 class _Optics:
@@ -306,45 +314,40 @@ class _Optics:
             exposed: shape (height, width, 3). The caller must not change it afterwards.
             state: the state at the exposure's end.
         """
-        here = self._noise_at(state.t_s)
-        brighter = cv2.add(self._behind_the_lens(exposed, max(state.light, 0.0)), self._brighter[here])
-        pixels = np.asarray(cv2.subtract(brighter, self._darker[here], dst=brighter), dtype=np.uint8)
+        noise_place = self._noise_place(state.t_s)
+        brighter = cv2.add(self._image_behind_lens(exposed, max(state.light, 0.0)), self._brighter[noise_place])
+        pixels = np.asarray(cv2.subtract(brighter, self._darker[noise_place], dst=brighter), dtype=np.uint8)
         pixels.setflags(write=False)
         believed = self._world.believed_map_from_robot(state.t_s) @ state.robot_from_camera() @ self._mounting
         return Frame(pixels=pixels, intrinsics=INTRINSICS, believed_map_from_camera=believed, stamp_s=state.t_s)
 
-    def _behind_the_lens(self, exposed: Pixels, light: float) -> Pixels:
-        """Return the image on the sensor. While nothing changes, the last image is returned."""
+    def _image_behind_lens(self, exposed: Pixels, light: float) -> Pixels:
+        """Return the image on the sensor. If exposure and light are those of the last call, return the last image."""
         if exposed is not self._exposed or light != self._light:
-            lit = exposed if light == 1.0 else cv2.convertScaleAbs(exposed, alpha=light)
-            self._blurred = np.asarray(cv2.GaussianBlur(lit, (0, 0), LENS_BLUR_PX), dtype=np.uint8)
+            lit_image = exposed if light == 1.0 else cv2.convertScaleAbs(exposed, alpha=light)
+            self._blurred = np.asarray(cv2.GaussianBlur(lit_image, (0, 0), LENS_BLUR_PX), dtype=np.uint8)
             self._exposed, self._light = exposed, light
         return self._blurred
 
-    def _noise_at(self, instant_s: float) -> tuple[slice, slice]:
-        """Return a place in the noise bank, chosen by (seed, camera, instant)."""
+    def _noise_place(self, instant_s: float) -> tuple[slice, slice]:
+        """Return the rows and columns of the noise bank that (seed, camera, instant) determine."""
         random = Random(f"{self._world.seed} {CAMERA_NAME} {instant_s!r}")
         top = random.randrange(_NOISE_BANK_PX - INTRINSICS.height)
         left = random.randrange(_NOISE_BANK_PX - INTRINSICS.width)
         return slice(top, top + INTRINSICS.height), slice(left, left + INTRINSICS.width)
 
 
-def _shown(state: LabState) -> tuple[Any, ...]:
-    """Return all values of a state that a picture of the room shows."""
-    shown: tuple[Any, ...] = _SEEN(state)
-    return shown
-
-
 def _drawing_order(stage: Stage) -> tuple[mujoco.MjvOption, mujoco.MjvOption]:
-    """Return two options: one shows the contents of the room, the other the room itself, which must be drawn last.
+    """Return two drawing options: one shows the contents of the room, the other the room itself.
 
-    OpenGL skips fragments behind geoms that are already drawn, and floor and walls lie behind everything. Fixed geoms
-    that touch the floor belong to the room's group, so that touching geoms are drawn in the model's order.
+    Draw the room last: OpenGL skips fragments behind geoms that are already drawn, and the floor and the walls lie
+    behind everything. Fixed geoms that touch the floor also belong to the room, so that geoms which touch each other
+    are drawn in the order of the model.
     """
     mujoco.mj_kinematics(stage.model, stage.data)
     is_fixed = (stage.model.body_weldid == 0) & (stage.model.body_mocapid < 0)
     reach_down_m = (np.abs(stage.data.geom_xmat[:, 6:9]) * stage.model.geom_size).sum(axis=1)
-    is_room = is_fixed[stage.model.geom_bodyid] & (stage.data.geom_xpos[:, 2] - reach_down_m <= _TOUCHES_M)
+    is_room = is_fixed[stage.model.geom_bodyid] & (stage.data.geom_xpos[:, 2] - reach_down_m <= _TOUCH_TOLERANCE_M)
     stage.model.geom_group[:] = is_room
     options = mujoco.MjvOption(), mujoco.MjvOption()
     for group, option in enumerate(options):
@@ -364,7 +367,7 @@ def _average(pictures: list[Pixels]) -> Pixels:
 
 
 def _mounting_error(seed: int) -> Pose:
-    """Return the calibration error of the camera on the arm: a few millimetres and milliradians."""
+    """Return the calibration error of the camera's mounting on the arm: a few millimetres and milliradians."""
     random = Random(f"{seed} mounting")
     axis = (random.gauss(0.0, 1.0), random.gauss(0.0, 1.0), random.gauss(0.0, 1.0))
     offset_m = np.array([random.gauss(0.0, 0.002) for _ in range(3)])

@@ -13,19 +13,19 @@ from codra_papers.lab.simulator.laboratory import LidMoved, LightDown, PersonBef
 from codra_papers.lab.simulator.world import OUTSIDE, JointKey, LabWorld, Move, Quantity, straight
 
 LID_S = 3.0
-"""How long a person takes to open or close a lid: less than the robot's hand needs to reach it."""
+"""How long a person takes to open or close a lid. The robot's hand needs longer to reach a lid."""
 
 STEP_S = 2.0
 """How long a person takes to step in front of the camera, and to step away."""
 
 FADE_S = 1.0
-"""How long the light takes to go down, and to go up again."""
+"""How long the light takes to go down, and how long to go up again."""
 
 AHEAD_M = 0.45
 """Distance of the person in front of the camera."""
 
 ASIDE_M = 2.0
-"""Distance to the left from which the person comes."""
+"""Distance to the left of this place from which the person comes."""
 
 _AGAIN_S = 1.0
 
@@ -38,12 +38,12 @@ class Clock(Protocol):
         ...
 
     def call_at(self, instant_s: float, callback: Callable[[], None]) -> object:
-        """Schedule an event."""
+        """Schedule a call at an instant."""
         ...
 
 
 def disturb(world: LabWorld, clock: Clock) -> None:
-    """Schedule the disturbances of the world's laboratory."""
+    """Schedule all disturbances of the world's laboratory."""
     for disturbance in world.laboratory.disturbances:
         match disturbance:
             case LidMoved():
@@ -56,7 +56,10 @@ def disturb(world: LabWorld, clock: Clock) -> None:
 
 
 def _move_lid(world: LabWorld, clock: Clock, moved: LidMoved) -> None:
-    """Move a lid while the robot's hand is away from it, so that two hands never move one lid; else wait."""
+    """Let a person move a lid. If the robot's hand is not drawn back or the lid is moving, try again later.
+
+    So two hands never move the same lid.
+    """
     now_s, key = clock.now_s(), JointKey(moved.machine, Part.LID)
     hand_is_back = world.values(Quantity.REACH, now_s) == (0.0,) and world.rests(Quantity.REACH, now_s)
     if not (hand_is_back and world.rests(key, now_s)):
@@ -68,7 +71,7 @@ def _move_lid(world: LabWorld, clock: Clock, moved: LidMoved) -> None:
 
 
 def _step_in(world: LabWorld, clock: Clock, person: PersonBefore) -> None:
-    """Let a person come from the left of the camera's current view, wait in front of it, and go back."""
+    """Let a person come from the left of the camera's current view, wait in front of the camera, and go back."""
     now_s = clock.now_s()
     map_from_camera = world.state(now_s).map_from_camera()
     ahead = map_from_camera.rotation[:2, 2] / np.linalg.norm(map_from_camera.rotation[:2, 2])

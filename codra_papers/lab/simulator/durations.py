@@ -10,7 +10,7 @@ from types import MappingProxyType
 
 
 class Phase(Enum):
-    """The phases of actions, with a duration for each."""
+    """The phases of actions. Each phase has a duration."""
 
     PLAN_LOOK = auto()
     MOVE_CAMERA = auto()
@@ -39,7 +39,7 @@ class Phase(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Spread:
-    """A duration that varies: normally distributed, never below 0.4 times its mean."""
+    """A duration that varies. It is normally distributed, but never shorter than 0.4 times its mean."""
 
     mean_s: float
     deviation_s: float
@@ -78,6 +78,7 @@ DURATIONS: Mapping[Phase, Spread] = MappingProxyType(
 )
 """Durations fitted to P1, section 4.2, without observers.
 
-There, four perception tasks each save 15.8 s when opening the PCR-cycler: 87 % of all perception and 18 % of the total,
-which is therefore 351 s, 73 s of it perception. When closing they save 16.9 s each, 89 % and 24 %: 282 s, 76 s of it
-perception. Planning varies most, as in P1. See `docs/papers/protocol.md`."""
+In P1, each of four perception tasks saves 15.8 s when the PCR-cycler is opened. This is 87 % of all perception and 18 %
+of the total. So the total is 351 s, of which 73 s are perception. When the PCR-cycler is closed, each task saves 16.9
+s, 89 % of perception and 24 % of the total: 282 s, of which 76 s are perception. Planning varies most, as in P1. See
+`docs/papers/protocol.md`."""

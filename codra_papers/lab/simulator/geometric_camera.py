@@ -1,4 +1,4 @@
-"""Lines of sight: the places of tags in the image, and occlusion. Geometry only, no pixels."""
+"""The camera's view by geometry only, without pixels: the places of tags in the image, and what hides them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from codra_papers.lab.simulator.scene import Stage
 from codra_papers.lab.simulator.world import JointKey, LabState
 
 _NEAREST_M = 0.05
-"""Points nearer to the camera than this, along its axis, do not count as in front of it."""
+"""Points nearer to the camera than this, measured along its axis, do not count as in front of it."""
 
 _RAY_TOLERANCE_M = 0.003
 _COVER_GRID = np.linspace(-0.5, 0.5, 5)
@@ -29,10 +29,11 @@ class TagInView:
     """One tag that faces the camera, with its middle inside the image.
 
     Attributes:
-        corners_px: shape (4, 2), in the order of `Tag.corners_m`; some may lie outside the image.
-        width_px: of the black square in the image where it is narrowest: its area over its longest side.
-        margin_px: distance of the nearest corner from the image's edge; negative if a corner lies outside.
-        covered: share of the tile, from 0 to 1, that is hidden.
+        tag_id: the id of the tag.
+        corners_px: the corners, shape (4, 2), in the order of `Tag.corners_m`; some may lie outside the image.
+        width_px: the smallest width of the black square in the image: its area divided by its longest side.
+        margin_px: the distance from the image's edge to the nearest corner; negative if a corner lies outside.
+        covered: the share of the tile, from 0 to 1, that is hidden.
     """
 
     tag_id: int
@@ -44,16 +45,16 @@ class TagInView:
     def is_resolved(self) -> bool:
         """Return whether a detector reliably detects the tag in a sharp frame in ordinary light.
 
-        Measured in 600 drawn frames: all 2,600 such tags were detected, each corner within 1 pixel. Tags 16 to 20 px
-        wide are detected too, with corner errors up to 2 px; of tags 14 to 16 px wide seven in eight are detected,
-        below 10 px none.
+        This was measured in 600 drawn frames: all 2,600 such tags were detected, with errors of corners below 1 pixel.
+        Tags with a width of 16 to 20 px are detected too, with errors of corners up to 2 px. Of tags with a width of 14
+        to 16 px, seven in eight are detected; of tags below 10 px, none.
         """
         return self.width_px >= 20.0 and self.margin_px >= 4.0 and self.covered == 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _PartTags:
-    """The tags of one part as arrays in one frame, shape (n * 4, 3): corners, and per corner the normal of its tag."""
+    """The corners of n tags of one part, and the normal of its tag for each corner: arrays of shape (n * 4, 3)."""
 
     corners_m: Array
     normals: Array
@@ -61,7 +62,7 @@ class _PartTags:
 
 @lru_cache(maxsize=256)
 def _tags_in_map(machine: Machine, part: Part, angle_rad: float) -> _PartTags:
-    """Return the tags of one part in the map. The result is cached, because parts rest most of the time."""
+    """Return the tags of one part in the map. The result is cached, because parts are at rest most of the time."""
     map_from_part, part_tags = machine.map_from_part(part, angle_rad), _tags_of(machine, part)
     return _PartTags(
         corners_m=map_from_part.apply(part_tags.corners_m), normals=part_tags.normals @ map_from_part.rotation.T
@@ -78,17 +79,17 @@ def _tags_of(machine: Machine, part: Part) -> _PartTags:
 
 
 class GeometricCamera:
-    """The arm camera without pixels: what is visible in a state. Only one thread may use it at a time."""
+    """Computes what the arm camera sees in a state. Only one thread may use it at a time."""
 
     def __init__(self, laboratory: Laboratory = LABORATORY) -> None:
         self._stage = Stage(laboratory)
-        self._placed: LabState | None = None
+        self._placed_state: LabState | None = None
 
     def visible_shares(self, state: LabState, parts: Sequence[tuple[str, Part]]) -> tuple[float, ...]:
-        """Return the share, 0 to 1, of the corners of each part's tags that the camera sees.
+        """Return, for each part, the share (0 to 1) of the corners of its tags that the camera sees.
 
-        A corner is seen if it lies inside the image, in front of the camera, on a tag that faces the camera, and
-        is not hidden.
+        A corner is seen if it is inside the image, in front of the camera, on a tag that faces the camera, and not
+        hidden.
 
         Args:
             state: the state of the laboratory.
@@ -105,7 +106,7 @@ class GeometricCamera:
         return tuple(float(share.mean()) for share in np.split(seen, ends[:-1]))
 
     def tags_in_view(self, state: LabState) -> tuple[TagInView, ...]:
-        """Return the tags that face the camera with their middle inside the image, by growing id."""
+        """Return the tags that face the camera and whose middle is inside the image, ordered by their ids."""
         views = [
             self._view(state, tag, state.map_from_part(machine.name, tag.part) @ tag.part_from_tag)
             for machine in state.laboratory.machines
@@ -117,9 +118,9 @@ class GeometricCamera:
         map_from_camera = state.map_from_camera()
         camera_from_tag = map_from_camera.inverse() @ map_from_tag
         corners_m = camera_from_tag.apply(_square(tag.size_m, _CORNERS))
-        faces = float(camera_from_tag.rotation[:, 2] @ camera_from_tag.translation_m) < 0
+        faces_camera = float(camera_from_tag.rotation[:, 2] @ camera_from_tag.translation_m) < 0
         middle_inside = _inside_image(map_from_camera.inverse().apply(map_from_tag.translation_m[np.newaxis]))[0]
-        if not faces or not middle_inside or corners_m[:, 2].min() < _NEAREST_M:
+        if not faces_camera or not middle_inside or corners_m[:, 2].min() < _NEAREST_M:
             return None
         corners_px = INTRINSICS.project(corners_m)
         grid_m = map_from_tag.apply(_square(tag.size_m * TILE_PER_TAG, _GRID))
@@ -134,10 +135,10 @@ class GeometricCamera:
         )
 
     def _unhidden(self, state: LabState, eye_m: Array, points_m: Array) -> NDArray[np.bool_]:
-        """Return a mask of the points, shape (n, 3) in the map, that a ray from the eye reaches."""
-        if state is not self._placed:
+        """Return a mask, shape (n,), of the points that a ray from the eye reaches. Points are given in the map."""
+        if state is not self._placed_state:
             self._stage.place(state)
-            self._placed = state
+            self._placed_state = state
         shares = self._stage.first_hit(eye_m, points_m)
         distances_m = np.linalg.norm(points_m - eye_m, axis=1)
         reached: NDArray[np.bool_] = (shares < 0) | ((1.0 - shares) * distances_m < _RAY_TOLERANCE_M)
@@ -145,17 +146,17 @@ class GeometricCamera:
 
 
 def image_motion_px(before: LabState, after: LabState) -> float:
-    """Return the motion of the scene in the image between two states: the largest of all visible points.
+    """Return the largest motion in the image, of all visible points, between two states.
 
-    Points are the corners of all tags, and the image's corners and middle at 1 m.
+    The points are the corners of all tags, and the points at the image's corners and middle at a distance of 1 m.
     """
     camera = before.map_from_camera()
     reference_m = camera.apply(_reference_points())
     parts = [(machine, part) for machine in before.laboratory.machines for part in machine.parts()]
     first = camera.inverse().apply(np.concatenate((reference_m, _corners_in_map(before, parts)[0])))
     second = after.map_from_camera().inverse().apply(np.concatenate((reference_m, _corners_in_map(after, parts)[0])))
-    both = _inside_image(first) & (second[:, 2] > _NEAREST_M)
-    moved_px = INTRINSICS.project(second[both]) - INTRINSICS.project(first[both])
+    in_both = _inside_image(first) & (second[:, 2] > _NEAREST_M)
+    moved_px = INTRINSICS.project(second[in_both]) - INTRINSICS.project(first[in_both])
     return sqrt(np.add.reduce(moved_px * moved_px, axis=1).max())
 
 
@@ -173,27 +174,32 @@ _GRID = np.array([[x, y] for y in _COVER_GRID for x in _COVER_GRID])
 
 
 def _square(side_m: float, places: Array) -> Array:
-    """Return points of a tag's plane, shape (n, 3), from places in units of a side."""
+    """Return points in a tag's plane, shape (n, 3), from places that are given in units of the tag's side."""
     return np.column_stack((places * side_m, np.zeros(len(places))))
 
 
 def _width_px(corners_px: Array) -> float:
-    """Return the area of a quadrilateral, corners of shape (4, 2), over its longest side."""
+    """Return the area of a quadrilateral divided by its longest side. Its corners have the shape (4, 2)."""
     diagonals = corners_px[2:] - corners_px[:2]
     area = abs(diagonals[0, 0] * diagonals[1, 1] - diagonals[0, 1] * diagonals[1, 0]) / 2
     return float(area / np.linalg.norm(corners_px - np.roll(corners_px, 1, axis=0), axis=1).max())
 
 
 def _corners_in_map(state: LabState, parts: Iterable[tuple[Machine, Part]]) -> tuple[Array, Array]:
-    """Return the corners of all tags of some parts, and for each the normal of its tag, shape (n, 3), in the map."""
-    placed = [
+    """Return all corners of tags on some parts, and for each corner the normal of its tag: shape (n, 3), in the map."""
+    placed_tags = [
         _tags_in_map(machine, part, state.joints_rad.get(JointKey(machine.name, part), 0.0)) for machine, part in parts
     ]
-    return np.concatenate([tags.corners_m for tags in placed]), np.concatenate([tags.normals for tags in placed])
+    return np.concatenate([tags.corners_m for tags in placed_tags]), np.concatenate(
+        [tags.normals for tags in placed_tags]
+    )
 
 
 def _inside_image(points_m: Array) -> NDArray[np.bool_]:
-    """Return a mask of the points, shape (n, 3) in the camera's frame, in front of it and inside the image."""
+    """Return a mask, shape (n,), of the points in front of the camera and inside the image.
+
+    Points have the shape (n, 3) and are given in the camera's frame.
+    """
     inside: NDArray[np.bool_] = points_m[:, 2] > _NEAREST_M
     pixels = INTRINSICS.project(points_m[inside])
     inside[inside] = ((pixels >= -0.5) & (pixels <= _LAST_PX)).all(axis=1)

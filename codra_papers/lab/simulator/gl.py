@@ -1,4 +1,4 @@
-"""Choice of an OpenGL backend that draws frames without a screen, and its contexts."""
+"""The choice of an OpenGL backend that draws frames without a screen, and OpenGL contexts of this backend."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ with mujoco.Renderer(model, 8, 8) as renderer:
 _PROBE_TIMEOUT_S = 60.0
 
 _known: list[str] = []
-"""The backend that is known to draw on this computer, once it is known."""
+"""The backend that draws on this computer; empty until it is known."""
 
 
 class Backend(StrEnum):
-    """The ways to draw without a screen, best first."""
+    """The ways to draw without a screen, the best one first."""
 
     EGL = "egl"
     OSMESA = "osmesa"
@@ -34,7 +34,7 @@ class GraphicsUnavailableError(Exception):
 
 
 class Context(Protocol):
-    """An OpenGL context. It belongs to the thread that made it current."""
+    """An OpenGL context, which belongs to the thread that made it current."""
 
     def make_current(self) -> None:
         """Direct this thread's OpenGL calls to this context."""
@@ -46,10 +46,11 @@ class Context(Protocol):
 
 
 def choose_backend() -> str:
-    """Return the first of "egl" and "osmesa" that draws here, and set MUJOCO_GL to it for later imports of MuJoCo.
+    """Return the first backend, "egl" or "osmesa", that draws on this computer.
 
-    Each backend is tried in a separate process, because a failed attempt spoils its process. If MUJOCO_GL already names
-    one of them, only that one is tried. The result is remembered.
+    The environment variable MUJOCO_GL is set to this backend for later imports of MuJoCo. Each backend is tried in a
+    separate process, because after a failed attempt its process cannot try another. If MUJOCO_GL already is the name of
+    a backend, only this backend is tried. The result is remembered.
 
     Raises:
         GraphicsUnavailableError: no backend draws.
@@ -60,15 +61,15 @@ def choose_backend() -> str:
 
 
 def rely_on(backend: str) -> None:
-    """Let `choose_backend` return a backend that already drew in another process of this program, without a try."""
+    """Let `choose_backend` return this backend without a trial, because it drew in another process of this program."""
     os.environ["MUJOCO_GL"] = backend
     _known[:] = [backend]
 
 
 def _first_working_backend() -> str:
-    """Return the first backend that draws."""
-    asked = os.environ.get("MUJOCO_GL", "").strip().lower()
-    candidates = [backend for backend in Backend if backend == asked] or list(Backend)
+    """Return the first backend that draws on this computer."""
+    requested_name = os.environ.get("MUJOCO_GL", "").strip().lower()
+    candidates = [backend for backend in Backend if backend == requested_name] or list(Backend)
     failures: list[str] = []
     for backend in candidates:
         failure = _failure_of(backend)
@@ -83,9 +84,9 @@ def _first_working_backend() -> str:
 
 
 def make_context(backend: str, width: int, height: int) -> Context:
-    """Return a new context for images of a size. It also works if MuJoCo was imported before the choice.
+    """Return a new context for images of this size. It also works if MuJoCo was imported before the backend was chosen.
 
-    Mesa's software renderer draws in the calling thread, unless LP_NUM_THREADS is set: the images are small, and more
+    Unless LP_NUM_THREADS is set, Mesa's software renderer draws in the calling thread. The images are small, and more
     threads would only take the other cores from other processes.
     """
     os.environ.setdefault("LP_NUM_THREADS", "0")
@@ -94,7 +95,7 @@ def make_context(backend: str, width: int, height: int) -> Context:
 
 
 def _failure_of(backend: Backend) -> str | None:
-    """Return in one line why a backend does not draw here, or None if it draws."""
+    """Return, in one line, why a backend does not draw on this computer, or None if it draws."""
     environment = {name: value for name, value in os.environ.items() if name != "PYOPENGL_PLATFORM"}
     environment["MUJOCO_GL"] = backend.value
     command = [sys.executable, "-c", _PROBE]

@@ -1,7 +1,7 @@
-"""A laboratory as one value: machines, light, camera noise, durations and disturbances.
+"""The description of a laboratory as one frozen value: machines, light, camera noise, durations and disturbances.
 
-World, scene, truth and robot take this value. The default is the laboratory of the protocol, and a test compares its
-digests with recorded ones. Experiments use other laboratories.
+The world, the scene, the truth and the robot use this value. The default is the laboratory of the protocol. A test
+compares digests of the default with recorded digests. Some experiments use other laboratories.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from codra_papers.lab.perception.layout import MACHINES, Machine
 from codra_papers.lab.simulator.durations import DURATIONS, Phase, Spread
 
 NOISE_GREYS = 3.0
-"""Standard deviation of the sensor's noise, of 255, independent per pixel and colour."""
+"""Standard deviation of the sensor's noise, in greys from 0 to 255. It is independent for each pixel and colour."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -20,9 +20,9 @@ class LidMoved:
     """A person opens or closes a machine's lid as soon as the robot's hand is away from it.
 
     Attributes:
-        at_s: the earliest time.
+        at_s: the earliest instant of the move.
         machine: the name of the machine.
-        open_share: how far the lid is open afterwards: 0 closed, 1 open.
+        open_share: how far the lid is open afterwards: 0 is closed, 1 is completely open.
     """
 
     at_s: float
@@ -35,7 +35,8 @@ class PersonBefore:
     """A person steps between the camera and its target, and waits there.
 
     Attributes:
-        lasts_s: how long the person is there.
+        at_s: when the person begins to step in.
+        lasts_s: how long after this instant the person steps away again.
     """
 
     at_s: float
@@ -44,11 +45,12 @@ class PersonBefore:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LightDown:
-    """The light goes down, and up again.
+    """The light in the room goes down, and later up again.
 
     Attributes:
-        lasts_s: the time until the light goes up again.
-        light: the remaining light: 1 is an ordinary day, 0 is dark.
+        at_s: when the light begins to go down.
+        lasts_s: how long after this instant the light goes up again.
+        light: the remaining light: 1 is that of an ordinary day, 0 is dark.
     """
 
     at_s: float
@@ -64,12 +66,13 @@ class Laboratory:
     """A laboratory, with everything that experiments vary.
 
     Attributes:
-        machines: machines with unique names and tags. The sample-processing workflow needs the two of the default.
-        light: 1 is an ordinary day, 0 is dark.
-        noise_greys: standard deviation of the camera's noise, of 255.
-        durations: durations of the robot's actions, by phase.
+        machines: the machines, with unique names and tags. The sample-processing workflow needs the two default
+            machines.
+        light: the light in the room: 1 is that of an ordinary day, 0 is dark.
+        noise_greys: the standard deviation of the camera's noise, in greys from 0 to 255.
+        durations: the duration of each phase of the robot's actions.
         amplification_s: how long the PCR-cycler works on the samples.
-        disturbances: changes that the robot does not cause; disturbances of one kind do not overlap.
+        disturbances: the changes that the robot does not cause. Disturbances of the same kind must not overlap.
     """
 
     machines: tuple[Machine, ...] = tuple(MACHINES.values())
@@ -80,7 +83,7 @@ class Laboratory:
     disturbances: tuple[Disturbance, ...] = ()
 
     def machine(self, name: str) -> Machine:
-        """Return a machine.
+        """Return a machine by its name.
 
         Raises:
             ValueError: the laboratory has no machine of that name.
@@ -92,7 +95,7 @@ class Laboratory:
         raise ValueError(f"there is no machine '{name}' in the laboratory; its machines are {names}")
 
     def duration(self, phase: Phase) -> Spread:
-        """Return how long a phase of an action takes."""
+        """Return the duration of a phase of an action."""
         return next(spread for key, spread in self.durations if key is phase)
 
     def with_machines(self, *machines: Machine) -> Laboratory:
@@ -105,10 +108,10 @@ class Laboratory:
 
     def with_machine_at(self, name: str, x_m: float, y_m: float, heading_rad: float) -> Laboratory:
         """Return this laboratory with one machine at another place."""
-        moved = (
+        machines = (
             machine.at_place(x_m, y_m, heading_rad) if machine.name == name else machine for machine in self.machines
         )
-        return replace(self, machines=tuple(moved))
+        return replace(self, machines=tuple(machines))
 
 
 LABORATORY = Laboratory()

@@ -1,6 +1,6 @@
 """The laboratory as a MuJoCo model: the tags and joints of layout.py, the bodies that carry them, a room, the robot.
 
-There is no physics: a `Stage` is put into a state, and then drawn or used for ray casts.
+There is no physics: a `Stage` shows one state of the laboratory. It is drawn, or used for ray casts.
 """
 
 from __future__ import annotations
@@ -21,18 +21,19 @@ from codra_papers.lab.simulator.laboratory import LABORATORY, Laboratory, Person
 from codra_papers.lab.simulator.world import LabState
 
 ROOM_M = (6.6, 6.0)
-"""The size of the room, which begins at x = 0 and y = 0."""
+"""The size of the room in x and y. One corner of the room is at x = 0 and y = 0."""
 
 CAMERA_NAME = "arm_camera"
 
 PCR_CYCLER_HANDLE_M = (0.485, 0.210, -0.011)
 """Where a hand grips the PCR-cycler's lid, in the lid's frame: a bar to the right of the machine, clear of its tags.
 
-The hand holds the PCR-cycler beside its tags, by this bar and by a stalk on the lever, so that the camera on the hand
-sees the complete machine meanwhile. It holds the centrifuge in its middle, and sees only a part of it."""
+The hand holds the PCR-cycler to the side of its tags, by this bar and by a stalk on the lever, so that the camera on
+the hand sees the complete machine meanwhile. The hand holds the centrifuge in the middle, so the camera then sees only
+a part of the centrifuge."""
 
 PCR_CYCLER_KNOB_M = (0.0, -0.025, 0.095)
-"""Where a hand grips the PCR-cycler's lever, in the lever's frame: the end of a stalk that sticks out of it."""
+"""Where a hand grips the PCR-cycler's lever, in the lever's frame: the end of a stalk that sticks out of the lever."""
 
 _TEXELS_PER_CELL = 20
 _TILE_THICKNESS_M = 0.004
@@ -75,15 +76,15 @@ class Stage:
         mujoco.mj_camlight(self.model, self.data)
 
     def first_hit(self, origin_m: Array, points_m: Array) -> Array:
-        """Return the first hits of rays from one origin, as shares of the way to each point.
+        """Return the distance from an origin to the first hit of a ray to each point, as a share of that to the point.
 
         Args:
             origin_m: shape (3,), in the map.
             points_m: shape (n, 3), in the map.
 
         Returns:
-            Shape (n,): 1 where the first hit of a ray is the point, below 1 where a body is in front of the point, -1
-            where the ray hits nothing.
+            The shares, shape (n,): 1 if the first hit is at the point, less than 1 if a body is in front of the point,
+            more than 1 if the first hit is behind the point, and -1 if the ray hits nothing.
         """
         count = len(points_m)
         rays = np.ascontiguousarray(points_m - origin_m)
@@ -101,7 +102,7 @@ class Stage:
 
 
 def textures(laboratory: Laboratory = LABORATORY) -> dict[str, bytes]:
-    """Return the scene's pictures as PNG files by name: one for each tag, the floor and the walls."""
+    """Return the pictures of tags, floor and walls as PNG files. The key is the name of the file."""
     tags = {
         f"tag_{tag.tag_id}.png": np.kron(
             tag_image(tag.tag_id), np.ones((_TEXELS_PER_CELL, _TEXELS_PER_CELL), dtype=np.uint8)
@@ -114,7 +115,7 @@ def textures(laboratory: Laboratory = LABORATORY) -> dict[str, bytes]:
 
 
 def _floor_picture() -> NDArray[np.uint8]:
-    """Return speckled tiles of 0.6 m with dark joints, so that even a view of the floor has edges."""
+    """Return the picture of a speckled tile of 0.6 m with dark joints, so that even a view of the floor has edges."""
     random = default_rng(1)
     speckles = cv2.GaussianBlur(random.normal(150.0, 60.0, (512, 512)), (0, 0), 1.6)
     tile: NDArray[np.uint8] = np.clip(150.0 + 2.2 * (speckles - 150.0), 90.0, 205.0).astype(np.uint8)
@@ -124,7 +125,7 @@ def _floor_picture() -> NDArray[np.uint8]:
 
 
 def _wall_picture() -> NDArray[np.uint8]:
-    """Return a wall with cupboards, notices and sockets: rectangles in many greys, without tags."""
+    """Return the picture of a wall with cupboards, notices and sockets: rectangles in many greys, without tags."""
     random = default_rng(2)
     wall = np.full((512, 1024), 190, dtype=np.uint8)
     for _ in range(70):
@@ -167,7 +168,7 @@ def mjcf(laboratory: Laboratory = LABORATORY) -> str:
     <light directional="true" pos="3 3 4" dir="0.7 -0.3 -0.5" diffuse="0.22 0.22 0.22" specular="0 0 0"/>
     {_room()}
     {"".join(_machine(machine) for machine in laboratory.machines)}
-    {"".join(_robot())}{visitor}
+    {"".join(_robot_bodies())}{visitor}
     <body name="camera" mocap="true"><camera name="{CAMERA_NAME}" xyaxes="1 0 0 0 -1 0"
       fovy="{2 * degrees(half_height_rad):.9f}"/></body>
   </worldbody>
@@ -203,27 +204,27 @@ def _wall(centre_m: tuple[float, float], along: tuple[float, float], half_m: flo
 
 
 def _box(low_m: tuple[float, float, float], high_m: tuple[float, float, float], colour: str) -> str:
-    """Return a box between two opposite corners."""
+    """Return a box, as MJCF, between two opposite corners."""
     centre = [(low + high) / 2 for low, high in zip(low_m, high_m, strict=True)]
     half = [(high - low) / 2 for low, high in zip(low_m, high_m, strict=True)]
-    return f'<geom type="box" pos="{_numbers(centre)}" size="{_numbers(half)}" rgba="{colour}"/>'
+    return f'<geom type="box" pos="{_number_text(centre)}" size="{_number_text(half)}" rgba="{colour}"/>'
 
 
 def _machine(machine: Machine) -> str:
-    """Return a machine on its table, its moving parts as hinged bodies, a tile for each tag."""
+    """Return a machine on its table as MJCF, with its moving parts as hinged bodies and a tile for each tag."""
     joints = "".join(_moving_part(machine, joint) for joint in machine.joints)
     tiles = "".join(_tile(tag) for tag in machine.tags_on(Part.BASE))
-    place = _placed(machine.map_from_base)
+    place = _pose_attributes(machine.map_from_base)
     return f'<body name="{machine.name}" {place}>{_housing(machine)}{tiles}{joints}</body>'
 
 
 def _moving_part(machine: Machine, joint: Joint) -> str:
     name = _body_name(machine, joint.part)
     tiles = "".join(_tile(tag) for tag in machine.tags_on(joint.part))
-    hinge = f'<joint name="{name}" type="hinge" axis="{_numbers(joint.axis)}"/>'
+    hinge = f'<joint name="{name}" type="hinge" axis="{_number_text(joint.axis)}"/>'
     inertia = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
     shape = _moving_shape(machine, joint.part)
-    return f'<body name="{name}" {_placed(joint.base_from_part)}>{inertia}{hinge}{shape}{tiles}</body>'
+    return f'<body name="{name}" {_pose_attributes(joint.base_from_part)}>{inertia}{hinge}{shape}{tiles}</body>'
 
 
 def _body_name(machine: Machine, part: Part) -> str:
@@ -231,27 +232,27 @@ def _body_name(machine: Machine, part: Part) -> str:
 
 
 def _tile(tag: Tag) -> str:
-    """Return a thin tile whose upper face lies in the tag's plane."""
+    """Return a thin tile for a tag as MJCF. The upper face of the tile lies in the tag's plane."""
     half_m = tag.size_m * TILE_PER_TAG / 2
-    under = tag.part_from_tag @ Pose(np.eye(3), np.array([0.0, 0.0, -_TILE_THICKNESS_M / 2]))
-    size = _numbers((half_m, half_m, _TILE_THICKNESS_M / 2))
-    return f'<geom type="box" {_placed(under)} size="{size}" material="tag_{tag.tag_id}"/>'
+    tile_pose = tag.part_from_tag @ Pose(np.eye(3), np.array([0.0, 0.0, -_TILE_THICKNESS_M / 2]))
+    size = _number_text((half_m, half_m, _TILE_THICKNESS_M / 2))
+    return f'<geom type="box" {_pose_attributes(tile_pose)} size="{size}" material="tag_{tag.tag_id}"/>'
 
 
 def _board(tag: Tag, centre_m: tuple[float, float], half_m: tuple[float, float]) -> str:
-    """Return a board under a tag's tile.
+    """Return a board, as MJCF, under the tile of a tag.
 
     Args:
-        tag: the tag whose plane the board lies under.
-        centre_m: centre of the board in the tag's frame: right, up.
-        half_m: half its width and height.
+        tag: the tag. The board is parallel to its plane.
+        centre_m: the centre of the board in the tag's frame: right, up.
+        half_m: half the width and half the height of the board.
     """
-    behind = tag.part_from_tag @ Pose(np.eye(3), np.array([*centre_m, -_TILE_THICKNESS_M - 0.008]))
-    return f'<geom type="box" {_placed(behind)} size="{_numbers((*half_m, 0.008))}" rgba="{_WHITE}"/>'
+    board_pose = tag.part_from_tag @ Pose(np.eye(3), np.array([*centre_m, -_TILE_THICKNESS_M - 0.008]))
+    return f'<geom type="box" {_pose_attributes(board_pose)} size="{_number_text((*half_m, 0.008))}" rgba="{_WHITE}"/>'
 
 
 def _housing(machine: Machine) -> str:
-    """Return the fixed bodies: the table, the housing and its front panel."""
+    """Return the fixed bodies of a machine as MJCF: the table, the housing and its front panel."""
     match machine.shape:
         case Shape.CENTRIFUGE:
             return _centrifuge_housing(machine)
@@ -306,7 +307,7 @@ def _shaker_housing(machine: Machine) -> str:
 
 
 def _moving_shape(machine: Machine, part: Part) -> str:
-    """Return the body of a moving part in its own frame."""
+    """Return the geoms of a moving part as MJCF, in the part's own frame."""
     tag = machine.tags_on(part)[0]
     if part is Part.ROTOR:
         return f'<geom type="cylinder" pos="0 0 -0.024" size="0.17 0.02" rgba="{_GREY}"/>'
@@ -330,7 +331,7 @@ def _shaker_lid(tag: Tag) -> str:
 
 
 def _handle_beside_the_lid() -> str:
-    """Return a bar that leads forward along the lid's right side, with a cross-bar at its end for the hand."""
+    """Return, as MJCF, a bar along the right side of the lid to the front, with a cross-bar for the hand at its end."""
     x_m, y_m, z_m = PCR_CYCLER_HANDLE_M
     low_m, high_m = z_m - 0.006, z_m + 0.006
     return "".join(
@@ -343,7 +344,7 @@ def _handle_beside_the_lid() -> str:
 
 
 def _knob() -> str:
-    """Return a stalk that sticks out of the lever, for the hand."""
+    """Return, as MJCF, a stalk that sticks out of the lever, for the hand."""
     x_m, y_m, z_m = PCR_CYCLER_KNOB_M
     return _box((x_m - 0.006, y_m - 0.006, -0.012), (x_m + 0.006, y_m + 0.006, z_m), _DARK)
 
@@ -358,23 +359,23 @@ def _has_visitors(laboratory: Laboratory) -> bool:
 
 
 def _visitor() -> str:
-    """Return a person in a dark coat, 1.75 m tall, on the floor."""
+    """Return, as MJCF, a person in a dark coat, 1.75 m tall, standing on the floor."""
     coat = '<geom type="capsule" fromto="0 0 0.35 0 0 1.28" size="0.21" rgba="0.20 0.24 0.34 1"/>'
     head = '<geom type="sphere" pos="0 0 1.63" size="0.12" rgba="0.78 0.62 0.52 1"/>'
     return f'<body name="{_PERSON}" mocap="true">{coat}{head}</body>'
 
 
-# The robot. Its bodies are "mocap" bodies, which `Stage.place` puts into the poses of a state. In the
-# hand's frame x is right, y down and z forward, as in the camera's.
+# The robot. Its bodies are "mocap" bodies, which `Stage.place` puts into the poses of a state. In the hand's frame,
+# x is right, y is down and z is forward, as in the camera's frame.
 
 FINGER_TIP_M = (0.0, 0.06, 0.24)
-"""Where the fingers grip, in the camera's frame, when the hand is extended."""
+"""Where the fingers grip, in the camera's frame, if the hand is extended."""
 
 _DRAWN_BACK_M = 0.30
-"""How far the hand is drawn back when it is not extended: out of the camera's sight."""
+"""How far the hand is drawn back if it is not extended. It is then out of the camera's sight."""
 
 
-def _robot() -> Iterator[str]:
+def _robot_bodies() -> Iterator[str]:
     chassis = _box((-0.35, -0.25, 0.06), (0.25, 0.25, 0.30), _DARK) + _box(
         (-0.06, -0.1, 0.30), (0.16, 0.1, 0.85), _WHITE
     )
@@ -416,16 +417,16 @@ def _robot_poses(state: LabState) -> dict[str, Pose]:
     }
 
 
-_UNTURNED = np.eye(3)
-_BELOW_THE_FLOOR = Pose(_UNTURNED, np.array([0.0, 0.0, -5.0]))
+_IDENTITY = np.eye(3)
+_BELOW_THE_FLOOR = Pose(_IDENTITY, np.array([0.0, 0.0, -5.0]))
 
 
 def _shifted(x_m: float, y_m: float, z_m: float) -> Pose:
-    return Pose(_UNTURNED, np.array([x_m, y_m, z_m]))
+    return Pose(_IDENTITY, np.array([x_m, y_m, z_m]))
 
 
 def shoulder_to_wrist_m(state: LabState) -> float:
-    """Return how far the arm is stretched. More than `ARM_LENGTH_M` is out of reach."""
+    """Return the distance from the shoulder to the wrist. More than `ARM_LENGTH_M` is out of reach."""
     return float(np.linalg.norm(_wrist_m(state) - np.array(_SHOULDER_M)))
 
 
@@ -435,7 +436,10 @@ def _wrist_m(state: LabState) -> Array:
 
 
 def _elbow_m(wrist_m: Array) -> Array:
-    """Return the elbow between shoulder and wrist: two equal links, bent up and back, or straight if too far."""
+    """Return the position of the elbow between shoulder and wrist.
+
+    The two links have the same length. They are bent up and back, or straight if the wrist is too far away.
+    """
     shoulder_m = np.array(_SHOULDER_M)
     way = wrist_m - shoulder_m
     ahead = np.array([way[0], way[1], 0.0]) if way[0] >= 0 else -np.array([way[0], way[1], 0.0])
@@ -456,11 +460,11 @@ def _along(start_m: Array, end_m: Array) -> Pose:
     return Pose(columns(x, cross(z, x), z), start_m)
 
 
-def _placed(pose: Pose) -> str:
+def _pose_attributes(pose: Pose) -> str:
     """Return a pose as MJCF attributes."""
     axes = (*pose.rotation[:, 0], *pose.rotation[:, 1])
-    return f'pos="{_numbers(pose.translation_m)}" xyaxes="{_numbers(axes)}"'
+    return f'pos="{_number_text(pose.translation_m)}" xyaxes="{_number_text(axes)}"'
 
 
-def _numbers(values: Iterable[float]) -> str:
+def _number_text(values: Iterable[float]) -> str:
     return " ".join(f"{float(value):.9g}" for value in values)

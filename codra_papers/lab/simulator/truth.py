@@ -1,16 +1,18 @@
 """The true value of every context-variable of the laboratory's spec, by definition, from the world's own state.
 
-The definitions were fixed before any perception was tuned, and perception never uses them.
+The definitions were fixed before any perception was tuned, and perception never uses them. `M` is the name of a
+machine.
 
 - `robot_is_localized`: the robot is localised.
-- `M_in_observable_distance`, `M_in_manipulation_distance`: `Machine.distance_m` of the robot's true base is below
-  1.6 m, below 0.95 m.
+- `M_in_observable_distance`: `Machine.distance_m` of the true pose of the robot's base is below 1.6 m.
+- `M_in_manipulation_distance`: the same distance is below 0.95 m.
 - `M_base_in_FOV`, `M_lid_in_FOV`: at least half of the corners of the part's tags are inside the image, in front of
-  the camera, on tags that face it, and not hidden. Neither the light nor the distance matters.
-- `M_open`: the lid is more than 0.6 rad from closed.
+  the camera, on tags that face the camera, and not hidden. Neither the light nor the distance matters.
+- `M_open`: the lid is open by more than 0.6 rad.
 - `M_locked`: the latch lever is less than half way from locked (0 rad) to unlocked (1 rad).
-- `M_rotor_in_pos_1`, `..._2`: a centrifuge's rotor is less than 0.2 rad from 0, from half a turn. The lid hides the
-  rotor but does not change the truth.
+- `M_rotor_in_pos_1`: a centrifuge's rotor is less than 0.2 rad from its position at 0 rad.
+- `M_rotor_in_pos_2`: a centrifuge's rotor is less than 0.2 rad from half a turn. A lid that hides the rotor does not
+  change the truth about either position.
 """
 
 from __future__ import annotations
@@ -33,7 +35,8 @@ LOCKED_BELOW_RAD = 0.5
 ROTOR_WITHIN_RAD = 0.2
 
 SAMPLES_PER_S = 5.0
-"""How often truth is sampled while something moves. Changes between two samples are up to half a sample off."""
+"""How often truth is sampled while something moves. The instant of a change between two samples is wrong by at most
+half the time between them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,7 +44,7 @@ class TruthSpan:
     """The truth from one instant up to, but not including, another.
 
     Attributes:
-        values: the values by context-variable.
+        values: the true value of each context-variable.
     """
 
     start_s: float
@@ -70,7 +73,8 @@ class GroundTruth:
     def over(self, start_s: float, end_s: float) -> tuple[TruthSpan, ...]:
         """Return the truth from one instant to another, as spans in order and without gaps. Consecutive spans differ.
 
-        Truth is sampled `SAMPLES_PER_S` times a second while something moves, and once while nothing moves.
+        While something moves, truth is sampled `SAMPLES_PER_S` times a second. Each time without motion is sampled
+        once.
         """
         spans: list[TruthSpan] = []
         for piece_start_s, piece_end_s in _pieces(self._world, start_s, end_s):
@@ -106,7 +110,7 @@ def _rotor_truth(state: LabState) -> dict[str, bool]:
 
 
 def _pieces(world: LabWorld, start_s: float, end_s: float) -> Iterator[tuple[float, float]]:
-    """Yield the spans of time that one sample represents, in order and without gaps."""
+    """Yield the spans of time, in order and without gaps. One sample represents each span."""
     reached_s = start_s
     for moving_from_s, moving_until_s in world.moving_spans():
         begin_s, finish_s = min(max(moving_from_s, reached_s), end_s), min(moving_until_s, end_s)

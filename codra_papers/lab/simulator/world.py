@@ -1,6 +1,6 @@
 """The state of the laboratory at any instant: a pure function of time and of the moves scheduled so far.
 
-Nothing here runs in the background, and the state does not depend on who reads it.
+Nothing in this module runs in the background, and the state does not depend on who reads it.
 """
 
 from __future__ import annotations
@@ -23,7 +23,10 @@ Path = Callable[[float], Values]
 
 
 class Quantity(StrEnum):
-    """The changing quantities beside the machines' joints, and the numbers that describe them."""
+    """The quantities that change, other than the angles of the machines' joints.
+
+    Each text below states the numbers that describe the quantity.
+    """
 
     BASE = "base"
     """x, y in metres and heading in radians of the robot's base in the map."""
@@ -40,7 +43,7 @@ class Quantity(StrEnum):
     LOCALIZED = "localized"
     """Whether the robot is localised: 0 or 1."""
     PERSON = "person"
-    """Position of a visitor: x and y in metres in the map."""
+    """The position of a visitor: x and y in metres in the map."""
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -56,12 +59,13 @@ Channel = Quantity | JointKey
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Move:
-    """A smooth move of one channel, at rest at both ends.
+    """A smooth move of one channel. It begins and ends at rest.
 
     Attributes:
-        delay_s: from the instant of scheduling to the start of the move.
-        duration_s: 0 for a jump.
-        path: the values as a function of the progress from 0 to 1; it must begin with the values before the move.
+        channel: the channel that moves.
+        path: the values as a function of the progress from 0 to 1. At 0 they must be the values before the move.
+        duration_s: how long the move takes; 0 for a jump.
+        delay_s: the time from the instant of scheduling to the start of the move.
     """
 
     channel: Channel
@@ -76,13 +80,15 @@ class LabState:
 
     Attributes:
         base: x, y in metres and heading in radians of the robot's base in the map.
-        eye_m: where the camera is, in the robot's base frame.
+        eye_m: the position of the camera, in the robot's base frame.
         target_m: a point on the camera's axis, in the robot's base frame.
-        reach: 0 to 1, how far the hand extends past the camera.
-        joints_rad: the angles of all machine joints.
-        light: 1 is an ordinary day, 0 is dark.
+        reach: how far the hand extends past the camera, from 0 to 1.
+        opening_m: the gap between the fingers.
+        is_holding: whether the hand holds a sample tray.
+        light: the light in the room: 1 is that of an ordinary day, 0 is dark.
+        joints_rad: the angles of all joints of machines.
         person_m: x and y of a visitor in the map.
-        laboratory: the laboratory of this state.
+        laboratory: the description of the laboratory.
     """
 
     t_s: float
@@ -130,7 +136,7 @@ class _Segment:
 
 @dataclass(slots=True)
 class _Track:
-    """The moves of one channel in order, which never overlap."""
+    """The moves of one channel, in order. They never overlap."""
 
     initial: Values
     starts_s: list[float] = field(default_factory=list)
@@ -139,8 +145,8 @@ class _Track:
     def at(self, t_s: float) -> Values:
         """Return the values at an instant.
 
-        A move shows right after the instant at which it is scheduled. So a frame of that instant is the same whether it
-        is taken before or after the move is scheduled.
+        At its start instant a move does not show yet; it shows right after this instant. So the frame of an instant is
+        the same whether it is taken before or after a move that starts at this instant is scheduled.
         """
         index = bisect_left(self.starts_s, t_s)
         return self.segments[index - 1].at(t_s) if index else self.initial
@@ -165,13 +171,13 @@ class _Track:
 
 
 HOME = (2.6, 1.1, pi / 2)
-"""Where the robot's base starts: x and y in metres, heading in radians."""
+"""The pose of the robot's base at the start: x and y in metres, heading in radians."""
 
 TRAVEL_GAZE = (0.25, 0.0, 1.25, 1.6, 0.0, 0.75)
-"""Where the arm holds the camera while the robot drives: eye, then target, in the robot's base frame."""
+"""The gaze while the robot drives: the camera's position, then a point on its axis, in the robot's base frame."""
 
 OUTSIDE = (-3.0, -3.0)
-"""Position of people outside the room: x and y in metres."""
+"""The position of a visitor who is not in the room: x and y in metres."""
 
 _INITIAL: Mapping[Quantity, Values] = MappingProxyType(
     {
@@ -185,14 +191,15 @@ _INITIAL: Mapping[Quantity, Values] = MappingProxyType(
         Quantity.PERSON: OUTSIDE,
     }
 )
-"""The laboratory in the morning: lids closed, latches locked, the rotor in its first position."""
+"""The quantities at 0 s. The angles of all joints begin at 0 rad: lids closed, latches locked, the rotor in its first
+position."""
 
 
 class LabWorld:
     """The laboratory over time. Any thread may read it while one thread schedules.
 
     Attributes:
-        seed: the seed of everything random.
+        seed: the seed of the localisation error. The camera and its computer also use it.
         laboratory: the description of the laboratory.
     """
 
@@ -200,8 +207,8 @@ class LabWorld:
         """Create the laboratory in its state at 0 s.
 
         Args:
-            seed: determines the robot's localisation error, and nothing else in this class.
-            laboratory: its machines, its light and its camera noise.
+            seed: the seed of the robot's localisation error. Nothing else in this class is random.
+            laboratory: the description of the laboratory.
         """
         self.seed = seed
         self.laboratory = laboratory
@@ -215,14 +222,16 @@ class LabWorld:
         self._error = _LocalizationError(seed)
 
     def schedule(self, now_s: float, moves: Sequence[Move]) -> None:
-        """Let channels move from now on.
+        """Schedule moves, which begin now or after their delays.
 
         Args:
-            now_s: the current time, not earlier than in the last call.
-            moves: the moves to schedule; moves of the same channel must be in order.
+            now_s: the current time, which must not be earlier than in the last call.
+            moves: the moves to schedule; moves of the same channel must be in order of time.
 
         Raises:
-            ValueError: a move lies in the past, or its channel is still moving. No move is scheduled then.
+            ValueError: `now_s` is earlier than in the last call, the delay or the duration of a move is negative, or
+            the
+                channel of a move is still moving. No move is scheduled then.
         """
         with self._lock:
             if now_s < self._now_s:
@@ -251,7 +260,7 @@ class LabWorld:
     def moves_to(
         self, now_s: float, channel: Channel, values: Values, duration_s: float, *, delay_s: float = 0.0
     ) -> Move:
-        """Return the straight move of a channel from its values at the start of the move to other values."""
+        """Return the move of a channel on a straight path from its values at the start of the move to other values."""
         with self._lock:
             start = self._tracks[channel].right_after(now_s + delay_s)
         return Move(channel=channel, path=straight(start, values), duration_s=duration_s, delay_s=delay_s)
@@ -259,31 +268,31 @@ class LabWorld:
     def state(self, t_s: float) -> LabState:
         """Return the state at an instant."""
         with self._lock:
-            at = {channel: track.at(t_s) for channel, track in self._tracks.items()}
-        x_m, y_m, heading_rad = at[Quantity.BASE]
-        gaze = at[Quantity.GAZE]
+            values = {channel: track.at(t_s) for channel, track in self._tracks.items()}
+        x_m, y_m, heading_rad = values[Quantity.BASE]
+        gaze = values[Quantity.GAZE]
         return LabState(
             t_s=t_s,
             base=(x_m, y_m, heading_rad),
             eye_m=(gaze[0], gaze[1], gaze[2]),
             target_m=(gaze[3], gaze[4], gaze[5]),
-            reach=at[Quantity.REACH][0],
-            opening_m=at[Quantity.OPENING][0],
-            is_holding=at[Quantity.HOLDING][0] > 0.5,
-            light=at[Quantity.LIGHT][0],
-            is_localized=at[Quantity.LOCALIZED][0] > 0.5,
-            joints_rad=MappingProxyType({joint: at[joint][0] for joint in self._joint_keys}),
-            person_m=(at[Quantity.PERSON][0], at[Quantity.PERSON][1]),
+            reach=values[Quantity.REACH][0],
+            opening_m=values[Quantity.OPENING][0],
+            is_holding=values[Quantity.HOLDING][0] > 0.5,
+            light=values[Quantity.LIGHT][0],
+            is_localized=values[Quantity.LOCALIZED][0] > 0.5,
+            joints_rad=MappingProxyType({joint: values[joint][0] for joint in self._joint_keys}),
+            person_m=(values[Quantity.PERSON][0], values[Quantity.PERSON][1]),
             laboratory=self.laboratory,
         )
 
     def moves_within(self, start_s: float, end_s: float) -> bool:
-        """Return whether the states at two instants, or any between them, can differ."""
+        """Return whether the states at two instants, or at any instants between them, can differ."""
         with self._lock:
             return any(track.moves_within(start_s, end_s) for track in self._tracks.values())
 
     def moving_spans(self) -> tuple[tuple[float, float], ...]:
-        """Return the spans, start and end in seconds, in which anything moves: ordered, and joined where they touch."""
+        """Return the spans in which anything moves, in order, as (start, end) in s. Spans that touch are joined."""
         with self._lock:
             segments = [segment for track in self._tracks.values() for segment in track.segments]
         spans: list[tuple[float, float]] = []
@@ -314,15 +323,18 @@ def straight(start: Values, end: Values) -> Path:
 def _segment(now_s: float, move: Move, busy_until_s: float) -> _Segment:
     start_s = now_s + move.delay_s
     if move.delay_s < 0 or move.duration_s < 0:
-        raise ValueError(f"a move of {move.channel} would begin at {start_s:g} s, which is past, or take negative time")
+        raise ValueError(
+            f"a move of {move.channel} has a negative delay or duration: it would begin at {start_s:g} s and"
+            f" take {move.duration_s:g} s"
+        )
     if start_s < busy_until_s - _ROUNDING_S:
         raise ValueError(f"{move.channel} is still moving at {start_s:g} s")
     return _Segment(start_s, start_s + move.duration_s, move.path)
 
 
 _ROUNDING_S = 1e-3
-"""A move may begin this much before the last one ends: sums of durations are rounded, and in so short a time a move
-does not change its values noticeably."""
+"""A move may begin this much before the previous move of its channel ends, because sums of durations are rounded. In so
+short a time, a move does not change its values noticeably."""
 
 
 class _LocalizationError:
@@ -335,15 +347,15 @@ class _LocalizationError:
             for sizes in ((0.012, 0.008), (0.012, 0.008), (0.006, 0.004))
         )
         away_rad = random.uniform(-pi, pi)
-        self._lost = (0.45 * cos(away_rad), 0.45 * sin(away_rad), random.choice((-1.0, 1.0)) * 0.25)
+        self._lost_offset = (0.45 * cos(away_rad), 0.45 * sin(away_rad), random.choice((-1.0, 1.0)) * 0.25)
 
     def at(self, t_s: float, *, is_localized: bool) -> Pose:
-        """Return the believed base's pose in the true base's frame."""
+        """Return the believed pose of the base, in the frame of the true base."""
         x_m, y_m, heading_rad = (
             slow * sin(2 * pi * t_s / slow_s + slow_phase) + quick * sin(2 * pi * t_s / quick_s + quick_phase)
             for (slow_s, slow_phase, slow), (quick_s, quick_phase, quick) in self._waves
         )
-        off_x_m, off_y_m, off_rad = (0.0, 0.0, 0.0) if is_localized else self._lost
+        off_x_m, off_y_m, off_rad = (0.0, 0.0, 0.0) if is_localized else self._lost_offset
         return Pose.planar(x_m + off_x_m, y_m + off_y_m, heading_rad + off_rad)
 
 

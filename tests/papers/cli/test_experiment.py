@@ -1,4 +1,4 @@
-"""`codra experiment` in real processes: its output, its failures, and that it continues where it stopped."""
+"""`codra experiment` in real processes: its output, its failures, and the continuation of stopped runs."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ SOON_S = 60.0
 
 
 def project_in(folder: Path) -> Path:
-    """Return a project with the laboratory's spec and an experiment of its own."""
+    """Return a project with the laboratory's spec and its own experiment."""
     shutil.copytree(ROOT / "specs", folder / "specs")
     shutil.copy(ROOT / "tests/papers/experiments/tiny.py", folder)
     (folder / "pyproject.toml").write_text("[tool.codra]\n")
@@ -47,7 +47,7 @@ def project(tmp_path: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a project whose experiment was run without a stop by two processes."""
+    """Return a project whose experiment was run by two processes without interruption."""
     folder = project_in(tmp_path_factory.mktemp("undisturbed"))
     done = codra("experiment", TINY, "--processes", "2", cwd=folder)
 
@@ -66,7 +66,7 @@ def results(project: Path) -> Any:
 
 
 def begun(project: Path, *arguments: str, **streams: Any) -> subprocess.Popen[str]:
-    """Start the experiment by the console script, as the leader of a process group as at a terminal."""
+    """Start the experiment by the console script. As at a terminal, the process leads a process group."""
     return subprocess.Popen(
         [CONSOLE_SCRIPT, "experiment", TINY, *arguments],
         cwd=project,
@@ -213,7 +213,7 @@ def test_a_terminal_shows_the_progress_of_the_trials(undisturbed: Path, project:
 
     assert process.returncode == 0
     assert b"2/3" in shown
-    assert b"trials, 2 there before" in shown
+    assert b"trials, 2 kept from before" in shown
 
 
 # Refused requests and failures

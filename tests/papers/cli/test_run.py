@@ -38,7 +38,7 @@ def errs(*, machine, camera, job):
 
 @pytest.fixture
 def unruly(tmp_path: Path) -> Path:
-    """Return the laboratory with failing perception functions, in a module beside the specs in the project."""
+    """Return the laboratory's spec with failing perception functions, which are in a module next to the specs."""
     shutil.copytree(ROOT / "specs", tmp_path / "specs")
     part = tmp_path / "specs/parts/machine.yaml"
     text = part.read_text()

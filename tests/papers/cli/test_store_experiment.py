@@ -21,7 +21,7 @@ FOLDER = Path("runs/tiny-store")
 
 @pytest.fixture(scope="module")
 def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a project with the store's spec, in which the experiment was run."""
+    """Return a project with the store's spec after the experiment was run in it."""
     folder = tmp_path_factory.mktemp("project")
     shutil.copytree(ROOT / "specs", folder / "specs")
     shutil.copy(ROOT / "tests/papers/experiments/tiny_store.py", folder)

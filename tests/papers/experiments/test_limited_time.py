@@ -8,7 +8,7 @@ from codra_dsl.runtime import SimClock
 from codra_papers.experiments.limited_time import LimitedClock, TimeIsUp
 
 
-def limited(end_s: float) -> LimitedClock:
+def limited_clock(end_s: float) -> LimitedClock:
     return LimitedClock(SimClock(), end_s, lambda _: None)
 
 
@@ -17,7 +17,7 @@ def never() -> bool:
 
 
 def test_a_sleep_beyond_the_end_ends_there() -> None:
-    clock = limited(5.0)
+    clock = limited_clock(5.0)
     clock.sleep(3.0)
 
     with pytest.raises(TimeIsUp):
@@ -26,7 +26,7 @@ def test_a_sleep_beyond_the_end_ends_there() -> None:
 
 
 def test_a_wait_beyond_the_end_ends_there() -> None:
-    clock = limited(5.0)
+    clock = limited_clock(5.0)
     clock.sleep(3.0)
 
     with pytest.raises(TimeIsUp):
@@ -35,14 +35,14 @@ def test_a_wait_beyond_the_end_ends_there() -> None:
 
 
 def test_a_wait_that_times_out_before_the_end_returns_false() -> None:
-    clock = limited(5.0)
+    clock = limited_clock(5.0)
 
     assert not clock.wait_until(never, 4.0)
     assert clock.now_s() == 4.0
 
 
 def test_an_event_at_the_end_itself_still_counts() -> None:
-    clock = limited(5.0)
+    clock = limited_clock(5.0)
     calls_s: list[float] = []
     clock.call_at(5.0, lambda: calls_s.append(clock.now_s()))
 
@@ -51,7 +51,7 @@ def test_an_event_at_the_end_itself_still_counts() -> None:
 
 
 def test_time_without_an_end_continues() -> None:
-    clock = limited(math.inf)
+    clock = limited_clock(math.inf)
     clock.sleep(1e9)
 
     assert not clock.wait_until(never, 1e9)

@@ -1,4 +1,4 @@
-"""Arguments of perception functions: a job that records its calls, cameras with one frame, a resting base."""
+"""Arguments for perception functions: a job that records its calls, cameras with one frame, a base at rest."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from codra_papers.lab.perception.processing import Computer
 
 @dataclass(slots=True)
 class RecordedJob:
-    """A job in simulated time that records the calls of the function, in order."""
+    """A job in simulated time that records, in order, the calls that a perception function makes."""
 
     random: Random = field(default_factory=lambda: Random(1))
     start_s: float = 20.0
@@ -30,7 +30,7 @@ class RecordedJob:
 
 
 @dataclass(frozen=True, slots=True)
-class Still:
+class OneFrameCamera:
     """A camera that always returns the same frame."""
 
     frame: Frame
@@ -43,8 +43,8 @@ class Still:
 
 
 @dataclass(frozen=True, slots=True)
-class Computing:
-    """A camera that always returns the same frame, with a computer that needs time."""
+class CameraWithComputer:
+    """A camera that always returns the same frame, with a computer whose work takes time."""
 
     frame: Frame
     job: RecordedJob

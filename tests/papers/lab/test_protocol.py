@@ -19,7 +19,7 @@ from codra_dsl.language.check import check
 from codra_dsl.language.load import load_spec
 from codra_dsl.runtime import ContextManager, SimClock
 from codra_papers.lab.detection.error_map import read_table, table, views, write_table
-from codra_papers.lab.detection.rows import Row
+from codra_papers.lab.detection.rows import MapRow
 from codra_papers.lab.mission import Mission
 from codra_papers.lab.perception.layout import MACHINES, Machine, Part
 from codra_papers.lab.robot import Localization, Robot, Station
@@ -41,7 +41,7 @@ Start = Callable[..., ContextManager[Any, Any]]
 
 @dataclass
 class Visit:
-    """A robot that handles a machine, and the machine's complete tags in the camera's view once a second."""
+    """A robot that handles a machine. Once a second, the machine's complete tags in view are counted."""
 
     machine: str
     world: LabWorld = field(default_factory=lambda: LabWorld(1))
@@ -57,7 +57,7 @@ class Visit:
             getattr(self.robot, action)(self.machine)
 
     def complete_tags(self) -> list[dict[Part, int]]:
-        """Return for each second how many complete tags of each part are in view."""
+        """Return, for each second, how many complete tags of each part are in view."""
         geometry, counts = GeometricCamera(), []
         for t_s in np.arange(self.start_s, self.clock.now_s()).tolist():
             complete_ids = {view.tag_id for view in geometry.tags_in_view(self.world.state(t_s)) if view.is_resolved()}
@@ -168,7 +168,7 @@ def runs(without_observers: Start) -> list[tuple[Sequential, Sequential]]:
 def test_without_observers_opening_and_closing_take_as_long_as_in_the_paper(
     runs: list[tuple[Sequential, Sequential]], task: int, total_s: float, perception_s: float
 ) -> None:
-    """P1, section 4.2 and Table 3, by arithmetic, for tasks without a slip and a second try."""
+    """P1, section 4.2 and Table 3, by arithmetic. Tasks with a slip and a second try are left out."""
     smooth = [run[task] for run in runs if len(run[task].tasks_s) == 4]
 
     assert len(smooth) >= 16
@@ -179,7 +179,7 @@ def test_without_observers_opening_and_closing_take_as_long_as_in_the_paper(
 def test_opening_and_closing_take_four_perception_tasks_and_more_only_after_a_slip(
     runs: list[tuple[Sequential, Sequential]],
 ) -> None:
-    """P1, section 4.2: two of situation preview, two of situation monitoring."""
+    """P1, section 4.2: two tasks of situation preview and two of situation monitoring."""
     tasks = [len(task.tasks_s) for run in runs for task in run]
 
     assert min(tasks) == 4
@@ -205,7 +205,7 @@ def test_the_map_has_a_row_for_every_distance_and_angle_with_space_in_the_room()
     declared = read_table(ROOT / "docs" / "papers" / "detection-map.csv")
     tags = [row for row in declared if row["about"] == "tag"]
 
-    assert set(declared[0]) == set(Row.__dataclass_fields__)
+    assert set(declared[0]) == set(MapRow.__dataclass_fields__)
     assert {row["machine"] for row in tags} == set(MACHINES)
     assert len(tags) > 100
     assert all(int(row["samples"]) > 0 for row in tags)

@@ -61,7 +61,7 @@ def lab(random: Random | None = None, seed: int = 1) -> Lab:
 
 
 def lab_at(machine: str, random: Random | None = None, seed: int = 1) -> Lab:
-    """Return a laboratory whose robot has just arrived before a machine."""
+    """Return a laboratory whose robot has just arrived in front of a machine."""
     there = lab(random, seed)
     there.robot.drive_to(Station(machine))
     put(there.world, Quantity.LOCALIZED, 1.0, at_s=there.clock.now_s())
@@ -101,7 +101,7 @@ def test_the_robot_drives_round_the_table_in_the_middle_of_the_room() -> None:
 
 
 def test_the_large_machine_is_in_the_background_where_the_compact_one_is_looked_at() -> None:
-    """A detector sees its tags, small, from far beyond the distance at which they give reliable measurements."""
+    """A detector detects tags far beyond the distance at which they give reliable measurements, but they are small."""
     there = lab_at(PCR_CYCLER)
     there.robot.look_at(PCR_CYCLER, Part.LID)
     with FrameSource(there.world) as source:
@@ -169,7 +169,7 @@ def test_a_look_shows_the_part_and_most_of_the_base(machine: str, part: Part) ->
 
 
 def test_a_look_takes_as_long_as_in_the_paper_and_ends_at_rest() -> None:
-    """P1, section 4.2: observers saved 15.8 and 16.9 s per perception task, 87 and 89 % of it."""
+    """P1, section 4.2: observers saved 15.8 and 16.9 s of each perception task, which is 87 and 89 %."""
     there = lab_at(PCR_CYCLER)
     took_s = [there.seconds_of(lambda: there.robot.look_at(PCR_CYCLER, Part.LID)) for _ in range(60)]
 
@@ -280,20 +280,22 @@ def test_a_machine_out_of_reach_is_neither_touched_nor_looked_at() -> None:
 
 
 def test_opening_the_large_machine_leaves_hardly_a_complete_tag_in_view() -> None:
-    """P1, section 4.1: too few visible markers, as the hand works close by."""
+    """P1, section 4.1: too few markers are visible, because the hand works close to the machine."""
     there = lab_at(CENTRIFUGE)
     there.robot.unlock(CENTRIFUGE)
     before = GeometricCamera().tags_in_view(there.world.state(there.clock.now_s()))
     start_s = there.clock.now_s()
     there.robot.open_lid(CENTRIFUGE)
     hand_on_s = np.arange(start_s, there.clock.now_s(), 0.5)
-    working = [t_s for t_s in hand_on_s if there.world.state(t_s).reach == 1.0]
+    working_s = [t_s for t_s in hand_on_s if there.world.state(t_s).reach == 1.0]
     geometry = GeometricCamera()
-    complete = [sum(view.is_resolved() for view in geometry.tags_in_view(there.world.state(t_s))) for t_s in working]
+    complete_tags = [
+        sum(view.is_resolved() for view in geometry.tags_in_view(there.world.state(t_s))) for t_s in working_s
+    ]
 
     assert sum(view.is_resolved() for view in before) >= 4
-    assert fmean(complete) < 1.0
-    assert max(complete) <= 3
+    assert fmean(complete_tags) < 1.0
+    assert max(complete_tags) <= 3
 
 
 def test_after_it_touched_the_compact_machine_the_arm_waits_with_a_complete_view_of_it() -> None:

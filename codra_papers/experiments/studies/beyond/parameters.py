@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 from codra_dsl.language.expression import Node, Number, SyntaxProblem, parse, walk
 from codra_dsl.language.model import FOREVER_S, Algorithm, Condition, Hysteresis, Identification, Spec
-from codra_papers.experiments.lab.spec_variants import SpecVariant
+from codra_papers.experiments.lab.spec_variants import SpecEdit
 
 _MACHINES = ("centrifuge", "pcr_cycler")
 
@@ -112,8 +112,8 @@ class Parameter:
     """
 
     name: str
-    smaller: SpecVariant
-    larger: SpecVariant
+    smaller: SpecEdit
+    larger: SpecEdit
 
 
 HALF, ONE_AND_A_HALF = 0.5, 1.5

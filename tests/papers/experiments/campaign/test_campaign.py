@@ -1,4 +1,4 @@
-"""Trials in processes of their own: records, repeated runs and reports of failures."""
+"""Trials in separate processes: their records, repeated runs, and reports of failures."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def kept(undisturbed: Path, tmp_path: Path) -> Path:
-    """Return a copy of that folder."""
+    """Return a copy of the folder of `undisturbed`."""
     return Path(shutil.copytree(undisturbed, tmp_path / "kept"))
 
 
@@ -67,7 +67,7 @@ def files(folder: Path) -> dict[str, bytes]:
 
 
 def changed(before: Mapping[str, int], folder: Path) -> set[str]:
-    """Return the files that were written since."""
+    """Return the record files that were written since `before`."""
     return {name for name, number in inodes(folder).items() if before.get(name) != number}
 
 
@@ -87,7 +87,7 @@ def test_one_process_gives_the_same_bytes_as_two(undisturbed: Path, tmp_path: Pa
 
     assert files(tmp_path) == files(undisturbed)
     assert list(outcomes) == ["seed 301", "seed 302"]
-    assert [(report.done, report.total, report.reused, report.latest) for report in reports] == [
+    assert [(report.done, report.total, report.reused_trials, report.latest) for report in reports] == [
         (0, 2, 0, ""),
         (1, 2, 0, "seed 301"),
         (2, 2, 0, "seed 302"),
@@ -99,7 +99,7 @@ def test_a_trial_with_a_record_is_not_run_again_and_gives_the_same_outcome(kept:
     outcomes, reports = run(kept)
 
     assert changed(before, kept) == set()
-    assert [(report.done, report.reused) for report in reports] == [(2, 2)]
+    assert [(report.done, report.reused_trials) for report in reports] == [(2, 2)]
     assert {name: outcome.seed for name, outcome in outcomes.items()} == {"seed 301": 301, "seed 302": 302}
     assert outcomes["seed 301"].arms.keys() == {NEED.name, NAIVE.name}
 
@@ -138,7 +138,7 @@ def test_only_missing_records_are_made_again_and_then_all_files_are_the_same(und
     add_a_digit(kept / TRIALS)
     _, reports = run(kept)
 
-    assert reports[0].reused == 1
+    assert reports[0].reused_trials == 1
     assert changed(before, kept) == {KEPT[0]}
     assert files(kept) == files(undisturbed)
 
@@ -147,7 +147,7 @@ def test_another_trial_of_the_same_name_replaces_record_and_frames(kept: Path) -
     other = replace(trial(303), name="seed 301", frames_kept=1)
     outcomes, reports = run(kept, (other, TWO[1]))
 
-    assert reports[0].reused == 1
+    assert reports[0].reused_trials == 1
     assert outcomes["seed 301"].seed == 303
     assert len(list((kept / TRIALS / "seed 301").glob("*.png"))) == 1
 
@@ -170,7 +170,7 @@ def digest(spec: Path) -> str:
 
 @pytest.fixture
 def project(tmp_path: Path) -> Path:
-    """Return the laboratory with its distance measured by a module of the project's own."""
+    """Return the laboratory's spec, in which a module of the project measures the distance."""
     shutil.copytree(SPECS, tmp_path / "project/specs")
     part = tmp_path / "project/specs/parts/machine.yaml"
     part.write_text(part.read_text().replace("codra_papers.lab.perception.functions:measure_distance", "own:measure"))
@@ -192,11 +192,11 @@ def test_a_record_depends_on_the_spec_its_parts_and_the_modules_that_it_calls(pr
 def test_a_record_depends_on_the_code_of_both_packages(
     changed: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    packages = [tmp_path / package.name for package in records.PACKAGES]
-    for package in packages:
-        package.mkdir()
-        (package / "module.py").write_text("A = 1\n")
-    monkeypatch.setattr(records, "PACKAGES", packages)
+    package_folders = [tmp_path / package_folder.name for package_folder in records.PACKAGE_FOLDERS]
+    for package_folder in package_folders:
+        package_folder.mkdir()
+        (package_folder / "module.py").write_text("A = 1\n")
+    monkeypatch.setattr(records, "PACKAGE_FOLDERS", package_folders)
     before = records.code_digest.__wrapped__()
     (tmp_path / changed / "module.py").write_text("A = 2\n")
 
@@ -223,7 +223,7 @@ def test_a_spec_with_errors_is_not_run(project: Path) -> None:
 
 @pytest.mark.parametrize("name", ["", ".", "..", ".hidden", "a/b", "/a", "a\nb", "a.json", "a.error", "é" * 101])
 def test_a_trial_whose_name_cannot_be_that_of_a_folder_is_refused(tmp_path: Path, name: str) -> None:
-    with pytest.raises(ValueError, match="has a name that a folder cannot have"):
+    with pytest.raises(ValueError, match="has a name that no folder can have"):
         run(tmp_path, (replace(trial(), name=name),))
 
 
@@ -258,7 +258,10 @@ def test_missing_graphics_are_reported_before_a_trial_begins(tmp_path: Path, mon
 
 @pytest.mark.parametrize(
     ("work", "reason"),
-    [(Dies(), "its process was ended by SIGKILL"), (Exits(), "its process ended by itself with exit code 3")],
+    [
+        (Dies(), "its process was ended by SIGKILL"),
+        (Exits(), "its process ended with exit code 3 and reported nothing"),
+    ],
 )
 def test_a_trial_whose_process_ends_is_named_and_no_process_remains(tmp_path: Path, work: Work, reason: str) -> None:
     with pytest.raises(TrialError, match=reason):

@@ -1,4 +1,4 @@
-"""The page of a report: one file that fetches nothing, and shows all texts as they are."""
+"""The page of a report: one file that loads nothing else and shows all texts unchanged."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from codra_papers.experiments.campaign.document import Document, Drawing, Photograph, Section, Table, Words
 from codra_papers.experiments.campaign.experiment import Experiment
 from codra_papers.experiments.campaign.page import render_page
-from codra_papers.experiments.campaign.photographs import NoPictureError, developed
+from codra_papers.experiments.campaign.photographs import NoPictureError, annotated_jpeg
 from codra_papers.experiments.campaign.provenance import Provenance, Revision
 from codra_papers.experiments.lab.outcomes import Outcome
 from codra_papers.lab.perception.tags import tag_image
@@ -54,7 +54,7 @@ PROVENANCE = Provenance(
     cores=2,
     processes=2,
     elapsed_s=73.4,
-    reused=5,
+    reused_trials=5,
 )
 
 
@@ -100,7 +100,7 @@ def page_of(*parts: Words | Table | Drawing | Photograph, summary: Sequence[str]
 
 @pytest.fixture
 def photograph(tmp_path: Path) -> Photograph:
-    """Return a grey wall with tag 10 on it, as bright as a frame is."""
+    """Return the picture of a grey wall with tag 10, as bright as a frame."""
     pixels = np.full((480, 640), 170, dtype=np.uint8)
     pixels[200:280, 300:380] = np.kron(tag_image(10), np.ones((8, 8), dtype=np.uint8))
     assert cv2.imwrite(str(tmp_path / "wall.png"), pixels)
@@ -151,8 +151,8 @@ def test_a_table_has_headers_aligns_numbers_to_the_right_and_marks_cells() -> No
     assert page.texts["td"][:6] == ["0.875", "0.81 to 0.92", "\u2013", "\u2013", "-", "yes"]
     assert body[0]["class"] == "number marked"
     assert page.texts["mark"][:2] == ["Marked", "0.875"]
-    assert page.texts["caption"][0] == "Ratios. Marked cells deserve a second look."
-    assert page.texts["caption"][1].startswith("What this report was made with.")
+    assert page.texts["caption"][0] == "Ratios. Marked cells need attention."
+    assert page.texts["caption"][1].startswith("The inputs of this report.")
 
 
 def test_a_table_without_rows_shows_none() -> None:
@@ -187,7 +187,7 @@ def test_a_report_ends_with_its_provenance_and_all_trials() -> None:
         "codra experiment any --seeds 3",
         f"{'1' * 40}, with uncommitted changes",
         "101, 102",
-        "2; 2 processes side by side",
+        "2; 2 processes at once",
         "73 s for the trials that this call ran; 5 had been run before",
         "61.2",
         "the lid is stuck",
@@ -221,7 +221,7 @@ def test_any_text_is_shown_unchanged(text: str) -> None:
 
 
 def test_a_photograph_has_its_tags_outlined_and_numbered(photograph: Photograph) -> None:
-    data = developed(photograph.path)
+    data = annotated_jpeg(photograph.path)
     shown = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_COLOR)
     assert shown is not None
     blue, green, red = (shown[:, :, channel].astype(int) for channel in range(3))
@@ -244,7 +244,7 @@ def test_an_unreadable_picture_is_replaced_by_the_reason(tmp_path: Path, data: b
     page = page_of(Photograph(caption="Lost", path=path))
 
     with pytest.raises(NoPictureError, match=str(path)):
-        developed(path)
+        annotated_jpeg(path)
     assert not list(page.all("img"))
     assert page.texts["figcaption"] == ["Lost"]
     assert "No picture: " in page.texts["figure"][0]

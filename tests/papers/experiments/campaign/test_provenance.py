@@ -49,18 +49,26 @@ def ignore(tree: Path) -> None:
     (tree / "a.log").write_text("")
 
 
-def report(tree: Path) -> None:
+def write_results(tree: Path) -> None:
     (tree / "runs/a/trials").mkdir(parents=True)
     (tree / "runs/a/trials/x.json").write_text("")
 
 
-def unchanged(tree: Path) -> None:
+def change_nothing(tree: Path) -> None:
     del tree
 
 
 @pytest.mark.parametrize(
     ("change", "is_clean"),
-    [(unchanged, True), (ignore, True), (report, True), (edit, False), (stage, False), (remove, False), (add, False)],
+    [
+        (change_nothing, True),
+        (ignore, True),
+        (write_results, True),
+        (edit, False),
+        (stage, False),
+        (remove, False),
+        (add, False),
+    ],
 )
 def test_a_tree_is_clean_when_only_results_differ_from_its_commit(
     tree: Path, change: Callable[[Path], None], is_clean: bool

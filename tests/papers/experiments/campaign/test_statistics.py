@@ -1,4 +1,4 @@
-"""Intervals and tests against cases made by hand, and against simulated data with a known truth."""
+"""Intervals and tests, compared with cases computed by hand and with simulated data whose truth is known."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ def test_the_same_outcomes_give_the_same_interval_and_swapped_arms_give_its_nega
 
 
 def a_run(random: np.random.Generator) -> tuple[Share, Share]:
-    """Return a run in which one arm is rarely wrong, the other often for long: as skewed as real shares are."""
+    """Return a run in which one arm is rarely wrong and the other often for long: shares as skewed as real ones."""
     length_s = random.uniform(800.0, 1500.0)
     seldom = min(0.9, random.exponential(0.01))
     often = random.uniform(0.0, 0.6) if random.random() < 0.5 else min(0.9, random.exponential(0.02))

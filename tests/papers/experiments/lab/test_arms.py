@@ -1,4 +1,4 @@
-"""The two arms of a spec as they are compiled, without a world."""
+"""The two arms of a spec, compiled but without a world."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The complete laboratory: its compiled observers on rendered frames, beside the mission."""
+"""The complete laboratory: its compiled observers on rendered frames, while the mission runs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Counting against a slow oracle that samples the held value and the truth."""
+"""Metrics, compared with a slow oracle that samples the held value and the truth."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from codra_papers.experiments.lab.scoring import Piece, pieces
 from codra_papers.experiments.lab.trials import wrong_spans
 
 END = 40
-"""Values change at full seconds only, so one sample in the middle of each second is enough."""
+"""Values change only at full seconds, so one sample in the middle of each second is enough."""
 
 Samples = list[bool | None]
 true_or_false = st.lists(st.booleans(), min_size=END, max_size=END)
@@ -69,13 +69,13 @@ def outcome_of(truth: Samples, held: dict[str, Samples], first_s: dict[str, floa
 
 @given(held_samples, true_or_false, st.integers(0, END))
 def test_right_wrong_and_unknown_seconds_equal_those_of_sampling(held: Samples, truth: Samples, start: int) -> None:
-    sampled = list(zip(held, truth, strict=True))[start:]
+    samples = list(zip(held, truth, strict=True))[start:]
 
-    counted = seconds(pieces_of(held), pieces_of(truth), float(start))
+    counted_seconds = seconds(pieces_of(held), pieces_of(truth), float(start))
 
-    assert counted.unknown_s == sum(value is None for value, _ in sampled)
-    assert counted.right_s == sum(value == fact for value, fact in sampled if value is not None)
-    assert counted.wrong_s == sum(value != fact for value, fact in sampled if value is not None)
+    assert counted_seconds.unknown_s == sum(value is None for value, _ in samples)
+    assert counted_seconds.right_s == sum(value == fact for value, fact in samples if value is not None)
+    assert counted_seconds.wrong_s == sum(value != fact for value, fact in samples if value is not None)
 
 
 any_change = st.lists(st.tuples(st.floats(0.0, 99.0), st.sampled_from([True, False, None])), min_size=1).map(
@@ -85,11 +85,11 @@ any_change = st.lists(st.tuples(st.floats(0.0, 99.0), st.sampled_from([True, Fal
 
 @given(any_change, any_change, st.floats(0.0, 100.0))
 def test_right_wrong_and_unknown_seconds_add_up_to_the_rest_of_the_run(held: list, truth: list, start_s: float) -> None:
-    counted = seconds(pieces(held, 100.0), pieces(truth, 100.0), start_s)
+    counted_seconds = seconds(pieces(held, 100.0), pieces(truth, 100.0), start_s)
 
-    assert abs(counted.strict.total - (100.0 - start_s)) < 1e-6
-    assert counted.paper.total <= counted.strict.total
-    assert counted.paper.part == counted.strict.part == counted.right_s
+    assert abs(counted_seconds.strict.total - (100.0 - start_s)) < 1e-6
+    assert counted_seconds.paper.total <= counted_seconds.strict.total
+    assert counted_seconds.paper.part == counted_seconds.strict.part == counted_seconds.right_s
 
 
 @given(held_samples, held_samples, true_or_false, instants, instants)
@@ -97,46 +97,46 @@ def test_the_window_begins_when_the_last_arm_that_identifies_the_variable_first_
     left: Samples, right: Samples, truth: Samples, left_s: float | None, right_s: float | None
 ) -> None:
     outcome = outcome_of(truth, {"left": left, "right": right}, {"left": left_s, "right": right_s})
-    identified = [instant_s for instant_s in (left_s, right_s) if instant_s is not None]
+    identified_s = [instant_s for instant_s in (left_s, right_s) if instant_s is not None]
     common = window(outcome, "open")
 
-    assert common.start_s == (max(identified) if identified else None)
+    assert common.start_s == (max(identified_s) if identified_s else None)
     assert common.left_out == {name for name, first_s in (("left", left_s), ("right", right_s)) if first_s is None}
     for name, samples, first_s in (("left", left, left_s), ("right", right, right_s)):
-        counted = in_window(outcome, "open", name)
+        window_seconds = in_window(outcome, "open", name)
         if first_s is None:
-            assert counted is None
+            assert window_seconds is None
         else:
-            assert counted == seconds(pieces_of(samples), pieces_of(truth), max(identified))
+            assert window_seconds == seconds(pieces_of(samples), pieces_of(truth), max(identified_s))
 
 
 @given(held_samples, true_or_false)
 def test_a_lag_is_the_number_of_samples_until_the_new_value_is_held(held: Samples, truth: Samples) -> None:
-    seen: list[float] = []
+    seen_s: list[float] = []
     unseen = 0
     for change in (second for second in range(1, END) if truth[second] != truth[second - 1]):
         until = next((later for later in range(change, END) if truth[later] != truth[change]), END)
-        followed = next((later - change for later in range(change, until) if held[later] == truth[change]), None)
-        seen += [] if followed is None else [float(followed)]
-        unseen += followed is None
+        lag_s = next((later - change for later in range(change, until) if held[later] == truth[change]), None)
+        seen_s += [] if lag_s is None else [float(lag_s)]
+        unseen += lag_s is None
 
-    assert lags(pieces_of(held), pieces_of(truth)) == Lags(seen_s=tuple(seen), unseen=unseen)
+    assert lags(pieces_of(held), pieces_of(truth)) == Lags(seen_s=tuple(seen_s), unseen=unseen)
 
 
 def test_quantiles_of_lags_use_seen_changes_only() -> None:
-    both = Lags(seen_s=(1.0, 2.0), unseen=1) + Lags(seen_s=(3.0,), unseen=2)
+    all_lags = Lags(seen_s=(1.0, 2.0), unseen=1) + Lags(seen_s=(3.0,), unseen=2)
 
-    assert (both.quantile_s(0.5), both.quantile_s(1.0), both.unseen) == (2.0, 3.0, 3)
+    assert (all_lags.quantile_s(0.5), all_lags.quantile_s(1.0), all_lags.unseen) == (2.0, 3.0, 3)
     assert Lags(seen_s=(), unseen=1).quantile_s(0.5) is None
 
 
 def test_seconds_of_runs_add_up_and_runs_without_any_add_zero() -> None:
-    one = Seconds(right_s=6.0, wrong_s=2.0, unknown_s=8.0)
+    run_seconds = Seconds(right_s=6.0, wrong_s=2.0, unknown_s=8.0)
 
-    summed = total([one, None, one])
+    sum_of_seconds = total([run_seconds, None, run_seconds])
 
-    assert summed == Seconds(right_s=12.0, wrong_s=4.0, unknown_s=16.0)
-    assert (summed.paper.part, summed.paper.total, summed.strict.total) == (12.0, 16.0, 32.0)
+    assert sum_of_seconds == Seconds(right_s=12.0, wrong_s=4.0, unknown_s=16.0)
+    assert (sum_of_seconds.paper.part, sum_of_seconds.paper.total, sum_of_seconds.strict.total) == (12.0, 16.0, 32.0)
 
 
 # Causes

@@ -1,4 +1,4 @@
-"""The conditions of a fair comparison of arms: the same world, code and inputs, and no influence on each other."""
+"""The conditions of a fair comparison: arms have the same world, code and inputs, and do not influence each other."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def by_all(tmp_path_factory: pytest.TempPathFactory) -> LabRun:
     return watched_by(ARMS, tmp_path_factory.mktemp("all"))
 
 
-def happened(run: LabRun) -> list[tuple[Any, ...]]:
+def main_execution_events(run: LabRun) -> list[tuple[Any, ...]]:
     """Return all decisions and skills of the main execution, with their instants."""
     asked = [
         (decision.instant_s, decision.variable, decision.skill, decision.answer, decision.answered_s, decision.looked_s)
@@ -40,11 +40,15 @@ def happened(run: LabRun) -> list[tuple[Any, ...]]:
 
 
 def test_the_world_does_not_depend_on_the_arms_that_watch(by_all: LabRun, tmp_path: Path) -> None:
-    by_one = watched_by((NEED,), tmp_path / "one")
-    without_arms = watched_by((), tmp_path / "none")
+    run_with_one_arm = watched_by((NEED,), tmp_path / "one")
+    run_without_arms = watched_by((), tmp_path / "none")
 
-    assert happened(by_all) == happened(by_one) == happened(without_arms)
-    assert by_all.truth == by_one.truth
+    assert (
+        main_execution_events(by_all)
+        == main_execution_events(run_with_one_arm)
+        == main_execution_events(run_without_arms)
+    )
+    assert by_all.truth == run_with_one_arm.truth
     assert len(by_all.asked) >= 4
     assert len(by_all.truth) == 15
 
@@ -66,16 +70,16 @@ def test_all_arms_call_the_functions_of_the_spec_with_the_same_arguments_and_han
 
 
 def test_evidence_of_the_same_instant_is_the_same_in_every_arm_that_took_it(by_all: LabRun) -> None:
-    measured: dict[tuple[str, float], dict[str, Any]] = defaultdict(dict)
+    values_by_evidence: dict[tuple[str, float], dict[str, Any]] = defaultdict(dict)
     for arm in by_all.arms:
         for event in arm.record.of(Kind.JOB):
             if event.what == "returned":
-                measured[event.name, event.details["evidence_s"][1]][arm.name] = event.details["values"]
-    shared = [values_by_arm for values_by_arm in measured.values() if len(values_by_arm) > 1]
+                values_by_evidence[event.name, event.details["evidence_s"][1]][arm.name] = event.details["values"]
+    shared_values = [values_by_arm for values_by_arm in values_by_evidence.values() if len(values_by_arm) > 1]
 
-    assert all(len({repr(values) for values in values_by_arm.values()}) == 1 for values_by_arm in shared)
-    assert {arm for values_by_arm in shared for arm in values_by_arm} == {arm.name for arm in ARMS}
-    assert sum("distance" not in next(iter(values_by_arm.values())) for values_by_arm in shared) >= 10
+    assert all(len({repr(values) for values in values_by_arm.values()}) == 1 for values_by_arm in shared_values)
+    assert {arm for values_by_arm in shared_values for arm in values_by_arm} == {arm.name for arm in ARMS}
+    assert sum("distance" not in next(iter(values_by_arm.values())) for values_by_arm in shared_values) >= 10
 
 
 def test_every_frame_that_was_rendered_was_perceived(by_all: LabRun) -> None:
@@ -87,11 +91,15 @@ def test_another_arm_does_not_change_the_outcome_of_an_arm(tmp_path: Path) -> No
         trial = Trial(name=name, spec=SPEC, seed=SEED, arms=arms, duration_s=DURATION_S)
         return run_trial(trial, tmp_path / name)
 
-    alone, beside = outcome("alone", NEED), outcome("beside", NAIVE, NEED)
+    outcome_alone, outcome_with_naive = outcome("alone", NEED), outcome("beside", NAIVE, NEED)
 
-    assert alone.arms[NEED.name] == beside.arms[NEED.name]
+    assert outcome_alone.arms[NEED.name] == outcome_with_naive.arms[NEED.name]
     assert [
-        (decision.instant_s, decision.held[NEED.name], decision.fresh[NEED.name]) for decision in alone.decisions
-    ] == [(decision.instant_s, decision.held[NEED.name], decision.fresh[NEED.name]) for decision in beside.decisions]
-    assert alone.truth == beside.truth
-    assert sum(alone.arms[NEED.name].triggers.values()) > 20
+        (decision.instant_s, decision.held[NEED.name], decision.fresh[NEED.name])
+        for decision in outcome_alone.decisions
+    ] == [
+        (decision.instant_s, decision.held[NEED.name], decision.fresh[NEED.name])
+        for decision in outcome_with_naive.decisions
+    ]
+    assert outcome_alone.truth == outcome_with_naive.truth
+    assert sum(outcome_alone.arms[NEED.name].triggers.values()) > 20

@@ -19,7 +19,7 @@ _PIXELS_PER_CELL = 16
 
 
 def frame_of(grey: NDArray[np.uint8], *, stamp_s: float = 0.0) -> Frame:
-    """Return a colourless frame of an image of shape (480, 640)."""
+    """Return a frame without colours, made of a grey image of shape (480, 640)."""
     pixels = np.repeat(grey[:, :, None], 3, axis=2)
     pixels.setflags(write=False)
     return Frame(pixels=pixels, intrinsics=INTRINSICS, believed_map_from_camera=Pose.identity(), stamp_s=stamp_s)
@@ -42,7 +42,7 @@ def painted(
     blur_px: float = 0.6,
     noise: float = 2.0,
 ) -> NDArray[np.uint8]:
-    """Return an image of tags, shape (480, 640), with their `camera_from_part`; no tag may face away."""
+    """Return an image, shape (480, 640), of tags that are given with their `camera_from_part`. None may face away."""
     start = np.full((480, 640), 120.0) if background is None else background
     canvas = np.kron(start, np.ones((_OVERSAMPLING, _OVERSAMPLING))).astype(np.float32)
     for tag, camera_from_part in sorted(tags, key=lambda item: -float(item[1].translation_m[2])):
@@ -68,14 +68,14 @@ def _paint(canvas: NDArray[np.float32], tag: Tag, camera_from_tag: Pose) -> None
 
 
 def lone_tag(tag_id: int, *, size_m: float = 0.08) -> Tag:
-    """Return a tag in the middle of a part of its own."""
+    """Return a tag in the middle of a part that has no other tag."""
     return Tag(tag_id=tag_id, part=Part.BASE, size_m=size_m, part_from_tag=Pose.identity())
 
 
 def before_the_camera(
     distance_m: float, *, tilt_rad: float = 0.0, tilt_axis_rad: float = 0.0, roll_rad: float = 0.0
 ) -> Pose:
-    """Return `camera_from_part` of a part on the optical axis whose z axis points to the camera, then tilted."""
+    """Return `camera_from_part` of a part on the optical axis, with its z axis to the camera, then tilted."""
     facing = np.diag([1.0, -1.0, -1.0])
     tilt = rotation_about((float(np.cos(tilt_axis_rad)), float(np.sin(tilt_axis_rad)), 0.0), tilt_rad)
     roll = rotation_about((0.0, 0.0, 1.0), roll_rad)

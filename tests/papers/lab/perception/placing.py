@@ -1,4 +1,4 @@
-"""Laboratories with the robot at rest in a pose that the test chooses."""
+"""Place the robot at rest in poses that a test chooses."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from codra_papers.lab.simulator.world import JointKey, LabWorld, Quantity, Value
 
 
 class SteadyHand(Random):
-    """Random numbers without slips and losses, with mean durations."""
+    """Random numbers with which nothing slips, the localisation is never lost, and all durations are mean durations."""
 
     def random(self) -> float:
         return 0.5
@@ -23,14 +23,14 @@ class SteadyHand(Random):
 
 def put(world: LabWorld, channel: Quantity | JointKey, *values: float, at_s: float = 0.0) -> None:
     """Let a channel jump to other values right after an instant."""
-    wanted: Values = values
-    world.schedule(at_s, [world.moves_to(at_s, channel, wanted, 0.0)])
+    target_values: Values = values
+    world.schedule(at_s, [world.moves_to(at_s, channel, target_values, 0.0)])
 
 
 def place_robot_before(
     world: LabWorld, machine: str, gaze: Gaze, *, distance_m: float = 0.85, aside_m: float = 0.0, at_s: float = 0.0
 ) -> None:
-    """Put the robot before a machine, facing it, with the camera at a gaze given in the machine's base frame."""
+    """Put the robot in front of a machine, facing it. The gaze of the camera is given in the machine's base frame."""
     map_from_machine = machine_named(machine).map_from_base
     x_axis = map_from_machine.rotation[:, 0]
     spot_m = map_from_machine.translation_m + distance_m * x_axis + aside_m * map_from_machine.rotation[:, 1]

@@ -17,7 +17,7 @@ from tests.papers.lab.perception.painted import INTRINSICS, before_the_camera, l
 
 BASE_TAGS = machine_named("pcr_cycler").tags_on(Part.BASE)
 PANEL = BASE_TAGS[0].part_from_tag
-"""A frame in the plane of the base's tags, so that its poses follow from the camera's view."""
+"""A frame in the plane of the base's tags. The poses of the base follow from the camera's view of this frame."""
 
 
 def seen(tag: Tag, camera_from_part: Pose) -> Detection:
@@ -64,36 +64,36 @@ def test_the_better_of_a_tags_poses_is_the_true_one_and_comes_first(
 @pytest.mark.parametrize("roll_rad", [0.0, 0.5, 1.0, 2.0, pi])
 @pytest.mark.parametrize("distance_m", [0.5, 1.0, 1.125, 1.25])
 def test_a_tag_seen_right_from_the_front_is_localised(distance_m: float, roll_rad: float) -> None:
-    """Where OpenCV's method for squares divides by zero, or nearly so."""
+    """In these poses OpenCV's method for squares divides by zero or by nearly zero."""
     tag, pose = lone_tag(20), before_the_camera(distance_m, roll_rad=roll_rad)
 
-    fitted = part_pose([tag], [seen(tag, pose)], INTRINSICS)
+    fitted_pose = part_pose([tag], [seen(tag, pose)], INTRINSICS)
 
-    assert fitted is not None
-    assert fitted.error_px < 0.01
-    assert degrees_between(fitted.camera_from_part, pose) < 0.5
+    assert fitted_pose is not None
+    assert fitted_pose.error_px < 0.01
+    assert degrees_between(fitted_pose.camera_from_part, pose) < 0.5
 
 
 def test_all_tags_of_a_part_are_fitted_together() -> None:
     pose = base_before_the_camera(0.9, 0.4)
 
-    fitted = part_pose(BASE_TAGS, [seen(tag, pose) for tag in BASE_TAGS], INTRINSICS)
+    fitted_pose = part_pose(BASE_TAGS, [seen(tag, pose) for tag in BASE_TAGS], INTRINSICS)
 
-    assert fitted is not None
-    assert fitted.tag_ids == (20, 21, 22, 23)
-    assert fitted.error_px < 1e-3
-    assert degrees_between(fitted.camera_from_part, pose) < 0.01
-    assert np.allclose(fitted.camera_from_part.translation_m, pose.translation_m, atol=1e-5)
+    assert fitted_pose is not None
+    assert fitted_pose.tag_ids == (20, 21, 22, 23)
+    assert fitted_pose.error_px < 1e-3
+    assert degrees_between(fitted_pose.camera_from_part, pose) < 0.01
+    assert np.allclose(fitted_pose.camera_from_part.translation_m, pose.translation_m, atol=1e-5)
 
 
 def test_tags_of_other_parts_are_ignored() -> None:
     pose = base_before_the_camera(0.9, 0.4)
     strangers = [seen(tag, pose) for tag in machine_named("pcr_cycler").tags_on(Part.LID)]
 
-    fitted = part_pose(BASE_TAGS, [*strangers, seen(BASE_TAGS[1], pose)], INTRINSICS)
+    fitted_pose = part_pose(BASE_TAGS, [*strangers, seen(BASE_TAGS[1], pose)], INTRINSICS)
 
-    assert fitted is not None
-    assert fitted.tag_ids == (21,)
+    assert fitted_pose is not None
+    assert fitted_pose.tag_ids == (21,)
     assert part_pose(BASE_TAGS, strangers, INTRINSICS) is None
 
 
@@ -103,11 +103,11 @@ def test_a_tag_that_something_covers_in_part_does_not_spoil_the_pose_of_the_othe
     detections = [seen(tag, pose) for tag in BASE_TAGS]
     detections[index] = spoilt(detections[index], 4.0)
 
-    fitted = part_pose(BASE_TAGS, detections, INTRINSICS)
+    fitted_pose = part_pose(BASE_TAGS, detections, INTRINSICS)
 
-    assert fitted is not None
-    assert fitted.tag_ids == tuple(tag.tag_id for tag in BASE_TAGS if tag is not BASE_TAGS[index])
-    assert degrees_between(fitted.camera_from_part, pose) < 0.01
+    assert fitted_pose is not None
+    assert fitted_pose.tag_ids == tuple(tag.tag_id for tag in BASE_TAGS if tag is not BASE_TAGS[index])
+    assert degrees_between(fitted_pose.camera_from_part, pose) < 0.01
 
 
 def test_a_lone_tag_that_something_covers_in_part_gives_no_pose() -> None:
@@ -134,7 +134,7 @@ def test_corners_that_are_a_tenth_of_a_pixel_off_leave_the_pose_of_a_part_within
         for detection in exact
     ]
 
-    fitted = part_pose(BASE_TAGS, noisy, INTRINSICS)
+    fitted_pose = part_pose(BASE_TAGS, noisy, INTRINSICS)
 
-    assert fitted is not None
-    assert degrees_between(fitted.camera_from_part, pose) < 1.0
+    assert fitted_pose is not None
+    assert degrees_between(fitted_pose.camera_from_part, pose) < 1.0

@@ -1,5 +1,7 @@
-"""The laboratory's perception functions on drawn frames: their measurements, their unknown results, and their inputs:
-pixels and the map, never the simulator."""
+"""The laboratory's perception functions on drawn frames: their measurements, their unknown results, and their inputs.
+
+The inputs are pixels and the map, never the simulator.
+"""
 
 from __future__ import annotations
 
@@ -25,9 +27,9 @@ from codra_papers.lab.perception.tags import detect
 from codra_papers.lab.simulator.camera import FrameSource, GreyFrameSource
 from codra_papers.lab.simulator.geometric_camera import GeometricCamera, TagInView
 from codra_papers.lab.simulator.world import LabWorld, Quantity
-from tests.papers.lab.asked import Computing, FixedBase, RecordedJob, Still
+from tests.papers.lab.asked import CameraWithComputer, FixedBase, OneFrameCamera, RecordedJob
 from tests.papers.lab.perception.placing import place_robot_before, put, set_joint
-from tests.papers.lab.stored import perceived, store
+from tests.papers.lab.stored import perceive, store
 
 ROOT = Path(__file__).parents[4]
 SEES_PIXELS = (find_in_view, localize_lid, localize_rotor)
@@ -80,7 +82,7 @@ def lab() -> Iterator[Laboratory]:
 
 
 def ask(function: Callable[..., Mapping[str, Any]], machine: str, frame: Frame) -> Mapping[str, Any]:
-    return function(machine=machine, camera=Still(frame), job=RecordedJob())
+    return function(machine=machine, camera=OneFrameCamera(frame), job=RecordedJob())
 
 
 # Lid and latch
@@ -172,7 +174,7 @@ def test_a_hand_before_the_tags_costs_markers_and_not_truth(lab: Laboratory) -> 
 def test_the_rotors_angle_is_measured_through_the_open_lid(
     lab: Laboratory, angle_rad: float, measured_rad: float
 ) -> None:
-    """Around both indexed positions; half a turn never reads as minus half a turn."""
+    """The angles are near both indexed positions. Half a turn is never measured as minus half a turn."""
     lab.place_robot("centrifuge", observation_gaze("centrifuge", Part.ROTOR))
     lab.turn("centrifuge", Part.LID, 1.35)
     lab.turn("centrifuge", Part.ROTOR, angle_rad)
@@ -221,7 +223,7 @@ def test_a_tag_that_the_edge_of_the_image_cuts_counts_with_the_corners_that_it_s
 
 
 def test_shares_agree_with_geometry_wherever_the_robot_looks(lab: Laboratory) -> None:
-    """Small, slanted and half hidden tags are sometimes missed; reported parts are really in view."""
+    """Small, slanted and half hidden tags are sometimes missed. Parts that are reported in view really are in view."""
     random, agreed, seen_but_not_there = Random(8), [], 0
     for _ in range(80):
         machine = random.choice(sorted(MACHINES))
@@ -305,7 +307,7 @@ def test_evidence_is_closed_at_the_frames_stamp_before_processing_begins(
     lab.place_robot("centrifuge")
     frame, job = lab.frame(), RecordedJob()
 
-    function(machine="centrifuge", camera=Still(frame), job=job)
+    function(machine="centrifuge", camera=OneFrameCamera(frame), job=job)
 
     assert [what for what, _, _ in job.record] == ["evidence", "slept"]
     assert job.record[0][1:] == (frame.stamp_s, frame.stamp_s)
@@ -335,7 +337,7 @@ def test_a_naive_round_over_all_vision_calls_takes_as_long_as_a_trigger_in_the_p
     """P1, section 4.1: 10 hours of naive observers, 5006 triggers."""
     frame = GreyFrameSource(LabWorld(5)).frame_at(3.0)
     find_s, lid_s, rotor_s = (
-        mean_duration_s(function, camera=lambda job: Computing(frame, job)) for function in SEES_PIXELS
+        mean_duration_s(function, camera=lambda job: CameraWithComputer(frame, job)) for function in SEES_PIXELS
     )
     round_s = 2 * find_s + 2 * lid_s + rotor_s
 
@@ -350,7 +352,7 @@ def test_the_processing_time_does_not_depend_on_the_frame_or_the_caller(lab: Lab
     jobs = [RecordedJob(random=Random(seed)) for seed in (1, 2)]
 
     for frame, job in zip((lab.frame(), GreyFrameSource(lab.world).frame_at(3.0)), jobs, strict=True):
-        localize_lid(machine="pcr_cycler", camera=Computing(frame, job), job=job)
+        localize_lid(machine="pcr_cycler", camera=CameraWithComputer(frame, job), job=job)
 
     assert jobs[0].record[-1] == jobs[1].record[-1]
 
@@ -359,7 +361,7 @@ def test_the_processing_time_does_not_depend_on_the_frame_or_the_caller(lab: Lab
 
 
 def test_perception_runs_without_the_simulator() -> None:
-    """The libraries of the simulator are blocked; of the laboratory only its map and its perception are loaded."""
+    """The libraries of the simulator are blocked. Only the map and the perception of the laboratory are loaded."""
     done = subprocess.run(
         [sys.executable, "-c", PERCEIVE_WITHOUT_A_SIMULATOR], cwd=ROOT, capture_output=True, text=True, check=False
     )
@@ -378,7 +380,7 @@ def test_stored_frames_give_the_same_evidence_in_another_process(lab: Laboratory
         lab.turn(machine, Part.LID, lid_rad)
         name = f"{index}.png"
         store(lab.frame(), tmp_path / name)
-        expected[name] = perceived(lab.frame())
+        expected[name] = perceive(lab.frame())
 
     done = subprocess.run(
         [sys.executable, "-m", "tests.papers.lab.stored", str(tmp_path)],

@@ -1,4 +1,4 @@
-"""Turns, and cameras that look at things."""
+"""Rotations, and the poses of cameras that look at a point."""
 
 from __future__ import annotations
 

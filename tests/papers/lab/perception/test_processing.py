@@ -1,4 +1,4 @@
-"""Durations of perception: log-normal, from one stream that keeps equal callers in step."""
+"""Durations of perception: they are log-normal, and come from one stream that keeps equal callers synchronised."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MEANS_S = (FIND_IN_VIEW_S, LOCALIZE_ROTOR_S, LOCALIZE_LID_S)
 
 
 def ends_of_work(computer: Computer, mean_s: float, count: int, start_s: float = 7.0) -> list[float]:
-    """Begin the next work as soon as the last one is done, and return the begins and ends."""
+    """Begin each work as soon as the previous work is done. Return the instants at which work begins and ends."""
     ends_s = [start_s]
     for _ in range(count):
         ends_s.append(ends_s[-1] + computer.processing_s(ends_s[-1], mean_s))
@@ -37,7 +37,7 @@ def test_times_are_log_normal_with_the_mean_asked_for_and_the_spread(mean_s: flo
 
 
 def test_times_of_consecutive_calls_are_log_normal_and_independent() -> None:
-    """As naive observers call it."""
+    """The function is called like by naive observers: again as soon as it is done."""
     computer, now_s, away = Computer(9), 0.0, []
     for mean_s in (FIND_IN_VIEW_S, FIND_IN_VIEW_S, LOCALIZE_LID_S, LOCALIZE_ROTOR_S, LOCALIZE_LID_S) * 500:
         time_s = computer.processing_s(now_s, mean_s)

@@ -1,4 +1,4 @@
-"""Sharpness on painted walls, and, in drawn frames, compared with the tags that the detector detects."""
+"""The sharpness of painted walls, and that of drawn frames, which is compared with the tags that are detected."""
 
 from __future__ import annotations
 
@@ -127,7 +127,7 @@ def look_around(world: LabWorld, count: int, random: Random) -> list[float]:
 
 
 def test_in_a_sharp_frame_every_complete_tag_is_detected() -> None:
-    """The spec relies on it: a missing detection means that the tag is absent. Below the threshold it does not."""
+    """The spec relies on this: above the threshold, an undetected tag is absent; below it, the tag may be there."""
     world, geometry = LabWorld(1), GeometricCamera()
     is_detected: dict[bool, list[bool]] = {True: [], False: []}
     with FrameSource(world) as source:

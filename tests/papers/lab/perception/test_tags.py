@@ -1,4 +1,4 @@
-"""Detected tags and their corners on painted pictures with exactly known corners."""
+"""Detected tags, and their corners compared with the exactly known corners of painted pictures."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ def test_corners_are_exact_to_a_fifth_of_a_pixel_in_the_order_of_the_tag(
 
 
 def test_corners_are_pulled_neither_inwards_nor_outwards() -> None:
-    """OpenCV's own refinement pulls the corners of a lone square inwards, which puts far tags centimetres off."""
+    """OpenCV's own refinement moves the corners of a single square inwards, by which far tags are centimetres off."""
     pulls_px = []
     for tag_id in TAG_IDS:
         tag, pose = lone_tag(tag_id), before_the_camera(1.0, tilt_rad=0.3, tilt_axis_rad=float(tag_id))

@@ -43,7 +43,7 @@ def source(world: LabWorld) -> Iterator[FrameSource]:
 
 
 def detail(frame: Frame) -> float:
-    """Return how much a frame changes from column to column, noise left out."""
+    """Return how much a frame changes from column to column, without noise."""
     grey = cv2.cvtColor(frame.pixels, cv2.COLOR_RGB2GRAY)
     return float(np.percentile(np.abs(cv2.Sobel(cv2.blur(grey, (1, 9)), cv2.CV_64F, 1, 0, ksize=3)), 98))
 
@@ -183,7 +183,7 @@ def test_every_body_on_a_line_of_sight_through_the_picture_is_drawn(world: LabWo
         put(world, Quantity.GAZE, *(random.uniform(0.3, 1.5) for _ in range(6)), at_s=at_s)
         state = world.state(at_s + 0.5)
         stage.place(state)
-        view.leave_out()
+        view.leave_out_unseen()
         eye = state.map_from_camera()
         met = np.empty(len(sight), dtype=np.int32)
         rays, far = sight @ eye.rotation.T, np.empty(len(sight))
@@ -214,7 +214,7 @@ def test_a_covered_lens_gives_grey_frames_without_detections(world: LabWorld) ->
     assert frame.pixels.std() < 1.2 * NOISE_GREYS
 
 
-# The camera without pixels and the one with them
+# The camera without pixels and the camera with pixels
 
 
 def camera_key() -> JointKey:
@@ -222,7 +222,7 @@ def camera_key() -> JointKey:
 
 
 def wander(world: LabWorld, steps: int, random: Random) -> list[float]:
-    """Let the robot look in many ways, near and far, with lids closed and open, with and without its hand in view."""
+    """Let the robot look from near and far, at closed and open lids, with and without its hand in view."""
     instants = []
     for step in range(steps):
         start_s = 10.0 * step
@@ -239,24 +239,24 @@ def wander(world: LabWorld, steps: int, random: Random) -> list[float]:
 
 
 def test_detected_tags_are_those_that_geometry_resolves() -> None:
-    """In both directions: resolved tags are detected, and detected tags agree with geometry, corner by corner."""
+    """Resolved tags are detected, detected tags are in view, and the corners of resolved tags agree with geometry."""
     world, geometry = LabWorld(SEED), GeometricCamera()
-    resolved = detected = 0
+    resolved_count = detected_count = 0
     with FrameSource(world) as source:
         for instant_s in wander(world, 60, Random(1)):
             views = {view.tag_id: view for view in geometry.tags_in_view(world.state(instant_s))}
             detections = {detection.tag_id: detection for detection in detect(source.frame_at(instant_s))}
-            certain = {tag_id for tag_id, view in views.items() if view.is_resolved()}
+            resolved_ids = {tag_id for tag_id, view in views.items() if view.is_resolved()}
 
-            assert certain <= set(detections), instant_s
+            assert resolved_ids <= set(detections), instant_s
             assert set(detections) <= set(views), instant_s
-            for tag_id in certain:
+            for tag_id in resolved_ids:
                 offsets_px = detections[tag_id].corners_px - views[tag_id].corners_px
                 assert max(hypot(x, y) for x, y in offsets_px) < 1.0, (instant_s, tag_id)
-            resolved, detected = resolved + len(certain), detected + len(detections)
+            resolved_count, detected_count = resolved_count + len(resolved_ids), detected_count + len(detections)
 
-    assert resolved > 150
-    assert resolved > 0.6 * detected
+    assert resolved_count > 150
+    assert resolved_count > 0.6 * detected_count
 
 
 def test_a_tag_behind_the_fingers_is_covered() -> None:

@@ -1,4 +1,4 @@
-"""A laboratory as a value: the default is exactly that of the protocol, and others differ in their settings."""
+"""Laboratories: the default is exactly that of the protocol, and other laboratories differ in their settings."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def digest(*lines: str) -> str:
 
 
 def worked(seed: int) -> tuple[LabWorld, float]:
-    """A world in which the robot has tended both machines, and the time when it had finished."""
+    """Return a world in which the robot has tended both machines, and the time when the robot had finished."""
     world, clock = LabWorld(seed), SimClock()
     robot = Robot(world, clock, Random(f"{seed} robot"))
     robot.drive_to("centrifuge")
@@ -58,7 +58,7 @@ def numbers(state: LabState) -> str:
     )
 
 
-# The digests were taken of the code in which the laboratory was module constants.
+# The digests were computed with older code, in which the laboratory was described by constants of modules.
 
 
 def test_the_default_scene_is_that_of_the_protocol() -> None:
@@ -111,45 +111,45 @@ def test_perception_knows_the_machines_of_the_laboratory_that_its_robot_works_in
         machine_named("shaker")
 
 
-def seen(laboratory: Laboratory, machine: str, part: Part) -> tuple[set[int], set[int]]:
-    """The tags that are detected when the robot looks at a part, and those that are resolved by geometry."""
+def tags_seen(laboratory: Laboratory, machine: str, part: Part) -> tuple[set[int], set[int]]:
+    """Return the tags that are detected when the robot looks at a part, and the tags that are resolved by geometry."""
     world, clock = LabWorld(1, laboratory), SimClock()
     robot = Robot(world, clock, SteadyHand())
     robot.drive_to(machine)
     robot.look_at(machine, part)
     with surveyed(laboratory.machines), FrameSource(world) as frames:
-        detected = {detection.tag_id for detection in detect(frames.frame_at(clock.now_s()))}
+        detected_ids = {detection.tag_id for detection in detect(frames.frame_at(clock.now_s()))}
     views = GeometricCamera(laboratory).tags_in_view(world.state(clock.now_s()))
-    return detected, {view.tag_id for view in views if view.is_resolved()}
+    return detected_ids, {view.tag_id for view in views if view.is_resolved()}
 
 
 def test_a_third_machine_of_another_shape_shows_all_its_tags() -> None:
     laboratory = LABORATORY.with_machines(shaker(5.3, 1.6, pi))
-    detected, resolved = seen(laboratory, "shaker", Part.LID)
+    detected_ids, resolved_ids = tags_seen(laboratory, "shaker", Part.LID)
 
-    assert {30, 31, 32, 33, 34, 35} <= detected
-    assert resolved <= detected
+    assert {30, 31, 32, 33, 34, 35} <= detected_ids
+    assert resolved_ids <= detected_ids
 
 
 def test_another_machine_of_the_same_shape_is_another_machine() -> None:
     second = LABORATORY.machine("pcr_cycler").named("second", 40).at_place(5.3, 1.6, pi)
     laboratory = LABORATORY.with_machines(second)
-    detected, _ = seen(laboratory, "second", Part.LID)
+    detected_ids, _ = tags_seen(laboratory, "second", Part.LID)
 
-    assert set(range(40, 48)) <= detected
+    assert set(range(40, 48)) <= detected_ids
     assert second.map_from_base.translation_m.tolist() == [5.3, 1.6, 0.72]
     assert truth_at(LabWorld(1, laboratory), 0.0)["second_locked"] is True
 
 
 def test_small_tags_are_not_detected_from_the_waiting_pose() -> None:
-    assert seen(LABORATORY.with_tags(0.25), "pcr_cycler", Part.LID)[0] == set()
+    assert tags_seen(LABORATORY.with_tags(0.25), "pcr_cycler", Part.LID)[0] == set()
 
 
 def test_a_moved_machine_is_tended_at_its_new_place() -> None:
     laboratory = LABORATORY.with_machine_at("pcr_cycler", 5.3, 1.6, pi)
-    detected, _ = seen(laboratory, "pcr_cycler", Part.LID)
+    detected_ids, _ = tags_seen(laboratory, "pcr_cycler", Part.LID)
 
-    assert set(range(20, 28)) <= detected
+    assert set(range(20, 28)) <= detected_ids
 
 
 def disturbed(*disturbances: LidMoved | PersonBefore | LightDown) -> tuple[LabWorld, SimClock]:
@@ -191,7 +191,7 @@ def test_the_robot_grips_a_moved_lid_at_its_new_place() -> None:
 
 
 def before_and_meanwhile(*disturbances: PersonBefore | LightDown) -> tuple[Frame, Frame, LabWorld]:
-    """Frames of a resting robot at the PCR-cycler before a disturbance at 100 s, and during it."""
+    """Return frames of a robot at rest at the PCR-cycler, before a disturbance at 100 s and during the disturbance."""
     world, clock = disturbed(*disturbances)
     robot = Robot(world, clock, SteadyHand())
     robot.drive_to("pcr_cycler")

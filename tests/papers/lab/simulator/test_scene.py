@@ -1,4 +1,4 @@
-"""The drawn laboratory: a detector detects the tags at their places in the layout."""
+"""The drawn laboratory: the detector detects the tags at the places that the layout lists."""
 
 from __future__ import annotations
 
@@ -119,13 +119,17 @@ def test_the_backend_that_was_chosen_draws_and_is_named_to_mujoco() -> None:
     assert os.environ["MUJOCO_GL"] == backend
 
 
-HIDDEN = {"MUJOCO_GL": "egl", "__EGL_VENDOR_LIBRARY_FILENAMES": "/dev/null", "PYTHONPATH": os.pathsep.join(sys.path)}
+WITHOUT_GRAPHICS = {
+    "MUJOCO_GL": "egl",
+    "__EGL_VENDOR_LIBRARY_FILENAMES": "/dev/null",
+    "PYTHONPATH": os.pathsep.join(sys.path),
+}
 """The environment of a machine without graphics."""
 
 
-def printed_without_graphics(program: str) -> str:
+def output_without_graphics(program: str) -> str:
     done = subprocess.run(
-        [sys.executable, "-c", program], env=os.environ | HIDDEN, capture_output=True, text=True, check=True
+        [sys.executable, "-c", program], env=os.environ | WITHOUT_GRAPHICS, capture_output=True, text=True, check=True
     )
     return done.stdout
 
@@ -139,10 +143,10 @@ except gl.GraphicsUnavailableError as error:
     print(error)
 """
 
-    printed = printed_without_graphics(program)
+    output = output_without_graphics(program)
 
-    assert "apt-get install libosmesa6" in printed
-    assert "egl: " in printed
+    assert "apt-get install libosmesa6" in output
+    assert "egl: " in output
 
 
 def test_a_backend_that_drew_for_another_process_is_not_tried_again() -> None:
@@ -153,4 +157,4 @@ gl.rely_on("osmesa")
 print(gl.choose_backend(), os.environ["MUJOCO_GL"])
 """
 
-    assert printed_without_graphics(program) == "osmesa osmesa\n"
+    assert output_without_graphics(program) == "osmesa osmesa\n"
