@@ -108,7 +108,7 @@ def observers_without_algorithm(scope: SpecIndex, faults: Silenced) -> Iterator[
                 continue
             if any(source.name != OBSERVER for source in variable.sources):
                 message = f"'{reference.name}' in observer '{setting.name}' has no algorithm that identifies it"
-                path, help = _path(setting), "remove it: an observer needs an algorithm"
+                path, help = _path(setting), "remove it: observers use only algorithms"
                 yield finding("observer-without-algorithm", message, reference.place, path=path, help=help)
 
 

@@ -255,7 +255,7 @@ def _wakes_findings(world: DeclaredGraph, agent: Agent, chains: _Chains) -> Iter
 def _pattern_finding(world: DeclaredGraph, pattern: Pattern, chains: _Chains, what: str) -> Diagnostic:
     if isinstance(pattern.tree, Path) and pattern.tree.negated:
         message = f"{what}: '{pattern.condition.text}' is false from the start, and no agent removes these edges"
-        help = "add an agent that removes these edges to their 'source', or change the pattern"
+        help = "under 'source' of the edges, add an agent that removes them, or change the pattern"
     else:
         who = " and ".join(f"'{name}'" for name in chains.writers(pattern)) or "an agent"
         message = f"{what}: nothing makes '{pattern.condition.text}' true"

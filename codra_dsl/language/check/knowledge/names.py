@@ -222,7 +222,7 @@ def _observers_as_writers(scope: SpecIndex) -> Iterator[Diagnostic]:
         for writer in writers:
             if writer.name == OBSERVER:
                 message = f"observers write only context-variables, not '{element.name}'"
-                help = "write the name of an agent; observers can identify a context-variable that has 'of'"
+                help = "write the name of an agent; for observers, declare a context-variable with 'of'"
                 yield _reserved_finding(f"{section}.{element.name}.source", message, writer.place, help)
 
 

@@ -162,7 +162,8 @@ def _branches_without_action(tree: TreeElement, courses: list[Course]) -> Iterat
     for action, _ in tree.course:
         if action.name not in chosen_actions:
             message = (
-                f"no adaptation of tree '{tree.name}' chooses action '{action.name}', which has a branch in the tree"
+                f"tree '{tree.name}' has a branch for action '{action.name}', "
+                "but no adaptation of this tree chooses the action"
             )
             help = "add the action to 'choose', or remove the branch"
             yield _branch_finding(message, action.place, f"trees.{tree.name}.course.{action.name}", help)

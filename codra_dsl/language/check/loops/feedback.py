@@ -36,9 +36,8 @@ def _never_set(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
         if [source.name for source in scope.variables[name].sources] == [ADAPTER]
     }
     needs = {name: [read_name.name for read_name in names_in(tree)] for name, (_, tree) in values.items()}
-    equal_to_itself = {
-        name: _equality(tree, tree) for name, (_, tree) in values.items()
-    }  # true only if the value is known
+    # such a comparison is true only if the value is known
+    equal_to_itself = {name: _equality(tree, tree) for name, (_, tree) in values.items()}
     unknown_names = frozenset(values)
     while True:
         while known_names := {
@@ -65,7 +64,10 @@ def _unstable_parameters(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnos
     for adaptation, name, tree in adapted_variables(scope, faults):
         is_free = adaptation.dwell_s == 0.0 and name in {read_name.name for read_name in names_in(tree)}
         if is_free and not can_hold([_equality(tree, _name_node(name))], (), scope.context_types):
-            message = f"adaptation '{adaptation.name}' never becomes stable: for every value of '{name}', it sets another value"
+            message = (
+                f"adaptation '{adaptation.name}' never becomes stable: "
+                f"for every value of '{name}', it sets another value"
+            )
             help = f"compute '{name}' from other variables, or add a 'dwell' if the value should alternate"
             yield _finding(adaptation, "value", message, help)
 

@@ -64,7 +64,7 @@ def unused_agents(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
                 f"agent '{agent.name}' is not the source of anything",
                 agent.place,
                 path=f"agents.{agent.name}",
-                help="remove it, or add it to the 'source' of the elements that it writes",
+                help="remove the agent, or add it to the 'source' of the elements that it writes",
             )
 
 
