@@ -122,7 +122,7 @@ class _Crowd:
 
 
 _Paths = dict[frozenset[int], float]
-"""For each set of crowds that a path can meet, the longest time that such a path takes apart from their delays.
+"""For each set of crowds that a path can meet, the longest time of such a path without the delays by these crowds.
 
 The key is the set of the indices of the crowds.
 """
@@ -150,7 +150,10 @@ class _WorstCases:
         self._steps = 0
 
     def of_variables(self) -> dict[str, float]:
-        """Return the bound for each variable. The same looks run for all variables of an observer."""
+        """Return the bound for each variable.
+
+        The variables of an observer are computed together, since the same looks run for all of them.
+        """
         free_paths, delayed_looks = self._paths(self._parts, ()), self._delayed_looks()
         bounds: dict[str, float] = {}
         for observer in dict.fromkeys(self._observer_of.values()):
@@ -220,7 +223,7 @@ class _WorstCases:
         """Return the part of the crowds' delays that is not added to a path.
 
         This part is the time of the rivals of the path's last look that identify the same variable in one run: if such
-        a rival ran, the variable was known from the rival's result.
+        a rival has run, the variable is known from the rival's result.
         """
         rivals = [
             self._looks[name].timeout_s

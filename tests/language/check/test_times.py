@@ -76,7 +76,7 @@ def test_a_value_that_becomes_stale_before_it_is_renewed_is_reported_with_both_d
         "stale-before-renewed",
         "2.9 s",
         "context-variable 'near' can become stale although everything works: its evidence can be up to 3 s old before "
-        "newer arrives, and is valid for 2.9 s",
+        "newer evidence arrives, but is valid for 2.9 s",
     )
 
 

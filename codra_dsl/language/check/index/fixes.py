@@ -1,4 +1,7 @@
-"""Fixes of wrong names and members. There is a fix only if the file contains the wrong word literally."""
+"""Fixes of wrong names and members.
+
+There is a fix only if the intended word is clear, and the file contains the wrong word literally.
+"""
 
 from __future__ import annotations
 

@@ -250,7 +250,7 @@ class DeclaredGraph:
         return attributes
 
     def read(self, name: str) -> KnowledgeElement | None:
-        """Return the element that a name in a condition reads; None if it is unknown, or if poses are read."""
+        """Return the element that a name in a condition reads; None if the name is unknown, or if it reads poses."""
         function, first, second = reads_of(name)
         if function:
             return None

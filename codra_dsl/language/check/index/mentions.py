@@ -118,7 +118,7 @@ def user_of(section: str, element: str) -> str:
 
 
 def unknown_mentions(scope: SpecIndex, section: str, mentions: Iterable[Mention]) -> Iterator[list[Mention]]:
-    """Yield a list for each name that a section does not declare: the mentions of the name, in the order of places."""
+    """For each name that a section does not declare, yield the list of its mentions, in the order of their places."""
     groups: dict[str, list[Mention]] = {}
     for mention in mentions:
         if not scope.declares(section, mention.name):

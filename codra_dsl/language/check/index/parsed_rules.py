@@ -92,7 +92,10 @@ class ParsedRules:
         return not any(rule.problems for rules in self.rules.values() for rule in rules)
 
     def followed(self, names: Iterable[str]) -> frozenset[str]:
-        """Return these names, all names that the rules read, and the variables of which some of them are rates."""
+        """Return these names and all names that the rules read.
+
+        If one of them is a rate, the variable whose rate it is belongs to the result too.
+        """
         names_read = {*names, *(name for key in self.rules for name in self.named(*key))}
         rates = (self.variables[name].rate for name in names_read if name in self.variables)
         return frozenset(names_read | {rate.of.name for rate in rates if rate is not None})

@@ -48,7 +48,7 @@ def _waits(world: DeclaredGraph, task: Task, other: Task) -> bool:
 def _rules_about(
     world: DeclaredGraph, agent: Agent, task: Task, roles: tuple[Role, ...], states: tuple[TaskState, ...]
 ) -> frozenset[str]:
-    """Return the names of an agent's rules that have a task in one of these states in a pattern with these roles."""
+    """Return the names of an agent's rules with a task in one of these states in a pattern with one of these roles."""
     rule_names = set()
     for pattern in patterns_of(agent):
         for step in steps(pattern) if pattern.role in roles else ():

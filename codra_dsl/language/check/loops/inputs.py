@@ -1,4 +1,7 @@
-"""Checks of loops (phase 3): rules read numbers with ranges, rates are rates of numbers, and parameters may be set."""
+"""Checks of loops (phase 3).
+
+Inputs of rules have ranges, rates are computed from numbers, and adaptations may set their variables.
+"""
 
 from __future__ import annotations
 

@@ -50,8 +50,7 @@ class _Exclusion:
 
     Attributes:
         text: the precondition that cannot be true.
-        cause: the unknown variable because of which the precondition cannot be true; None if the value itself prevents
-            it.
+        cause: the unknown variable because of which the precondition cannot be true; None if there is none.
     """
 
     algorithm: Algorithm

@@ -39,7 +39,7 @@ class Renewal:
     The next look begins `pause_s` after the last look began, and each look gives its result within the timeout.
 
     Attributes:
-        period_s: the period of its observer.
+        period_s: the period of the algorithm's observer.
         setting: the entry under `observers` that sets the period.
     """
 
@@ -128,7 +128,7 @@ TIMES = (stale_before_renewed, oversubscribed_slots, ineffective_on_event)
 
 
 def _slowest_renewal(scope: SpecIndex, faults: Silenced, name: str) -> Renewal | None:
-    """Return the renewal of a variable by its slowest algorithm; None if no algorithm or no renewal is known."""
+    """Return the renewal of a variable by its slowest algorithm; None if it has no algorithm, or one is unknown."""
     setting, _ = scope.claims.get(name, (None, None))
     if setting is not None and not faults.sound("observers", setting.name):
         return None
@@ -207,7 +207,7 @@ def _renewal_places(renewal: Renewal) -> Iterator[Related]:
 
 @dataclass(frozen=True, slots=True)
 class _Share:
-    """The share of a slot's time that an algorithm needs: up to its timeout, once in the validity of its evidence."""
+    """The share of a slot's time that an algorithm needs: its timeout, divided by the validity of its evidence."""
 
     algorithm: Algorithm
     valid_for_s: float

@@ -96,7 +96,7 @@ def shadowed_names(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
 
 
 def same_labels(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
-    """All labels of variables are different. The label of a variable without one is its name."""
+    """All labels of variables are different. A variable without a label is shown by its name."""
     first_variables: dict[str, Variable] = {}
     variables_by_name = {name.casefold(): variable for name, variable in scope.variables.items()}
     for variable in scope.variables.values():

@@ -192,7 +192,10 @@ def _in(node: Node, context: Context) -> Values:
 
 
 def compare_values(operator: str, left: Node, right: Node, context: Context) -> Values:
-    """Return the possible results of a comparison. A difference of the two sides in the context decides."""
+    """Return the possible results of a comparison.
+
+    If the context contains the difference of the two sides, this difference decides.
+    """
     ones, others = outcomes(left, context), outcomes(right, context)
     truths = frozenset(truth for one in ones for other in others for truth in _judge(operator, one, other))
     pair = context.pairs.get((id(left), id(right))) if context.pairs else None
