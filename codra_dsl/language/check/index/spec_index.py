@@ -223,10 +223,7 @@ class SpecIndex:
         return self.spec.damaged_keys.get((section, name), frozenset()).isdisjoint(keys)
 
     def lost(self, section: str, *keys: str) -> bool:
-        """Return whether parts of a section are unknown because they could not be read.
-
-        These parts are whole elements, or one of these keys of an element.
-        """
+        """Return whether some elements of a section, or one of these keys of an element, could not be read."""
         unread = self.spec.damaged.get(section, frozenset())
         if isinstance(unread, AnyName) or not self._sections[section].issuperset(unread):
             return True
@@ -337,10 +334,7 @@ class SpecIndex:
 
     @cached_property
     def trees(self) -> Mapping[str, tuple[str, ...]]:
-        """For each variable that algorithms identify, the variables that its tree identifies or needs.
-
-        These variables are in force together with it.
-        """
+        """For each variable with algorithms, the variables in force with it: those that its tree identifies or needs."""
         names_in_force: dict[str, tuple[str, ...]] = {}
         for group in self.groups:
             needs = dict.fromkeys(name for algorithm in group.algorithms for name in self.needs[algorithm.name])
@@ -429,10 +423,7 @@ class SpecIndex:
         return id(self.returned_types[algorithm.name]), accept_ids, identify_keys, optional_flags
 
     def python(self, condition: Condition, wanted: Type | None) -> str:
-        """Return the Python text of a condition without errors.
-
-        If `wanted`, the type of the variable that gets the value, is numeric, the value is in the unit of this type.
-        """
+        """Return the Python text of a condition without errors. If `wanted` is numeric, the value is in its unit."""
         judgement = self.judgements[id(condition)]
         key = (id(judgement.typed), id(wanted))  # equal conditions share their typed tree
         if key not in self._lowered:
