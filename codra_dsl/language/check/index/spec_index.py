@@ -302,8 +302,7 @@ class SpecIndex:
     def returned_types(self) -> Mapping[str, Types]:
         """For each algorithm, the type of each value that it returns; None if the value's declaration is wrong."""
         types_of: dict[str, Types] = {}
-        # algorithms that return equal types share one mapping: types can then be compared by identity
-        shared_types: dict[tuple[object, ...], Types] = {}
+        shared_types: dict[tuple[object, ...], Types] = {}  # equal types share one mapping, to be compared by identity
         for name, algorithm in self.algorithms.items():
             types = {
                 returned.name: declared_type(returned.type)
@@ -334,7 +333,7 @@ class SpecIndex:
 
     @cached_property
     def trees(self) -> Mapping[str, tuple[str, ...]]:
-        """For each variable with algorithms, the variables in force with it: those that its tree identifies or needs."""
+        """For each variable with algorithms, the variables in force with it: its tree identifies or needs them."""
         names_in_force: dict[str, tuple[str, ...]] = {}
         for group in self.groups:
             needs = dict.fromkeys(name for algorithm in group.algorithms for name in self.needs[algorithm.name])
@@ -404,8 +403,7 @@ class SpecIndex:
     def shape_over_results(self, algorithm: Algorithm, faults: Silenced) -> object:
         """Return a key that is equal for algorithms that use their results equally, apart from names and places.
 
-        Trees and types are compared by identity: conditions with the same text share their tree, and equal declarations
-        share their type.
+        The identity of trees and types suffices: equal texts share their tree, and equal declarations their type.
         """
         accept_ids = tuple([id(condition.tree) for condition in algorithm.accept_when])
         identify_keys = tuple(
