@@ -1,18 +1,24 @@
-"""The worst-case time from declaring a context-variable until it is known.
+"""The worst-case time from the declaration of a context-variable until the variable is known.
 
-The main execution declares one variable. No observer runs, and no variable that observers identify is known. The bound
-is on the time until the variable is known. It assumes that conditions hold as soon as the variables that they wait for
-are known, and continue to hold; that every look gives an accepted result within its `timeout`, and all looks the same
-one; and that no other user takes slots: neither the main execution, nor another decision, nor a look at a variable that
-is already known. `docs/reference/graph.md` explains it to users.
+At first, no observer runs, and no variable that observers identify is known. Then the main execution declares one
+variable. The bound limits the time from this instant until the variable is known. It is computed under these
+assumptions:
 
-Observers are due as soon as they start, and a variable that becomes known wakes its readers in the same instant, so
-periods add nothing. All time is spent in looks and in waiting for looks. Going back from the variable, the looks that
-delayed it form a path. While a look on the path waits, either a rival (an algorithm that shares a variable) runs, or
-looks that are not on the path take all slots of a resource. Each algorithm looks once, or as often as `confirm` needs,
-which counts as one look with its pauses. The bound is the maximum, over all paths, of the sum of the timeouts on the
-path and the delays by the other looks (R. L. Graham's bound for list scheduling). It holds for every order of
-priorities and for looks that take any shorter time.
+- A condition holds as soon as the variables that it waits for are known, and continues to hold.
+- Every look gives an accepted result within its `timeout`, and the results of all looks agree.
+- No other user takes slots: neither the main execution, nor another decision, nor a look at a variable that is already
+  known.
+
+`docs/reference/graph.md` explains the bound to users.
+
+Observers are due as soon as they start, and a variable that becomes known wakes its readers in the same instant.
+Therefore the periods of observers add nothing: all time is spent in looks and in waiting for looks. The looks that
+delayed the variable form a path, which leads back from the variable. While a look on the path waits, there are two
+cases: either a rival runs (an algorithm that identifies one of the same variables), or looks that are not on the path
+take all slots of a resource. Each algorithm looks once, or as often as `confirm` needs. The looks for `confirm` count
+as one look, together with the pauses between them. The bound is the maximum, over all paths, of the sum of the timeouts
+on the path and the delays by the other looks (R. L. Graham's bound for list scheduling). The bound holds for every
+order of priorities, and also if looks take less time than their timeouts.
 """
 
 from __future__ import annotations
@@ -27,34 +33,35 @@ from codra_dsl.language.check.checked.spec import CheckedAlgorithm, CheckedSpec
 from codra_dsl.language.model import DEFAULT_PERIOD_S, Access, Spec, needed_of
 
 MAX_STEPS = 100_000
-"""The maximum number of visited looks if slots are contended; past it, the bound is the sum of all timeouts.
+"""The maximum number of visited looks for variables that rivals or contended slots can delay.
 
-This sum is never too small.
+Beyond this number, the bound is the sum of all timeouts, which is never too small.
 """
 
 MAX_PATHS = 16
-"""The maximum number of paths for each look, distinguished by the crowds that they meet.
+"""The maximum number of paths that are kept for each look. Paths differ in the crowds that they meet.
 
-Past it, they count as one path with the longest time that meets all these crowds.
+If there are more paths, one path replaces them: it meets the crowds of all of them, and takes the longest of their
+times.
 """
 
 _DIGITS = 9
 
 
 def worst_cases(checked: CheckedSpec) -> Mapping[str, float]:
-    """Return the worst-case seconds from declared to known, for each variable that an algorithm identifies."""
+    """Return, for each variable that an algorithm identifies, the worst-case seconds from declared to known."""
     looks = {name: _look(checked.spec, algorithm) for name, algorithm in checked.algorithms.items()}
     return _WorstCases(looks, checked.spec, checked.producers).of_variables()
 
 
 @dataclass(frozen=True, slots=True)
 class _Look:
-    """One run of an algorithm, or as many runs as it needs to confirm its result.
+    """One run of an algorithm, or as many runs as the algorithm needs to confirm its result.
 
     Attributes:
-        waits_for: the variables that must be known before it can run.
-        needs: the variables that it reads, so that their observers run as well.
-        timeout_s: its maximum duration, with the pauses between runs if it needs several.
+        waits_for: the variables that must be known before the algorithm can run.
+        needs: the variables that the algorithm reads. Their observers run as well.
+        timeout_s: the maximum duration of the look. It includes the pauses between runs if several runs are needed.
         needed: the number of runs.
     """
 
@@ -95,7 +102,7 @@ class _Crowd:
     """Looks that can delay each other.
 
     Attributes:
-        capacity: how many of them run while another one waits.
+        capacity: how many of these looks run while another one of them waits.
         total_s: the sum of their timeouts.
     """
 
@@ -105,23 +112,26 @@ class _Crowd:
 
     @property
     def share(self) -> float:
-        """Return the fraction of a look's time that is added to `delay_s` if the look is on the path."""
+        """Return the fraction of its timeout that a look of the crowd adds to `delay_s` if the look is on the path."""
         return 1 - 1 / self.capacity
 
     @property
     def delay_s(self) -> float:
-        """Return the time that the crowd adds to a path through it."""
+        """Return the time that the crowd adds to a path that meets it."""
         return self.total_s / self.capacity
 
 
 _Paths = dict[frozenset[int], float]
-"""By the crowds that a path meets: the longest time spent on it outside these crowds."""
+"""For each set of crowds that a path can meet, the longest time of such a path without the delays by these crowds.
+
+The key is the set of the indices of the crowds.
+"""
 
 _Names = tuple[str, ...]
 
 
 class _WorstCases:
-    """The computation for one spec."""
+    """Computes the worst cases of one spec."""
 
     def __init__(self, looks: Mapping[str, _Look], spec: Spec, producers: Mapping[str, Sequence[str]]) -> None:
         self._looks = looks
@@ -140,7 +150,10 @@ class _WorstCases:
         self._steps = 0
 
     def of_variables(self) -> dict[str, float]:
-        """Return the bound for each variable, observer by observer: the same looks run for all variables of one."""
+        """Return the bound for each variable.
+
+        The variables of an observer are computed together, since the same looks run for all of them.
+        """
         free_paths, delayed_looks = self._paths(self._parts, ()), self._delayed_looks()
         bounds: dict[str, float] = {}
         for observer in dict.fromkeys(self._observer_of.values()):
@@ -157,7 +170,11 @@ class _WorstCases:
         return tuple(dict.fromkeys(name for variable in variables for name in self._producers.get(variable, ())))
 
     def _delayed_looks(self) -> frozenset[str]:
-        """Return the looks that run together with a crowd, or would if all observers ran."""
+        """Return the looks that may run together with a crowd.
+
+        The crowds are those that exist if all observers run. The result contains their members, and all looks that
+        start a member, directly or through others.
+        """
         starters: dict[str, list[str]] = {}
         for name, started in self._started_with.items():
             for other in started:
@@ -166,7 +183,7 @@ class _WorstCases:
         return frozenset(graph.closure(starters, crowded_looks))
 
     def _crowded_paths(self, observer: _Names) -> tuple[Mapping[str, _Paths], Sequence[_Crowd]]:
-        """Return the paths to the looks of an observer, and the crowds among the looks that run because of it."""
+        """Return the paths to an observer's looks, and the crowds among the looks that run because of this observer."""
         if self._steps > MAX_STEPS:
             return {name: {frozenset({0}): 0.0} for name in observer}, [self._everything]
         running = graph.closure(self._started_with, observer)
@@ -203,7 +220,11 @@ class _WorstCases:
         ]
 
     def _spared_s(self, last: str, variable: str, crowds: Sequence[_Crowd]) -> float:
-        """Return the time that crowds do not add to a path: a rival of its last look, if it ran, gave the value too."""
+        """Return the part of the crowds' delays that is not added to a path.
+
+        This part is the time of the rivals of the path's last look that identify the same variable in one run: if such
+        a rival has run, the variable is known from the rival's result.
+        """
         rivals = [
             self._looks[name].timeout_s
             for name in self._rivals[last]
@@ -215,7 +236,7 @@ class _WorstCases:
     def _paths(self, parts: Iterable[_Names], crowds: Sequence[_Crowd]) -> dict[str, _Paths]:
         """Return, for each look, the paths that end with it.
 
-        Alternatives can make looks wait for each other. Such looks count as one look that takes the time of all.
+        Alternatives can make looks wait for each other. Such looks count as one look, which takes the time of all.
         """
         crowd_of = {name: index for index, crowd in enumerate(crowds) for name in crowd.members}
         ends: dict[str, _Paths] = {}
@@ -246,7 +267,10 @@ def _merge_paths(several: Iterable[_Paths]) -> _Paths:
 
 
 def _reduce_paths(paths: _Paths) -> _Paths:
-    """Return the paths without those that another path exceeds in every respect."""
+    """Return the paths without those that cannot be the longest.
+
+    Such a path is left out because another path takes at least as long, and meets the same crowds and more.
+    """
     if len(paths) > MAX_PATHS:
         return {frozenset().union(*paths): max(paths.values())}
     return {
@@ -257,7 +281,10 @@ def _reduce_paths(paths: _Paths) -> _Paths:
 
 
 def _connected_names(names: Iterable[str], groups: Iterable[Sequence[str]]) -> dict[str, _Names]:
-    """Return, for each name, the names connected to it by groups with a common member, itself included."""
+    """Return, for each name, the names connected to it, including the name itself.
+
+    All names of a group are connected, and so are the names of groups with a common member.
+    """
     links: dict[str, list[str]] = {name: [] for name in names}
     for group in groups:
         for one, other in pairwise(group):

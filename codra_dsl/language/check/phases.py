@@ -1,6 +1,7 @@
 """All checks in their order, and the construction of the `CheckedSpec`.
 
-An error in one phase silences later phases about the same element only, so that one run reports every cause once.
+If an element has an error in one phase, later phases report nothing more about this element. They still check all other
+elements, so that one run reports every cause once.
 """
 
 from __future__ import annotations
@@ -46,7 +47,7 @@ from codra_dsl.language.model import Algorithm, Condition, Expectation, Hysteres
 Rule = Callable[[SpecIndex, Silenced], Iterator[Diagnostic]]
 
 NO_TREES: Mapping[str, Read] = {}
-"""The trees of a spec that names none."""
+"""The default of `forests`, for a spec without trees."""
 
 PHASES: tuple[tuple[Rule, ...], ...] = (
     (*NAMES, *KNOWLEDGE_NAMES, *LOOP_NAMES, *TREE_FILES),
@@ -64,7 +65,8 @@ def check(spec: Spec, forests: Mapping[str, Read] = NO_TREES) -> tuple[CheckedSp
     `forests` is the result of `codra_dsl.language.behavior_trees.named.read_trees` for the trees that the spec names.
 
     Keys that `load` marked as damaged are not checked and cause no findings about other elements. A spec with damaged
-    keys is never returned, even if it has no other error. Misspelt names are read as the intended ones.
+    keys is never returned, even if it has no other error. Where the intended name of a misspelt name is clear, the
+    following phases read the intended name.
     """
     scope = SpecIndex(spec, forests)
     faults = Silenced()
@@ -85,7 +87,11 @@ def check(spec: Spec, forests: Mapping[str, Read] = NO_TREES) -> tuple[CheckedSp
 def _correct_members(
     scope: SpecIndex, faults: Silenced, phase: Sequence[Rule], diagnostics: list[Diagnostic]
 ) -> tuple[SpecIndex, list[Diagnostic]]:
-    """Report wrong declarations of members there, and return what a phase finds once they are corrected."""
+    """Return the index and the findings of a phase after declarations with wrong members are corrected.
+
+    The findings about these declarations come first. Then come the findings of the phase, which runs again on the
+    corrected spec. If no declaration is wrong, the index and the findings stay as they are.
+    """
     member_findings = list(members_to_blame(scope))
     if not member_findings:
         return scope, diagnostics
@@ -96,7 +102,7 @@ def _correct_members(
 
 
 def _elements(diagnostics: Iterable[Diagnostic]) -> frozenset[tuple[str, str]]:
-    """Return the elements with errors: the first two steps of their paths. A file of trees is not an element."""
+    """Return the section and the name of each element with an error. A tree file is not an element."""
     paths = (
         diagnostic.path.removeprefix("knowledge.")
         for diagnostic in diagnostics

@@ -136,7 +136,8 @@ def test_a_variable_that_needs_itself_is_a_cycle_of_one() -> None:
     finding = only_finding(loop(("see_a", "a", observable_when("a"))))
     assert finding.message == "context-variable 'a' waits for itself: a -> a"
     assert finding.help == (
-        "identify it with an algorithm that does not wait for it, e.g. when 'not known(a) or age(a) > 10 s'"
+        "identify it with an algorithm that does not wait for it, e.g. with the condition "
+        "'not known(a) or age(a) > 10 s'"
     )
 
 

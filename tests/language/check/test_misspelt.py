@@ -165,7 +165,9 @@ def test_a_missing_comma_between_members_is_reported_at_their_declaration() -> N
     )
     (finding,) = lamp_findings(text)
 
-    assert finding.message == "the member 'off dim' of context-variable 'lamp' is not used, but its words are"
+    assert finding.message == (
+        "the member 'off dim' of context-variable 'lamp' is not used, but its words are used as members"
+    )
     assert (marked_text(text, finding), finding.help) == ("off dim", "write 'off, dim'")
 
 

@@ -26,9 +26,9 @@ def test_an_undeclared_name_is_one_finding_with_all_its_mentions() -> None:
     ("old", "new", "help_text"),
     [
         ("given: [robot_is_localized]", "given: [camera_]", "declare 'camera_' under 'context'"),
-        ("uses: {base: read}", "uses: {people: read}", "name a resource here"),
+        ("uses: {base: read}", "uses: {people: read}", "write the name of a resource"),
         ("uses: {base: read}", "uses: {peopl: read}", "declare 'peopl' under 'resources'"),
-        ("markers >= 2", "base >= 2", "name a returned value here"),
+        ("markers >= 2", "base >= 2", "write the name of a returned value"),
         ("markers >= 2", "door_gpa >= 2", "declare 'door_gpa' under 'returns'"),
         ("markers >= 2", f"{'w' * 101} >= 2", f"declare '{'w' * 101}' under 'returns'"),
         ("preview: [door_state, door_gap]", "preview: [door_state, width_]", "declare 'width_' under 'context'"),
@@ -50,14 +50,14 @@ def test_no_two_arguments_of_a_perception_function_have_one_name() -> None:
         (
             "ambiguous-argument",
             "camera",
-            "argument 'camera' of algorithm 'look_at_door' from 'uses' has the same name as one from 'with'",
+            "argument 'camera' of algorithm 'look_at_door' from 'uses' has the same name as an argument from 'with'",
             "rename one of the two",
         ),
         (
             "ambiguous-argument",
             "robot_is_localized",
-            "argument 'robot_is_localized' of algorithm 'look_at_door' from 'given' has the same name as one from "
-            "'with'",
+            "argument 'robot_is_localized' of algorithm 'look_at_door' from 'given' has the same name as an "
+            "argument from 'with'",
             "rename one of the two",
         ),
     ]
@@ -65,7 +65,8 @@ def test_no_two_arguments_of_a_perception_function_have_one_name() -> None:
 
 def test_an_argument_cannot_be_called_job() -> None:
     assert [finding.message for finding in findings(edit_spec(("gain: 3", "job: 3")))] == [
-        "argument 'job' of algorithm 'look_at_door' from 'with' has the same name as the job itself"
+        "argument 'job' of algorithm 'look_at_door' from 'with' has the same name as the argument 'job', "
+        "which every perception function gets"
     ]
 
 

@@ -76,7 +76,7 @@ def test_a_value_that_becomes_stale_before_it_is_renewed_is_reported_with_both_d
         "stale-before-renewed",
         "2.9 s",
         "context-variable 'near' can become stale although everything works: its evidence can be up to 3 s old before "
-        "newer arrives, and is valid for 2.9 s",
+        "newer evidence arrives, but is valid for 2.9 s",
     )
 
 
@@ -87,7 +87,7 @@ def test_results_that_are_too_old_when_the_last_confirming_one_arrives_are_repor
         "stale-before-renewed",
         "3 s",
         "context-variable 'near' may never be confirmed although everything works: the first result that 'confirm' "
-        "needs can be 4 s older than the last, and is valid for 3 s",
+        "needs can be 4 s older than the last, but is valid for 3 s",
     )
 
 

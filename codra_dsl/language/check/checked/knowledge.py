@@ -16,10 +16,11 @@ class CheckedPattern:
     """A pattern.
 
     Attributes:
-        text: as written.
-        path: the path; None if it is a condition.
-        python: the expression that builds the condition from functions of the runtime; empty if it is a path. It reads
-            context-variables and attributes as `value("node.attribute")`, and poses as `distance("a", "b")`.
+        text: the pattern as it is written.
+        path: the pattern as a path; None if the pattern is a condition.
+        python: the expression that builds the condition from functions of the runtime; empty if the pattern is a path.
+            The expression reads context-variables and attributes as `value("node.attribute")`, and poses as
+            `distance("a", "b")`.
     """
 
     text: str
@@ -44,8 +45,8 @@ class CheckedAgent:
     """An agent.
 
     Attributes:
-        owns: the elements that it may write, in file order.
-        reads: the elements that its rules and `wakes` read, and those under `reads`.
+        owns: the elements that the agent may write, in file order.
+        reads: the elements that the agent's rules and `wakes` patterns read, and the elements under its key `reads`.
     """
 
     agent: Agent
@@ -67,8 +68,9 @@ class CheckedKnowledge:
     Attributes:
         world: the declarations, in tables.
         agents: the declared agents, in file order.
-        writers: the names of the agents, then of the main execution if it requests tasks or owns part of the graph.
-        values: by node, its initial values, in the units of the attributes.
+        writers: the names of the agents, then the name of the main execution if it requests tasks or owns part of the
+            graph.
+        values: for each node, the initial values of its attributes, in the units of the attributes.
     """
 
     world: DeclaredGraph

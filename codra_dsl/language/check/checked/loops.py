@@ -16,8 +16,8 @@ class CheckedInput:
     """An input of an engine.
 
     Attributes:
-        minimum: with `maximum`, its range as numbers.
-        members: of an enum, in the order of their numbers from 0.
+        minimum: the lower end of the variable's range as a number; `maximum` is the upper end.
+        members: the values of a bool or an enum, in the order of the numbers, from 0, that rules use for them.
     """
 
     variable: Variable
@@ -29,7 +29,7 @@ class CheckedInput:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckedOutput:
-    """A metric, or an action with its weight; `variable` has the value."""
+    """A metric, or an action with its weight. `variable` is the context-variable that holds the value."""
 
     output: Output
     variable: str
@@ -37,7 +37,7 @@ class CheckedOutput:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckedFuzzyRule:
-    """A rule; `text` is its text in the engine."""
+    """A fuzzy rule. `text` is the text of the rule in the engine."""
 
     text: str
     output: str
@@ -46,7 +46,7 @@ class CheckedFuzzyRule:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckedStage:
-    """One fuzzy engine; its inputs, outputs and rules in its own order."""
+    """One fuzzy engine. The inputs, outputs and rules are in the order of the engine."""
 
     engine: Engine
     inputs: tuple[CheckedInput, ...]
@@ -56,7 +56,7 @@ class CheckedStage:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckedRate:
-    """A rate; `factor` converts a change of 1 per second to its unit."""
+    """A rate. `factor` converts a change of 1 per second to the unit of the rate."""
 
     variable: Variable
     of: str
@@ -66,10 +66,11 @@ class CheckedRate:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckedAdaptation:
-    """An adaptation; `python` has the conditions of its hard rules, or its value, as Python text.
+    """An adaptation.
 
     Attributes:
-        reads: the context-variables that they read, sorted.
+        python: the conditions of the hard rules, or the value that the adaptation sets, as Python text.
+        reads: the context-variables that these conditions or this value read, sorted.
     """
 
     adaptation: Adaptation
@@ -87,10 +88,10 @@ class CheckedTree:
     """A tree.
 
     Attributes:
-        course: the adaptation that chooses its branch; empty if none does.
+        course: the adaptation that chooses the branch of the tree; empty if there is none.
         entry: the entry of the blackboard that selects the branch.
-        branches: by action, the value of the entry.
-        tasks: the tasks that its leaves hand over.
+        branches: for each action, the value of this entry.
+        tasks: the tasks that the leaves of the tree hand over.
     """
 
     element: TreeElement
@@ -119,7 +120,8 @@ class CheckedMape:
     """The loops of a spec.
 
     Attributes:
-        metrics: the first stage; None without metrics. `actions` is the second stage.
+        metrics: the first stage; None if the spec has no metrics.
+        actions: the second stage; None if the spec has no actions.
     """
 
     metrics: CheckedStage | None

@@ -19,9 +19,11 @@ class CheckedCondition:
     """A condition, typed and lowered.
 
     Attributes:
-        text: as written, on one line; people read it on the node of the tree.
-        python: the expression that builds it from `codra_dsl.runtime.values.conditions`, e.g. `value("markers") >= 3`.
-        variables: the names it reads, sorted: context-variables in `observable_when`, returned values elsewhere.
+        text: the condition as written, on one line. The node of the generated tree shows this text to people.
+        python: the Python expression that builds the condition from `codra_dsl.runtime.values.conditions`, e.g.
+            `value("markers") >= 3`.
+        variables: the names that the condition reads, sorted: context-variables in `observable_when`, returned values
+            elsewhere.
     """
 
     text: str
@@ -35,11 +37,13 @@ class CheckedAlgorithm:
     """A perception algorithm with its conditions.
 
     Attributes:
-        identifies: (variable's name, how its value follows from the result), in file order.
-        waits_for: the context-variables that it needs, without `feedback`, sorted: the edges drawn as `requires`.
-        feedback: the context-variables that it reads without waiting for them, although they need a variable that it
-            identifies, directly or through others: it can run while only one of them is unknown. Sorted; drawn as
-            `feedback`.
+        identifies: for each variable, its name and the condition that computes its value from the result, in file
+            order.
+        waits_for: the context-variables that the algorithm needs, except those in `feedback`, sorted. They are drawn as
+            edges `requires`.
+        feedback: the context-variables that the algorithm reads without waiting for them, sorted. Each of them needs,
+            directly or through others, a variable that the algorithm identifies. The algorithm can run while only one
+            of them is unknown. They are drawn as edges `feedback`.
     """
 
     algorithm: Algorithm
@@ -65,9 +69,9 @@ class CheckedExpectation:
     """An expectation of a skill about a monitored variable, lowered.
 
     Attributes:
-        text: as people read it, e.g. `door_open becomes true within 20 s`.
+        text: the expectation as people read it, e.g. `door_open becomes true within 20 s`.
         python: the condition that is expected to become true, or to stay true.
-        within_s: how long it may take to become true; None if it is expected to stay true.
+        within_s: the time within which the condition must become true; None if it is expected to stay true.
     """
 
     text: str
@@ -77,18 +81,21 @@ class CheckedExpectation:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckedSpec:
-    """A spec that can be planned.
+    """A spec without errors, from which a build plan can be made.
 
     Attributes:
-        variables: C_M as declared, by name, in file order.
-        algorithms: by name, in file order.
-        producers: for each variable that has algorithms: their names by `rank`, then name.
-        decisions: the variables that Algorithm 2 starts from (its line 3), in order: those that skills preview and
-            monitor, then those with an algorithm that loops read or that wake agents; if no skill is declared, every
-            variable that has an algorithm.
-        expectations: by skill, its expectations about the variables that it monitors.
-        poses: by the name of each variable that follows from poses, the expression that builds its comparison.
-        knowledge: None if the spec declares none; likewise `mape`, its loops.
+        variables: the declared context-variables C_M, by name, in file order.
+        algorithms: the perception algorithms, by name, in file order.
+        producers: for each variable that algorithms identify, the names of these algorithms, sorted by `rank`, then by
+            name.
+        decisions: the variables that Algorithm 2 starts from (line 3 of the algorithm), in order. First come the
+            variables that skills preview and monitor. Then come the variables that loops read or that wake agents, if
+            an algorithm identifies them. If no skill is declared, all variables that an algorithm identifies are
+            included.
+        expectations: for each skill, its expectations about the variables that it monitors.
+        poses: for each variable that is computed from poses, by name, the expression that builds its comparison.
+        knowledge: the checked knowledge; None if the spec declares none.
+        mape: the checked loops; None if the spec declares none.
     """
 
     spec: Spec

@@ -1,1 +1,1 @@
-"""The types of conditions, and their lowering to a form that solvers read."""
+"""The conditions of a spec, the types in them, and their lowering to Python text."""

@@ -40,13 +40,13 @@ class Role(StrEnum):
 
 
 OVER_KNOWLEDGE = frozenset({Role.WAKES, Role.BEFORE, Role.DURING, Role.AFTER})
-"""Conditions in patterns: they read context and all other knowledge."""
+"""The roles of conditions in patterns, which read context and all other knowledge."""
 
 OF_LOOPS = frozenset({Role.VALUE, Role.ALWAYS})
-"""Conditions of adaptations."""
+"""The roles of conditions in adaptations."""
 
 OVER_CONTEXT = frozenset({Role.OBSERVABLE_WHEN, *OVER_KNOWLEDGE, *OF_LOOPS})
-"""Conditions that read context."""
+"""The roles of conditions that read context."""
 
 
 class Result(StrEnum):
@@ -61,11 +61,11 @@ class Site:
     """A condition and its position in the spec.
 
     Attributes:
-        owner: the section and the name of the element that it belongs to.
-        names: every mention of a name in it.
-        values: the names whose value it reads: all but those that occur in `known(x)` or `age(x)`.
-        variable: the context-variable that gets its value or is expected to fulfil it.
-        rule: the rule of an agent that contains it.
+        owner: the section and the name of the element that contains the condition.
+        names: every mention of a name in the condition.
+        values: the mentions that read the value of the name: all except those inside `known(x)` or `age(x)`.
+        variable: the context-variable that gets the value of the condition, or that is expected to fulfil it.
+        rule: the agent's rule that contains the condition; empty outside rules.
     """
 
     role: Role
@@ -79,21 +79,24 @@ class Site:
 
     @property
     def path(self) -> str:
-        """Return the path of its key."""
+        """Return the path of the key that contains the condition."""
         within = ("rules", self.rule) if self.rule else ()
         return ".".join((*self.owner, *within, self.role))
 
 
 @dataclass(frozen=True, slots=True)
 class Judgement:
-    """A condition's types, and the problems in it."""
+    """The types in a condition, and the problems in it."""
 
     site: Site
     typed: Typed
     problems: tuple[Problem, ...]
 
     def python(self, wanted: Type | None) -> str:
-        """Return the condition as Python text, a number in the unit of the variable that gets it."""
+        """Return the condition as Python text.
+
+        If `wanted`, the type of the variable that gets the value, is numeric, the value is in the unit of this type.
+        """
         return lower(self.typed, wanted.unit) if wanted is not None and wanted.numeric else lower(self.typed)
 
 
@@ -148,7 +151,7 @@ class _Surveyor:
         return pattern_sites
 
     def of_adaptation(self, adaptation: Adaptation) -> list[Site | None]:
-        """Return the value that an adaptation sets a variable to, or the conditions of its hard rules."""
+        """Return the expression for the value that an adaptation sets, or the conditions of its hard rules."""
         owner, does = ("adaptation", adaptation.name), adaptation.does
         if isinstance(does, Parameter):
             return [self._site(Role.VALUE, owner, does.value, does.variable.name, Result.VALUE)]
@@ -180,7 +183,7 @@ class _Surveyor:
 
 
 def _mentions(tree: Node) -> tuple[tuple[Name, ...], tuple[Name, ...]]:
-    """Return all mentions of names, and those that read a value."""
+    """Return all mentions of names, and the mentions that read the value of the name."""
     if isinstance(tree, Name):  # as in most preconditions
         return (tree,), (tree,)
     parts = tuple(walk(tree))
@@ -206,7 +209,7 @@ def judge(site: Site, tree: Node, seen: Types, wanted: Type | None) -> Judgement
         site: the condition.
         tree: its syntax tree.
         seen: the types of the names that it can read.
-        wanted: the type of the context-variable that gets its value, if one does.
+        wanted: the type of the context-variable that gets the value of the condition, if there is one.
     """
     if isinstance(tree, Name) and site.result is Result.TRUTH:  # as most preconditions are
         declared = seen.get(tree.name)

@@ -1,8 +1,8 @@
-"""Typed conditions -> Python text over `codra_dsl.runtime.values.conditions`.
+"""Typed conditions -> Python text that uses `codra_dsl.runtime.values.conditions`.
 
-Both sides of an operator have the same unit: that of a variable if one is involved. Literals are therefore converted
-here, and nothing is converted at run time. Python binds `&` and `|` tighter than comparisons; parentheses are added
-where Python or a reader needs them.
+Both sides of a comparison are written in the same unit: the unit of a variable if one is involved. Literals are
+converted to this unit here, and not at run time. In Python, `&` and `|` bind more tightly than comparisons. Parentheses
+are added where Python or a reader needs them.
 """
 
 from __future__ import annotations
@@ -46,10 +46,11 @@ class Power(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Lowered:
-    """Python text.
+    """The Python text of an expression.
 
     Attributes:
-        constant: whether it is a plain Python literal: in an operation of two literals, one must become a term.
+        constant: whether the text is a plain Python literal. In an operation on two literals, one of them must become a
+            term.
     """
 
     text: str
@@ -61,7 +62,7 @@ class Lowered:
         return self.text if self.power >= power else f"({self.text})"
 
     def term(self) -> Lowered:
-        """Return it as a term, so that Python's operators build terms from it."""
+        """Return the expression as a term, so that Python's operators build further terms from it."""
         return Lowered(f"literal({self.text})") if self.constant else self
 
 
@@ -131,14 +132,18 @@ def _compare(typed: Typed, _: Unit) -> Lowered:
 
 def _link(operator: str, left: Typed, right: Typed) -> Lowered:
     if isinstance(right.node, Truth) and not isinstance(left.node, Truth) and operator in ("==", "!="):
-        lowered = _lower(left, ONE)  # `x == true` equals `x`, known or not, and linters prefer it
+        lowered = _lower(left, ONE)  # `x == true` equals `x`, known or not, and linters prefer `x`
         is_plain = right.node.value == (operator == "==")
         return lowered if is_plain else Lowered(f"~{lowered.term().at(Power.ATOM)}", Power.UNARY)
     return _binary(operator, left, right, _common_unit(left, right), (Power.SUM, Power.SUM, Power.COMPARE))
 
 
 def _common_unit(left: Typed, right: Typed) -> Unit:
-    """Return the unit of a comparison: seconds for an age, else that of the first side that is not a literal."""
+    """Return the unit of a comparison.
+
+    This is seconds for an age; else the unit of the first side that is not a literal, or of the first literal if both
+    sides are literals.
+    """
     if is_age(left.node) or is_age(right.node):
         return UNITS["s"]
     types = [type_ for type_ in (left.type, right.type) if type_ is not None and type_.numeric and not type_.zero]
@@ -148,7 +153,7 @@ def _common_unit(left: Typed, right: Typed) -> Unit:
 def _binary(
     operator: str, left: Typed, right: Typed, units: Unit | tuple[Unit, Unit], powers: tuple[Power, Power, Power]
 ) -> Lowered:
-    """Return an operation; `powers` are the precedences that its left and right side need, and its own."""
+    """Return an operation. `powers` are the precedence needed on its left side, that on its right side, and its own."""
     left_unit, right_unit = units if isinstance(units, tuple) else (units, units)
     first, second = _lower(left, left_unit), _lower(right, right_unit)
     first = first.term() if second.constant else first

@@ -42,12 +42,12 @@ class Type:
     """The type of an expression.
 
     Attributes:
-        unit: of a number: its unit unless another one is requested.
+        unit: the unit of a number, unless another unit is requested.
         values: the members of an enum.
-        fixed: consists of literals only: such a text fits an enum that has it as a member.
-        zero: the literal 0, which needs no unit.
-        range: of a name: both ends inclusive, in `unit`; None if it is not stated.
-        valid_for_s: of a context-variable: the maximum age of its evidence while it is known.
+        fixed: whether the expression consists of literals only. Such a text fits an enum that has it as a member.
+        zero: whether the expression is the literal 0, which needs no unit.
+        range: the range of a name, in `unit`, with both ends included; None if no range is declared.
+        valid_for_s: for a context-variable, the maximum age of its evidence while the variable is known.
     """
 
     kind: Kind
@@ -60,7 +60,7 @@ class Type:
 
     @property
     def numeric(self) -> bool:
-        """Whether it is a number."""
+        """Whether the expression is a number."""
         return self.kind in NUMERIC
 
     def __str__(self) -> str:
@@ -78,7 +78,7 @@ _SECONDS = Type(Kind.FLOAT, UNITS["s"])
 
 @dataclass(frozen=True, slots=True)
 class Typed:
-    """A part of a condition with its type and its own parts; None as type if a problem inside has been reported."""
+    """A part of a condition with its type and its own parts. The type is None if a problem inside has been reported."""
 
     node: Node
     type: Type | None
@@ -87,10 +87,11 @@ class Typed:
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """A type error in a part of a condition; `rule` names a rule of `check`.
+    """A type error in a part of a condition.
 
     Attributes:
-        suggestion: for a quoted text that is not a member: the most similar of the `candidates`.
+        rule: the name of a rule of `check`.
+        suggestion: for a quoted text that is not a member, the most similar of the `candidates`; None if there is none.
     """
 
     rule: str
@@ -102,8 +103,8 @@ class Problem:
 
 
 def declared_type(declared: ValueType, valid_for_s: float = FOREVER_S) -> Type | None:
-    """Return the declared type, or None if the declaration is invalid; equal declarations have the same object."""
-    # as two arguments, since the cache must distinguish ranges with 0 and with 0.0
+    """Return the declared type, or None if the declaration is invalid. Equal declarations give the same object."""
+    # the ends are separate arguments, since the cache must distinguish a range with 0 from one with 0.0
     low, high = declared.range if declared.range is not None else (None, None)
     return _declared_type(
         kind=declared.kind, unit_text=declared.unit, low=low, high=high, values=declared.values, valid_for_s=valid_for_s
@@ -161,7 +162,7 @@ def fit(value: Typed, wanted: Type, name: str) -> Iterator[Problem]:
     elif wanted.kind is Kind.ENUM and given.kind is Kind.ENUM:
         unknown_members = [member for member in given.values if member not in wanted.values]
         if unknown_members:
-            help = f"map them: {{{wanted.values[0]}: CONDITION, ...}}"
+            help = f"map the members to conditions: {{{wanted.values[0]}: CONDITION, ...}}"
             message = f"'{unknown_members[0]}' of {to_text(value.node)} is not a value of '{name}'"
             yield Problem("unknown-member", value.node, message, help)
     elif wanted.numeric and given.numeric:
@@ -191,8 +192,8 @@ def _conversion_help(given: Type, wanted: Type) -> str:
     if wanted.kind is Kind.BOOL:
         return f"compare the value, e.g. with {_comparisons(given)}"
     if wanted.kind is Kind.ENUM:
-        return f"map its members to conditions: {{{wanted.values[0]}: CONDITION, ...}}"
-    return f"give {wanted}, or change its type to {given.kind}"
+        return f"map the members to conditions: {{{wanted.values[0]}: CONDITION, ...}}"
+    return f"give {wanted}, or change the type of the variable to {given.kind}"
 
 
 def _comparisons(given: Type) -> str:
@@ -200,7 +201,7 @@ def _comparisons(given: Type) -> str:
 
 
 class _Inference:
-    """Type inference in one walk over a condition, from the leaves up."""
+    """Infers the types in a condition in one walk, from the leaves up."""
 
     def __init__(self, types: Types, known: bool) -> None:
         self._types = types
@@ -243,7 +244,7 @@ class _Inference:
         return Typed(node, Type(Kind.BOOL, fixed=True))
 
     def condition(self, node: Node, before: Node | None = None) -> Typed:
-        """Return a part that must be a condition; `before` is the operand before it in an `and` or `or`."""
+        """Return a part that must be a condition. `before` is the previous operand of the same `and` or `or`."""
         typed = self.infer(node)
         if typed.type is None or typed.type.kind is Kind.BOOL:
             return typed
@@ -290,13 +291,15 @@ class _Inference:
         unit = left.unit / right.unit if node.operator == "/" else left.unit * right.unit
         has_large_exponent = any(abs(exponent) > _MAX_EXPONENT for exponent in unit.dimension.exponents)
         if has_large_exponent or not 1 / _MAX_FACTOR < unit.factor < _MAX_FACTOR:
-            self.problems.append(Problem("wrong-operand", node, "the unit of this is out of bounds", "simplify it"))
+            self.problems.append(
+                Problem("wrong-operand", node, "the unit of the result is out of bounds", "simplify it")
+            )
             return None
         is_int = node.operator == "*" and left.kind is right.kind is Kind.INT
         return Type(Kind.INT if is_int else Kind.FLOAT, unit, fixed=left.fixed and right.fixed)
 
     def _common(self, values: tuple[Typed, ...]) -> Type | None:
-        """Return the common type of values that are added, compared or chosen from; None if they don't match."""
+        """Return the common type of values that are added, compared or chosen from; None if they do not match."""
         for left, right in pairwise(values):
             if not self._go_together(left, right):
                 return None
@@ -356,10 +359,10 @@ class _Inference:
         return Typed(node, BOOL, tuple(operands))
 
     def _side(self, node: Node) -> Typed:
-        """Return one side of a comparison: the only place where an age is allowed.
+        """Return one side of a comparison, which is the only place where an age is allowed.
 
-        An age is one complete side of an ordering comparison, so that the runtime can compute the instant at which the
-        comparison changes its result.
+        An age must be one complete side of an ordering comparison. Then the runtime can compute the instant at which
+        the result of the comparison changes.
         """
         return self._known_or_age(node, _SECONDS) if is_age(node) and isinstance(node, Call) else self.infer(node)
 
@@ -406,7 +409,7 @@ class _Inference:
         """Return a call of `known` or `age`, which are only allowed in conditions over context."""
         if not self._known:
             message = f"{node.function}() is about context-variables, which cannot be read here"
-            help = "use it in 'observable_when'; an absent returned value makes its condition unknown by itself"
+            help = "use it in 'observable_when'; a condition is unknown anyway if a returned value in it is absent"
             self._report("misplaced-known", Typed(node, None), message, help)
         return Typed(node, result if self._known or node.function == "known" else None)
 

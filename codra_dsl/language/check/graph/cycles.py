@@ -1,8 +1,8 @@
-"""Phase 4: every variable can become known, even if its observers need each other.
+"""Rules of phase 4: every variable can become known, even if observers need each other.
 
 The variables that can become known are the least fixed point of this rule: a variable is reached if one of its
 algorithms can run while every variable that is not yet reached is unknown. The remaining variables wait, directly or
-through others, on a cycle. The finding shows the complete cycle.
+through others, for the variables of a cycle. The finding shows the complete cycle.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from codra_dsl.language.expression import And, Name, Node, names_in, spelt_out
 from codra_dsl.language.model import Algorithm, Condition
 
 MAX_COMBINED = 8
-"""If one condition reads more unknown names than this, it counts as waiting for each of them."""
+"""The maximum number of unknown names in one condition. With more, the condition counts as waiting for each of them."""
 
 MAX_WAITING = 5
 """The maximum number of waiting algorithms in a finding about an algorithm that never runs."""
@@ -64,7 +64,7 @@ def feedback(scope: SpecIndex) -> Mapping[str, tuple[str, ...]]:
 
 
 def _without_ends(needs: Mapping[str, Sequence[str]]) -> Mapping[str, Sequence[str]]:
-    """Return a graph without the names that need no remaining name: they are on no cycle."""
+    """Return a graph without the names that are on no cycle, since they need no name that remains in the graph."""
     open_needs = {name: sum(need in needs for need in wanted) for name, wanted in needs.items()}
     users: dict[str, list[str]] = {}
     for name, wanted in needs.items():
@@ -87,20 +87,20 @@ GRAPH = (cycles,)
 
 @dataclass(frozen=True, slots=True)
 class _Requirement:
-    """A requirement before an algorithm starts: conditions, judged together, or a known value that it is given."""
+    """A requirement before an algorithm starts: conditions that are judged together, or a `given` name to be known."""
 
     conditions: tuple[Node, ...]
     given: str | None = None
 
     @property
     def names(self) -> frozenset[str]:
-        """Return the names that it reads."""
+        """Return the names that the requirement reads."""
         condition_names = frozenset(name.name for condition in self.conditions for name in names_in(condition))
         return condition_names if self.given is None else condition_names | {self.given}
 
 
 def _requirements(scope: SpecIndex, algorithm: Algorithm) -> Iterator[_Requirement]:
-    """Yield an algorithm's requirements one by one; each part of an `and` is one.
+    """Yield the requirements of an algorithm. Each part of an `and` is a separate requirement.
 
     Conditions with a reported problem are left out.
     """
@@ -119,7 +119,7 @@ def _sound_conditions(scope: SpecIndex, algorithm: Algorithm) -> Iterator[tuple[
 
 
 class _Search:
-    """The fixed point as it grows: which variables are reached and which algorithms are still blocked."""
+    """The growing fixed point: the variables that are reached, and the algorithms that are still blocked."""
 
     def __init__(self, scope: SpecIndex, faults: Silenced) -> None:
         self._scope = scope
@@ -132,13 +132,13 @@ class _Search:
         self.blocked: dict[str, Algorithm] = {}
 
     def _from_elsewhere(self, name: str) -> bool:
-        """Return whether something else than its algorithms may write a variable, or this cannot be decided."""
+        """Return whether a variable may have writers other than its algorithms, or this cannot be decided."""
         others = any(source.name != OBSERVER for source in self._scope.variables[name].sources)
         sound = self._faults.sound("context", name) and self._scope.readable("context", name, "source")
         return others or name not in self._scope.producers or not sound
 
     def run(self, names: Iterable[str]) -> None:
-        """Judge algorithms, then again the readers of newly reached variables, until nothing changes."""
+        """Judge algorithms. Then judge the readers of newly reached variables again, until nothing changes."""
         waiting = list(names)[::-1]
         while waiting:
             name = waiting.pop()
@@ -150,17 +150,17 @@ class _Search:
                 self.blocked[name] = algorithm
 
     def reach(self, names: Iterable[str]) -> None:
-        """Mark variables as reached, so that the search continues behind a reported cycle."""
+        """Mark variables as reached, so that the search continues after a reported cycle."""
         self.run(self._newly_possible(names))
 
     def let_run(self, names: Iterable[str]) -> None:
-        """Mark algorithms as running, so that the search continues behind a reported problem."""
+        """Mark algorithms as running, so that the search continues after a reported problem."""
         for name in names:
             algorithm = self.blocked.pop(name)
             self.reach([entry.variable.name for entry in algorithm.identifies])
 
     def could_run(self, name: str) -> bool:
-        """Return whether an algorithm could run if everything were reached."""
+        """Return whether an algorithm could run if all variables were reached."""
         return _holds(self._scope, tuple(_requirements(self._scope, self.blocked[name])), frozenset())
 
     def waits(self) -> Mapping[str, tuple[str, ...]]:
@@ -174,7 +174,7 @@ class _Search:
         return {name: tuple(dict.fromkeys(needs)) for name, needs in waits.items()}
 
     def blocking(self, algorithm: Algorithm) -> tuple[str, ...]:
-        """Return the variables that keep an algorithm from running: with some of them reached, it could."""
+        """Return the variables that keep an algorithm from running: if some of them were reached, it could run."""
         requirements = tuple(_requirements(self._scope, algorithm))
         unknown = self._unknown(algorithm)
         failing = [requirement for requirement in requirements if not _holds(self._scope, (requirement,), unknown)]
@@ -204,7 +204,7 @@ class _Search:
         return frozenset(name for name in needs if name not in self._reached and name in declared)
 
     def _newly_possible(self, names: Iterable[str]) -> list[str]:
-        """Reach variables and return the blocked algorithms that read one of them for the first time."""
+        """Mark variables as reached, and return the blocked algorithms that read a newly reached variable."""
         new = [name for name in names if name not in self._reached]
         self._reached.update(new)
         readers = dict.fromkeys(reader for name in new for reader in self._readers.get(name, ()))
@@ -244,7 +244,7 @@ def _cycle(scope: SpecIndex, search: _Search, path: tuple[str, ...]) -> Diagnost
     if len(path) == 1:
         message = f"context-variable '{path[0]}' waits for itself: {cycle_text}"
         example = f"not known({path[0]}) or age({path[0]}) > 10 s"
-        help = f"identify it with an algorithm that does not wait for it, e.g. when '{example}'"
+        help = f"identify it with an algorithm that does not wait for it, e.g. with the condition '{example}'"
     else:
         message = f"context-variables wait for each other: {cycle_text}"
         help = "identify one of them without the others, or name another writer of it under 'source'"
@@ -259,7 +259,7 @@ def _cycle(scope: SpecIndex, search: _Search, path: tuple[str, ...]) -> Diagnost
 
 
 def _edge(scope: SpecIndex, search: _Search, name: str, need: str) -> Related:
-    """Return why a variable waits for another, and the place of the cause."""
+    """Return the reason why a variable waits for another one, with the place of the cause."""
     algorithms = [scope.algorithms[producer] for producer in scope.producers[name]]
     algorithm = next(producer for producer in algorithms if need in search.blocking(producer))
     place, reason = _place_of_need(algorithm, need)

@@ -1,4 +1,4 @@
-"""Phase 2: every context-variable has a source, and each tree consists of algorithms that fit together."""
+"""Rules of phase 2: every context-variable has a source, and each tree consists of algorithms that fit together."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def unidentified_variables(scope: SpecIndex, faults: Silenced) -> Iterator[Diagn
     undeclared_names = [name for name in scope.producers if not scope.declares("context", name)]
     for variable in scope.variables.values():
         name = variable.name
-        # an unknown name may be intended for it
+        # an undeclared name that an algorithm identifies may be meant as this variable
         if name in unidentified_names and len(unidentified_names) <= len(undeclared_names):
             continue
         observer_sources = [source for source in variable.sources if source.name == OBSERVER]
@@ -33,7 +33,7 @@ def unidentified_variables(scope: SpecIndex, faults: Silenced) -> Iterator[Diagn
         ):
             continue
         if other_count:
-            message = f"source 'observer' of context-variable '{name}', which no algorithm identifies"
+            message = f"context-variable '{name}' has the source 'observer', but no algorithm identifies it"
             place, help = observer_sources[0].place, "remove 'observer', or add an algorithm that identifies it"
         else:
             message = f"nothing identifies context-variable '{name}'"
@@ -93,12 +93,12 @@ def incomplete_first_alternative(scope: SpecIndex, _: Silenced) -> Iterator[Diag
                 first.places.get("identifies", first.place),
                 path=f"perception.{first.name}.identifies",
                 help=f"identify '{missing}' here too, or in an algorithm that shares no variable with this one",
-                related=(Related(f"algorithm '{other.name}' does", _identified(other, missing).place),),
+                related=(Related(f"algorithm '{other.name}' identifies it", _identified(other, missing).place),),
             )
 
 
 def observers_without_algorithm(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
-    """`observers` names only variables that an algorithm identifies."""
+    """The entries under `observers` contain only variables that an algorithm identifies."""
     if scope.lost("perception", "identifies"):
         return
     for setting in scope.spec.observers:
@@ -108,12 +108,12 @@ def observers_without_algorithm(scope: SpecIndex, faults: Silenced) -> Iterator[
                 continue
             if any(source.name != OBSERVER for source in variable.sources):
                 message = f"'{reference.name}' in observer '{setting.name}' has no algorithm that identifies it"
-                path, help = _path(setting), "remove it: an observer identifies by algorithms"
+                path, help = _path(setting), "remove it: observers use only algorithms"
                 yield finding("observer-without-algorithm", message, reference.place, path=path, help=help)
 
 
 def variables_in_two_observers(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
-    """Each variable is in one observer at most, since a tree has one name, period and priority."""
+    """Each variable is in at most one observer, since a tree has one name, period and priority."""
     for setting in scope.spec.observers:
         reported: set[str] = set()
         for reference in setting.identifies:
@@ -121,7 +121,7 @@ def variables_in_two_observers(scope: SpecIndex, _: Silenced) -> Iterator[Diagno
             if owner.name != setting.name and owner.name not in reported:
                 reported.add(owner.name)
                 message = f"'{reference.name}' in observer '{setting.name}' is also in observer '{owner.name}'"
-                help = "name it in one of them"
+                help = f"keep '{reference.name}' in only one of the two observers"
                 related = (Related(f"in observer '{owner.name}'", first.place),)
                 yield finding(
                     "variable-in-two-observers",
@@ -144,7 +144,7 @@ def observers_that_mix(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnosti
 
 
 def observers_that_split(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
-    """An observer names all variables of its tree."""
+    """The entry of an observer contains all variables of its tree."""
     for setting in scope.spec.observers:
         groups = _groups(scope, setting)
         if not _in_order(scope, faults, setting, groups) or any(
@@ -178,7 +178,7 @@ def observer_names_taken(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
                 message,
                 setting.place,
                 path=f"observers.{setting.name}",
-                help="choose another name, or name that tree in 'observers' as well",
+                help="choose another name, or give that tree a name under 'observers' as well",
                 related=(Related("the algorithm", other.place),),
             )
 
@@ -206,7 +206,7 @@ def _tie(group: Group, tied_algorithms: list[Algorithm], rank: int) -> Diagnosti
         f"algorithms {names_text} are alternatives for '{shared}' and share rank {rank}",
         second.places.get("rank", second.place),
         path=f"perception.{second.name}.rank",
-        help="give each a 'rank' of its own: the smallest is tried first",
+        help="give each of them a different 'rank': the algorithm with the smallest rank is tried first",
         related=tuple(
             Related(f"algorithm '{algorithm.name}'", algorithm.places.get("rank", algorithm.place))
             for algorithm in (first, *rest)
@@ -223,7 +223,7 @@ def _mixed(setting: ObserverSetting, first: Group, other: Group) -> Diagnostic:
         f"observer '{setting.name}' joins algorithms '{one.name}' and '{two.name}', {reason}",
         setting.places.get("identifies", setting.place),
         path=_path(setting),
-        help="declare an observer for each, or give both the same 'observable_when' and 'given'",
+        help="declare a separate observer for each, or give both the same 'observable_when' and 'given'",
         related=tuple(Related(f"algorithm '{algorithm.name}'", algorithm.place) for algorithm in (one, two)),
     )
 
@@ -231,14 +231,14 @@ def _mixed(setting: ObserverSetting, first: Group, other: Group) -> Diagnostic:
 def _split(scope: SpecIndex, setting: ObserverSetting, group: Group, missing: str) -> Diagnostic:
     algorithm = next(candidate for candidate in group.algorithms if _has(candidate, missing))
     owner = scope.claims[missing][0].name if missing in scope.claims else None
-    where = "" if owner is None else f", which observer '{owner}' names"
+    where = "" if owner is None else f"; it is in observer '{owner}'"
     message = f"observer '{setting.name}' leaves out '{missing}', which algorithm '{algorithm.name}' identifies as well"
     return finding(
         "observer-splits-tree",
         message + where,
         setting.places.get("identifies", setting.place),
         path=_path(setting),
-        help=f"add '{missing}': an observer names all variables of its tree",
+        help=f"add '{missing}': an observer contains all variables of its tree",
         related=(Related("identified here", _identified(algorithm, missing).place),),
     )
 
@@ -256,13 +256,13 @@ def _identified(algorithm: Algorithm, name: str) -> Reference:
 
 
 def _groups(scope: SpecIndex, setting: ObserverSetting) -> tuple[Group, ...]:
-    """Return the groups whose variables an observer names, in its order."""
+    """Return the groups whose variables an observer contains, in the order of these variables."""
     groups = (scope.group_of.get(reference.name) for reference in setting.identifies)
     return tuple(dict.fromkeys(group for group in groups if group is not None))
 
 
 def _declared(scope: SpecIndex, group: Group) -> bool:
-    """Return whether all variables of a group are declared; if not, it may not be the intended group."""
+    """Return whether all variables of a group are declared; if not, the group may not be the intended one."""
     return all(scope.declares("context", name) for name in group.variables)
 
 

@@ -1,1 +1,1 @@
-"""Lookup tables over a specification that all checks share, and the rules they report."""
+"""The lookup tables of a specification, which all checks share, and the rules that the checks report."""

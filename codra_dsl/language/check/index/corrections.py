@@ -32,10 +32,10 @@ from codra_dsl.language.model import (
 )
 
 Owner = str | tuple[str]
-"""The owner of declared names: a section, or, for returned values, the algorithm alone in a tuple."""
+"""The owner of declared names: a section or, for returned values, a tuple with only the name of the algorithm."""
 
 Names = Mapping[str, str]
-"""The intended names, by the written ones."""
+"""The intended name for each misspelt name."""
 
 Declared = TypeVar("Declared", Variable, Resource, Agent, Returned)
 Typed = TypeVar("Typed", Variable, Returned)
@@ -45,12 +45,12 @@ _NONE: Names = {}
 
 @dataclass(frozen=True)
 class Corrections:
-    """The intended names of misspelt ones, collected while findings are made.
+    """The intended names for misspelt names. The checks collect them while they run.
 
     Attributes:
-        declared: by owner, the corrected names of declarations.
-        used: by owner, the corrected names of references to declarations.
-        members: by owner and name, the intended members of an enum.
+        declared: for each owner, the intended names for misspelt names of declarations.
+        used: for each owner, the intended names for misspelt names in references to declarations.
+        members: for each enum with a wrong member, the intended members. The key is the owner and the name of the enum.
     """
 
     declared: dict[Owner, dict[str, str]] = field(default_factory=dict)
@@ -71,12 +71,12 @@ class Corrections:
 
 
 def apply_corrections(spec: Spec, corrections: Corrections) -> Spec:
-    """Return a spec with the intended names instead of the misspelt ones; places stay."""
+    """Return a spec with the intended names instead of the misspelt names. All places stay the same."""
     return _Corrector(corrections).spec(spec)
 
 
 class _Corrector:
-    """Corrects names, element by element; an element without a misspelt name stays as it is."""
+    """Corrects names, element by element. An element without a misspelt name stays as it is."""
 
     def __init__(self, corrections: Corrections) -> None:
         self._corrections = corrections
@@ -104,7 +104,7 @@ class _Corrector:
         return section, self._corrections.declared.get(section, _NONE).get(name, name)
 
     def _keys(self, key: tuple[str, str], keys: frozenset[str]) -> frozenset[str]:
-        """Return which keys of an element are damaged, with the intended names of returned values."""
+        """Return the damaged keys of an element. Keys of returned values contain the intended names."""
         returned = self._corrections.declared.get((key[1],), _NONE) if key[0] == "perception" else _NONE
         return frozenset(f"returns.{returned[key[8:]]}" if key[8:] in returned else key for key in keys)
 
@@ -220,14 +220,14 @@ def _condition(condition: Condition, names: Names) -> Condition:
 
 
 def _renamed(node: Node, names: Names) -> Node:
-    """Return a syntax tree with other names; the positions of its parts stay."""
+    """Return a syntax tree with the intended names. The positions of its nodes stay the same."""
     if isinstance(node, Name):
         return replace(node, name=names.get(node.name, node.name))
     return replace(node, **{part.name: _all_renamed(getattr(node, part.name), names) for part in fields(node)})
 
 
 def _all_renamed(value: Any, names: Names) -> Any:
-    """Return the value of a field of a syntax tree, with other names in the trees in it."""
+    """Return the value of a field of a node, with the intended names in all nodes that the value contains."""
     if isinstance(value, tuple):
         return tuple(_all_renamed(part, names) for part in value)
     return _renamed(value, names) if isinstance(value, Node) else value

@@ -1,4 +1,7 @@
-"""Fixes of names and members, where the intended one is clear and the file contains the wrong one literally."""
+"""Fixes of wrong names and members.
+
+There is a fix only if the intended word is clear, and the file contains the wrong word literally.
+"""
 
 from __future__ import annotations
 
@@ -14,24 +17,27 @@ _PLAIN_MEMBER = re.compile(r"[A-Za-z0-9_.-]+(?: [A-Za-z0-9_.-]+)*")
 def renaming(
     name: str, intended: str, candidates: Iterable[str], places: Sequence[Place], mentioned: frozenset[str]
 ) -> Fix | None:
-    """Return the fix of a misspelt name at all its places; None if a template or an escape produces it.
+    """Return the fix of a misspelt name at all its places.
 
-    The fix is safe if the name occurs once, can mean only one candidate, and that candidate is `mentioned` elsewhere as
-    it is declared. Otherwise the declaration may be the misspelt one.
+    Return None if, at one of these places, the name comes from a template or is written with an escape sequence.
+
+    The fix is safe under three conditions: the name occurs once; it can mean only one candidate; and `mentioned`, the
+    names that other elements refer to, contains this candidate. Otherwise the declaration may be misspelt instead.
     """
     safe = len(places) == 1 and intended in mentioned and surely_means(name, intended, candidates)
     return _replacing(name, intended, places, safe=safe)
 
 
 def truth(name: str, intended: str, places: Sequence[Place]) -> Fix | None:
-    """Return the fix that writes `true` or `false` instead of a word with that meaning in YAML 1.1."""
+    """Return the fix that writes `true` or `false` instead of a word that means the same in YAML 1.1."""
     return _replacing(name, intended, places, safe=True)
 
 
 def quoting(name: str, place: Place, condition: Condition) -> Fix | None:
     """Return the fix that puts quotes around a member.
 
-    Return None if the whole condition is quoted, and at its beginning: YAML would read the quotes as its own.
+    Return None if the whole condition is quoted, or if the member is at the beginning of the condition: YAML would read
+    the new quotes as quotes around the whole text.
     """
     start = condition.place.span
     first = condition.place_between(0, 1).span

@@ -35,7 +35,7 @@ from codra_dsl.language.units import UNITS
 _METRES = Type(Kind.FLOAT, UNITS["m"], range=(0.0, math.inf))
 
 STATES = frozenset(state.value for state in TaskState)
-"""The states of a task, which are labels of its edge; no declared edge has such a name."""
+"""The states of a task. They are the labels of the task's edge. No declared edge has a state as its name."""
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -44,7 +44,7 @@ class KnowledgeElement:
 
     Attributes:
         section: `context`, `types`, `edges` or `tasks`.
-        attribute: of a type or an edge; empty for the type or edge itself.
+        attribute: the name of an attribute of a type or an edge; empty if the element is not an attribute.
     """
 
     section: str
@@ -52,7 +52,7 @@ class KnowledgeElement:
     attribute: str = ""
 
     def __str__(self) -> str:
-        """Return its name in messages."""
+        """Return the name of the element in messages."""
         noun = {"context": "context-variable", "types": "type", "edges": "edge", "tasks": "task"}[self.section]
         return f"{noun} '{self.name}'" if not self.attribute else f"attribute '{self.name}.{self.attribute}'"
 
@@ -67,7 +67,10 @@ class End:
 
 @dataclass(frozen=True)
 class DeclaredGraph:
-    """The knowledge of a spec in tables. If a name is declared twice, which `load` reports, the first one counts."""
+    """The knowledge of a spec in tables.
+
+    If a name is declared twice, which `load` reports, the tables contain the first element.
+    """
 
     spec: Spec
 
@@ -98,12 +101,12 @@ class DeclaredGraph:
 
     @cached_property
     def variables(self) -> Mapping[str, Variable]:
-        """The context-variables that are attributes of nodes, by name: all except those that follow from poses."""
+        """The context-variables that are attributes of nodes, by name: all except those computed from poses."""
         return _by_name(variable for variable in self.spec.context if variable.pose_condition is None)
 
     @cached_property
     def type_names(self) -> frozenset[str]:
-        """The names of all types: declared ones, those that only nodes name, and the type of tasks."""
+        """The names of all types: declared types, undeclared types of nodes, and the type of tasks."""
         return frozenset((*self.types, *(node.type.name for node in self.spec.nodes), TASK_TYPE))
 
     @cached_property
@@ -130,7 +133,7 @@ class DeclaredGraph:
         return TASK_TYPE if node in self.tasks else node
 
     def end(self, name: str) -> End:
-        """Return the meaning of a name at an end of an edge: a node if there is one, else a type."""
+        """Return the meaning of a name at an end of an edge: the node with this name if there is one, else a type."""
         return End(name, name in self.node_names)
 
     def fits(self, term: NodeTerm, end: End) -> bool:
@@ -149,13 +152,16 @@ class DeclaredGraph:
         return len(kinds) < 2
 
     def edges_named(self, word: str) -> tuple[EdgeType, ...]:
-        """Return the edges that a word in a pattern names: the edge of that name, else all edges with that label."""
+        """Return the edges that a word in a pattern refers to.
+
+        This is the edge with this name or, if there is none, all edges with this label.
+        """
         if word in self.edges:
             return (self.edges[word],)
         return tuple(edge for edge in self.edges.values() if edge.label == word)
 
     def edges_between(self, origin: NodeTerm, word: str, target: NodeTerm) -> tuple[EdgeType, ...]:
-        """Return the edges that a word names and that can lead from `origin` to `target`."""
+        """Return the edges that a word refers to and that can lead from `origin` to `target`."""
         return tuple(edge for edge in self.edges_named(word) if self.leads(edge, origin, target))
 
     def leads(self, edge: EdgeType, origin: NodeTerm, target: NodeTerm) -> bool:
@@ -165,7 +171,9 @@ class DeclaredGraph:
         )
 
     def climb(self, name: str, until: frozenset[NodeTerm] = frozenset()) -> tuple[frozenset[NodeTerm], frozenset[str]]:
-        """Return all possible ancestor frames of a node, including itself, and the edges with poses on the way.
+        """Return all possible ancestor frames of a node, and the names of the edges with poses that lead to them.
+
+        The node itself is one of the frames.
 
         The search stops at the frames in `until`.
         """
@@ -181,25 +189,26 @@ class DeclaredGraph:
         return frozenset(terms), frozenset(edges)
 
     def _above(self, term: NodeTerm) -> tuple[EdgeType, ...]:
-        """Return the edges with poses that may end at a term."""
+        """Return the edges with poses that may lead to a node that the term can mean."""
         rigid = (edge for edge in self.edges.values() if is_rigid(edge))
         return tuple(edge for edge in rigid if any(self.fits(term, self.end(target.name)) for target in edge.targets))
 
     def may_meet(self, one: str, other: str) -> bool:
-        """Return whether the relative pose of two nodes may be known: whether they may have a common ancestor frame."""
+        """Return whether the relative pose of two nodes may be known: the nodes may have a common ancestor frame."""
         first, second = self.climb(one)[0], self.climb(other)[0]
         return any(self.may_be(frame, another) for frame in first for another in second)
 
     def between(self, one: str, other: str) -> tuple[str, ...]:
         """Return the edges that may contribute to the relative pose of two nodes, in file order.
 
-        Edges above a frame that contains both nodes in every case are left out, since they move both together.
+        If a frame contains both nodes in every case, the edges above this frame are left out, since they move both
+        nodes together.
         """
         edges = self.climb(one, self._always_in(other))[1] | self.climb(other, self._always_in(one))[1]
         return tuple(name for name in self.edges if name in edges)
 
     def _always_in(self, name: str) -> frozenset[NodeTerm]:
-        """Return the single nodes, including itself, that are on every path from a node to a root frame."""
+        """Return the single nodes on every path from a node to a root frame, including the node itself."""
         frames = self.climb(name)[0]
         roots = {frame for frame in frames if not self._above(frame)}
         nodes = (frame for frame in frames if frame.name)
@@ -211,13 +220,16 @@ class DeclaredGraph:
         return NodeTerm(start=0, end=0, name=name if is_node else "", type="" if is_node else name)
 
     def task_of(self, origin: NodeTerm, word: str, target: NodeTerm) -> Task | None:
-        """Return the task whose edge a step of a path is about; None if it is another edge."""
+        """Return the task whose edge a step of a path refers to; None if the step refers to another edge."""
         task = self.tasks.get(target.name)
         is_step = task is not None and word in STATES
         return task if is_step and task is not None and origin.name in (task.origin.name, "") else None
 
     def starts_with(self, edge: EdgeType) -> bool:
-        """Return whether an edge exists from the start: between single nodes, and with a pose or without a writer."""
+        """Return whether an edge exists from the start.
+
+        It does if it leads from one single node to another, and has a pose or no writer.
+        """
         single = all(self.end(end.name).is_node for end in (*edge.origins, *edge.targets))
         alone = len(edge.origins) == len(edge.targets) == 1
         return single and alone and (edge.pose is not None or not self.writers(KnowledgeElement("edges", edge.name)))
@@ -238,7 +250,7 @@ class DeclaredGraph:
         return attributes
 
     def read(self, name: str) -> KnowledgeElement | None:
-        """Return what a name in a condition reads; None if it is unknown, or computed from poses."""
+        """Return the element that a name in a condition reads; None if the name is unknown, or if it reads poses."""
         function, first, second = reads_of(name)
         if function:
             return None
@@ -284,7 +296,7 @@ class DeclaredGraph:
         return None if entry is None else entry[0]
 
     def elements(self) -> Iterator[KnowledgeElement]:
-        """Yield everything that can have writers, in file order."""
+        """Yield all variables, then all types and edges with their attributes, each section in file order."""
         yield from (KnowledgeElement("context", name) for name in self.variables)
         for kind in self.spec.types:
             yield KnowledgeElement("types", kind.name)
@@ -295,7 +307,7 @@ class DeclaredGraph:
 
     @cached_property
     def _claims(self) -> Mapping[KnowledgeElement, tuple[Writer, ...]]:
-        """The agents that name an element under `owns`, by element."""
+        """For each element, the agents that list it under `owns`."""
         claims: dict[KnowledgeElement, tuple[Writer, ...]] = {}
         for agent in self.spec.agents:
             for reference in agent.conduct.owns:
@@ -305,7 +317,7 @@ class DeclaredGraph:
         return claims
 
     def writers(self, element: KnowledgeElement) -> tuple[Writer, ...]:
-        """Return the writers of an element, each once: those of its declaration, then those with `owns`."""
+        """Return the writers of an element, each once: those in its declaration, then those that list it in `owns`."""
         owners = self._claims.get(element, ())
         stated_writers = self._stated_writers(element)
         names = {writer.name for writer in stated_writers}
@@ -333,7 +345,7 @@ class DeclaredGraph:
 
     @cached_property
     def owned(self) -> Mapping[str, tuple[KnowledgeElement, ...]]:
-        """By the name of each writer, the elements that it may write, in file order."""
+        """For each writer, by name, the elements that the writer may write, in the order of `elements`."""
         elements_of_writers: dict[str, dict[KnowledgeElement, None]] = {}
         for element in self.elements():
             for writer in self.writers(element):
@@ -357,7 +369,7 @@ class DeclaredGraph:
         declaration = tables[element.section].get(element.name)
         if declaration is not None:
             return declaration.place
-        # only nodes name this type
+        # the type is not declared, but a node has it
         return next(node.place for node in self.spec.nodes if node.type.name == element.name)
 
     def is_there(self, path: Path) -> bool:
@@ -372,7 +384,7 @@ class DeclaredGraph:
 
 
 def is_rigid(edge: EdgeType) -> bool:
-    """Return whether the poses of an edge are rigid motions."""
+    """Return whether an edge holds poses, which are rigid motions."""
     return edge.label == RT
 
 

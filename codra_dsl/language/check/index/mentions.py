@@ -18,8 +18,8 @@ class Mention:
     """A use of a name.
 
     Attributes:
-        user: the using element, as messages name it.
-        site: the condition that contains it, if it occurs in one.
+        user: the element that uses the name, as messages show it.
+        site: the condition that contains the name; None if the name is not in a condition.
     """
 
     name: str
@@ -60,7 +60,7 @@ def resource_mentions(scope: SpecIndex) -> Iterator[Mention]:
 
 
 def source_mentions(scope: SpecIndex) -> Iterator[Mention]:
-    """Yield every source that must be an agent."""
+    """Yield every mention of a source, executor or requester that must be an agent."""
     for variable in scope.spec.context:
         for source in variable.sources if variable.pose_condition is None else ():
             if source.name not in (OBSERVER, MAIN_EXECUTION):
@@ -76,7 +76,7 @@ def source_mentions(scope: SpecIndex) -> Iterator[Mention]:
 
 
 def _writers(scope: SpecIndex) -> Iterator[tuple[Writer, str, str]]:
-    """Yield the writers of knowledge that are named under `source`, with the element's section and name."""
+    """Yield the writers under `source` of knowledge elements, each with the element's section and name."""
     elements = (("types", scope.spec.types), ("edges", scope.spec.edges))
     for section, element in ((section, element) for section, several in elements for element in several):
         yield from ((writer, section, element.name) for writer in element.sources)
@@ -93,7 +93,7 @@ def used_variables(scope: SpecIndex) -> Iterator[str]:
 
 
 def mentions_in_preconditions(scope: SpecIndex) -> Iterator[Mention]:
-    """Yield every name in a condition over context that is not a context-variable, without names with parts."""
+    """Yield every undeclared name in a condition over context, except names with several parts, such as `a.b`."""
     for site in scope.sites:
         if site.role in OVER_CONTEXT:
             names = [name for name in site.names if not scope.declares("context", name.name) and is_name(name.name)]
@@ -101,13 +101,13 @@ def mentions_in_preconditions(scope: SpecIndex) -> Iterator[Mention]:
 
 
 def mentions_of(site: Site, names: Iterable[Name]) -> Iterator[Mention]:
-    """Yield names of a condition as mentions."""
+    """Yield a mention for each of these names in a condition."""
     for name in names:
         yield Mention(name.name, site.condition.place_of(name), user_of(*site.owner), site.path, site)
 
 
 def mention_of(reference: Reference | Writer, section: str, element: str, key: str) -> Mention:
-    """Return a name that an element has under a key as a mention."""
+    """Return the mention of a name that is written under a key of an element."""
     group = "knowledge." if section in UNDER_KNOWLEDGE else ""
     return Mention(reference.name, reference.place, user_of(section, element), f"{group}{section}.{element}.{key}")
 
@@ -118,7 +118,7 @@ def user_of(section: str, element: str) -> str:
 
 
 def unknown_mentions(scope: SpecIndex, section: str, mentions: Iterable[Mention]) -> Iterator[list[Mention]]:
-    """Yield the mentions of each name that a section does not declare, in the order of their places."""
+    """For each name that a section does not declare, yield the list of its mentions, in the order of their places."""
     groups: dict[str, list[Mention]] = {}
     for mention in mentions:
         if not scope.declares(section, mention.name):

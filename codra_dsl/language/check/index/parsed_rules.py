@@ -1,7 +1,7 @@
 """The parsed fuzzy rules of a spec, and the terms that they can use.
 
-Fuzzy rules are parsed in `check`, where their variables and terms are known, by the parser of FLL. Characters of a rule
-keep their places in the spec, so that findings of the parser point into it.
+`check` parses the fuzzy rules, because it knows their variables and terms. It uses the parser of FLL. Each character of
+a rule keeps its place in the spec, so that findings of the parser point into the spec.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ class ParsedRules:
 
     @cached_property
     def rules(self) -> Mapping[tuple[str, str], tuple[ParsedRule, ...]]:
-        """The rules of each metric and action, by section and name."""
+        """The rules of each metric and action. The key is the section and the name."""
         return {
             (section, output.name): tuple(self._read(section, output, phrase) for phrase in output.rules)
             for section, output in self.outputs
@@ -92,13 +92,16 @@ class ParsedRules:
         return not any(rule.problems for rules in self.rules.values() for rule in rules)
 
     def followed(self, names: Iterable[str]) -> frozenset[str]:
-        """Return these names and all that the rules read; for a rate also the variable that it is computed from."""
+        """Return these names and all names that the rules read.
+
+        If one of them is a rate, the variable whose rate it is belongs to the result too.
+        """
         names_read = {*names, *(name for key in self.rules for name in self.named(*key))}
         rates = (self.variables[name].rate for name in names_read if name in self.variables)
         return frozenset(names_read | {rate.of.name for rate in rates if rate is not None})
 
     def seen(self, section: str) -> Iterator[Variable]:
-        """Yield the variables for rules of metrics, or of actions: context, courses, and for actions also metrics."""
+        """Yield the variables that rules of a section can read: context, courses and, for actions, metrics."""
         for variable in self._spec.context:
             is_share = variable.is_derived and variable.type.kind is Kind.FLOAT
             if not is_share or (section == "actions" and variable.name in self.metrics):
@@ -135,7 +138,7 @@ class ParsedRules:
 
 
 def members(variable: Variable) -> tuple[str, ...]:
-    """Return the values that count as 0, 1, ... in rules; none for numbers and texts."""
+    """Return the values that rules treat as the numbers 0, 1, ..., in this order; none for numbers and texts."""
     return ("false", "true") if variable.type.kind is Kind.BOOL else variable.type.values
 
 
@@ -155,6 +158,6 @@ def defuzzifier_of(output: Output) -> Defuzzification:
 
 
 def range_of(variable: Variable) -> tuple[float, float] | None:
-    """Return the range of a variable as numbers; None if it states none."""
+    """Return the range of a variable as numbers; None if the variable declares no range."""
     count = len(members(variable))
     return (0.0, float(count - 1)) if count else variable.type.range

@@ -49,10 +49,10 @@ MAIN_EXECUTION = "main_execution"
 OBSERVER = "observer"
 
 UNDER_KNOWLEDGE = frozenset({"types", "nodes", "edges", "tasks"})
-"""The sections inside `knowledge`; the paths of their findings begin with it."""
+"""The sections inside `knowledge`. The paths of findings about them begin with `knowledge`."""
 
 MAX_SUGGESTIONS = 25
-"""The maximum number of unknown names that are compared with all others; further ones get no suggestion."""
+"""The maximum number of unknown names for which a similar name is searched. Further unknown names get no suggestion."""
 
 TYPE_KEYS = ("type", "unit", "values")
 """The keys that define the type of a variable or returned value."""
@@ -63,11 +63,11 @@ NEED_KEYS = ("observable_when", "given")
 
 @dataclass(frozen=True, slots=True)
 class Silenced:
-    """The errors of earlier phases; later phases report nothing more about these elements.
+    """The elements with errors in earlier phases. Later phases report nothing more about these elements.
 
     Attributes:
-        elements: (section, name) of elements with an error.
-        suggested: the context-variables suggested for unknown names: they count as used and as identified.
+        elements: the section and the name of each element with an error.
+        suggested: the context-variables suggested for unknown names. Checks treat them as used and as identified.
     """
 
     elements: frozenset[tuple[str, str]] = frozenset()
@@ -80,11 +80,11 @@ class Silenced:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Group:
-    """Algorithms that share variables, directly or through others: alternatives in one tree.
+    """Algorithms that identify common variables, directly or through others: they are alternatives in one tree.
 
     Attributes:
-        algorithms: by rank, then name.
-        variables: the variables that they identify, in their order.
+        algorithms: the algorithms, sorted by rank, then by name.
+        variables: the variables that the algorithms identify, in the order of the algorithms.
     """
 
     algorithms: tuple[Algorithm, ...]
@@ -108,7 +108,7 @@ class SpecIndex:
 
     Attributes:
         forests: the contents of the tree files that the spec names.
-        corrections: the intended names of misspelt ones, collected while checks run.
+        corrections: the intended names for misspelt names, collected while checks run.
     """
 
     spec: Spec
@@ -140,17 +140,17 @@ class SpecIndex:
 
     @cached_property
     def world(self) -> DeclaredGraph:
-        """The knowledge graph."""
+        """The declared knowledge graph."""
         return DeclaredGraph(self.spec)
 
     @cached_property
     def book(self) -> ParsedRules:
-        """The fuzzy rules."""
+        """The parsed fuzzy rules."""
         return ParsedRules(self.spec)
 
     @cached_property
     def producers(self) -> Mapping[str, tuple[str, ...]]:
-        """For each variable that has algorithms: their names by rank, then name."""
+        """For each variable that algorithms identify, the names of these algorithms, sorted by rank, then by name."""
         algorithms_of: dict[str, list[Algorithm]] = {}
         for algorithm in self.algorithms.values():
             for name in dict.fromkeys(entry.variable.name for entry in algorithm.identifies):
@@ -163,7 +163,7 @@ class SpecIndex:
 
     @cached_property
     def groups(self) -> tuple[Group, ...]:
-        """The groups of alternatives, in file order; most have one algorithm."""
+        """The groups of alternatives, in file order. Most groups have only one algorithm."""
         shares: dict[str, list[str]] = {name: [] for name in self.algorithms}
         for names in self.producers.values():
             for one, other in pairwise(names):
@@ -183,7 +183,7 @@ class SpecIndex:
 
     @cached_property
     def claims(self) -> Mapping[str, tuple[ObserverSetting, Reference]]:
-        """For each variable under `observers`: the first entry that names it, and the reference."""
+        """For each variable under `observers`, the first entry that contains it, and the reference in this entry."""
         first_claims: dict[str, tuple[ObserverSetting, Reference]] = {}
         for setting in self.spec.observers:
             for reference in setting.identifies:
@@ -215,7 +215,7 @@ class SpecIndex:
         return self._names[section]
 
     def declares(self, section: str, name: str) -> bool:
-        """Return whether a section has such an element, damaged or not."""
+        """Return whether a section has an element with this name, damaged or not."""
         return name in self._sections[section] or name in self.spec.damaged.get(section, ())
 
     def readable(self, section: str, name: str, *keys: str) -> bool:
@@ -223,7 +223,7 @@ class SpecIndex:
         return self.spec.damaged_keys.get((section, name), frozenset()).isdisjoint(keys)
 
     def lost(self, section: str, *keys: str) -> bool:
-        """Return whether elements of a section, or these keys of one, could not be read, so that they are unknown."""
+        """Return whether some elements of a section, or one of these keys of an element, could not be read."""
         unread = self.spec.damaged.get(section, frozenset())
         if isinstance(unread, AnyName) or not self._sections[section].issuperset(unread):
             return True
@@ -235,7 +235,7 @@ class SpecIndex:
 
     @cached_property
     def undeclared_names(self) -> frozenset[str]:
-        """The undeclared names that algorithms identify or need, or that skills and observers name."""
+        """The undeclared variables that algorithms identify or need, skills preview or monitor, or observers list."""
         references = [entry.variable for algorithm in self.spec.perception for entry in algorithm.identifies]
         references += [reference for algorithm in self.spec.perception for reference in algorithm.given]
         references += [reference for setting in self.spec.observers for reference in setting.identifies]
@@ -248,12 +248,12 @@ class SpecIndex:
 
     @cached_property
     def owner_of_member(self) -> Mapping[str, str]:
-        """For each member of an enum, a context-variable that has it."""
+        """For each member of an enum, a context-variable with this member."""
         return {member: variable.name for variable in self.spec.context[::-1] for member in variable.type.values}
 
     @cached_property
     def parameters(self) -> frozenset[str]:
-        """The names of all parameters of templates, without the name of the use."""
+        """The names of all declared parameters of templates; `instance`, which every template has, is not included."""
         return frozenset(parameter.name for template in self.spec.templates for parameter in template.parameters)
 
     @cached_property
@@ -271,11 +271,11 @@ class SpecIndex:
         return {name: frozenset(names) for name, names in names_by_algorithm.items()}
 
     def other_kind(self, name: str, wanted: str) -> str | None:
-        """Return the kind of element that has a name in another section than `wanted`; None if there is none."""
+        """Return the kind of an element with this name outside the section `wanted`; None if there is none."""
         return next((NOUNS[section] for section in NOUNS if section != wanted and self.declares(section, name)), None)
 
     def nearest(self, name: str, kind: str, candidates: Iterable[str]) -> str | None:
-        """Return the most likely candidate for an unknown name; `kind` is the key of the set of candidates."""
+        """Return the most likely candidate for an unknown name. `kind` identifies the candidates in the cache."""
         if (name, kind) not in self._near:
             is_limit_reached = len(self._near) >= MAX_SUGGESTIONS
             self._near[name, kind] = None if is_limit_reached else suggest(name, candidates)
@@ -283,7 +283,7 @@ class SpecIndex:
 
     @cached_property
     def context_types(self) -> Types:
-        """The type of each context-variable and of each reading of poses; None if its declaration is wrong."""
+        """The type of each context-variable, and of each name in a pose condition; None if the declaration is wrong."""
         trees = (condition.tree for condition in self.spec.pose_conditions)
         pose_types = {name.name: self.world.read_type(name.name) for tree in trees for name in names_in(tree)}
         damaged_types = dict.fromkeys(sorted(self.spec.damaged.get("context", ())), None)
@@ -300,10 +300,9 @@ class SpecIndex:
 
     @cached_property
     def returned_types(self) -> Mapping[str, Types]:
-        """For each algorithm, the type of each value that it returns; None if its declaration is wrong."""
+        """For each algorithm, the type of each value that it returns; None if the value's declaration is wrong."""
         types_of: dict[str, Types] = {}
-        # equal types share one mapping, so that conditions over the same types can be compared by identity
-        shared_types: dict[tuple[object, ...], Types] = {}
+        shared_types: dict[tuple[object, ...], Types] = {}  # equal types share one mapping, to be compared by identity
         for name, algorithm in self.algorithms.items():
             types = {
                 returned.name: declared_type(returned.type)
@@ -334,7 +333,7 @@ class SpecIndex:
 
     @cached_property
     def trees(self) -> Mapping[str, tuple[str, ...]]:
-        """For each variable with algorithms, all variables in force with it: its tree identifies or needs them."""
+        """For each variable with algorithms, the variables in force with it: its tree identifies or needs them."""
         names_in_force: dict[str, tuple[str, ...]] = {}
         for group in self.groups:
             needs = dict.fromkeys(name for algorithm in group.algorithms for name in self.needs[algorithm.name])
@@ -348,7 +347,7 @@ class SpecIndex:
 
     @cached_property
     def decisions(self) -> tuple[str, ...]:
-        """The variables that decisions are based on, from which Algorithm 2 starts (P1, its line 3)."""
+        """The variables that decisions are based on. Algorithm 2 of P1 starts from them (line 3)."""
         if not self.spec.skills:
             return tuple(name for name in self.variables if name in self.producers)
         named = [name for skill in self.spec.skills for name in watched_by(skill)]
@@ -357,7 +356,7 @@ class SpecIndex:
 
     @cached_property
     def read_by_loops(self) -> frozenset[str]:
-        """The variables that rules and conditions of loops read, and the variables whose rates they read."""
+        """The variables that rules and conditions of loops read; for each rate also the variable whose rate it is."""
         conditions = {name.name for site in self.sites if site.role in OF_LOOPS for name in site.names}
         return self.book.followed(conditions)
 
@@ -375,7 +374,7 @@ class SpecIndex:
 
     @cached_property
     def mentioned(self) -> frozenset[str]:
-        """Every name and quoted text that something refers to: a declaration with such a name is rarely misspelt."""
+        """Every name and quoted text that something refers to. A declaration of such a name is rarely misspelt."""
         mentioned_words = {source.name for variable in self.spec.context for source in variable.sources}
         for algorithm in self.spec.perception:
             mentioned_words.update(usage.resource.name for usage in algorithm.uses)
@@ -397,15 +396,14 @@ class SpecIndex:
 
     @cached_property
     def judgements(self) -> Mapping[int, Judgement]:
-        """The judgement of each condition, by the identity of the condition."""
+        """The judgement of each condition. The key is the `id` of the condition."""
         sound_judgements: dict[tuple[object, ...], Judgement] = {}
         return {id(site.condition): self._judge(site, sound_judgements) for site in self.sites}
 
     def shape_over_results(self, algorithm: Algorithm, faults: Silenced) -> object:
-        """Return a key for how an algorithm uses its result, without names and places: equal if the use is equal.
+        """Return a key that is equal for algorithms that use their results equally, apart from names and places.
 
-        Trees and types are compared by identity: conditions with the same text share their tree, and equal declarations
-        share their type.
+        The identity of trees and types suffices: equal texts share their tree, and equal declarations their type.
         """
         accept_ids = tuple([id(condition.tree) for condition in algorithm.accept_when])
         identify_keys = tuple(
@@ -423,7 +421,7 @@ class SpecIndex:
         return id(self.returned_types[algorithm.name]), accept_ids, identify_keys, optional_flags
 
     def python(self, condition: Condition, wanted: Type | None) -> str:
-        """Return a sound condition as Python text, a number in the unit of the variable that gets it."""
+        """Return the Python text of a condition without errors. If `wanted` is numeric, the value is in its unit."""
         judgement = self.judgements[id(condition)]
         key = (id(judgement.typed), id(wanted))  # equal conditions share their typed tree
         if key not in self._lowered:
@@ -450,7 +448,7 @@ class SpecIndex:
         return Group(ranked_algorithms, tuple(dict.fromkeys(entry.variable.name for entry in identifications)))
 
     def _judge(self, site: Site, sound_judgements: dict[tuple[object, ...], Judgement]) -> Judgement:
-        """Return the judgement of a condition; `judged` caches sound ones by tree and types."""
+        """Return the judgement of a condition. `sound_judgements` caches those without problems, by tree and types."""
         tree = site.condition.tree
         assert tree is not None
         wanted = self.wanted(site)
@@ -481,7 +479,7 @@ def watched_by(skill: Skill) -> Iterator[str]:
 
 
 def _by_name(elements: Iterable[Named]) -> Mapping[str, Named]:
-    """Return elements by name; the first one if a name is declared twice, which `load` reports."""
+    """Return elements by name. If a name is declared twice, which `load` reports, the first element is used."""
     elements_by_name: dict[str, Named] = {}
     for element in elements:
         elements_by_name.setdefault(element.name, element)

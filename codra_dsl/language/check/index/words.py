@@ -1,4 +1,4 @@
-"""The names of kinds of elements in messages."""
+"""The nouns for the kinds of elements in messages."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ NOUNS: Mapping[str, str] = {
     "trees": "a tree",
     "loops": "a loop",
 }
-"""By section, the kind of its elements with an article."""
+"""For each section, the noun for its elements, with an article."""
 
 USERS: Mapping[str, str] = {
     "context": "context-variable",
@@ -40,4 +40,4 @@ USERS: Mapping[str, str] = {
     "trees": "tree",
     "loops": "loop",
 }
-"""By section, the kind of its elements, to be followed by a name."""
+"""For each section, the noun for its elements, to be followed by a name."""

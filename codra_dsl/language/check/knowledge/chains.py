@@ -1,8 +1,9 @@
-"""Phase 4 for rules: each can begin, because something can make its `before` patterns true (P2, section 3.1).
+"""Checks of agents' rules (phase 4): each rule can begin, because its `before` patterns can become true.
 
-What exists from the start needs no rule, and an agent without rules may write anything that it owns at any time. If
-the rules of an agent mention something, the agent changes it only by these rules. A rule can begin once all its
-`before` patterns can be true. The rules that can begin are the least fixed point of this.
+See P2, section 3.1. An element that exists from the start needs no rule. An agent without rules may write, at any time,
+any element that it owns. If the rules of an agent mention an element, the agent changes the element only by these
+rules. A rule can begin once all of its `before` patterns can be true. The rules that can begin are the least fixed
+point of these statements.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ def unreachable_rules(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic
 
 @dataclass(frozen=True, eq=False)
 class _Rule:
-    """A rule with its patterns."""
+    """A rule of an agent, with its patterns."""
 
     agent: Agent
     rule: AgentRule
@@ -56,7 +57,7 @@ class _Rule:
 
     @cached_property
     def before(self) -> tuple[Pattern, ...]:
-        """The patterns that the rule needs."""
+        """The patterns that must be true before the rule begins."""
         return tuple(pattern for pattern in patterns_in(self.agent, self.rule) if pattern.role is Role.BEFORE)
 
     @cached_property
@@ -84,11 +85,11 @@ class _Chains:
 
     @cached_property
     def all_rule_names(self) -> _RuleNames:
-        """All rules, as if every one could begin."""
+        """The names of all rules, as if every rule could begin."""
         return frozenset(rule.name for rule in self.rules)
 
     def startable_rules(self, given_names: _RuleNames) -> _RuleNames:
-        """Return the rules that can begin, if the given ones can."""
+        """Return the names of the rules that can begin if the given rules can begin."""
         names = given_names
         while True:
             next_names = (
@@ -99,25 +100,25 @@ class _Chains:
             names = next_names
 
     def missing_pattern(self, rule: _Rule, startable_names: _RuleNames) -> Pattern | None:
-        """Return the first `before` pattern that cannot become true if only the `startable` rules can begin."""
+        """Return the first `before` pattern that cannot become true if only the rules `startable_names` can begin."""
         return next((pattern for pattern in rule.before if not self.is_possible(pattern, startable_names)), None)
 
     def is_possible(self, pattern: Pattern, startable_names: _RuleNames) -> bool:
-        """Return whether a pattern can become true if only the `startable` rules can begin."""
+        """Return whether a pattern can become true if only the rules in `startable_names` can begin."""
         makers_of_parts = self._makers_of_parts(pattern)
         return makers_of_parts is not None and all(
             not makers or any(rule.name in startable_names for rule in makers) for makers in makers_of_parts
         )
 
     def makers(self, pattern: Pattern) -> Iterator[_Rule]:
-        """Yield the rules of which one is required to make a pattern, or a part of it, true."""
+        """Yield the rules of which one must act to make a pattern, or a part of the pattern, true."""
         for makers_of_part in self._makers_of_parts(pattern) or ():
             yield from makers_of_part
 
     def _makers_of_parts(self, pattern: Pattern) -> tuple[tuple[_Rule, ...], ...] | None:
-        """Return, for each part of a pattern, the rules of which one must act; () if other writers can make it true.
+        """Return, for each part of a pattern, the rules of which one must act to make the part true.
 
-        Return None if nothing can make a part true.
+        For a part that can become true without these rules, return (). Return None if nothing can make a part true.
         """
         key = id(pattern.condition)
         if key not in self._sources:
@@ -138,7 +139,7 @@ class _Chains:
         )
 
     def _makers_of_step(self, step: Step) -> tuple[_Rule, ...] | None:
-        """Return the rules of which one must act before an edge exists; () if it may exist without them."""
+        """Return the rules of which one must act before an edge exists; () if the edge may exist without a rule."""
         task = self.world.task_of(step.origin, step.link.edge, step.target)
         if task is not None:
             if step.link.edge == TaskState.ABORTED:  # a deadline can always abort a task
@@ -167,7 +168,10 @@ class _Chains:
     def _makers(
         self, writers: Sequence[str], concerns: Callable[[Step], bool], fits: Callable[[Step], bool]
     ) -> tuple[_Rule, ...] | None:
-        """Return the rules that make something true; () if a writer has no rule about it, None if no rule does."""
+        """Return the rules that make a step true.
+
+        Return () if a writer has no rule about the step, and None if the writers' rules never make the step true.
+        """
         makers: list[_Rule] = []
         for writer in writers:
             effects = [
@@ -212,7 +216,7 @@ class _Chains:
         return tuple(dict.fromkeys(makers)) or None
 
     def writers(self, pattern: Pattern) -> Iterable[str]:
-        """Return the writers of the elements that a pattern names."""
+        """Return the names of the writers of the elements in a pattern."""
         names: list[str] = []
         for step in steps(pattern):
             task = self.world.task_of(step.origin, step.link.edge, step.target)
@@ -226,7 +230,7 @@ class _Chains:
 
 
 def _make_edge_filter(world: DeclaredGraph, edge: EdgeType) -> Callable[[Step], bool]:
-    """Return a function that decides whether a step is about an edge of a type."""
+    """Return a function that decides whether a step of a path can be an edge of this type."""
     return lambda step: edge in world.edges_between(step.origin, step.link.edge, step.target)
 
 
@@ -251,11 +255,11 @@ def _wakes_findings(world: DeclaredGraph, agent: Agent, chains: _Chains) -> Iter
 def _pattern_finding(world: DeclaredGraph, pattern: Pattern, chains: _Chains, what: str) -> Diagnostic:
     if isinstance(pattern.tree, Path) and pattern.tree.negated:
         message = f"{what}: '{pattern.condition.text}' is false from the start, and no agent removes these edges"
-        help = "under 'source', name an agent that removes them, or change the pattern"
+        help = "under 'source' of the edges, add an agent that removes them, or change the pattern"
     else:
         who = " and ".join(f"'{name}'" for name in chains.writers(pattern)) or "an agent"
         message = f"{what}: nothing makes '{pattern.condition.text}' true"
-        help = f"add it under 'during' or 'after' of a rule of {who}, or change the pattern"
+        help = f"add the pattern to 'during' or 'after' of a rule of {who}, or change the pattern"
     related = tuple(
         Related("declared here", edge.place)
         for step in steps(pattern)
@@ -293,7 +297,7 @@ def _cycle_findings(chains: _Chains, stuck_names: _RuleNames) -> Iterator[Diagno
 def _awaited_names(
     chains: _Chains, rule: _Rule, startable_names: _RuleNames, waiting_names: Iterable[str]
 ) -> tuple[str, ...]:
-    """Return the rules in `left` that a rule waits for."""
+    """Return the names among `waiting_names` of the rules that a rule waits for."""
     unmet = [pattern for pattern in rule.before if not chains.is_possible(pattern, startable_names)]
     return tuple(
         dict.fromkeys(

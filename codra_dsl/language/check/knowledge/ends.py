@@ -1,4 +1,4 @@
-"""Phase 3 for knowledge: edges in patterns have their declared ends, and initial values fit their attributes."""
+"""Checks of knowledge (phase 3): edges in patterns have their declared ends, and initial values fit attributes."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def wrong_ends(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
             function, _, camera = reads_of(name.name)
             kind = world.types.get(world.type_of(camera)) if function == "in_view" else None
             if function == "in_view" and (kind is None or kind.view is None):
-                message = f"'{camera}' has no view, but agent '{pattern.agent.name}' asks what it sees"
+                message = f"agent '{pattern.agent.name}' uses in_view() with '{camera}', which has no view"
                 place = pattern.condition.place_of(name)
                 help = f"give type '{world.type_of(camera)}' a 'view'"
                 yield finding("wrong-ends", message, place, path=pattern.path, help=help)
@@ -51,7 +51,7 @@ def _no_task_findings(world: DeclaredGraph, step: Step) -> Iterator[Diagnostic]:
             f"write {backward.origin.name} -{step.link.edge}-> {backward.name}" if backward is not None else ""
         )
         message = f"'{step.link.edge}' must lead to a task, and '{step.target}' is not a task ({step.pattern.user})"
-        help = turned_help or "name a task, or declare it under 'tasks' of 'knowledge'"
+        help = turned_help or "write the name of a task, or declare the task under 'tasks' of 'knowledge'"
         yield finding("wrong-ends", message, place, path=step.pattern.path, help=help)
         return
     message = f"task '{task.name}' is done by '{task.origin.name}', not by '{step.origin}' ({step.pattern.user})"
@@ -81,7 +81,7 @@ def _wrong_ends_finding(world: DeclaredGraph, step: Step) -> Diagnostic:
 
 
 def wrong_starting_values(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
-    """An initial value of a node has the attribute's type, and is in its unit and range."""
+    """An initial value of a node fits the type and the unit of its attribute, and is in the attribute's range."""
     if not is_knowledge_complete(scope, faults):
         return
     for node in scope.spec.nodes:
@@ -91,7 +91,7 @@ def wrong_starting_values(scope: SpecIndex, faults: Silenced) -> Iterator[Diagno
             attribute = attributes.get(value.name)
             if attribute is None:
                 message = f"'{value.name}' of node '{node.name}' is a context-variable, which is unknown at first"
-                yield _value_finding(node, value, message, "remove it: its 'source' writes it", value.place)
+                yield _value_finding(node, value, message, "remove it: the variable's 'source' writes it", value.place)
             elif (problem := _misfit(value, attribute.type)) is not None:
                 message = f"'{value.name}' of node '{node.name}' {problem[0]}"
                 yield _value_finding(node, value, message, problem[1], attribute.place)
@@ -140,18 +140,22 @@ def _misfit_of_number(value: StartingValue, declared_type: ValueType) -> tuple[s
     number = _number(value, declared_type)
     if number is None:
         if unit is None:
-            return "has no unit", "remove the unit, or declare the attribute with one"
-        return f"is a quantity in {unit}", f"write a number with a unit that converts to {unit}"
+            return "is declared without a unit", "remove the unit, or declare the attribute with one"
+        return f"must be a quantity in {unit}", f"write a number with a unit that converts to {unit}"
     if declared_type.kind is Kind.INT and not float(number).is_integer():
         return "must be a whole number", "write a whole number"
     if declared_type.range is not None and not declared_type.range[0] <= number <= declared_type.range[1]:
         low, high = declared_type.range
-        return f"is out of its range: {number:g}", f"it is between {low:g} and {high:g}{f' {unit}' if unit else ''}"
+        limits_text = f"{low:g} and {high:g}{f' {unit}' if unit else ''}"
+        return f"is out of its range: {number:g}", f"write a number between {limits_text}"
     return None
 
 
 def _number(value: StartingValue, declared_type: ValueType) -> float | None:
-    """Return a number in a type's unit; None if its own unit does not fit, or one of the two is missing."""
+    """Return a number in the unit of a type; None if the units do not fit, or if only one of the two has a unit.
+
+    The number 0 needs no unit.
+    """
     assert not isinstance(value.value, bool | str)
     target = parse_unit(declared_type.unit) if declared_type.unit is not None else None
     source = parse_unit(value.unit) if value.unit is not None else None

@@ -1,4 +1,4 @@
-"""Phase 4 for knowledge: rigid motions form a tree: each frame has one parent, and there are no cycles."""
+"""Checks of rigid motions (phase 4): they form a tree. Each frame has one parent, and there are no cycles."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from codra_dsl.language.model import EdgeType, Reference
 
 
 def two_parents(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
-    """A frame has one parent at a time, so at most one edge with poses leads to it."""
+    """A frame has one parent at a time, so at most one edge with poses leads to the frame."""
     if not is_knowledge_complete(scope, faults):
         return
     rigid_edges = [edge for edge in scope.spec.edges if is_rigid(edge)]

@@ -1,4 +1,4 @@
-"""Phase 4 for tasks: no two loops wait for each other (P2, section 3.3)."""
+"""Checks of tasks (phase 4): no two loops wait for each other (P2, section 3.3)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from codra_dsl.language.model import Agent, Task, TaskState
 
 
 def waiting_loops(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
-    """No task waits for another task that waits for it: executors do not request each other's tasks in a cycle."""
+    """Tasks do not wait for each other: their executors do not request each other's tasks in a cycle."""
     if not is_knowledge_complete(scope, faults):
         return
     world = scope.world
@@ -30,10 +30,10 @@ def waiting_loops(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
 
 
 def _waits(world: DeclaredGraph, task: Task, other: Task) -> bool:
-    """Return whether the executor of a task may request another one meanwhile.
+    """Return whether the executor of a task may request another task while it executes the first.
 
-    This is true of every task that it may request, unless it has rules that request the other task and rules that take
-    the task up. In that case, it is true only if the same rule does both.
+    This is true of every task that the executor may request, with one exception: the executor has rules that request
+    the other task, and rules that take up the first. Then it is true only if the same rule does both.
     """
     if task.by.name not in (requester.name for requester in other.requesters):
         return False
@@ -48,7 +48,7 @@ def _waits(world: DeclaredGraph, task: Task, other: Task) -> bool:
 def _rules_about(
     world: DeclaredGraph, agent: Agent, task: Task, roles: tuple[Role, ...], states: tuple[TaskState, ...]
 ) -> frozenset[str]:
-    """Return the names of an agent's rules with a pattern of one of the roles about a task in one of the states."""
+    """Return the names of an agent's rules with a task in one of these states in a pattern with one of these roles."""
     rule_names = set()
     for pattern in patterns_of(agent):
         for step in steps(pattern) if pattern.role in roles else ():
@@ -63,7 +63,9 @@ def _loop_finding(world: DeclaredGraph, cycle: tuple[str, ...]) -> Diagnostic:
     first = tasks[0]
     cycle_text = " -> ".join((*cycle, cycle[0]))
     if len(tasks) == 1:
-        message = f"agent '{first.by.name}' executes task '{first.name}' and may request it: it would wait for itself"
+        message = (
+            f"agent '{first.by.name}' executes task '{first.name}' and may request it: the agent would wait for itself"
+        )
     else:
         message = f"tasks may wait for each other forever: {cycle_text}"
     next_tasks = (*tasks[1:], first)

@@ -60,7 +60,7 @@ def _pattern(scope: SpecIndex, pattern: Condition) -> CheckedPattern:
 
 
 def over_knowledge(world: DeclaredGraph, python: str) -> str:
-    """Return a lowered condition that reads its names as attributes of nodes."""
+    """Return a lowered condition in which each name is read as an attribute of a node."""
     return ast.unparse(_Naming(world).visit(ast.parse(python, mode="eval")))
 
 
@@ -71,7 +71,7 @@ class _Naming(ast.NodeTransformer):
         self._world = world
 
     def visit_Call(self, node: ast.Call) -> ast.AST:
-        """Return a call that reads its name from knowledge."""
+        """Return a call that reads a name from knowledge; other calls stay as they are."""
         self.generic_visit(node)
         match node:
             case ast.Call(func=ast.Name(id=reader), args=[ast.Constant(value=str(name))]) if reader in _READERS:
@@ -92,7 +92,7 @@ def _make_call(function: str, *arguments: str) -> ast.Call:
 
 
 def _writers(world: DeclaredGraph) -> Iterator[str]:
-    """Yield the names of all that may write something of the graph, without `observer`, which is not an agent."""
+    """Yield the names of all writers of the graph except `observer`, which is not an agent."""
     for element in world.elements():
         yield from (writer.name for writer in world.writers(element) if writer.name != OBSERVER)
     for task in world.tasks.values():

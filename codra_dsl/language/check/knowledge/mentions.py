@@ -1,4 +1,4 @@
-"""All uses of names of knowledge: every mention of a type, node, edge or attribute, and the patterns of agents."""
+"""All uses of names in knowledge: every mention of a type, node, edge or attribute, and the patterns of agents."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ class Pattern:
     """A pattern and its position in the spec.
 
     Attributes:
-        rule: the rule that contains it; None for a pattern of `wakes`.
-        tree: the syntax tree of `condition`, which could be read.
+        rule: the rule that contains the pattern; None for a pattern of `wakes`.
+        tree: the syntax tree of `condition`.
     """
 
     agent: Agent
@@ -29,7 +29,7 @@ class Pattern:
 
     @property
     def path(self) -> str:
-        """Return the path of the key that contains it."""
+        """Return the path of the key that contains the pattern."""
         within = f".rules.{self.rule.name}" if self.rule is not None else ""
         return f"agents.{self.agent.name}{within}.{self.role}"
 
@@ -88,7 +88,7 @@ def names_read(pattern: Pattern) -> Iterator[Name]:
 
 
 def mention_in(pattern: Pattern, name: str, part: Node) -> Mention:
-    """Return a name in a pattern as a mention."""
+    """Return the mention of a name in a pattern."""
     return Mention(name, pattern.condition.place_of(part), pattern.user, pattern.path)
 
 
@@ -142,7 +142,7 @@ def _pose_mentions(pose_condition: PoseCondition) -> Iterator[Mention]:
 
 
 def end_mentions(scope: SpecIndex) -> Iterator[Mention]:
-    """Yield every name at an end of an edge: of a type or of a node, as declared."""
+    """Yield every name at an end of a declared edge. It is the name of a type or of a node."""
     for edge in scope.spec.edges:
         yield from (mention_of(origin, "edges", edge.name, "from") for origin in edge.origins)
         yield from (mention_of(target, "edges", edge.name, "to") for target in edge.targets)

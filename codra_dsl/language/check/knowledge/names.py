@@ -1,4 +1,4 @@
-"""Phase 1 for knowledge: every type, node, edge and attribute that something refers to is declared."""
+"""Checks of names in knowledge (phase 1): every type, node, edge and attribute that something refers to is declared."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ _OTHER_STATES: Mapping[str, str] = {
 
 
 def unknown_types(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
-    """Every type in a pattern is declared or has a node; the type of a node does not misspell a declared one."""
+    """Every type in a pattern is declared or has a node. The type of a node is not a misspelt declared type."""
     if not scope.spec.knows:
         return
     type_names = list(scope.world.types)  # without the type of tasks, which no node can have
@@ -69,7 +69,7 @@ def unknown_types(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
 
 
 def unknown_nodes(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
-    """Every node that something names is declared; patterns name other nodes by their type."""
+    """Every node that something refers to by name is declared. Patterns refer to other nodes by their type."""
     if not scope.spec.knows and not scope.spec.pose_conditions:
         return
     world, known_names = scope.world, scope.world.node_names
@@ -117,7 +117,7 @@ def unknown_edges(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
 
 
 def unknown_attributes(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
-    """Every attribute in a condition or with an initial value belongs to its node."""
+    """Every attribute in a condition, and every attribute with an initial value, belongs to its node."""
     world = scope.world
     for pattern in patterns(scope):
         for name in names_read(pattern):
@@ -138,7 +138,7 @@ def unknown_attributes(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
 
 
 def unknown_elements(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
-    """Every name under `owns` and `reads` of an agent is an element that can have writers."""
+    """Every name under `owns` and `reads` of an agent is the name of an element that can have writers."""
     world = scope.world
     is_lost = any(scope.lost(section) for section in ("context", "types", "edges", "tasks"))
     for agent in () if is_lost else scope.spec.agents:
@@ -150,8 +150,8 @@ def unknown_elements(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
                 known_names = [str(other.name) for other in world.elements()]
                 known_names += [f"{other.name}.{other.attribute}" for other in world.elements() if other.attribute]
                 near = None if element else scope.nearest(reference.name, "things", known_names)
-                help = "name a variable, a type, an edge or type.attribute"
-                help = "name the agent as 'by' of the task" if element else help
+                help = "write the name of a variable, a type or an edge, or TYPE.ATTRIBUTE"
+                help = "write the agent's name under 'by' of the task" if element else help
                 mentions = (mention_of(reference, "agents", agent.name, key),)
                 subject = f"task '{reference.name}' under 'owns'" if element else ""
                 unknown = _UnknownName(mentions, near, known_names)
@@ -159,9 +159,9 @@ def unknown_elements(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
 
 
 def reserved_names(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
-    """No edge is named like a task state, no type is `task`, no task is named like a node.
+    """No edge has the name of a task state, no type has the name `task`, and no task has the name of a node.
 
-    Observers are the source of context-variables only. The label of an edge is an identifier. A context-variable does
+    Observers are the source only of context-variables. The label of an edge is an identifier. A context-variable does
     not have the name of another attribute of its node.
     """
     for edge in scope.spec.edges:
@@ -169,7 +169,7 @@ def reserved_names(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
         if taken_name:
             message = f"edge '{edge.name}' has the name '{taken_name}', which is the state of a task"
             if taken_name == RT:
-                message = f"edge '{edge.name}' has the name of the label of rigid motions"
+                message = f"edge '{edge.name}' has a reserved name: it is the label of rigid motions"
             place = edge.places.get("label", edge.place) if edge.label == taken_name else edge.place
             yield _reserved_finding(f"edges.{edge.name}", message, place, "choose another name")
         elif not is_identifier(edge.label):
@@ -190,7 +190,7 @@ def reserved_names(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
     for task in scope.spec.tasks:
         node = nodes.get(task.name.casefold())
         if node is not None:
-            message = f"task '{task.name}' has a node of its name, and node '{node.name}' is declared already"
+            message = f"task '{task.name}' is itself a node, but another node '{node.name}' is declared already"
             related = (Related("the node", node.place),)
             yield _reserved_finding(f"tasks.{task.name}", message, task.place, "rename one of them", related)
     yield from _observers_as_writers(scope)
@@ -222,7 +222,7 @@ def _observers_as_writers(scope: SpecIndex) -> Iterator[Diagnostic]:
         for writer in writers:
             if writer.name == OBSERVER:
                 message = f"observers write only context-variables, not '{element.name}'"
-                help = "name an agent; observers can identify a variable with 'of'"
+                help = "write the name of an agent; for observers, declare a context-variable with 'of'"
                 yield _reserved_finding(f"{section}.{element.name}.source", message, writer.place, help)
 
 
@@ -255,7 +255,7 @@ def _reserved_finding(
 
 
 def _groups(mentions: Iterable[Mention]) -> list[tuple[Mention, ...]]:
-    """Return the mentions of each name, in the order of their places."""
+    """Return, for each name, its mentions in the order of their places."""
     groups: dict[str, list[Mention]] = {}
     for mention in mentions:
         groups.setdefault(mention.name, []).append(mention)
@@ -278,8 +278,8 @@ def _is_open(scope: SpecIndex, node: str) -> bool:
 
 def _type_name_help(mention: Mention, name: str) -> str:
     if ".rules." in mention.path or mention.path.endswith("wakes"):
-        return f"'{name}' is a type: write some {name}"
-    return f"'{name}' is a type; name a node that is declared under 'nodes'"
+        return f"'{name}' is a type: write 'some {name}'"
+    return f"'{name}' is a type; write the name of a node that is declared under 'nodes'"
 
 
 @dataclass(frozen=True, slots=True)
@@ -287,7 +287,7 @@ class _UnknownName:
     """An undeclared name: its mentions, and its candidates.
 
     Attributes:
-        near: the most likely candidate.
+        near: the most likely candidate; None if there is none.
     """
 
     mentions: tuple[Mention, ...]
@@ -326,8 +326,8 @@ def _unknown_finding(
 
 def _attribute_finding(scope: SpecIndex, mention: Mention, node: str, attributes: Mapping[str, object]) -> Diagnostic:
     near = scope.nearest(mention.name, f"attributes of {node}", attributes)
-    attributes_text = f"it has {', '.join(list(attributes)[:10])}" if attributes else "it has none"
-    help = f"did you mean '{near}'?" if near is not None else f"{attributes_text}; declare it with its type"
+    attributes_text = f"the node has {', '.join(list(attributes)[:10])}" if attributes else "the node has none"
+    help = f"did you mean '{near}'?" if near is not None else f"{attributes_text}; declare it in the type of the node"
     kind = scope.world.type_of(node)
     user = f" in {mention.user}" if mention.user else ""
     message = f"node '{node}', of type '{kind}', has no attribute '{mention.name}'{user}"

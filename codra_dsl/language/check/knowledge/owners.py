@@ -1,4 +1,7 @@
-"""Phase 2 for knowledge: each element has a writer, several writers have priorities, and agents own what they write."""
+"""Checks of writers of knowledge (phase 2).
+
+Each element has a writer, several writers of one element have priorities, and agents own the elements that they write.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +27,10 @@ def is_knowledge_complete(scope: SpecIndex, faults: Silenced) -> bool:
 
 
 def two_owners(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
-    """Several writers of the same element have priorities; for a context-variable, the newest evidence counts."""
+    """Several writers of the same element have priorities.
+
+    For context-variables this is not checked, because their newest evidence is used.
+    """
     if not is_knowledge_complete(scope, faults):
         return
     reported_places: set[Place] = set()
@@ -82,7 +88,7 @@ def unwritten(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
 
 
 def _readings(world: DeclaredGraph, agent: Agent) -> Iterator[tuple[KnowledgeElement, Place, str]]:
-    """Yield the elements that an agent reads, each with its place and its path."""
+    """Yield the elements that an agent reads, each with the place and the path where it is read."""
     for reference in agent.conduct.reads:
         element = world.named(reference.name)
         if element is not None:
@@ -117,7 +123,7 @@ def _is_written(world: DeclaredGraph, element: KnowledgeElement) -> bool:
 
 
 def foreign_writes(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
-    """An agent owns what its rules write; if a rule can write one of several elements, its agent owns at least one."""
+    """An agent owns what its rules write; if a rule can write one of several elements, the agent owns one of them."""
     if not is_knowledge_complete(scope, faults):
         return
     for pattern in patterns(scope):
@@ -129,9 +135,9 @@ def foreign_writes(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
 
 
 def _written_elements(world: DeclaredGraph, pattern: Pattern) -> list[tuple[KnowledgeElement, Place]]:
-    """Return the elements of which a rule can write one to make a pattern under `after` true, each with its place.
+    """Return elements of which a rule writes at least one to make a pattern under `after` true, each with its place.
 
-    The list is empty if this is undecided.
+    The list is empty if it is undecided which elements these are.
     """
     elements: list[tuple[KnowledgeElement, Place]] = []
     for step in steps(pattern):
@@ -157,8 +163,9 @@ def _foreign_finding(world: DeclaredGraph, pattern: Pattern, element: KnowledgeE
     who = " and ".join(f"'{owner}'" for owner in owners)
     assert pattern.rule is not None
     verb = "own" if len(owners) > 1 else "owns"
-    own_help = f"name '{pattern.agent.name}' as its '{'by' if element.section == 'tasks' else 'source'}'"
-    help = f"{own_help}, or leave it to {who}: a rule may write only what its agent owns" if who else own_help
+    key = "by" if element.section == "tasks" else "source"
+    own_help = f"write '{pattern.agent.name}' under '{key}' of {element}"
+    help = f"{own_help}, or leave this change to {who}: a rule may write only what its agent owns" if who else own_help
     return finding(
         "foreign-write",
         f"rule '{pattern.rule.name}' of {pattern.user} writes {element}, which {who or 'no agent'} {verb}",
@@ -182,7 +189,8 @@ def _foreign_state_findings(world: DeclaredGraph, pattern: Pattern) -> Iterator[
             f"which only {who} may write",
             pattern.condition.place_of(step.link),
             path=pattern.path,
-            help=f"requesters write 'wants' and 'aborted', the executor 'is' and 'finished'; leave it to {who}",
+            help="requesters write 'wants' and 'aborted', the executor writes 'is' and 'finished'; "
+            f"leave this change to {who}",
             related=(Related("declared here", task.place),),
         )
 
@@ -195,7 +203,7 @@ def state_writers(task: Task, state: str) -> tuple[str, ...]:
 
 
 def claimed_tasks(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
-    """No rule of another agent takes up a task, since a task has one executor."""
+    """No rule of an agent takes up a task that another agent executes, since a task has one executor."""
     if not is_knowledge_complete(scope, faults):
         return
     for agent in scope.spec.agents:
@@ -209,7 +217,7 @@ def claimed_tasks(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
 def _task_steps(
     world: DeclaredGraph, agent: Agent, rule: str, role: Role, state: TaskState
 ) -> Iterator[tuple[Task, Step]]:
-    """Yield the tasks with this state in the patterns of a rule with this role, each with its step."""
+    """Yield the tasks in this state in a rule's patterns with this role, each with the step that contains it."""
     for pattern in patterns_of(agent):
         if pattern.rule is None or pattern.rule.name != rule or pattern.role is not role:
             continue
@@ -225,13 +233,16 @@ def _claimed_task_finding(agent: Agent, rule: str, task: Task, step: Step) -> Di
         f"rule '{rule}' of agent '{agent.name}' takes up task '{task.name}', which agent '{task.by.name}' executes",
         step.pattern.condition.place_of(step.link),
         path=step.pattern.path,
-        help=f"let one agent execute it: change 'by' of the task, or leave it to '{task.by.name}'",
+        help=f"let one agent execute the task: change 'by' of the task, or leave the task to '{task.by.name}'",
         related=(Related("declared here", task.places.get("by", task.place)),),
     )
 
 
 def unattended_tasks(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
-    """The executor of a task reacts to a request: it is always active or woken by it, and has a rule for it."""
+    """The executor of a task reacts to a request.
+
+    It is always active, or the request wakes it. If it has rules, one of them is for the request.
+    """
     if not is_knowledge_complete(scope, faults):
         return
     for task in scope.spec.tasks:
@@ -242,8 +253,8 @@ def unattended_tasks(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]
         is_idle = agent.conduct.rules and not _names_request(scope.world, agent, task, Role.BEFORE)
         if is_asleep or is_idle:
             request = f"{task.origin.name} -wants-> {task.name}"
-            reason = "is not woken by it" if is_asleep else "has no rule for it"
-            help = f"add '{request}' to its 'wakes'" if is_asleep else f"add a rule with 'before: [{request}]'"
+            reason = "is not woken by a request" if is_asleep else "has no rule for a request"
+            help = f"add '{request}' to 'wakes' of the agent" if is_asleep else f"add a rule with 'before: [{request}]'"
             yield finding(
                 "unattended-task",
                 f"no agent takes up task '{task.name}': agent '{agent.name}', which executes it, {reason}",
@@ -255,7 +266,10 @@ def unattended_tasks(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]
 
 
 def _names_request(world: DeclaredGraph, agent: Agent, task: Task, role: Role) -> bool:
-    """Return whether a pattern of an agent is about the request of a task, or is a condition that may depend on it."""
+    """Return whether an agent has a pattern with this role that contains the request of a task.
+
+    A condition under `wakes` may depend on the request, so the result is True then too.
+    """
     for pattern in patterns_of(agent):
         if pattern.role is not role or (isinstance(pattern.tree, Path) and pattern.tree.negated):
             continue
@@ -277,7 +291,7 @@ def owns(world: DeclaredGraph, agent: str) -> tuple[KnowledgeElement, ...]:
 
 
 def reads(world: DeclaredGraph, agent: Agent) -> tuple[KnowledgeElement, ...]:
-    """Return the elements that an agent reads, each once: those under `reads`, and those in its patterns."""
+    """Return the elements that an agent reads, each once: those under `reads`, and those in the agent's patterns."""
     elements = dict.fromkeys(element for element, *_ in _readings(world, agent))
     for pattern in patterns_of(agent):
         if pattern.role is Role.AFTER:

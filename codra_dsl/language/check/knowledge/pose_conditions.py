@@ -1,4 +1,7 @@
-"""Phase 3 for poses in conditions over context: operands fit, cameras have views, and edges can connect the nodes."""
+"""Checks of poses in conditions over context (phase 3).
+
+Operands fit, cameras have views, and edges can connect the nodes.
+"""
 
 from __future__ import annotations
 
@@ -44,7 +47,7 @@ POSE_CONDITIONS = (wrong_comparisons, wrong_poses)
 
 
 def python_of_poses(scope: SpecIndex) -> dict[str, str]:
-    """Return each comparison with poses of a sound spec as Python text, by the name of its variable."""
+    """Return, for each variable that is computed from poses, its comparison as Python text. The spec has no errors."""
     return {
         variable.name: over_knowledge(scope.world, lower(_infer_pose_condition(scope, variable.pose_condition)[0]))
         for variable in scope.spec.context

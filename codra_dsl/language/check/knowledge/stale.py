@@ -1,4 +1,4 @@
-"""Phase 5 for poses: those in conditions become stale when they are no longer reported."""
+"""Checks of poses in conditions (phase 5): a pose becomes stale when it is no longer reported."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from codra_dsl.language.expression import names_in, reads_of
 
 
 def unnoticed_poses(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
-    """If conditions use the poses of an edge, and the edge has a writer, it states how long a pose is valid."""
+    """If conditions use the poses of an edge, and the edge has a writer, the edge states how long a pose is valid."""
     if not is_knowledge_complete(scope, faults):
         return
     first_uses: dict[str, Related] = {}
@@ -38,7 +38,7 @@ def unnoticed_poses(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
 
 
 def _pose_readings(scope: SpecIndex) -> Iterator[tuple[str, str, Place]]:
-    """Yield the readings of poses in conditions: the user, the name, and the place."""
+    """Yield the readings of poses in conditions: for each, the user, the name, and the place."""
     for pose_condition in scope.spec.pose_conditions:
         section, element, _ = pose_condition.owner
         for name in names_in(pose_condition.tree):

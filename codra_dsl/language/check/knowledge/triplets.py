@@ -1,4 +1,4 @@
-"""Phase 4 for rules: the patterns of one moment of a rule can hold together; so can `before` and `during`."""
+"""Checks of agents' rules (phase 4): the patterns of one moment can hold together, as can `before` and `during`."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from codra_dsl.language.model import Agent, AgentRule
 
 
 def contradictory_rules(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
-    """The patterns of one moment of a rule can hold together, and so can the patterns of `wakes` alone.
+    """The patterns of one moment of a rule can hold together, and each pattern of `wakes` can hold.
 
-    The patterns of `during` can also hold together with those of `before`, unless the agent itself makes them true.
+    A pattern of `during` can also hold together with the patterns of `before`, unless the agent itself makes it true.
     """
     if not is_knowledge_complete(scope, faults):
         return

@@ -1,4 +1,4 @@
-"""Phase 5 for knowledge: types that no node can have."""
+"""Checks of knowledge (phase 5): types that no node can have."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from codra_dsl.language.diagnostics import Diagnostic
 
 
 def unused_types(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
-    """Every type has an initial node, or an agent may insert one; types of parts may be for other specs."""
+    """Every type has an initial node, or an agent may insert one. Types of parts may be for other specs."""
     if not is_knowledge_complete(scope, faults):
         return
     used_types = {node.type.name for node in scope.spec.nodes}

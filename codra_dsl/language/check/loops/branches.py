@@ -24,8 +24,8 @@ class Branch:
     Attributes:
         entry: the entry of the blackboard that selects the branch.
         value: the branch runs while the entry has this value; empty for the default branch.
-        others: for the default branch: it does not run while the entry has one of these values.
-        tree: the ID of the tree that it runs.
+        others: values of the entry with which the default branch does not run; empty for other branches.
+        tree: the ID of the tree that the branch runs.
     """
 
     entry: str
@@ -137,10 +137,10 @@ def _wrong_branches(tree: TreeElement, forest: Forest) -> Iterator[Diagnostic]:
         branch = branches_by_tree.get(id_.name)
         if id_.name not in tree_ids:
             message = f"there is no tree '{id_.name}' in '{tree.file.name}'"
-            yield _branch_finding(message, id_.place, path, f"its trees are {', '.join(sorted(tree_ids))}")
+            yield _branch_finding(message, id_.place, path, f"the trees in it are {', '.join(sorted(tree_ids))}")
         elif branch is None:
             message = f"tree '{id_.name}' is not a branch that can be chosen: it has no guard in '{forest.main}'"
-            help = "make it a child of a Switch, or write _while=\"course == 'NAME'\" on it"
+            help = "make the tree a child of a Switch, or add _while=\"course == 'NAME'\" to it"
             yield _branch_finding(message, id_.place, path, help)
         else:
             first = entries.setdefault("", branch.entry)
@@ -154,14 +154,17 @@ def _wrong_branches(tree: TreeElement, forest: Forest) -> Iterator[Diagnostic]:
                 message = f"no action chooses branch '{branch.tree}' of tree '{tree.name}'"
                 related = (Related("the branch", branch.place),)
                 place, path = tree.places.get("course", tree.place), f"trees.{tree.name}.course"
-                yield _branch_finding(message, place, path, "name the action under 'course'", related)
+                yield _branch_finding(message, place, path, f"add 'ACTION: {branch.tree}' under 'course'", related)
 
 
 def _branches_without_action(tree: TreeElement, courses: list[Course]) -> Iterator[Diagnostic]:
     chosen_actions = {reference.name for course in courses for reference in course.choose}
     for action, _ in tree.course:
         if action.name not in chosen_actions:
-            message = f"tree '{tree.name}' has a branch for action '{action.name}', which no adaptation of it chooses"
+            message = (
+                f"tree '{tree.name}' has a branch for action '{action.name}', "
+                "but no adaptation of this tree chooses the action"
+            )
             help = "add the action to 'choose', or remove the branch"
             yield _branch_finding(message, action.place, f"trees.{tree.name}.course.{action.name}", help)
 
@@ -181,7 +184,7 @@ def _branch_finding(message: str, place: Place, path: str, help: str, related: t
 
 
 def idle_leaves(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
-    """Every tree states for each leaf which tasks it hands over, and the agent of the tree may request these tasks."""
+    """For every leaf, its tree states which tasks the leaf hands over, and the tree's agent may request these tasks."""
     tasks = {task.name: task for task in scope.spec.tasks}
     for tree in scope.spec.trees:
         forest = _sound_forest(scope, faults, tree)
@@ -200,14 +203,14 @@ def idle_leaves(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
             path = f"trees.{tree.name}.leaves.{entry.leaf.name}"
             if entry.leaf.name not in own_leaves:
                 message = f"tree '{tree.name}' has no leaf '{entry.leaf.name}'"
-                help = f"its leaves are {', '.join(own_leaves)}" if own_leaves else "remove it"
+                help = f"the leaves of the tree are {', '.join(own_leaves)}" if own_leaves else "remove it"
                 yield finding("leaf-without-executor", message, entry.leaf.place, path=path, help=help)
             for reference in entry.tasks:
                 task = tasks.get(reference.name)
                 can_ask = task is not None and tree.agent is not None
                 if can_ask and task and tree.agent and tree.agent.name not in (who.name for who in task.requesters):
                     message = f"agent '{tree.agent.name}' may not request task '{task.name}'"
-                    help = f"add it to 'requesters' of '{task.name}', or let another agent execute the tree"
+                    help = f"add the agent to 'requesters' of '{task.name}', or let another agent execute the tree"
                     related = (Related("the task", task.place),)
                     yield finding(
                         "leaf-without-executor", message, reference.place, path=path, help=help, related=related

@@ -1,7 +1,7 @@
-"""Phases 4 and 5 for loops: adaptations that depend on values that they set or choose themselves.
+"""Checks of loops (phases 4 and 5): adaptations that depend on values that they set or choose themselves.
 
-Such feedback is allowed, so that a value can keep itself (hysteresis). It is an error only if no value would be stable,
-or if no value would ever be known.
+Such feedback is allowed, so that a value can keep itself (hysteresis). Feedback is an error only if no value would be
+stable, or if no value would ever be known.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from codra_dsl.language.model import ADAPTER, Adaptation, Condition, Course, Par
 
 
 def self_defeating(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
-    """An adaptation can set its variable at all, and has a stable value or action, which it does not change again."""
+    """Every adaptation can set its variable, and has a stable value or action, which it does not change again."""
     findings = list(_never_set(scope, faults))
     yield from findings
     yield from _unstable_courses(scope, faults)
@@ -36,7 +36,8 @@ def _never_set(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
         if [source.name for source in scope.variables[name].sources] == [ADAPTER]
     }
     needs = {name: [read_name.name for read_name in names_in(tree)] for name, (_, tree) in values.items()}
-    equal_to_itself = {name: _equality(tree, tree) for name, (_, tree) in values.items()}  # true only if it is known
+    # such a comparison is true only if the value is known
+    equal_to_itself = {name: _equality(tree, tree) for name, (_, tree) in values.items()}
     unknown_names = frozenset(values)
     while True:
         while known_names := {
@@ -64,9 +65,10 @@ def _unstable_parameters(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnos
         is_free = adaptation.dwell_s == 0.0 and name in {read_name.name for read_name in names_in(tree)}
         if is_free and not can_hold([_equality(tree, _name_node(name))], (), scope.context_types):
             message = (
-                f"adaptation '{adaptation.name}' never becomes stable: for every value of '{name}', it sets another one"
+                f"adaptation '{adaptation.name}' never becomes stable: "
+                f"for every value of '{name}', it sets another value"
             )
-            help = "compute it from other variables, or add a 'dwell' if it should alternate"
+            help = f"compute '{name}' from other variables, or add a 'dwell' if the value should alternate"
             yield _finding(adaptation, "value", message, help)
 
 
@@ -83,7 +85,10 @@ def _unstable_courses(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic
 
 
 def _can_be_stable(scope: SpecIndex, name: str, course: Course, trees: Sequence[Node | None], action: str) -> bool:
-    """Return whether an action may stay: while it is chosen, no hard rule holds, or the first that does chooses it."""
+    """Return whether an action may stay chosen.
+
+    This is so if, while the action is chosen, no hard rule holds, or the first rule that holds chooses the same action.
+    """
     types = scope.context_types
     conditions = [Truth(start=0, end=0, value=True) if tree is None else tree for tree in trees]
     choice = _equality(_name_node(name), Text(start=0, end=0, value=action))
@@ -97,7 +102,7 @@ def _can_be_stable(scope: SpecIndex, name: str, course: Course, trees: Sequence[
 
 
 def adapted_variables(scope: SpecIndex, faults: Silenced) -> Iterator[tuple[Adaptation, str, Node]]:
-    """Yield each sound adaptation that sets a variable, with the name of the variable and its value."""
+    """Yield each sound adaptation that sets a variable, with the variable's name and the expression for the value."""
     for adaptation in scope.spec.adaptation:
         if isinstance(adaptation.does, Parameter) and faults.sound("adaptation", adaptation.name):
             name, tree = adaptation.does.variable.name, _tree(scope, adaptation.does.value)
@@ -160,7 +165,7 @@ def _written_variable(adaptation: Adaptation) -> str:
 
 
 def _needs(scope: SpecIndex) -> Mapping[str, Mapping[str, Place]]:
-    """Return the dependencies of each variable that loops compute, set or choose, each with its first place."""
+    """Return, for each variable that loops compute, set or choose, its dependencies, each with its first place."""
     needs: dict[str, dict[str, Place]] = {}
     for section, output in scope.book.outputs:
         name = output.name if section == "metrics" else weight_name(output.name)

@@ -1,7 +1,7 @@
-"""Phase 5 for fuzzy rules: where rules fire. Every term holds on intervals, so a few cells cover all cases.
+"""Checks of fuzzy rules (phase 5): where rules fire. Every term holds on intervals, so a few cells cover all cases.
 
-The checks use these intervals instead of degrees. They therefore need nothing of the runtime, and name exactly the case
-in which no rule fires.
+The checks use these intervals instead of degrees. Therefore they need nothing of the runtime, and their findings state
+exactly the case in which no rule fires.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from codra_dsl.language.fuzzy.words import Hedge
 from codra_dsl.language.model import Output, Variable
 
 MAX_CELLS = 20_000
-"""The maximum number of combinations; an output with more is not checked."""
+"""The maximum number of combinations of cells. An output with more combinations is not checked."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,9 +28,10 @@ class Cell:
     """Numbers of a variable on which each term either holds everywhere or nowhere.
 
     Attributes:
-        holding: the terms with a degree above 0; `wholly` those with degree 1.
+        holding: the terms with a degree above 0 on the cell.
+        wholly: the terms with degree 1 on the cell.
         words: the numbers of the cell, as text for messages.
-        is_point: whether it is a single number of a wider range.
+        is_point: whether the cell is a single number of a wider range.
     """
 
     holding: frozenset[str]
@@ -64,11 +65,11 @@ def _cell(number: float, extents: Mapping[str, Extent], words: str, *, is_point:
 
 
 Combination = Mapping[str, Cell]
-"""A cell of each variable, by its name."""
+"""One cell of each variable, by the name of the variable."""
 
 
 def acts(antecedent: Antecedent, combination: Combination) -> bool:
-    """Return whether an antecedent holds to any degree, for norms that are above 0 if both sides are."""
+    """Return whether an antecedent holds to a degree above 0. Norms must be above 0 if both of their operands are."""
     if isinstance(antecedent, And):
         return acts(antecedent.left, combination) and acts(antecedent.right, combination)
     if isinstance(antecedent, Or):
@@ -83,7 +84,7 @@ def acts(antecedent: Antecedent, combination: Combination) -> bool:
 
 
 def uncovered_ranges(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
-    """Several terms of a number together cover its range, and each term holds somewhere in it."""
+    """If a number has several terms, they cover its range together. Each term holds somewhere in the range."""
     for variable in scope.spec.context:
         is_readable = faults.sound("context", variable.name) and scope.readable(
             "context", variable.name, "terms", "range"
@@ -94,8 +95,8 @@ def uncovered_ranges(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]
         place, path = variable.places.get("terms", variable.place), f"context.{variable.name}.terms"
         for term in variable.terms:
             if not any(term.name in cell.holding for cell in variable_cells):
-                message = f"term '{term.name}' of '{variable.name}' holds nowhere in its range"
-                help = "correct its parameters, or remove it"
+                message = f"term '{term.name}' holds nowhere in the range of '{variable.name}'"
+                help = "correct the parameters of the term, or remove the term"
                 yield finding("uncovered-range", message, term.place, path=f"{path}.{term.name}", help=help)
         gap = next((cell for cell in variable_cells if not cell.holding and not cell.is_point), None)
         if gap is not None and len(variable.terms) > 1:
@@ -104,7 +105,7 @@ def uncovered_ranges(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]
 
 
 def idle_rules(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
-    """Every rule can fire, and in every case some rule does."""
+    """Every rule can fire, and in every case some rule fires."""
     for section, output in scope.book.outputs:
         parsed_rules = scope.book.rules[section, output.name]
         rules = [parsed_rule.rule for parsed_rule in parsed_rules if parsed_rule.rule is not None]
@@ -167,7 +168,7 @@ def _uncovered_combination(
         more_text = f", and in {len(silent_combinations) - 1} more cases" if len(silent_combinations) > 1 else ""
         message = f"no rule of '{output.name}' fires if {case_text}{more_text}"
         place = output.places.get("rules", output.place)
-        help = "add a rule: without one the output is unknown there"
+        help = "add a rule for this case: without a rule, the output is unknown"
         yield finding("silent-combination", message, place, path=f"{section}.{output.name}.rules", help=help)
 
 

@@ -1,4 +1,7 @@
-"""Phase 3 for loops: inputs of rules have ranges, rates are of numbers, and adaptations may set their variables."""
+"""Checks of loops (phase 3).
+
+Inputs of rules have ranges, rates are computed from numbers, and adaptations may set their variables.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +27,7 @@ def unfit_inputs(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
     for variable in scope.spec.context:
         if variable.terms and variable.type.kind not in _NUMBERS and not variable.is_derived:
             message = f"context-variable '{variable.name}' is not a number, but has terms"
-            help = "remove them: rules use 'is true', or 'is MEMBER'"
+            help = "remove the terms: rules use 'is true', or 'is MEMBER'"
             place = variable.places.get("terms", variable.place)
             yield finding("unfit-input", message, place, path=f"context.{variable.name}.terms", help=help)
     for name in dict.fromkeys(name for key in scope.book.rules for name in scope.book.named(*key)):
@@ -37,7 +40,7 @@ def unfit_inputs(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
             and input_variable.type.kind in _NUMBERS
         ):
             message = f"rules read context-variable '{name}', which has no range"
-            help = "add 'range': while it is unknown, it counts as the whole range"
+            help = "add 'range': while the variable is unknown, rules assume the whole range"
             yield finding("unfit-input", message, input_variable.place, path=f"context.{name}", help=help)
         if input_variable is not None and is_readable:
             yield from _reserved_words(input_variable, scope.book.terms(input_variable))
@@ -74,7 +77,10 @@ def unfit_outputs(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
 
 
 def unfit_rates(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
-    """A rate is of a number that loops do not compute, has its unit per time, and the number keeps enough readings."""
+    """A rate is the rate of a number that loops do not compute, and that keeps enough readings.
+
+    The unit of the rate is the unit of this number per time.
+    """
     for variable in scope.spec.context:
         if variable.rate is None or not faults.sound("context", variable.name):
             continue
@@ -92,12 +98,12 @@ def _rate_problems(variable: Variable, base: Variable) -> Iterator[tuple[str, st
     if [source.name for source in variable.sources] != [ANALYST]:
         yield f"{subject} is a rate, which loops compute", "remove 'source'", "source"
     if base.type.kind not in _NUMBERS:
-        yield f"{subject} is the rate of '{base.name}', which is not a number", "name a number", "rate_of"
+        yield f"{subject} is the rate of '{base.name}', which is not a number", "write the name of a number", "rate_of"
         return
     if base.rate is not None or base.is_derived:
         yield (
             f"{subject} is the rate of '{base.name}', which loops compute",
-            "name a variable that agents write",
+            "write the name of a variable that agents write",
             "rate_of",
         )
     if variable.type.kind is not Kind.FLOAT:
@@ -112,7 +118,7 @@ def _rate_problems(variable: Variable, base: Variable) -> Iterator[tuple[str, st
     if base.history < _MIN_READINGS:
         yield (
             f"'{base.name}' keeps {base.history} reading, but a rate needs more",
-            "let it keep more",
+            f"write a larger 'history' for '{base.name}'",
             "rate_of",
         )
 
@@ -173,13 +179,13 @@ def _time_problems(course: Course, dwell_s: float) -> Iterator[tuple[str, str, s
     if not 0.0 <= course.lead < 1.0:
         message = f"a lead of {course.lead:g} is never reached: weights go from 0 to 1"
         message = message if course.lead >= 1.0 else f"a lead of {course.lead:g} is negative"
-        yield "lead", message, "write a number from 0 up to below 1"
+        yield "lead", message, "write a number from 0 to below 1"
     if course.hold_s > dwell_s > 0.0:
         yield "hold", "'hold' is longer than 'dwell', which makes 'dwell' useless", "make 'hold' shorter than 'dwell'"
     choices = [reference.name for reference in course.choose]
     if course.otherwise.name and course.otherwise.name not in choices:
         message = f"'{course.otherwise.name}' is not one of the actions under 'choose'"
-        yield "otherwise", message, "add it to 'choose', or name one of them"
+        yield "otherwise", message, "add it to 'choose', or write one of these actions"
     for rule in course.always:
         if rule.action.name not in choices:
             yield "always", f"'{rule.action.name}' is not one of the actions under 'choose'", "add it to 'choose'"

@@ -1,4 +1,4 @@
-"""Phase 1 for MAPE-K loops: all names in fuzzy rules, adaptations, trees and loops are declared."""
+"""Checks of names in MAPE-K loops (phase 1): all names in fuzzy rules, adaptations, trees and loops are declared."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Phases 4 and 5 for loops: each part belongs to one loop, and all results are used."""
+"""Checks of loops (phases 4 and 5): each part belongs to one loop, and all results are used."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def split_courses(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
         other = first_adaptations.setdefault(does.within.name, adaptation)
         if other is not adaptation:
             message = f"adaptation '{other.name}' also chooses the course of tree '{does.within.name}'"
-            help = "put all actions under 'choose' of one of them"
+            help = "put all actions under 'choose' of only one of the two adaptations"
             yield finding("two-adaptations", message, does.within.place, path=path, help=help)
         adapting_loops = [loop for loop in scope.spec.loops if adaptation.name in _names(loop.adapt)]
         if adapting_loops and not any(does.within.name in _names(loop.execute) for loop in adapting_loops):

@@ -1,4 +1,4 @@
-"""Phase 5 for loops: values of adaptations outside the range of the variable that they set."""
+"""Checks of loops (phase 5): adaptations do not set a variable to a value outside the variable's range."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ _SIDES = {Comparison.LESS: "less than {low}", Comparison.GREATER: "more than {hi
 
 
 def _branches(tree: Node, assumptions: Sequence[Node]) -> Iterator[tuple[Node, Sequence[Node]]]:
-    """Yield each branch of a value that is a choice, with the conditions that hold then."""
+    """Yield each branch of a value that is a choice, with the conditions under which it is used."""
     if not isinstance(tree, Choice):
         yield tree, assumptions
         return
@@ -59,7 +59,8 @@ def _exit_sides(
 ) -> Iterator[Comparison]:
     """Yield the sides on which a value can leave the range of its variable.
 
-    If a name in it has no range, or occurs twice, a side counts only if the value is certainly there.
+    If a name in the value has no range, or occurs twice, a side is yielded only if the value is certainly on this side
+    of the range.
     """
     types = scope.context_types
     occurrences = [occurrence.name for occurrence in names_in(branch)]
@@ -82,7 +83,7 @@ def _exit_sides(
 
 
 def _has_finite_end(interval: Interval, operator: Comparison) -> bool:
-    """Return whether some numbers have a finite end on one side."""
+    """Return whether an interval has a finite end on one side."""
     return isinstance(interval.low if operator is Comparison.LESS else interval.high, Fraction)
 
 

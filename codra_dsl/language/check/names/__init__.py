@@ -1,1 +1,1 @@
-"""Checks of names: undeclared, misspelt, declared twice."""
+"""Checks of names that are undeclared, misspelt, reserved or ambiguous."""

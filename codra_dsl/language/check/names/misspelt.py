@@ -1,4 +1,4 @@
-"""Misspelt declarations: the cause of several unknown names is one declared name that is never used."""
+"""Findings about misspelt declarations: an unknown name is used, and a similar declared name is never used."""
 
 from __future__ import annotations
 
@@ -15,7 +15,14 @@ from codra_dsl.language.load.schema.misspelt import misspelt_declarations
 def find_misspelt_declarations(
     scope: SpecIndex, unknown: Iterable[Sequence[Mention]], declared: Iterable[str], used: Iterable[str]
 ) -> dict[str, str]:
-    """Return the misspelt declaration for unknown names; `unknown` has the mentions of each, `used` all used names."""
+    """Return, for unknown names, the misspelt declarations that cause them.
+
+    Args:
+        scope: the spec.
+        unknown: the mentions of each unknown name.
+        declared: all declared names.
+        used: all names that are used, unknown or not.
+    """
     compared_mentions = (mentions for mentions, _ in zip(unknown, range(MAX_SUGGESTIONS), strict=False))
     uses = {mentions[0].name: len(_first_mentions(mentions)) for mentions in compared_mentions}
     if not uses:
@@ -55,5 +62,5 @@ def misspelt_finding(
 
 
 def _first_mentions(mentions: Iterable[Mention]) -> tuple[Mention, ...]:
-    """Return the first mention at each place: a mention in a template counts once, however often it is used."""
+    """Return the first mention at each place: a mention in a template counts once for all uses of the template."""
     return tuple({mention.place.span: mention for mention in reversed(list(mentions))}.values())[::-1]

@@ -1,4 +1,4 @@
-"""Phase 1: every name that an element refers to is declared, is of the right kind, and can be read there."""
+"""Rules of phase 1: every name that an element refers to is declared, has the right kind, and can be read there."""
 
 from __future__ import annotations
 
@@ -119,9 +119,9 @@ def _report_misspelt(
     *,
     known: frozenset[str] = frozenset(),
 ) -> Generator[Diagnostic, None, list[list[Mention]]]:
-    """Yield findings about misspelt declarations; return the remaining names to report.
+    """Yield findings about misspelt declarations; return the mentions of the remaining names to report.
 
-    Names without a similar declaration are not reported if at least as many elements have unreadable names.
+    Names without a similar declaration are not returned if the names of at least as many elements could not be read.
     """
     rule, noun = _UNKNOWN[section]
     plain_groups = [group for group in groups if scope.other_kind(group[0].name, section) is None]
@@ -167,7 +167,7 @@ def _intended_literal(scope: SpecIndex, mention: Mention) -> Literal | None:
 
 
 def _is_something_else(scope: SpecIndex, mention: Mention) -> bool:
-    """Return whether a name in a condition over a result names another element, or is intended as a literal."""
+    """Return whether a name in a condition over a result belongs to another element, or is intended as a literal."""
     is_named = scope.declares("context", mention.name) or scope.other_kind(mention.name, "context") is not None
     return is_named or _intended_literal(scope, mention) is not None
 
@@ -196,16 +196,16 @@ def reserved_agents(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
 
 
 def ambiguous_arguments(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
-    """No two arguments of a perception function have the same name, and none is called `job`."""
+    """No two arguments of a perception function have the same name, and none has the name `job`."""
     for algorithm in scope.spec.perception:
-        origins = {"job": "the job itself"}
+        origins = {"job": "the argument 'job', which every perception function gets"}
         for name, key, place in _arguments(algorithm):
             if name in origins:
                 argument = f"argument '{name}' of algorithm '{algorithm.name}' from '{key}'"
                 message = f"{argument} has the same name as {origins[name]}"
                 path = f"perception.{algorithm.name}.{key}"
                 yield finding("ambiguous-argument", message, place, path=path, help="rename one of the two")
-            origins[name] = f"one from '{key}'"
+            origins[name] = f"an argument from '{key}'"
 
 
 NAMES = (
@@ -244,7 +244,7 @@ def _undeclared_finding(
     kind = scope.other_kind(first.name, section)
     if kind is not None:
         message = f"'{first.name}' in {first.user} is {kind}, not {NOUNS[section]}"
-        return _mention_finding("wrong-kind-of-name", message, f"name {NOUNS[section]} here", first, others)
+        return _mention_finding("wrong-kind-of-name", message, f"write the name of {NOUNS[section]}", first, others)
     rule, noun = _UNKNOWN[section]
     if section == "agents" and first.path.endswith((".by", ".requesters")):
         noun = "agent"
@@ -278,16 +278,16 @@ def _declaration_help(scope: SpecIndex, mention: Mention, section: str) -> str:
         return _invalid_name_help(scope, mention, section)
     if section == "agents":
         others = "'observer', 'main_execution'" if mention.path.startswith("context.") else "'main_execution'"
-        return f"write {others}, or declare it under 'agents'"
+        return f"write {others}, or declare '{mention.name}' under 'agents'"
     return f"declare '{mention.name}' under '{section}'"
 
 
 def _invalid_name_help(scope: SpecIndex, mention: Mention, section: str) -> str:
-    """Return the help for a text that is not a name: several names without ',', or a name with other text."""
+    """Return the help for a text that is not a name, e.g. several names without ',', or a name with other text."""
     words = _WORD.findall(mention.name)
     known = [word for word in words if word in scope.names(section) or word in _SOURCES.get(section, ())]
     if len(known) == len(words) > 1:
-        return f"make each an item of a list: [{', '.join(known)}]"
+        return f"write the names as a list: [{', '.join(known)}]"
     return f"write only '{known[0]}'" if len(known) == 1 else "write a name: letters A to Z, digits and '_'"
 
 
@@ -313,7 +313,7 @@ def _unreturned_finding(scope: SpecIndex, algorithm: str, first: Mention, others
     literal = intended_literal(scope, first.site, first.name)
     if kind is not None and literal is None:
         message = f"'{first.name}' in '{key}' of {first.user} is {kind}, not a value that the algorithm returns"
-        return _mention_finding("wrong-kind-of-name", message, "name a returned value here", first, others)
+        return _mention_finding("wrong-kind-of-name", message, "write the name of a returned value", first, others)
     message = f"unknown returned value '{first.name}' in '{key}' of {first.user}"
     if literal is not None:
         fix = literal.fix((first, *others))

@@ -22,14 +22,14 @@ from codra_dsl.language.expression import Name, Node, Not, Truth, names_in, spel
 from codra_dsl.language.model import Algorithm, Condition, Hysteresis, Identification, Kind, Members, Returned, Variable
 
 MAX_MEMBERS = 30
-"""The maximum number of members that a later one is compared with; further members are not compared."""
+"""The maximum number of earlier members with which a member is compared. Members after them are not compared."""
 
 MAX_RELATED_PLACES = 5
 """The maximum number of further members in a finding."""
 
 
 def never_holding(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
-    """Some result can be accepted, and can give each variable each value that has a condition."""
+    """Some result can be accepted, and each value that has a condition can follow from an accepted result."""
     yield from _once_per_shape(scope, faults, _never_holding_of)
 
 
@@ -80,7 +80,7 @@ def _once_per_shape(
 ) -> Iterator[Diagnostic]:
     """Yield the findings of a rule about the use of results, for each algorithm.
 
-    Many algorithms of a large spec are alike: if one has no finding, all algorithms with the same shape have none.
+    Many algorithms of a large spec are alike: if one of them has no finding, all others with the same shape have none.
     """
     clean_shapes: set[object] = set()
     for algorithm in scope.algorithms.values():
@@ -101,7 +101,7 @@ def _sound_conditions(scope: SpecIndex, conditions: Iterable[Condition]) -> Iter
 
 
 def _parts_of_conditions(scope: SpecIndex, conditions: Iterable[Condition]) -> Iterator[Stated]:
-    """Yield the conditions of a list, each part of an `and` separately, without plain names and their negations."""
+    """Yield the conditions of a list, except plain names and negated names. Each part of an `and` is separate."""
     for condition in conditions:
         for stated_condition in _sound_conditions(scope, [condition]):
             for part in stated_condition.parts or (stated_condition,):
@@ -114,7 +114,7 @@ def _names(condition: Stated) -> Iterable[str]:
 
 
 def _true_conditions(scope: SpecIndex, faults: Silenced, entry: Identification) -> Iterator[Stated]:
-    """Yield the condition under which a bool is True, unless it is a literal or a plain name, which are intended."""
+    """Yield the condition under which a bool is True, except literals and plain names, which are intended."""
     variable = scope.variables.get(entry.variable.name)
     by = entry.by.enter if isinstance(entry.by, Hysteresis) else entry.by
     if variable is None or not faults.sound("context", variable.name) or not isinstance(by, Condition):
@@ -146,7 +146,7 @@ def _always_finding(
 def _never_identified(
     scope: SpecIndex, algorithm: Algorithm, entry: Identification, accepted: tuple[Stated, ...]
 ) -> Iterator[Diagnostic]:
-    """Yield findings about values that a variable never gets, one for all values with the same cause."""
+    """Yield findings about values that a variable never gets. Values with the same cause share one finding."""
     types = scope.returned_types[algorithm.name]
     earlier_values: dict[str, tuple[str, Stated]] = {}
     shadowed_values: dict[tuple[str, ...], list[tuple[str, Stated]]] = {}
@@ -232,9 +232,9 @@ def _shadowed_finding(
         if isinstance(entry.by, Members)
         else "change the condition",
         related=(
-            *(Related("holds whenever it does", condition.place) for _, condition in blocking_conditions),
+            *(Related("holds in all of these cases", condition.place) for _, condition in blocking_conditions),
             *(
-                Related(f"it is never {other} either", condition.place)
+                Related(f"'{name}' is never {other} either", condition.place)
                 for other, condition in others[:MAX_RELATED_PLACES]
             ),
         ),

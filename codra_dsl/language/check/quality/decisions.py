@@ -17,7 +17,7 @@ MAX_RELATED_PLACES = 5
 
 
 def unreached_variables(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
-    """Every variable is needed by a skill or loop, directly or through others; without skills, all are observed.
+    """Every variable is needed by a skill or loop, directly or through others. Without skills, all are observed.
 
     Variables that loops add or set are exempt, since programs read them.
     """
@@ -41,7 +41,7 @@ def unreached_variables(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnost
             if name in scope.producers:
                 message += ": it gets no observer"
             else:
-                help = f"it will be written, but no observer uses it: {help}"
+                help = f"its source writes it, but no observer uses it: {help}"
             help += ", or remove it"
             yield finding("unreached-variable", message, variable.place, path=f"context.{name}", help=help)
 
@@ -66,7 +66,7 @@ def decisions_without_observer(scope: SpecIndex, faults: Silenced) -> Iterator[D
 
 
 def unwatched_monitors(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
-    """Every variable that a skill monitors has another source than the main execution, which is busy acting."""
+    """Every variable that a skill monitors has a source other than the main execution, which is busy acting."""
     for variable, mentions in _unidentified_variables(scope, faults, _monitors(scope, faults)):
         if {source.name for source in variable.sources} != {MAIN_EXECUTION}:
             continue
@@ -74,10 +74,10 @@ def unwatched_monitors(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnosti
         yield finding(
             "unwatched-monitor",
             f"skill '{skill.name}' monitors '{variable.name}', which nothing observes meanwhile: "
-            "only the main execution writes it, which is busy acting",
+            "only the main execution, which is busy acting, writes it",
             place,
             path=f"skills.{skill.name}.monitor.{variable.name}",
-            help="add an algorithm that identifies it or an agent to its 'source', or decide on it in 'preview'",
+            help="add an algorithm that identifies it, add an agent to its 'source', or decide on it in 'preview'",
             related=(_source_place(variable), *_other_places(others)),
         )
 
@@ -115,7 +115,7 @@ def _monitors(scope: SpecIndex, faults: Silenced) -> _Mentions:
 def _unidentified_variables(
     scope: SpecIndex, faults: Silenced, mentions: _Mentions
 ) -> Iterator[tuple[Variable, list[tuple[Skill, Place]]]]:
-    """Yield the variables with sources but without an algorithm, with the skills that name them."""
+    """Yield the variables that have sources but no algorithm, each with the skills that refer to it."""
     if scope.lost("perception", "identifies"):
         return
     for name, skills_and_places in mentions.items():

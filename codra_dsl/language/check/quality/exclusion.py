@@ -1,4 +1,4 @@
-"""Decisions whose parts exclude each other: a value of one variable prevents that another one is observed."""
+"""Decisions on variables that exclude each other: while one has a certain value, another cannot be observed."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from codra_dsl.language.expression import Node, names_in, spelt_out
 from codra_dsl.language.model import Algorithm, Condition, Expectation, Expected, Reference, Skill, WhenUnobservable
 
 MAX_STEPS = 100_000
-"""The maximum number of evaluated algorithms; the search stops after them."""
+"""The maximum number of evaluated algorithms. After this number, the search stops."""
 
 
 def excluded_previews(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
-    """Every variable that a skill previews can be observed with the values that other skills give the others.
+    """Every variable that a skill previews can be observed after other skills have changed its other variables.
 
     Let a skill preview `x` and `y`, and let other skills make `x` become V. Then `y` is excluded if every algorithm for
-    it has preconditions that cannot be true with any such V. A kept value counts as known if the skill that makes `x`
-    become V has previewed it before.
+    `y` has preconditions that cannot be true with any such V. There is one exception: if the value of `y` is kept, and
+    the skills that make `x` become V have previewed `y` before, then `y` counts as known.
     """
     if scope.lost("perception", *NEED_KEYS, "identifies") or scope.lost("skills", "preview", "monitor"):
         return
@@ -46,7 +46,12 @@ _Makers = Sequence[tuple[Skill, Expectation]]
 
 @dataclass(frozen=True, slots=True)
 class _Exclusion:
-    """Why an algorithm cannot run: its precondition, the place, and the variable that causes it, if another one."""
+    """The reason why an algorithm cannot run.
+
+    Attributes:
+        text: the precondition that cannot be true.
+        cause: the unknown variable because of which the precondition cannot be true; None if there is none.
+    """
 
     algorithm: Algorithm
     text: str
@@ -55,7 +60,7 @@ class _Exclusion:
 
 
 def _makers_by_variable(scope: SpecIndex, faults: Silenced) -> Mapping[str, list[tuple[Skill, Expectation]]]:
-    """Return, by variable, the skills that make it become a value, with their expectations."""
+    """Return, for each variable, the skills that make the variable become a value, with their expectations."""
     makers_by_variable: dict[str, list[tuple[Skill, Expectation]]] = {}
     for skill in scope.spec.skills:
         for expectation in skill.monitor:
@@ -68,7 +73,7 @@ def _makers_by_variable(scope: SpecIndex, faults: Silenced) -> Mapping[str, list
 
 
 def _is_kept(scope: SpecIndex, name: str, makers: _Makers) -> bool:
-    """Return whether all makers preview this variable before, and its value is kept."""
+    """Return whether the value of a variable is kept, and all makers preview the variable before."""
     keeps = scope.variables[name].when_unobservable is WhenUnobservable.KEEP
     return keeps and all(any(reference.name == name for reference in maker.preview) for maker, _ in makers)
 
@@ -85,14 +90,17 @@ def _finding(skill: Skill, state: Reference, preview: Reference, makers: _Makers
         help=f"preview '{preview.name}' in skill '{maker.name}' instead, or add an algorithm that can run after it",
         related=(
             Related(f"'{state.name}' is in the same decision", state.place),
-            Related(f"skill '{maker.name}' changes it", expectation.place),
+            Related(f"skill '{maker.name}' changes '{state.name}'", expectation.place),
             Related("cannot be true afterwards", exclusion.place),
         ),
     )
 
 
 class _Search:
-    """Finds variables that cannot be observed while a variable has a value, directly or through forgotten variables."""
+    """Finds variables that cannot be observed while another variable has some value.
+
+    The value prevents this directly, or through variables that are forgotten.
+    """
 
     def __init__(self, scope: SpecIndex, faults: Silenced) -> None:
         self._scope = scope
@@ -156,7 +164,7 @@ class _Search:
         return others or not self._scope.readable("context", name, *keys)
 
     def _exclusion(self, algorithm: Algorithm, fact: Node, unknown_names: set[str]) -> _Exclusion | None:
-        """Return why an algorithm cannot run while a fact holds and some variables are unknown; None if it can."""
+        """Return why an algorithm cannot run while a fact holds and some variables are unknown; None if it can run."""
         if not self._faults.sound("perception", algorithm.name):
             return None
         for reference in algorithm.given:

@@ -1,4 +1,4 @@
-"""What decisions and loops reach, if this can be decided."""
+"""The elements that decisions and loops reach, if this can be decided."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _NEEDS = {
     "adaptation": ("always", "value"),
     "agents": ("wakes",),
 }
-"""The keys that define what is needed, by section."""
+"""For each section, the keys that define which elements are needed."""
 
 
 def judges_reach(scope: SpecIndex) -> bool:

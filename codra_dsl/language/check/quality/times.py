@@ -24,7 +24,7 @@ from codra_dsl.language.model import (
 )
 
 MAX_VISITS = 300_000
-"""The maximum number of visited variables, for all skills together; later skills are skipped."""
+"""The maximum number of visited variables, for all skills together. Skills after this number are skipped."""
 
 _ROUNDING = 1e-9
 
@@ -34,10 +34,12 @@ MAX_RELATED_PLACES = 5
 
 @dataclass(frozen=True, slots=True)
 class Renewal:
-    """How an algorithm renews evidence: it looks again a pause after it began, and has its result within its timeout.
+    """How an algorithm renews evidence.
+
+    The next look begins `pause_s` after the last look began, and each look gives its result within the timeout.
 
     Attributes:
-        period_s: the period of its observer.
+        period_s: the period of the algorithm's observer.
         setting: the entry under `observers` that sets the period.
     """
 
@@ -56,7 +58,7 @@ class Renewal:
         return round(self.pause_s + self.algorithm.timeout_s, 9)
 
     def confirming_s(self, variable: str) -> float:
-        """Return the maximum age of the first result that confirms a variable when the last one arrives."""
+        """Return the maximum age that the first result needed to confirm a variable has when the last one arrives."""
         needed_count = max(needed_of(entry) for entry in self.algorithm.identifies if entry.variable.name == variable)
         return round((needed_count - 1) * max(self.pause_s, self.algorithm.timeout_s), 9)
 
@@ -126,7 +128,7 @@ TIMES = (stale_before_renewed, oversubscribed_slots, ineffective_on_event)
 
 
 def _slowest_renewal(scope: SpecIndex, faults: Silenced, name: str) -> Renewal | None:
-    """Return the renewal of a variable by its slowest algorithm; None if it has none, or if it is unknown."""
+    """Return the renewal of a variable by its slowest algorithm; None if it has no algorithm, or one is unknown."""
     setting, _ = scope.claims.get(name, (None, None))
     if setting is not None and not faults.sound("observers", setting.name):
         return None
@@ -144,7 +146,8 @@ def _stale_finding(variable: Variable, renewal: Renewal) -> Diagnostic:
     return finding(
         "stale-before-renewed",
         f"context-variable '{variable.name}' can become stale although everything works: its evidence can be up to "
-        f"{_seconds(renewal.oldest_s)} old before newer arrives, and is valid for {_seconds(variable.valid_for_s)}",
+        f"{_seconds(renewal.oldest_s)} old before newer evidence arrives, "
+        f"but is valid for {_seconds(variable.valid_for_s)}",
         variable.places.get("valid_for", variable.place),
         path=f"context.{variable.name}.valid_for",
         help="write a longer 'valid_for', or a shorter 'timeout' or 'period'",
@@ -156,7 +159,7 @@ def _never_confirmed_finding(variable: Variable, renewal: Renewal) -> Diagnostic
     return finding(
         "stale-before-renewed",
         f"context-variable '{variable.name}' may never be confirmed although everything works: the first result that "
-        f"'confirm' needs can be {_seconds(renewal.confirming_s(variable.name))} older than the last, and is valid for "
+        f"'confirm' needs can be {_seconds(renewal.confirming_s(variable.name))} older than the last, but is valid for "
         f"{_seconds(variable.valid_for_s)}",
         variable.places.get("valid_for", variable.place),
         path=f"context.{variable.name}.valid_for",
@@ -196,7 +199,7 @@ def _renewal_places(renewal: Renewal) -> Iterator[Related]:
     )
     if algorithm.min_interval_s > renewal.period_s:
         place = algorithm.places.get("min_interval", algorithm.place)
-        yield Related(f"it looks again after {_seconds(algorithm.min_interval_s)}", place)
+        yield Related(f"algorithm '{algorithm.name}' looks again after {_seconds(algorithm.min_interval_s)}", place)
     elif setting is not None:
         place = setting.places.get("period", setting.place)
         yield Related(f"observer '{setting.name}' looks again after {_seconds(setting.period_s)}", place)
@@ -204,7 +207,7 @@ def _renewal_places(renewal: Renewal) -> Iterator[Related]:
 
 @dataclass(frozen=True, slots=True)
 class _Share:
-    """The share of a slot's time that an algorithm needs: up to its timeout, once while its evidence is valid."""
+    """The share of a slot's time that an algorithm needs: its timeout, divided by the validity of its evidence."""
 
     algorithm: Algorithm
     valid_for_s: float
@@ -248,7 +251,7 @@ def _contested_shares(scope: SpecIndex, faults: Silenced) -> Mapping[str, Mappin
 
 
 def _share(scope: SpecIndex, faults: Silenced, algorithm: Algorithm) -> _Share | None:
-    """Return the share of a slot that an algorithm needs; None if it needs none, or if it is unknown."""
+    """Return the share of a slot that an algorithm needs; None if it needs no share, or if the share is unknown."""
     is_sound = faults.sound("perception", algorithm.name)
     if not is_sound or not scope.readable("perception", algorithm.name, "timeout", "uses"):
         return None

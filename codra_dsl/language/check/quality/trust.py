@@ -17,8 +17,8 @@ def unnoticed_preconditions(scope: SpecIndex, faults: Silenced) -> Iterator[Diag
     """Every variable in a precondition states how long it is valid; otherwise the precondition could stay true forever.
 
     It is enough to state `valid_for`. `when_unobservable: forget` is enough if each algorithm that identifies the
-    variable has preconditions itself and only observers write it. Conditions that bound the age of the variable, and
-    conditions that only use `known` or `age`, use no old value.
+    variable has preconditions itself, and only observers write the variable. Conditions that bound the age of the
+    variable use no old value, and neither do conditions that read the variable only by `known` or `age`.
     """
     for name, (algorithm, place) in _trusting_algorithms(scope).items():
         variable = scope.variables.get(name)
@@ -41,7 +41,7 @@ TRUST = (unnoticed_preconditions,)
 
 
 def _trusting_algorithms(scope: SpecIndex) -> Mapping[str, tuple[Algorithm, Callable[[], Place]]]:
-    """Return, for each variable whose last value a precondition uses, the first such algorithm and the place."""
+    """Return, for each variable whose last value preconditions use, the first algorithm that uses it and the place."""
     trusting_algorithms: dict[str, tuple[Algorithm, Callable[[], Place]]] = {}
     sites: dict[str, list[Site]] = {}
     for site in scope.sites:
@@ -49,7 +49,7 @@ def _trusting_algorithms(scope: SpecIndex) -> Mapping[str, tuple[Algorithm, Call
             sites.setdefault(site.owner[1], []).append(site)
     for algorithm in scope.algorithms.values():
         if not scope.readable("perception", algorithm.name, "observable_when"):
-            continue  # the unreadable condition may bound the age
+            continue  # a condition that could not be read may bound the age
         own_sites = sites.get(algorithm.name, [])
         bounded_names = {bound.name for site in own_sites for bound in upper_bounds(site.condition)}
         for site in own_sites:
@@ -64,7 +64,7 @@ def _trusting_algorithms(scope: SpecIndex) -> Mapping[str, tuple[Algorithm, Call
 
 def _goes_stale(scope: SpecIndex, variable: Variable) -> bool:
     """Return whether a variable becomes unknown by itself, or whether this is undecided."""
-    if variable.states_validity or variable.pose_condition is not None:  # a comparison of poses expires with them
+    if variable.states_validity or variable.pose_condition is not None:  # a comparison of poses expires with the poses
         return True
     forgets = variable.when_unobservable is WhenUnobservable.FORGET and _can_be_forgotten(scope, variable)
     return forgets or not (_others_write(variable) or variable.name in scope.producers)

@@ -26,7 +26,7 @@ def unreached_observers(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnost
                 f"observer '{setting.name}' is not generated: no skill needs {names_text}",
                 setting.place,
                 path=f"observers.{setting.name}",
-                help="name one of its variables in a skill's 'preview' or 'monitor', or remove it with them",
+                help="add one of its variables to a skill's 'preview' or 'monitor', or remove the observer with them",
             )
 
 
@@ -34,7 +34,7 @@ def unused_resources(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]
     """Every resource is used by an algorithm, or may be used by an algorithm of a template."""
     usages = [usage.resource.name for algorithm in scope.spec.perception for usage in algorithm.uses]
     if scope.lost("perception", "uses") or not scope.resources.keys() >= set(usages):
-        return  # an undeclared name may be intended for any of them
+        return  # an undeclared name may be meant as any of the resources
     used_names = _UsedNames(scope, usages, ((template.name, template.resources) for template in scope.spec.templates))
     for resource in _own_elements(scope, scope.resources.values()):
         if resource.name not in used_names and faults.sound("resources", resource.name):
@@ -64,7 +64,7 @@ def unused_agents(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
                 f"agent '{agent.name}' is not the source of anything",
                 agent.place,
                 path=f"agents.{agent.name}",
-                help="remove it, or name it as 'source' of what it writes",
+                help="remove the agent, or add it to the 'source' of the elements that it writes",
             )
 
 
@@ -78,7 +78,7 @@ def unused_templates(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
 
 
 def shadowed_names(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
-    """No parameter has a name that conditions in its template can read already: `$(door)` beside `door`."""
+    """No parameter has the name of an element that its template can also refer to, such as `$(door)` and `door`."""
     names = {parameter.name for template in scope.spec.templates for parameter in template.parameters}
     visible_elements: dict[str, list[tuple[str, _VisibleElement]]] = {}
     for noun, element in _visible_elements(scope) if names else ():
@@ -96,7 +96,7 @@ def shadowed_names(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
 
 
 def same_labels(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
-    """Labels of variables are different; a variable without a label is shown by its name."""
+    """All labels of variables are different. A variable without a label is shown by its name."""
     first_variables: dict[str, Variable] = {}
     variables_by_name = {name.casefold(): variable for name, variable in scope.variables.items()}
     for variable in scope.variables.values():
@@ -114,7 +114,7 @@ UNUSED = (unreached_observers, unused_resources, unused_agents, unused_templates
 """The checks of this module."""
 
 _VisibleElement = Variable | Resource | Algorithm | Agent
-"""The elements outside of a template that its conditions and keys can name."""
+"""An element outside of a template that the template's conditions and keys can refer to."""
 
 _Element = TypeVar("_Element", Resource, Agent)
 
@@ -125,7 +125,7 @@ def _own_elements(scope: SpecIndex, elements: Iterable[_Element]) -> Iterator[_E
 
 
 class _UsedNames:
-    """The used names: those in elements, and, as far as they are known, those in templates without a use."""
+    """The names that elements use, and the names in templates without a use, as far as these names are known."""
 
     def __init__(
         self, scope: SpecIndex, names: Iterable[str], templates: Iterable[tuple[str, tuple[str, ...]]]
@@ -173,11 +173,13 @@ def _same_label_finding(variable: Variable, other: Variable) -> Diagnostic:
     is_label = other.label != other.name and _normalize_label(other.label) == _normalize_label(variable.label)
     return finding(
         "same-label",
-        f"{subject} is the same as that of '{other.name}'" if is_label else f"{subject} is the name of another one",
+        f"{subject} is the same as that of '{other.name}'"
+        if is_label
+        else f"{subject} is the name of another variable",
         variable.places.get("label", variable.place),
         path=f"context.{variable.name}.label",
         help="write different labels",
-        related=(Related("the other one", other.places.get("label", other.place) if is_label else other.place),),
+        related=(Related("the other variable", other.places.get("label", other.place) if is_label else other.place),),
     )
 
 

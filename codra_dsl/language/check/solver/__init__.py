@@ -1,1 +1,1 @@
-"""Which values can satisfy a condition: intervals, cases, linear sums."""
+"""Finds out which values can satisfy a condition, with intervals, cases and linear sums."""

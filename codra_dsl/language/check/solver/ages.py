@@ -20,7 +20,7 @@ class Bound:
 
     Attributes:
         name: the variable whose age is bounded.
-        node: the comparison that bounds it, with the `not` before it.
+        node: the comparison that bounds the age, including a `not` before the comparison.
         limit_s: the maximum age; None if it depends on context-variables.
     """
 
@@ -30,7 +30,7 @@ class Bound:
 
 
 def upper_bounds(condition: Condition) -> Iterator[Bound]:
-    """Yield the bounds on ages that a condition requires: `age(x) < 2 s`, but not inside an `or`."""
+    """Yield the maximum ages that a condition requires, such as `age(x) < 2 s`; inside an `or`, none is required."""
     pending_nodes = [] if condition.tree is None else [(condition.tree, condition.tree, False)]
     while pending_nodes:
         node, outermost_node, is_denied = pending_nodes.pop()

@@ -1,7 +1,8 @@
-"""The numbers at which comparisons with constants change: they cut the range of a name into pieces.
+"""The numbers at which comparisons of a name with constants change. They cut the range of the name into pieces.
 
-Between two neighbouring cuts, every comparison of the name with constants has one result. This holds if both sides are
-linear in the name between their kinks, which come from `abs`, `min`, `max` and choices. Other comparisons give no cuts.
+Between two neighbouring cuts, every comparison of the name with constants has only one result. This holds if both sides
+are linear in the name, except at kinks. Kinks come from `abs`, `min`, `max` and choices. Other comparisons give no
+cuts.
 """
 
 from __future__ import annotations
@@ -15,13 +16,13 @@ from codra_dsl.language.check.solver.values import Context, age_key, links, outc
 from codra_dsl.language.expression import Arithmetic, Call, Choice, Name, Node, parts, walk
 
 Function = Callable[[Fraction], Fraction | None]
-"""A number that depends on another one; None where the result is not a number."""
+"""A function from numbers to numbers. Its result is None where it is not a number."""
 
 MAX_KINKS = 64
-"""A comparison with more kinks gives no cuts."""
+"""The maximum number of kinks on one side of a comparison. With more kinks, the comparison gives no cuts."""
 
 MAX_RIVALS = 8
-"""A comparison with a `min` or `max` of more numbers gives no cuts either."""
+"""The maximum number of arguments of `min` and `max`. With more arguments, a comparison gives no cuts."""
 
 
 def subjects(node: Node) -> frozenset[str]:
@@ -44,7 +45,7 @@ def cuts(key: str, sides: Iterable[tuple[Node, Node]]) -> frozenset[Fraction]:
 
     Args:
         key: the name's key in a context.
-        sides: the two sides of each comparison; neither depends on anything else.
+        sides: the two sides of each comparison. They depend on nothing else.
     """
     numbers: set[Fraction] = set()
     for left, right in sides:
@@ -72,7 +73,7 @@ def _kinks(node: Node, key: str) -> set[Fraction] | None:
 
 
 def is_curved(*values: Node) -> bool:
-    """Return whether a number is not a linear function of a name, apart from kinks."""
+    """Return whether one of these numbers is not a linear function of a name, apart from kinks."""
     return any(_bends(part) for value in values for part in walk(value))
 
 
@@ -98,7 +99,7 @@ def _difference(left: Node, right: Node | None, key: str) -> Function:
     """Return the function that computes by how much one number is larger than another, or than zero."""
 
     def at(number: Fraction) -> Fraction | None:
-        """Return the difference for one value of the key; None if it is not a single number."""
+        """Return the difference for one value of the key; None if the difference is not a single number."""
         one = _number_at(left, key, number)
         other = Fraction(0) if right is None else _number_at(right, key, number)
         return None if one is None or other is None else one - other

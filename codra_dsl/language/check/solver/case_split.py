@@ -1,9 +1,9 @@
-"""The search for a case in which some conditions hold and another one does not.
+"""The search for a case in which some conditions hold and another condition does not.
 
-A case assigns something to each name that occurs several times: a bool or a member, unknown, or, for a number, one of
-the pieces into which the conditions cut its range. Within a case, each comparison of such a name with constants has one
-result. If the same two numbers are compared with each other twice, their difference is treated as one number. Past
-MAX_CASES the answer is that there may be such a case.
+A case restricts each name that occurs several times: to a bool, to a member, to unknown or, for a number, to one of the
+pieces into which the conditions cut its range. Within a case, each comparison of such a name with constants has only
+one result. If the same two numbers are compared with each other twice, their difference is treated as one number. After
+MAX_CASES cases, the answer is that there may be such a case.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from codra_dsl.language.expression import And, Call, Compare, In, Name, Node, Te
 from codra_dsl.language.model import Kind
 
 MAX_CASES = 4096
-"""The maximum number of cases for each group of conditions that share names; fewer if the conditions are long."""
+"""The maximum number of cases for each group of conditions that share names. For long conditions, it is smaller."""
 
 MAX_WORK = 100_000
 """The maximum number of evaluated parts of conditions, in all cases of a group."""
@@ -48,9 +48,9 @@ def is_case(required: Sequence[Node], claim: Node | None, values: Mapping[str, V
     """Return whether there may be a case in which all required conditions hold and the claim, if any, does not.
 
     Args:
-        required: conditions; groups that share no name are searched separately.
+        required: the required conditions. Groups that share no name are searched separately.
         claim: a further condition.
-        values: the possible values of each name in them, with None if it can be unknown.
+        values: the possible values of each name in the conditions. They contain None if the name can be unknown.
         types: the type of each name.
     """
     required_parts = conjuncts(required)
@@ -65,7 +65,10 @@ def is_case(required: Sequence[Node], claim: Node | None, values: Mapping[str, V
 
 
 def _are_settled(conditions: Iterable[Node], types: Types) -> bool:
-    """Return whether each name occurs only once, so that no cases need to be distinguished, as in most conditions."""
+    """Return whether no cases need to be distinguished, as in most conditions.
+
+    This is so if each name occurs only once, no name is an int, and there is neither `in` nor a chain of comparisons.
+    """
     names: set[str] = set()
     for condition in conditions:
         for part in walk(condition):
@@ -142,7 +145,7 @@ class _Mentions:
     """The names, texts and comparisons in conditions.
 
     Attributes:
-        counts: how often a name, its age, and whether it is known affect the result, by key.
+        counts: for the key of each name, of its age, and of whether it is known: how often this affects the result.
         names: the keys in `counts` that are names.
         texts: all quoted texts.
         links: the two sides of each comparison.
@@ -156,7 +159,7 @@ class _Mentions:
     size: int = 0
 
     def add(self, condition: Node) -> None:
-        """Add a condition. The middle of a chain, and the left side of `in`, count several times."""
+        """Add a condition. The parts of a chain, and of `in`, count twice: some are compared several times."""
         pending_nodes = [(condition, 1)]
         while pending_nodes:
             node, times = pending_nodes.pop()
@@ -188,7 +191,7 @@ class _Search:
         self._pairs, self._sides = self._contested_pairs()
 
     def finds_case(self) -> bool:
-        """Return whether there may be such a case: split cases until one is certain or none is left."""
+        """Return whether there may be such a case. Cases are split until one is certain or none is left."""
         keys = [key for key in self._mentions.counts if self._is_contested(key)]
         keys += self._sides
         remaining_cases = max(1, min(MAX_CASES, MAX_WORK // self._mentions.size))
@@ -208,7 +211,7 @@ class _Search:
         return bool(pending_cases)
 
     def _is_contested(self, key: str) -> bool:
-        """Return whether the search splits by the values of a key: of a name, of an age, or of whether it is known."""
+        """Return whether the search splits by the values of a key, i.e. of a name, of its age, or of being known."""
         occurs_often = self._mentions.counts[key] > 1
         if key not in self._mentions.names:
             return occurs_often and (key in self._values or not key.startswith("known("))
@@ -216,10 +219,12 @@ class _Search:
         return declared is not None and self._values[key] != UNKNOWN and (occurs_often or declared.kind is Kind.INT)
 
     def _contested_pairs(self) -> tuple[Mapping[tuple[int, int], Pair], Mapping[str, tuple[Node, Node, Pair]]]:
-        """Return the pairs of numbers whose difference occurs more than once or is 0, and the sides of the former.
+        """Return the pairs of numbers whose difference occurs more than once or is 0.
 
-        Numbers that depend on one name are left out, since the range of that name is cut where its comparisons change.
-        They are included if they are curved, because then there are no such cuts.
+        For each key of a difference that is not 0, also return the two sides and their pair.
+
+        Differences that depend on only one name are left out, since the range of this name is cut where its comparisons
+        change. If one of the sides is curved, the difference is included, because then there are no such cuts.
         """
         compared_numbers = [
             (left, right, pair(left, right))
@@ -255,7 +260,7 @@ class _Search:
         return tuple(frozenset({cell}) for cell in cells)
 
     def _difference_cells(self, key: str, context: Context) -> Sequence[Values]:
-        """Return the pieces of the possible differences of two numbers, with UNKNOWN if the difference can be that."""
+        """Return the pieces of the possible differences of two numbers, and UNKNOWN if this is possible too."""
         left, right, own_pair = self._sides[key]
         limits = [other_pair.limit for other_pair in self._pairs.values() if other_pair.key == key]
         differences: list[Interval] = []

@@ -15,14 +15,14 @@ from codra_dsl.language.expression import And, Node, names_in
 from codra_dsl.language.model import FOREVER_S, Condition, Returned, Variable
 
 MAX_CONDITIONS = 50
-"""With more conditions than these, the search for those that exclude each other is skipped."""
+"""If there are more conditions than this, the search for those that exclude each other is skipped."""
 
 
 MAX_QUOTED = 3
-"""The maximum number of conditions that a message quotes beside the offender."""
+"""The maximum number of conditions that a message quotes besides the offender."""
 
 MAX_RELATED = 10
-"""The maximum number of places of such conditions in a finding."""
+"""The maximum number of places of these conditions in a finding."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +30,7 @@ class Stated:
     """A condition that must be true, and where it is written.
 
     Attributes:
-        parts: the operands of an `and`.
+        parts: the operands if the condition is an `and`; else empty.
     """
 
     tree: Node
@@ -47,8 +47,9 @@ def stated(condition: Condition, tree: Node) -> Stated:
 
 
 def contradiction(conditions: Sequence[Stated], types: Types) -> tuple[Stated, ...]:
-    """Return conditions that can never be true together, as few as were found, in their order; () if all can.
+    """Return conditions that can never be true together, in their order; () if all can be true together.
 
+    Conditions that are not needed for this are left out, as far as they are found.
     If several conditions are needed, each `and` among them is narrowed down to the parts that are needed.
     """
     if can_hold([condition.tree for condition in conditions], (), types):
@@ -85,7 +86,7 @@ def never_true(core: Sequence[Stated]) -> str:
 
 
 def related_to(core: Sequence[Stated], types: Types, declared: Iterable[Variable | Returned]) -> Iterator[Related]:
-    """Yield the places related to conditions that exclude each other: the others, and the ranges that cause it."""
+    """Yield the places of the other conditions, and of the ranges without which there is no contradiction."""
     *others, _ = core
     yield from (Related("cannot be true together with this", other.place) for other in others[:MAX_RELATED])
     trees = [condition.tree for condition in core]

@@ -13,7 +13,7 @@ from fractions import Fraction
 from codra_dsl.language.units import Unit
 
 Number = Fraction | float
-"""An exact number; a float only where it is infinite."""
+"""An exact number, or an infinite float."""
 
 _RADIANS_PER_DEGREE = Fraction(repr(math.pi)) / 180
 
@@ -56,7 +56,7 @@ def in_base(value: float, unit: Unit) -> Number:
 
 
 def hull(intervals: Iterable[Interval]) -> Interval:
-    """Return the smallest interval that contains some others."""
+    """Return the smallest interval that contains all of these intervals."""
     several = list(intervals)
     low, low_open = min((interval.low, interval.low_open) for interval in several)
     high, high_closed = max((interval.high, not interval.high_open) for interval in several)
@@ -76,13 +76,13 @@ def negative(one: Interval) -> Interval:
 
 
 def total(one: Interval, other: Interval) -> Interval:
-    """Return all sums."""
+    """Return all sums of a number of the first interval and a number of the second."""
     low, high = _add(one.low, other.low), _add(one.high, other.high)
     return Interval(low, high, one.low_open or other.low_open, one.high_open or other.high_open)
 
 
 def product(one: Interval, other: Interval) -> Interval:
-    """Return all products; an end is included if this is uncertain."""
+    """Return all products of a number of each interval. An end is included if it is uncertain whether it belongs."""
     if other.is_point:
         return _scaled(one, other.low)
     if one.is_point:
@@ -122,7 +122,7 @@ def largest(one: Interval, other: Interval) -> Interval:
 
 
 def can_be_less(one: Interval, other: Interval) -> bool:
-    """Return whether a number of the first can be less than one of the second."""
+    """Return whether a number of the first interval can be less than a number of the second."""
     return one.low < other.high
 
 
@@ -137,7 +137,7 @@ def pieces(interval: Interval, points: Iterable[Number], step: Fraction | None) 
     Args:
         interval: the interval to cut.
         points: where to cut; points outside the interval are ignored.
-        step: if only multiples of a number are possible, that number.
+        step: the number of which only multiples are possible; None if all numbers are possible.
     """
     parts: list[Interval] = []
     low, low_open = interval.low, interval.low_open

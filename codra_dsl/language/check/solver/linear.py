@@ -13,10 +13,11 @@ from codra_dsl.language.units import ONE, parse_unit
 
 @dataclass(frozen=True, slots=True)
 class Pair:
-    """Two numbers that are compared: they differ by `factor * (number - limit)`.
+    """Two compared numbers. Their difference is `factor * (number - limit)`.
 
     Attributes:
-        key: identifies the number: equal keys only if the numbers are equal and known in the same cases; empty for 0.
+        key: identifies `number`. Two keys are equal only if their numbers are equal, and known in the same cases. The
+            key of 0 is empty.
     """
 
     key: str
@@ -25,7 +26,7 @@ class Pair:
 
 
 def pair(left: Node, right: Node) -> Pair:
-    """Return two numbers as a pair; comparisons of one number with different constants have the same key."""
+    """Return two numbers as a pair. Comparisons of the same number with different constants have the same key."""
     difference = _sum(left).plus(_sum(right), Fraction(-1))
     factor = difference.lead
     key = difference.times(1 / factor).key if any(difference.parts.values()) else ""
@@ -34,9 +35,9 @@ def pair(left: Node, right: Node) -> Pair:
 
 @dataclass(frozen=True, slots=True)
 class _Sum:
-    """A sum: factors by the keys of its summands, which are not sums themselves, and a constant.
+    """A constant and summands. `parts` has the factor of each summand, by the key of the summand.
 
-    A summand with factor 0 stays: it must be known for the sum to be known.
+    No summand is itself a sum. A summand with factor 0 stays in the sum: it must be known for the sum to be known.
     """
 
     parts: Mapping[str, Fraction]
@@ -44,7 +45,7 @@ class _Sum:
 
     @property
     def lead(self) -> Fraction:
-        """Return the first factor in alphabetical order that is not 0; 1 if there is none."""
+        """Return the first factor that is not 0, in the alphabetical order of the keys; 1 if there is none."""
         return next((self.parts[key] for key in sorted(self.parts) if self.parts[key]), Fraction(1))
 
     @property

@@ -1,8 +1,8 @@
-"""Whether conditions can hold, always hold, or follow from others, under the types, ranges and units of their names.
+"""Decides whether conditions can hold, always hold, or follow from others, by the types, ranges and units of names.
 
-Every answer comes from one question: is there a case in which some conditions hold and another one does not? The
-answers are exact if names are compared with constants, also through sums, `abs`, `min` and `max`. Otherwise they err
-towards "possible": an answer that something is impossible, or that it follows, is always correct.
+Every answer comes from one question: is there a case in which some conditions hold and another condition does not? The
+answers are exact if names are compared with constants, also through sums, `abs`, `min` and `max`. Otherwise the answers
+err towards "possible": the answer that conditions cannot hold, or that they follow, is always correct.
 """
 
 from __future__ import annotations
@@ -44,12 +44,12 @@ def known(name: str) -> Node:
 
 
 def implies(stronger: Sequence[Node], weaker: Sequence[Node], types: Types) -> bool:
-    """Return whether conditions are certainly true whenever others are, for any known and unknown values.
+    """Return whether the weaker conditions are true whenever the stronger are, for any known and unknown values.
 
     Args:
         stronger: the conditions that are all true.
         weaker: the conditions that must all follow.
-        types: the type of each name in either, from `declared_type`; nothing follows from missing names.
+        types: the type of each name in the conditions, from `declared_type`. Nothing follows from missing names.
     """
     claims = conjuncts(weaker)
     names = names_of((*stronger, *claims))
@@ -60,7 +60,7 @@ def implies(stronger: Sequence[Node], weaker: Sequence[Node], types: Types) -> b
 def always_holds(condition: Node, types: Types, *, absent: Iterable[str] = ()) -> bool:
     """Return whether a condition is true for every possible value of its names, once these are known.
 
-    `known(x)` counts as undecided, and so does the age of a value.
+    `known(x)` can be true or false, and an age can be any number.
 
     Args:
         condition: the condition.
@@ -84,7 +84,7 @@ def always_holds(condition: Node, types: Types, *, absent: Iterable[str] = ()) -
 
 
 def _ages(names: Iterable[str], types: Types) -> dict[str, Values]:
-    """Return the possible ages of valid evidence, by key, of names with a finite validity."""
+    """Return the possible ages of valid evidence for each name with a finite validity, by its `age_key`."""
     declared = ((name, types.get(name)) for name in names)
     return {
         age_key(name): frozenset({Interval(Fraction(0), Fraction(repr(type_.valid_for_s)))})

@@ -1,7 +1,8 @@
 """The possible values of a part of a condition, given the possible values of each name in it, in Kleene's logic.
 
 Each mention of a name is treated independently. The answer therefore contains every possible value and may contain
-more; it is exact if no name occurs twice. `case_split` calls this for each case of the names that occur several times.
+more. It is exact if no name occurs twice. `case_split` asks for the possible values in each case of the names that
+occur several times.
 """
 
 from __future__ import annotations
@@ -37,11 +38,11 @@ from codra_dsl.language.model import Kind
 from codra_dsl.language.units import ONE, parse_unit
 
 MAX_PIECES = 8
-"""The maximum number of separate intervals; past it, their hull replaces them."""
+"""The maximum number of separate intervals. If there are more, their hull replaces them."""
 
 
 class Other(Enum):
-    """Texts that are not spelled out."""
+    """Texts that are not known literally: any text, or a text that the conditions do not mention."""
 
     ANY = "any"
     UNMENTIONED = "unmentioned"
@@ -51,7 +52,7 @@ Value = bool | str | Other | Interval | None
 """A value, a set of values, or None for unknown."""
 
 Values = frozenset[Value]
-"""The possible values of something."""
+"""The possible values of a name or of a part of a condition."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,9 +60,9 @@ class Context:
     """A case.
 
     Attributes:
-        values: the possible values of each name, and, by `age_key`, `known_key` and the keys of pairs, of its age, of
-            whether it is known, and of the difference of two numbers.
-        pairs: by the identity of the two sides, the pairs whose difference occurs more than once or is 0.
+        values: the possible values of each name. Further keys are the `age_key` of a name for its age, the `known_key`
+            of a name for whether it is known, and the key of a pair for the difference of two numbers.
+        pairs: the pairs whose difference occurs more than once or is 0. The key consists of the `id` of each side.
     """
 
     values: Mapping[str, Values]
@@ -99,7 +100,7 @@ def age_key(name: str) -> str:
 
 
 def known_key(name: str) -> str:
-    """Return the key for whether a name is known, independent of its value, in a context."""
+    """Return the key, in a context, for whether a name is known, independent of its value."""
     return f"known({name})"
 
 
@@ -191,7 +192,10 @@ def _in(node: Node, context: Context) -> Values:
 
 
 def compare_values(operator: str, left: Node, right: Node, context: Context) -> Values:
-    """Return the possible results of a comparison; if the context has the difference of the sides, it decides."""
+    """Return the possible results of a comparison.
+
+    If the context contains the difference of the two sides, this difference decides.
+    """
     ones, others = outcomes(left, context), outcomes(right, context)
     truths = frozenset(truth for one in ones for other in others for truth in _judge(operator, one, other))
     pair = context.pairs.get((id(left), id(right))) if context.pairs else None
@@ -269,7 +273,7 @@ def _negative(node: Node, context: Context) -> Values:
 
 
 def _arithmetic(node: Node, context: Context) -> Values:
-    """Return the possible results; a division by zero is unknown."""
+    """Return the possible results. The result of a division by zero is unknown."""
     assert isinstance(node, Arithmetic)
     left, right = outcomes(node.left, context), outcomes(node.right, context)
     if node.operator == "/" and all(map(_is_no_divisor, right)):
@@ -348,7 +352,7 @@ def _choice(node: Node, context: Context) -> Values:
 
 
 def _agreement(one: Value, other: Value) -> Values:
-    """Return the possible values of a choice with an unknown condition: known only if both sides agree."""
+    """Return the possible values of a choice with an unknown condition. They are known only if both sides agree."""
     if one is None or other is None:
         return UNKNOWN
     if isinstance(one, Interval) and isinstance(other, Interval):

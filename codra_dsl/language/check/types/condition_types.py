@@ -1,4 +1,4 @@
-"""Phase 3: types, units, members, and how resources are used."""
+"""Rules of phase 3: types, units and members in conditions and declarations, and the use of resources."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from codra_dsl.language.model import (
 
 
 def conditions(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
-    """Every condition is true or false or a value that fits its variable, and compares what can be compared."""
+    """Every condition is true or false, or has a value that fits its variable; it compares only comparable values."""
     for judgement in scope.judgements.values():
         for problem in judgement.problems:
             yield _condition_finding(scope, judgement.site, problem)
@@ -81,7 +81,7 @@ def misused_resources(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
             if resource is None or not scope.readable("resources", resource.name, "slots"):
                 continue
             if usage.access is Access.SLOT and resource.slots is None:
-                message = f"algorithm '{algorithm.name}' takes a slot of resource '{resource.name}', which has none"
+                message = f"algorithm '{algorithm.name}' takes a slot of resource '{resource.name}', which has no slots"
                 help = f"write 'read', or declare '{resource.name}: {{slots: 1}}'"
                 yield _misuse_finding(algorithm, usage, resource.place, message, help)
             if usage.access is Access.READ and resource.slots is not None:
@@ -92,7 +92,7 @@ def misused_resources(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
 
 
 TYPES = (conditions, integral_ranges, forms_of_identification, commanded_resources, misused_resources)
-"""The checks of this phase."""
+"""The rules of this phase."""
 
 
 def _range_findings(value_type: ValueType, place: Place, section: str, name: str, key: str) -> Iterator[Diagnostic]:
@@ -104,7 +104,11 @@ def _range_findings(value_type: ValueType, place: Place, section: str, name: str
         )
         range_place = value_type.places.get("range", place)
         yield finding(
-            "wrong-range", message, range_place, path=f"{section}.{name}.{key}", help="use whole numbers, or a float"
+            "wrong-range",
+            message,
+            range_place,
+            path=f"{section}.{name}.{key}",
+            help="write whole numbers, or 'type: float'",
         )
 
 

@@ -19,7 +19,12 @@ from codra_dsl.language.model import Condition, Kind
 
 @dataclass(frozen=True, slots=True)
 class Literal:
-    """The help for a name intended as a literal. `truth` is `true` or `false` if it is intended as one of them."""
+    """The help for a name that was intended as a literal.
+
+    Attributes:
+        truth: `true` or `false` if the name was intended as one of them; else empty.
+        condition: the condition that contains the name, if quotes around the name are the fix.
+    """
 
     help: str
     truth: str = ""
@@ -88,7 +93,7 @@ def literal_compared(scope: SpecIndex, mention: Mention) -> str | None:
 
 
 def _readable_types(scope: SpecIndex, site: Site) -> Types:
-    """Return the types of the names that a condition over results, or of an expectation, can read."""
+    """Return the types of the names that can be read in a condition over results or in an expectation's condition."""
     if site.role is Role.MONITOR:
         return {site.variable or "": scope.wanted(site)}
     return scope.returned_types[site.owner[1]]

@@ -1,4 +1,4 @@
-"""Members of enums that are wrong in their declaration: misspelt, or two joined by a missing comma."""
+"""Members of enums with a wrong declaration: a member is misspelt, or a comma between two members is missing."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from codra_dsl.language.load.schema.misspelt import misspelt_declarations
 from codra_dsl.language.model import Kind, Members, ValueType
 
 Key = tuple[Owner, str]
-"""An enum: a context-variable of `context`, or a returned value of an algorithm."""
+"""The owner and the name of an enum, which is a context-variable or a returned value of an algorithm."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +37,7 @@ class _Enum:
 
     @property
     def max_unknown_mentions(self) -> int:
-        """Return the largest number of mentions of an undeclared member."""
+        """Return the largest number of mentions of one undeclared member."""
         return max((len(self.mentions[member]) for member in self.unknown_members), default=0)
 
     def place_of(self, member: str) -> Place:
@@ -47,9 +47,9 @@ class _Enum:
 
 
 def members_to_blame(scope: SpecIndex) -> Iterator[Diagnostic]:
-    """Yield findings about declared members that nothing mentions, although something mentions the intended ones.
+    """Yield findings about wrong declared members: conditions mention the intended members instead.
 
-    The corrections go to `scope.corrections`.
+    The corrections are added to `scope.corrections`.
     """
     enums = _enums(scope)
     for key, member, place, user in _mentions(scope):
@@ -79,7 +79,10 @@ def _enums(scope: SpecIndex) -> dict[Key, _Enum]:
 def _enum_findings(
     scope: SpecIndex, key: Key, enum: _Enum, unknown_members: list[str], wrong_members: set[str]
 ) -> Iterator[Diagnostic]:
-    """Yield findings about the members of one enum; misspelt ones go to `wrong_members`: other enums name them too."""
+    """Yield findings about the members of one enum.
+
+    Misspelt members are added to `wrong_members`, because they can also be among the unknown members of other enums.
+    """
     values = dict.fromkeys(enum.type.values)
     corrections: dict[str, tuple[str, ...]] = {}
     for member in values:
@@ -110,7 +113,7 @@ def _enum_findings(
 
 def _joined_members_finding(enum: _Enum, member: str, pieces: tuple[str, ...]) -> Diagnostic:
     place, pieces_text = enum.place_of(member), ", ".join(pieces)
-    message = f"the member '{member}' of {enum.user} is not used, but its words are"
+    message = f"the member '{member}' of {enum.user} is not used, but its words are used as members"
     related = tuple(_related(enum, piece) for piece in pieces if piece in enum.mentions)
     fix = _replacement_fix(place, member, pieces_text)
     return finding(
@@ -129,7 +132,7 @@ def _misspelt_finding(enum: _Enum, member: str, name: str) -> Diagnostic:
 
 
 def _replacement_fix(place: Place, member: str, intended: str) -> Fix | None:
-    """Return the fix of a member; None if it is written in quotes."""
+    """Return the fix that replaces a member; None if the member is written in quotes."""
     is_plain = place.span.end_column - place.span.column == len(member)
     return replacing(place, member, intended, safe=False) if is_plain else None
 
@@ -173,7 +176,10 @@ def _mentions_in_condition(scope: SpecIndex, site: Site) -> Iterator[tuple[Key, 
 
 
 def _passed_on_members(scope: SpecIndex, site: Site, returned_key: Key, leaf: Name) -> Iterator[tuple[Key, str, Node]]:
-    """Yield the members of a returned enum that becomes a context-variable, and vice versa."""
+    """Yield the members of both enums if a returned enum becomes the value of a context-variable.
+
+    The members of each enum count as mentions in the other enum.
+    """
     variable = scope.variables.get(site.variable or "")
     algorithm = scope.algorithms[site.owner[1]]
     returned_value = next((value for value in algorithm.returns if value.name == leaf.name), None)
@@ -187,7 +193,7 @@ def _passed_on_members(scope: SpecIndex, site: Site, returned_key: Key, leaf: Na
 
 
 def _leaves(node: Node) -> Iterator[Node]:
-    """Yield the expressions that a value can equal: itself, or either side of a choice."""
+    """Yield the expressions that can give the value: the node itself or, for a choice, its two alternatives."""
     if isinstance(node, Choice):
         yield from _leaves(node.then)
         yield from _leaves(node.otherwise)
