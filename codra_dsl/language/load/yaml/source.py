@@ -68,7 +68,7 @@ AS_ON_DISK: Mapping[str, bytes] = MappingProxyType({})
 
 
 def read(path: Path, file: str, findings: Findings, texts: Mapping[str, bytes] = AS_ON_DISK) -> Source | None:
-    """Return the text of a file, from `texts` if it is in there, or None if it cannot be read as text."""
+    """Return the text of a file, or None if it cannot be read as text. The content of a file in `texts` is used."""
     if file in texts:
         return decode(texts[file], file, findings)
     try:
@@ -90,7 +90,7 @@ def read(path: Path, file: str, findings: Findings, texts: Mapping[str, bytes] =
 
 
 def decode(data: bytes, file: str, findings: Findings) -> Source | None:
-    """Return bytes as text, or None if they are too many or not a text."""
+    """Return bytes as text, or None if there are too many bytes or they are not a text."""
     if len(data) > MAX_BYTES:
         message = f"'{file}' has more than {MAX_BYTES // 1024 // 1024} MiB"
         findings.add("file-too-large", message, file_place(file), help="split it into parts, or use templates")

@@ -1,4 +1,4 @@
-"""The traps of YAML for conditions: texts that YAML reads differently from people, with their fixes."""
+"""The traps of YAML for conditions: texts that YAML reads differently from people, and the fixes of these texts."""
 
 from __future__ import annotations
 
