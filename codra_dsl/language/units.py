@@ -189,7 +189,7 @@ _FOREVER = frozenset({"forever", "inf", ".inf", "infinity", "never", "always", "
 _OTHER_UNIT = re.compile(
     r"(?:[kMGTdcmunpµh]|da)(?:[mgsNVAWKJlL]|rad|deg|lux|Hz|Pa|bar)|[dkMG]?[Bb]|[rp]pm|(?:deg|°)?[CFK]|Nm|lm"
 )
-"""Symbols of unsupported units: they are not misspellings of supported ones."""
+"""Symbols of unsupported units: they are not misspellings of supported units."""
 
 
 @lru_cache(maxsize=1024)
@@ -257,7 +257,7 @@ def parse_duration(text: str) -> float | None:
 
 
 def duration_help(text: str, most: str = "finite") -> str:
-    """Return the help for a text that is not a duration; `most` is "forever" if that is allowed, else "finite"."""
+    """Return the help for a text that is not a duration; `most` is "forever" if `forever` is allowed, else "finite"."""
     text = re.sub(r"(?<=[0-9]),(?=[0-9])", ".", text)
     if parse_quantity(text) is not None:
         return f"did you mean '{text}'?" if parse_duration(text) is not None else _durations_help(most)

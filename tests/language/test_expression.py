@@ -241,8 +241,8 @@ def test_names_are_listed_in_the_order_of_the_text() -> None:
         ),
         ("a == “open”", "“", "'“' is not an operator", "quote with \" or '"),
         ("True", "True", "'True' is not a name", "write 'true'"),
-        ("a == None", "None", "'None' is not a name", "ask with known(x) whether a context-variable is known"),
-        ("a == null", "null", "'null' is not a name", "ask with known(x) whether a context-variable is known"),
+        ("a == None", "None", "'None' is not a name", "use known(x) to test whether a context-variable is known"),
+        ("a == null", "null", "'null' is not a name", "use known(x) to test whether a context-variable is known"),
         ("lambda > 3", "lambda", "'lambda' is not a name", "it is a reserved word and cannot be a name"),
         (
             "tür > 3",

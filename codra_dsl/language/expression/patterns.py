@@ -121,7 +121,7 @@ def parse_pattern(text: str) -> Node | SyntaxProblem:
 
 
 def _condition(text: str) -> Node | SyntaxProblem:
-    """Return the tree of a condition whose names may have parts, with offsets in the text."""
+    """Return the tree of a condition whose names may have parts, such as `a.b`. Its offsets refer to the text."""
     if text in _WORDS:
         raise SlipError(f"{shown(text)} is not a pattern by itself", 0, len(text), _EXAMPLE)
     if is_name(text):
@@ -253,7 +253,7 @@ class _PathParser:
 
 
 def _path_tokens(text: str) -> Iterator[_Token]:
-    """Yield the tokens of a path, followed by an empty one."""
+    """Yield the tokens of a path, followed by an empty token."""
     for match in _TOKEN.finditer(text):
         start, end = match.span()
         if match["other"]:

@@ -20,7 +20,7 @@ from codra_dsl.language.expression.tree import Call, Compare, In, Name, Node, na
 NodeT = TypeVar("NodeT", bound=Node)
 
 GEOMETRY = ("distance", "in_view")
-"""The functions of two nodes. Conditions over context and conditions of patterns have them in addition."""
+"""Additional functions in conditions over context and in conditions of patterns. Their arguments are two nodes."""
 
 _TEXT = r""""(?:[^"\\]|\\.)*"|'(?:[^'\\]|\\.)*'"""
 _NAME = r"[A-Za-z][A-Za-z0-9_]*"
@@ -34,10 +34,10 @@ _MAY_ASK = re.compile(rf"\b(?:{'|'.join(GEOMETRY)})\ *\(", re.ASCII)
 
 
 def parse_named(text: str) -> Node | SyntaxProblem:
-    """Return the tree of a condition whose names may have parts, with offsets in the text.
+    """Return the tree of a condition whose names may have parts, such as `a.b`. Its offsets refer to the text.
 
     Raises:
-        SlipError: if such a name is invalid.
+        SlipError: if a name with parts is invalid.
     """
     return _parse_masked(text, _READ)
 
@@ -125,7 +125,7 @@ def _name_comparisons(value: Node) -> Node:
     """Return a part of a tree in which each comparison with poses is one name.
 
     Raises:
-        SlipError: if the result cannot be kept as true, false or unknown.
+        SlipError: if the result of a part with poses cannot be kept as true, false or unknown.
     """
     if isinstance(value, Compare | In | Call | Name):
         pose_names = [name for name in names_in(value) if reads_of(name.name)[0]]

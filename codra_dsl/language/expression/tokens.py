@@ -76,7 +76,7 @@ class SlipError(Exception):
 
 
 _UNIT_LIKE = UNIT_TEXT.replace("[A-Za-z]+", r"[^\W\d]\w*")
-"""Matches valid and invalid units alike, so that messages can name an invalid one in full."""
+"""Matches valid and invalid units alike, so that messages can show an invalid unit in full."""
 
 # A unit has no blanks inside: `5 m/s` is a speed, but `5 m / s` divides 5 m by the variable `s`.
 _TOKEN = re.compile(
@@ -137,7 +137,7 @@ _ESCAPES: Mapping[str, str] = {"\\": "\\", '"': '"', "'": "'", "n": "\n", "t": "
 
 
 def tokens(text: str) -> tuple[Token, ...]:
-    """Return the tokens of a text, followed by one of kind END.
+    """Return the tokens of a text, followed by a token of kind END.
 
     Raises:
         SlipError: if a part of the text is not a token.
@@ -205,7 +205,7 @@ def _reserved_help(text: str) -> str:
     if text in ("True", "False"):
         return f"write '{text.lower()}'"
     if text in ("None", "null"):
-        return "ask with known(x) whether a context-variable is known"
+        return "use known(x) to test whether a context-variable is known"
     return "it is a reserved word and cannot be a name"
 
 

@@ -99,7 +99,7 @@ class _Checker:
             help_text = (
                 f"did you mean '{suggestion}'?"
                 if suggestion
-                else "create this module, or name the module that contains the function"
+                else "create this module, or use the name of the module that contains the function"
             )
             self._report(
                 first, message, help_text, suggestion and f"{suggestion}:{first.call.partition(':')[2]}", others
@@ -120,7 +120,7 @@ class _Checker:
         message = (
             f"class {shown(function)} of module {shown(name)}, which algorithm '{first.name}' calls, has no 'perceive'"
         )
-        self._report(first, message, "add a method 'perceive', or name a function", None, others)
+        self._report(first, message, "add a method 'perceive', or use the name of a function", None, others)
 
     def _report(
         self, first: Algorithm, message: str, help_text: str, replacement: str | None, others: Iterable[Algorithm]
@@ -150,7 +150,7 @@ class _Checker:
         return ".".join((*before, nearest_name, *after)) if nearest_name and missing.at > 0 else None
 
     def check_arguments(self, algorithm: Algorithm, signature: Signature) -> None:
-        """Report the passed arguments that a function does not take, and the required ones that are not passed."""
+        """Report passed arguments that a function does not take, and required arguments that are not passed."""
         given = _argument_names(algorithm)
         missing = [name for name in signature.needed if name not in given or name not in signature.accepted]
         untaken_names = [name for name in given if name not in signature.accepted and not signature.takes_any]

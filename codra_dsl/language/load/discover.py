@@ -31,9 +31,9 @@ class Files:
     """The specs and parts at and below some paths.
 
     Attributes:
-        specs: sorted, without duplicates.
-        parts: each with the place of its key `codra`.
-        diagnostics: folders that cannot be read, and paths without a spec.
+        specs: the specs, sorted and without duplicates.
+        parts: the parts, each with the place of its key `codra`.
+        diagnostics: the findings about folders that cannot be read and paths without a spec.
     """
 
     specs: tuple[Path, ...] = ()

@@ -186,7 +186,7 @@ class Uses:
             node.put(ScalarNode("template", "template", key_node.start, key_node.end, key_node.style), value)
 
     def _fill(self, template: Template, arguments: Arguments, origin: Origin, elements: Elements) -> None:
-        """Add the elements of a template instantiated with arguments."""
+        """Instantiate a template with arguments, and add the resulting elements."""
         filler = Filler(template, arguments.bound)
         sections = filler.sections()
         filler.report(origin, self._findings)

@@ -48,7 +48,7 @@ class Module:
     """The definitions of a module.
 
     Attributes:
-        names: each name that the module defines, with the signature of the function or class; None if it is unknown.
+        names: each name that the module defines, with the signature of the function or class, or None if unknown.
         functions: the names with a known signature, up to a maximum number.
         is_open: whether the module may define other names as well.
     """

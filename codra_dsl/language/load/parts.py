@@ -31,7 +31,7 @@ class Parts:
     """Reads a spec's parts.
 
     Attributes:
-        documents: the spec's own first, then parts in the order of inclusion.
+        documents: the documents: first the spec itself, then parts in the order of inclusion.
         complete: whether every part could be read.
     """
 

@@ -28,7 +28,7 @@ from codra_dsl.language.model import AnyName, Spec
 STANDARD_INPUT = "-"
 
 Loaded = tuple[Spec | None, tuple[Diagnostic, ...]]
-"""A spec and its findings, in file order. The spec is None if its file cannot be read as one, or has no name."""
+"""A spec and its findings, in file order. The spec is None if its file cannot be read as a spec, or has no name."""
 
 
 @paused_collector()

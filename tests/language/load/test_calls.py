@@ -71,8 +71,8 @@ def test_a_call_that_fits_gives_no_finding(project: Path) -> None:
         ("bench.percepton:look", "did you mean 'bench.perception'?"),
         ("bnch.perception:look", "did you mean 'bench.perception'?"),
         ("benchperception:look", "did you mean 'bench.perception'?"),
-        ("bench.vision:look", "create this module, or name the module that contains the function"),
-        ("bench.perception.deep:look", "create this module, or name the module that contains the function"),
+        ("bench.vision:look", "create this module, or use the name of the module that contains the function"),
+        ("bench.perception.deep:look", "create this module, or use the name of the module that contains the function"),
         ("bench.perception:lok", "did you mean 'look'?"),
         ("bench.perception:measure_distance", "the module has 'look'"),
     ],
@@ -218,7 +218,7 @@ def test_a_class_without_perceive_is_reported(project: Path) -> None:
     assert (
         finding.message == "class 'look' of module 'bench.perception', which algorithm 'look' calls, has no 'perceive'"
     )
-    assert finding.help == "add a method 'perceive', or name a function"
+    assert finding.help == "add a method 'perceive', or use the name of a function"
 
 
 def test_several_arguments_that_a_function_does_not_take_are_one_finding(project: Path) -> None:

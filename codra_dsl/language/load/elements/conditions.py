@@ -1,4 +1,4 @@
-"""Parse conditions, with the position of every letter; and recognise traps of YAML that only show as syntax errors."""
+"""Parse conditions, with the position of every letter; and recognise traps of YAML that show only as syntax errors."""
 
 from __future__ import annotations
 

@@ -125,7 +125,7 @@ class Elements:
             self._suspects.extend((suspect, names) for suspect in reader.suspects)
 
     def report_comments(self) -> None:
-        """Report comments after conditions that may be part of the condition, since all names in them are known."""
+        """Report each comment after a condition that may be part of it, because all names in the comment are known."""
         context = self.built["context"].keys()
         for suspect, returned in self._suspects:
             if all(name in context or name in returned for name in suspect.names):
@@ -147,7 +147,7 @@ class Elements:
         return False
 
     def _explain(self, subject: Subject, node: YamlNode) -> frozenset[str]:
-        """Report mistakes in the shape of an element; return the keys that are damaged by them."""
+        """Report mistakes in the shape of an element; return the keys that cannot be read because of them."""
         definition = DEFINITIONS[subject.section]
         return frozenset() if has_shape(definition, node.data) else explain(definition, node, subject, self._findings)
 

@@ -73,7 +73,7 @@ def build_node(reader: Reader) -> NodeElement:
 
 
 def build_edge(reader: Reader) -> EdgeType:
-    """Return a type of edges; those with the label `RT` have rigid motions."""
+    """Return a type of edges. Edges with the label `RT` have rigid motions."""
     label = reader.text("label", reader.subject.name)
     pose = reader.node.value("pose")
     return EdgeType(

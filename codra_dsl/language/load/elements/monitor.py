@@ -23,7 +23,7 @@ _OTHER_VERBS = {"is": "stays", "remains": "stays", "keeps": "stays", "gets": "be
 
 
 def read_expectation(reader: Reader, node: ScalarNode, index: int) -> Expectation | None:
-    """Return an entry of `monitor`; report it and return None if it does not have the right form."""
+    """Return the expectation in an entry of `monitor`. If the entry has a wrong form, report this and return None."""
     return _Entry(reader, node, index).expectation()
 
 
@@ -118,7 +118,7 @@ class _Entry:
         self._fail("'becomes' needs a 'within'", help_text, 0, len(self._text))
 
     def _condition(self, variable: Reference, start: int, end: int) -> Condition | None:
-        """Return the expected condition over the variable."""
+        """Return the condition that the variable is expected to meet."""
         value = self._text[start:end].strip()
         if not value:
             self._fail(

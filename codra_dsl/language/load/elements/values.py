@@ -1,4 +1,4 @@
-"""Types, ranges and literals with units."""
+"""Read types, ranges and literals with units."""
 
 from __future__ import annotations
 

@@ -60,7 +60,7 @@ class Document:
 
     @property
     def includes(self) -> tuple[ScalarNode, ...]:
-        """The paths of the parts."""
+        """The paths of the parts that the document includes."""
         node = self.root.value("include")
         items = node.items if isinstance(node, SequenceNode) else ()
         return tuple(item for item in items if isinstance(item, ScalarNode) and isinstance(item.data, str))

@@ -29,7 +29,7 @@ class Arguments:
 
 
 def read_arguments(subject: Subject, node: YamlNode, template: Template, findings: Findings) -> Arguments:
-    """Return the arguments of a use; report those that are missing, unknown or of the wrong type."""
+    """Return the arguments of a use; report arguments that are missing, unknown or of the wrong type."""
     given = {key.text: (key, value) for key, value in entries(node) if key.text != "template"}
     right = has_shape("template_use", node.data)
     corrected_names: set[str] = set()

@@ -81,7 +81,7 @@ def repair_parameter(text: str, names: Collection[str]) -> RepairedParameter | N
 
 
 def _leading_name(word: str, names: Iterable[str]) -> str:
-    """Return the longest of some names that a word equals or begins with; an empty text if no name matches."""
+    """Return the longest name that a word equals or begins with, or an empty text if no name matches."""
     beginnings = (name for name in names if word.startswith(name) and word[len(name) : len(name) + 1] in ("", "_"))
     return max(beginnings, key=len, default="")
 
@@ -123,7 +123,7 @@ class ParameterResolver:
 
     @property
     def mentioned_names(self) -> frozenset[str]:
-        """Return the names of all parameters that the template mentions, corrected."""
+        """Return the names of all parameters that the template mentions, with misspelt names corrected."""
         return frozenset(self.corrections.get(name, name) for name in self._mentions)
 
     def resolve(

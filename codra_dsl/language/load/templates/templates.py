@@ -93,7 +93,7 @@ class ParameterKind(Enum):
 
 
 class Position(Enum):
-    """The position of a parameter."""
+    """The kinds of positions at which a parameter can be."""
 
     NAME = "name"
     VALUE = "value"
@@ -297,7 +297,7 @@ EXAMPLES: Mapping[ParameterKind, tuple[str, Literal]] = {
     ParameterKind.BOOL: ("true or false", True),
     ParameterKind.INT: ("a whole number, for example 3", 1),
     ParameterKind.FLOAT: ("a number, for example 0.5", 1.0),
-    ParameterKind.STR: ("a text; quote one that looks like a number", "text"),
+    ParameterKind.STR: ("a text; quote a text that looks like a number", "text"),
     ParameterKind.QUANTITY: ("a number with a unit, for example 0.5 m", "1 s"),
 }
 """For each type, what to write and an example literal."""

@@ -172,7 +172,7 @@ class _Composer:
             self._report("directive", "directives are not part of this language", start, line, "remove this line")
 
     def _scalar(self, event: Any) -> None:
-        """Handle a scalar. This is the most frequent event: rare cases are handled in `_look_closely`."""
+        """Handle a scalar. This event is the most frequent one, so rare cases are left to `_look_closely`."""
         text = event.value
         node = ScalarNode(text, text, event.start_mark.index, event.end_mark.index, _STYLES[event.style])
         if text[:1] in SPECIAL_FIRST or node.style is not Style.PLAIN or len(text) > MAX_TEXT or self._placeholders:
@@ -313,7 +313,13 @@ class _Composer:
             self._refuse_properties(event, node)
         if len(self._parents) == MAX_DEPTH:
             message = f"values are nested more than {MAX_DEPTH} deep"
-            self._report("nested-too-deeply", message, node.start, node.start + 1, "no part of a spec needs that")
+            self._report(
+                "nested-too-deeply",
+                message,
+                node.start,
+                node.start + 1,
+                "reduce the nesting; no part of a spec needs more levels",
+            )
             raise _StopError
         waiting = None
         if self._key is None and type(self._current) is MappingNode:
@@ -376,7 +382,7 @@ class _Composer:
             place = self._source.place(start, end)
             self._findings.add(trap.rule, trap.message, place, help=trap.help, fix=trap_fix(trap, place))
             return
-        help_text = "name the part under 'include'" if tag == "!include" else "remove it; quote the value if it is text"
+        help_text = "list the part under 'include'" if tag == "!include" else "remove it; quote the value if it is text"
         self._report("tag", f"the tag {shown(tag)} is not part of this language", start, end, help_text)
 
     def _resolve(self, node: ScalarNode) -> None:
@@ -402,7 +408,7 @@ class _Composer:
         elif hidden := _HIDDEN.search(node.text):
             node.reported = True
             message = f"the text holds the control character U+{ord(hidden[0]):04X}"
-            self._report("control-character", message, *_range(node), "remove its escape")
+            self._report("control-character", message, *_range(node), "remove the escape of this character")
 
     def _in_condition(self) -> bool:
         return any(key in CONDITION_KEYS for key in self._keys_around())

@@ -69,7 +69,7 @@ def without_item(sequence: SequenceNode, index: int, origin: Origin) -> Fix | No
 
 
 def trap_fix(trap: Trap, place: Place) -> Fix | None:
-    """Return the fix of a trap for conditions; None if the new text would not be a condition, or in a template."""
+    """Return the fix of a trap for conditions; None in a template, or if the new text would not be a condition."""
     span = place.span
     fits = place.use is None and span.line == span.end_line and trap.replacement != ""
     if not fits or not isinstance(parse(trap.condition), Node):

@@ -195,7 +195,7 @@ def _opening_brace(error: ParserError) -> Problem | None:
         return None
     at = error.at - len(before) + key.end()
     message = f"a '{{' is missing before {shown(before[key.end() :].strip())}"
-    return _insertion_problem("{", message, "put it where the mapping begins", start=at, end=error.at, at=at)
+    return _insertion_problem("{", message, "put '{' where the mapping begins", start=at, end=error.at, at=at)
 
 
 def _closing_bracket(error: ParserError) -> Problem | None:

@@ -27,7 +27,7 @@ class Source:
     """The text of one file.
 
     Attributes:
-        file: relative to the project root, with `/`; `-` for standard input.
+        file: the path relative to the project root, with `/`; `-` for standard input.
         line_starts: the offset of each line's first character, in code points.
     """
 
@@ -68,12 +68,14 @@ AS_ON_DISK: Mapping[str, bytes] = MappingProxyType({})
 
 
 def read(path: Path, file: str, findings: Findings, texts: Mapping[str, bytes] = AS_ON_DISK) -> Source | None:
-    """Return the text of a file, or None if it cannot be read as text. The content of a file in `texts` is used."""
+    """Return the text of a file, or None if it cannot be read as text. If `texts` has the file, use this content."""
     if file in texts:
         return decode(texts[file], file, findings)
     try:
         if not stat.S_ISREG(path.stat().st_mode):
-            findings.add("cannot-read", f"'{file}' is not a file", file_place(file), help="name a file or a folder")
+            findings.add(
+                "cannot-read", f"'{file}' is not a file", file_place(file), help="write the path of a file or a folder"
+            )
             return None
         with path.open("rb") as stream:
             data = stream.read(MAX_BYTES + 1)
