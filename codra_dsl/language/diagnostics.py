@@ -1,8 +1,8 @@
-"""Findings: a message, its place, and how to fix the mistake.
+"""Findings: a message, the place of the mistake, and how to fix the mistake.
 
-Every layer of the compiler reports findings. A mistake of a user is a finding, which is a value with a place; a mistake
-of a programmer is an exception. Each phase reports everything that it finds, and silences findings of later phases
-about the same element.
+Every layer of the compiler reports findings. A mistake of a user becomes a finding, which is a value with a place; a
+mistake of a programmer raises an exception. Each phase reports every mistake that it finds. Findings of later phases
+about the same element are then silenced.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _LINE_NUMBER = re.compile(r"(?<=\bline )\d+")
 
 
 class Severity(StrEnum):
-    """The severity of a finding. Only errors keep a spec from being compiled."""
+    """The severity of a finding. Only errors prevent compilation."""
 
     ERROR = "error"
     WARNING = "warning"
@@ -44,7 +44,7 @@ class Span:
     """A range of text. Lines and columns are 1-based, columns count code points, the end is exclusive.
 
     Attributes:
-        file: relative to the project root, with `/`; `-` for standard input.
+        file: the path relative to the project root, with `/`; `-` for standard input.
     """
 
     file: str
@@ -63,7 +63,7 @@ class HasSpans(Protocol):
 
 
 class _LazyPlace:
-    """Computes the span of a place on first access: the spans of most places are never used."""
+    """Computes the span of a place on first access, because the spans of most places are never used."""
 
     __slots__ = ("_range",)
     _range: tuple[HasSpans, int, int]
@@ -80,7 +80,7 @@ class _LazyPlace:
 
 @dataclass(frozen=True, slots=True, order=True)
 class Place(_LazyPlace):
-    """Where an element is: its span and, if a template made it, the span of the `use` that made it."""
+    """The place of an element: its span and, if a template made the element, the span of the `use` that made it."""
 
     span: Span
     use: Span | None = None
@@ -111,7 +111,7 @@ class Applicability(StrEnum):
 
 @dataclass(frozen=True, slots=True, order=True)
 class Edit:
-    """A range of text and its replacement; an empty range is an insertion."""
+    """A range of text and its replacement; if the range is empty, the replacement is inserted."""
 
     span: Span
     text: str
@@ -123,7 +123,7 @@ class Fix:
 
     Attributes:
         message: describes the fix in the imperative: `Replace 'moniter' by 'monitor'`.
-        edits: they do not overlap, and are applied all together or not at all.
+        edits: the changes of the text. They do not overlap; either all of them are applied, or none.
     """
 
     message: str
@@ -135,7 +135,7 @@ _FIRST_OF_QUALITY = "CDR7"
 
 
 def replacing(place: Place, old: str, new: str, *, safe: bool) -> Fix | None:
-    """Return the fix that replaces a text by another; None in the text of a template, which has other uses."""
+    """Return the fix that replaces a text by another; None for the text of a template, which other uses share."""
     if place.use is not None:
         return None
     applicability = Applicability.SAFE if safe else Applicability.SUGGESTED
@@ -152,7 +152,10 @@ class Rule:
 
     @property
     def is_binding(self) -> bool:
-        """Whether it can be neither silenced nor lowered: an error of phases 0 to 6, which prevents compilation."""
+        """Whether findings of this rule can be neither silenced nor lowered: errors of phases 0 to 6.
+
+        Such errors prevent compilation.
+        """
         return self.severity is Severity.ERROR and self.code < _FIRST_OF_QUALITY
 
 
@@ -161,11 +164,11 @@ class Diagnostic:
     """One finding.
 
     Attributes:
-        path: the element within the spec, e.g. `skills.open_door.monitor`; contains no line number.
-        help: how to fix it, in one sentence; empty only if the message already contains it.
-        fix: how to fix it, as edits, if a tool can apply them.
-        level: the severity that the project's settings give it instead of the rule's.
-        use_findings: if the text of a template gives the same finding in several uses, the finding of each use.
+        path: the path of the element within the spec, e.g. `skills.open_door.monitor`; it contains no line number.
+        help: how to fix the mistake, in one sentence; empty only if the message already says it.
+        fix: the fix as edits, if a tool can apply them.
+        level: the severity from the project's settings, which replaces the severity of the rule; None if not set.
+        use_findings: if several uses of a template lead to the same finding about its text, the finding of each use.
     """
 
     rule: Rule
@@ -185,7 +188,7 @@ class Diagnostic:
 
     @property
     def severity(self) -> Severity:
-        """Return the severity from the settings, else from the rule."""
+        """Return the severity from the settings or, if they state none, from the rule."""
         return self.level or self.rule.severity
 
     @property
@@ -223,12 +226,15 @@ MAX_LISTED_USES = 5
 
 
 def once_per_template(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
-    """Return findings, with those of one template text merged into one that lists the other uses."""
+    """Return the findings. Those of several uses about one text of a template are merged into one.
+
+    The merged finding lists the other uses.
+    """
     same: dict[object, list[Diagnostic]] = {}
     counts_in_use: Counter[object] = Counter()
     for diagnostic in diagnostics:
         key: object = diagnostic
-        if diagnostic.place.use is not None:  # several findings of one use at one place stay separate
+        if diagnostic.place.use is not None:  # several findings of the same use at the same place stay separate
             counts_in_use[diagnostic.code, diagnostic.place] += 1
             key = diagnostic.code, diagnostic.place.span, counts_in_use[diagnostic.code, diagnostic.place]
         same.setdefault(key, []).append(diagnostic)
@@ -257,8 +263,8 @@ def suggest(name: str, candidates: Iterable[str]) -> str | None:
     """Return the candidate that `name` most likely means, or None.
 
     At most a third of the letters may differ (insertions, deletions, replacements, swapped neighbours). Between two
-    equally near candidates, the one with the same first letter wins. Cost is bounded: at most MAX_CANDIDATES names of
-    similar length are compared.
+    equally near candidates, the one with the same first letter wins. To bound the cost, at most MAX_CANDIDATES names
+    of similar length are compared.
     """
     if len(name) > MAX_SUGGESTED_LENGTH:
         return None
@@ -269,7 +275,7 @@ def suggest(name: str, candidates: Iterable[str]) -> str | None:
     for other in similar[:MAX_CANDIDATES]:
         distance = _distance(wanted, other.casefold(), limit)
         if distance <= limit:
-            best, limit = other, distance - 1  # from here on only nearer candidates count
+            best, limit = other, distance - 1  # only a nearer candidate can still replace this one
         if limit < 0:
             break
     return best
@@ -278,8 +284,9 @@ def suggest(name: str, candidates: Iterable[str]) -> str | None:
 def surely_means(name: str, near: str, candidates: Iterable[str]) -> bool:
     """Return whether a misspelt name almost certainly means `near`, so that a tool may correct it.
 
-    The two differ only in case or underscores; or in one word of at least four letters, by one typing error (two from
-    eight letters on), and not in a digit. No other candidate may be about as similar.
+    Either the two names differ only in case or underscores. Or they differ in one word of at least four letters, by one
+    typing error (by up to two if the word has at least eight letters), and not in a digit. In both cases, no other
+    candidate may be about as similar.
     """
     if not is_slip(name, near):
         return False
@@ -289,7 +296,7 @@ def surely_means(name: str, near: str, candidates: Iterable[str]) -> bool:
 
 
 def is_slip(name: str, near: str) -> bool:
-    """Return whether two names differ so little that one is probably the other, misspelt."""
+    """Return whether two names differ so little that one is probably a misspelling of the other."""
     if max(len(name), len(near)) > MAX_SUGGESTED_LENGTH:
         return False
     left, right = (_APART.split(text.casefold()) for text in (name, near))
@@ -305,7 +312,7 @@ def is_slip(name: str, near: str) -> bool:
 
 
 def _distance(left: str, right: str, limit: int) -> int:
-    """Return the optimal string alignment distance, or any number above `limit` if it is larger."""
+    """Return the optimal string alignment distance; if the distance is above `limit`, return any number above it."""
     if abs(len(left) - len(right)) > limit:
         return limit + 1
     start = _common_prefix_length(left, right)
@@ -334,5 +341,5 @@ def _common_prefix_length(left: str, right: str) -> int:
 
 
 def rules(*entries: tuple[str, str, Severity]) -> Mapping[str, Rule]:
-    """Return rules by name from (code, name, severity) rows: each package has a table of its own."""
+    """Return the rules by name, from rows (code, name, severity). Each package with rules has its own table."""
     return {name: Rule(code=code, name=name, severity=severity) for code, name, severity in entries}

@@ -1,8 +1,8 @@
 """Dependency graphs over names: closure, strongly connected components, and shortest cycles as paths.
 
 A graph is a mapping from each name to the names that it needs, in order. Every result depends only on the names and on
-that order, never on hashes. The functions do not depend on the meaning of the names, and they do not recurse: a
-chain may be as long as memory allows.
+that order, never on hashes. The functions do not depend on the meaning of the names. They do not recurse, so that a
+chain of names may be as long as memory allows.
 """
 
 from __future__ import annotations
@@ -16,13 +16,16 @@ if TYPE_CHECKING:
 Needs = Mapping[str, Sequence[str]]
 
 MAX_VISITS = 200_000
-"""The number of edges after which `shortest_cycle` returns the shortest cycle found so far."""
+"""The number of visited edges after which `shortest_cycle` returns the shortest cycle that it has found so far."""
 SHORTEST = 2
 """The smallest possible length of a cycle of several names."""
 
 
 def closure(needs: Needs, start: Iterable[str]) -> tuple[str, ...]:
-    """Return the names that `start` reaches, itself included, depth first in the order of `start` and `needs`."""
+    """Return the names in `start` and all names that they need, directly or indirectly.
+
+    The names are listed depth first, in the order of `start` and `needs`.
+    """
     reached: dict[str, None] = {}
     open_names = list(start)[::-1]
     while open_names:
@@ -34,7 +37,7 @@ def closure(needs: Needs, start: Iterable[str]) -> tuple[str, ...]:
 
 
 def strong_components(needs: Needs) -> tuple[tuple[str, ...], ...]:
-    """Return the groups of names that need each other, each group sorted, ordered by their first name.
+    """Return the groups of names that need each other. Each group is sorted; groups are ordered by their first name.
 
     Names that are on no cycle are left out. A name that needs itself is a component even without other names.
     """
@@ -48,10 +51,10 @@ def strong_components(needs: Needs) -> tuple[tuple[str, ...], ...]:
 
 
 def shortest_cycle(needs: Needs) -> tuple[str, ...]:
-    """Return a shortest cycle as a path whose last name needs its first, or () without a cycle.
+    """Return a shortest cycle as a path, or () if there is no cycle. The last name of the path needs the first one.
 
-    Among cycles of the same length, the one reached first from the least name is returned. The path begins with its
-    least name. On graphs with very many cycles the search is bounded by MAX_VISITS.
+    Among cycles of the same length, the one that is reached first from the least name is returned. The path begins with
+    its least name. On graphs with very many cycles, the search is bounded by MAX_VISITS.
     """
     itself = min((name for name, wanted in needs.items() if name in wanted), default=None)
     if itself is not None:
@@ -66,14 +69,14 @@ def shortest_cycle(needs: Needs) -> tuple[str, ...]:
         path, visits = _cycle_through(start, part, shorter_than=len(best))
         best = path or best
         budget -= visits + part.number_of_edges()
-        part.remove_node(start)  # no cycle through it is shorter than the best
+        part.remove_node(start)  # no other cycle through `start` is shorter than `best`
         waiting.extend(_cyclic_parts(part))
     least = best.index(min(best)) if best else 0
     return best[least:] + best[:least]
 
 
 def cycle_through(needs: Needs, name: str) -> tuple[str, ...]:
-    """Return a shortest cycle through a name as a path that begins with it, or () without a cycle."""
+    """Return a shortest cycle through a name as a path that begins with this name, or () if it is on no cycle."""
     if name not in closure(needs, needs.get(name, ())):
         return ()
     return _cycle_through(name, _directed(needs), shorter_than=0)[0]
@@ -98,7 +101,10 @@ def _cyclic_parts(graph: nx.DiGraph[str]) -> list[nx.DiGraph[str]]:
 
 
 def _cycle_through(start: str, graph: nx.DiGraph[str], *, shorter_than: int) -> tuple[tuple[str, ...], int]:
-    """Return a shortest cycle through `start` (below the length `shorter_than`, 0 = any) and the number of visits."""
+    """Return a shortest cycle through `start`, and the number of visited edges.
+
+    The cycle must be shorter than `shorter_than`; 0 means that any length is allowed. Without such a cycle, return ().
+    """
     came_from: dict[str, str] = {}
     layer, length, visits = [start], 1, 0
     while layer and (shorter_than == 0 or length < shorter_than):

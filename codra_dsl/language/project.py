@@ -1,4 +1,4 @@
-"""The project of a file: its root is the nearest enclosing folder whose `pyproject.toml` has a `[tool.codra]` table."""
+"""The project of a file. Its root is the nearest enclosing folder whose `pyproject.toml` has a `[tool.codra]` table."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ MANIFEST = "manifest.json"
 MANIFEST_FORMAT = "codra-manifest"
 
 GENERATED_API = "codra_dsl.runtime.generated_api"
-"""The only module of ours that generated code imports."""
+"""The only module of codra that generated code imports."""
 
 SCHEMA_FILE = Path(__file__).parents[1] / "schema.json"
 """The published schema of a spec."""
@@ -37,7 +37,7 @@ SCHEMA_COPY = ".codra/schema.json"
 
 _SPEC_ENDINGS = (".yaml", ".yml")
 _TIMELINE_ENDINGS = (".timeline.yaml", ".timeline.yml")
-"""Files that pytest collects as tests: they may be beside specs."""
+"""The endings of timelines, which pytest collects as tests. They may be in the same folders as specs."""
 
 
 def project_of(path: Path) -> Path | None:
@@ -47,16 +47,19 @@ def project_of(path: Path) -> Path | None:
 
 
 def root_of(path: Path) -> Path:
-    """Return the folder to which the paths of specs are relative: the project's root, else the folder of the spec."""
+    """Return the folder to which the paths of specs are relative.
+
+    It is the project's root; outside of projects, it is the folder of the spec.
+    """
     return project_of(path) or (path.absolute() if path.is_dir() else path.absolute().parent)
 
 
 def straight(path: Path) -> Path:
-    """Return an existing path without `..`: otherwise the `parent` of `a/..` would be `a`."""
+    """Return an existing path without `..`, because the `parent` of `a/..` would be `a`."""
     if ".." not in path.parts:
         return path
     short = Path(os.path.normpath(path.absolute()))
-    return short if short.exists() and short.samefile(path) else path.resolve()  # `..` behind a link leads elsewhere
+    return short if short.exists() and short.samefile(path) else path.resolve()  # `..` after a link leads elsewhere
 
 
 def relative(path: Path, root: Path) -> str:
@@ -83,9 +86,9 @@ def yaml_files(folder: Path) -> Iterator[Path]:
 
 
 def has_stale_schema(root: Path) -> bool:
-    """Return whether a project has a copy of the schema of another version."""
+    """Return whether a project has a copy of the schema that differs from the schema of this version."""
     copy = root / SCHEMA_COPY
-    if copy.is_symlink() or copy.parent.is_symlink():  # it leads to a file that is not codra's
+    if copy.is_symlink() or copy.parent.is_symlink():  # the link leads to a file that is not codra's
         return False
     try:
         return copy.read_bytes() != SCHEMA_FILE.read_bytes()
@@ -109,6 +112,6 @@ def _is_project(folder: Path) -> bool:
     try:
         settings = tomllib.loads(data.decode("utf-8"))
     except (ValueError, RecursionError):
-        return _OUR_TABLE.search(data) is not None  # its mistakes become findings: it is still the project's file
+        return _OUR_TABLE.search(data) is not None  # mistakes in the file become findings; it still marks a project
     tool = settings.get("tool")
     return isinstance(tool, dict) and "codra" in tool

@@ -1,7 +1,7 @@
 """Units of measurement: the known units, which of them can be compared, and the factors between them.
 
 Base units are m, s, kg, A, rad, lux and percent. Angles and percentages have dimensions of their own, so that a bare
-number is never mistaken for one. Factors are exact: `7 cm` is 70 mm, not 70.00000000000001.
+number is never mistaken for an angle or a percentage. Factors are exact: `7 cm` is 70 mm, not 70.00000000000001.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class Dimension:
         return Dimension(tuple(mine - theirs for mine, theirs in zip(self.exponents, other.exponents, strict=True)))
 
     def __str__(self) -> str:
-        """Return the unit of this dimension without a factor, e.g. `m/s`; `1` for a bare number."""
+        """Return the dimension in base units, e.g. `m/s`; `1` for the dimension of a bare number."""
         powers = tuple(zip(_BASES, self.exponents, strict=True))
         above = [base for base, power in powers for _ in range(power)]
         below = [base for base, power in powers for _ in range(-power)]
@@ -67,12 +67,12 @@ class Dimension:
 
 @dataclass(frozen=True, slots=True)
 class Unit:
-    """A unit: one of it is `factor * (pi / 180) ** degrees` base units of its dimension.
+    """A unit. Its size in base units of its dimension is `factor * (pi / 180) ** degrees`.
 
     Attributes:
-        factor: the rational part of the factor to the base unit.
-        degrees: the power of pi/180 in that factor; 1 for deg.
-        text: as written; ignored when units are compared.
+        factor: the rational part of the size.
+        degrees: the exponent of pi/180 in the size; 1 for deg.
+        text: the unit as written; ignored when units are compared.
     """
 
     dimension: Dimension
@@ -189,7 +189,7 @@ _FOREVER = frozenset({"forever", "inf", ".inf", "infinity", "never", "always", "
 _OTHER_UNIT = re.compile(
     r"(?:[kMGTdcmunpµh]|da)(?:[mgsNVAWKJlL]|rad|deg|lux|Hz|Pa|bar)|[dkMG]?[Bb]|[rp]pm|(?:deg|°)?[CFK]|Nm|lm"
 )
-"""Symbols of unsupported units: they are not misspellings of supported ones."""
+"""Symbols of unsupported units: they are not misspellings of supported units."""
 
 
 @lru_cache(maxsize=1024)
@@ -237,7 +237,7 @@ def parse_quantity(text: str) -> Quantity | None:
 
 
 def parse_number(text: str) -> int | float | None:
-    """Return the number of a text: an int if it has no point and no exponent; None if it is too large."""
+    """Return the number in a text: an int if the text has no point and no exponent. If it is too large, return None."""
     if re.fullmatch(r"[0-9]{1,101}", text):
         number: int | float = int(text)
     else:
@@ -257,7 +257,7 @@ def parse_duration(text: str) -> float | None:
 
 
 def duration_help(text: str, most: str = "finite") -> str:
-    """Return the help for a text that is not a duration; `most` is "forever" if that is allowed, else "finite"."""
+    """Return the help for a text that is not a duration; `most` is "forever" if `forever` is allowed, else "finite"."""
     text = re.sub(r"(?<=[0-9]),(?=[0-9])", ".", text)
     if parse_quantity(text) is not None:
         return f"did you mean '{text}'?" if parse_duration(text) is not None else _durations_help(most)
@@ -284,7 +284,7 @@ def _durations_help(most: str) -> str:
 def convert(value: int | float, source: Unit, target: Unit) -> float:
     """Return a value in another unit of the same dimension, rounded once.
 
-    A float counts as the decimal number that it is written as, so that `0.3 cm` is exactly 3 mm.
+    A float is treated as the decimal number with which it is written, so that `0.3 cm` is exactly 3 mm.
     """
     exact = Fraction(repr(value)) * source.factor / target.factor
     turns = source.degrees - target.degrees
@@ -296,7 +296,7 @@ def convert(value: int | float, source: Unit, target: Unit) -> float:
 
 
 def ratio(source: Unit, target: Unit) -> float:
-    """Return how many of the target unit make one of the source unit."""
+    """Return the size of the source unit, measured in the target unit."""
     return convert(1, source, target)
 
 
@@ -316,6 +316,6 @@ def _nearest(piece: str) -> str | None:
 
 
 def _unit_with_name(dimension: Dimension, factor: Fraction, degrees: int) -> Unit:
-    """Return a unit, with the name of the equal unit in `UNITS` if there is one."""
+    """Return a unit; if it equals a unit in `UNITS`, the result has the name of that unit."""
     plain = Unit(dimension, factor, degrees, str(dimension) if factor == 1 and degrees == 0 else "")
     return next((unit for unit in UNITS.values() if unit == plain), plain)

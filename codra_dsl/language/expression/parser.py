@@ -119,7 +119,7 @@ class _Parser:
         return node
 
     def expression(self, power: Power) -> Node:
-        """Return the longest expression that starts at the next token and whose operators bind at least as `power`."""
+        """Return the longest expression from the next token on. Its operators bind at least as tightly as `power`."""
         self._depth += 1
         if self._depth > MAX_DEPTH:
             raise _too_deep(self._next.start, self._next.end)
@@ -150,7 +150,7 @@ class _Parser:
         return And(start=first.start, end=operands[-1].end, operands=operands)
 
     def comparison(self, first: Node) -> Node:
-        """Read the links of a chain after its first operand."""
+        """Read `< b < c`, the links of a chain of comparisons, after `a`."""
         rest: list[tuple[Comparison, Node]] = []
         while self._next.text in _COMPARISONS:
             operator = Comparison(self._take().text)

@@ -1,7 +1,8 @@
 """Patterns of the knowledge graph: text -> syntax tree, with help for common mistakes.
 
-A pattern is a path, `robot -wants-> detecting`, optionally preceded by `not`, or a condition. A condition reads
-context-variables, `node.attribute`, `distance(a, b)` and `in_view(node, camera)`: each is one name in its tree.
+A pattern is either a path such as `robot -wants-> detecting`, optionally preceded by `not`; or a condition. A condition
+reads context-variables, `node.attribute`, `distance(a, b)` and `in_view(node, camera)`; each of these is one name in
+the syntax tree.
 """
 
 from __future__ import annotations
@@ -48,9 +49,9 @@ class NodeTerm(Node):
     """A node on a path: a named node, some node of a type, or any node.
 
     Attributes:
-        name: of a named node; empty for others.
-        type: the required type; empty for named nodes and for any node.
-        called: the name after `as`; terms of one path with the same such name are the same node.
+        name: the name of a named node; empty for other terms.
+        type: the required type; empty for a named node and for any node.
+        called: the name after `as`. If two terms of a path have the same name after `as`, they are the same node.
     """
 
     name: str = ""
@@ -58,29 +59,36 @@ class NodeTerm(Node):
     called: str = ""
 
     def __str__(self) -> str:
-        """Return it as written."""
+        """Return the term as written."""
         kind = self.name or (f"some {self.type}" if self.type else "anything")
         return f"{kind} as {self.called}" if self.called else kind
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EdgeTerm(Node):
-    """An edge on a path: the name of its type or its label; a path may follow it against its direction."""
+    """An edge on a path.
+
+    Attributes:
+        edge: the name of the edge's type, or its label.
+        is_backward: whether the path follows the edge against its direction.
+    """
 
     edge: str
     is_backward: bool = False
 
     def __str__(self) -> str:
-        """Return it as written."""
+        """Return the edge as written."""
         return f"<-{self.edge}-" if self.is_backward else f"-{self.edge}->"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Path(Node):
-    """A sequence of nodes, each connected to the next by an edge; or, if negated, the statement that none exists.
+    """A sequence of nodes, each connected to the next by an edge.
 
     Attributes:
-        terms: one more than links.
+        terms: the nodes; there is one more of them than of `links`.
+        links: the edges.
+        negated: whether the pattern states that no such sequence exists.
     """
 
     terms: tuple[NodeTerm, ...]
@@ -93,7 +101,7 @@ class Path(Node):
             yield (after, link, before) if link.is_backward else (before, link, after)
 
     def __str__(self) -> str:
-        """Return it as written."""
+        """Return the path as written."""
         words = [str(self.terms[0])]
         for link, term in zip(self.links, self.terms[1:], strict=True):
             words += (str(link), str(term))
@@ -113,7 +121,7 @@ def parse_pattern(text: str) -> Node | SyntaxProblem:
 
 
 def _condition(text: str) -> Node | SyntaxProblem:
-    """Return the tree of a condition whose names may have parts, with offsets in the text."""
+    """Return the tree of a condition whose names may have parts, such as `a.b`. Its offsets refer to the text."""
     if text in _WORDS:
         raise SlipError(f"{shown(text)} is not a pattern by itself", 0, len(text), _EXAMPLE)
     if is_name(text):
@@ -153,7 +161,7 @@ class _PathParser:
         self._position = 0
         try:
             self._tokens.extend(_path_tokens(text))
-        except SlipError as slip:  # raised when the parser gets this far
+        except SlipError as slip:  # raised when the parser reaches this token
             self._slip = slip
             self._tokens.append(_Token("", slip.problem.start, slip.problem.end))
 
@@ -245,7 +253,7 @@ class _PathParser:
 
 
 def _path_tokens(text: str) -> Iterator[_Token]:
-    """Yield the tokens of a path, followed by an empty one."""
+    """Yield the tokens of a path, followed by an empty token."""
     for match in _TOKEN.finditer(text):
         start, end = match.span()
         if match["other"]:

@@ -1,7 +1,8 @@
 """Functions of poses, and names with parts: `distance(a, b)`, `in_view(node, camera)`, `node.attribute`.
 
-Each is one name in the tree of a pattern's condition. In a condition over context, a complete comparison with poses is
-one name, `distance(a, b) < 0.9 m`: poses change all the time, but the result of the comparison changes seldom.
+In the syntax tree of a pattern's condition, each of these is one name. In a condition over context, a complete
+comparison with poses, such as `distance(a, b) < 0.9 m`, is one name: poses change all the time, but the result of the
+comparison changes seldom.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from codra_dsl.language.expression.tree import Call, Compare, In, Name, Node, na
 NodeT = TypeVar("NodeT", bound=Node)
 
 GEOMETRY = ("distance", "in_view")
-"""Additional functions, of two nodes, in conditions over context and in conditions of patterns."""
+"""Additional functions in conditions over context and in conditions of patterns. Their arguments are two nodes."""
 
 _TEXT = r""""(?:[^"\\]|\\.)*"|'(?:[^'\\]|\\.)*'"""
 _NAME = r"[A-Za-z][A-Za-z0-9_]*"
@@ -33,16 +34,16 @@ _MAY_ASK = re.compile(rf"\b(?:{'|'.join(GEOMETRY)})\ *\(", re.ASCII)
 
 
 def parse_named(text: str) -> Node | SyntaxProblem:
-    """Return the tree of a condition whose names may have parts, with offsets in the text.
+    """Return the tree of a condition whose names may have parts, such as `a.b`. Its offsets refer to the text.
 
     Raises:
-        SlipError: if such a name is invalid.
+        SlipError: if a name with parts is invalid.
     """
     return _parse_masked(text, _READ)
 
 
 def parse_over_context(text: str) -> Node | SyntaxProblem:
-    """Return the tree of a condition over context, with comparisons of poses as names. Never raises."""
+    """Return the tree of a condition over context, in which each comparison with poses is one name. Never raises."""
     if _MAY_ASK.search(text) is None:
         return parse(text)
     try:
@@ -53,7 +54,7 @@ def parse_over_context(text: str) -> Node | SyntaxProblem:
 
 
 def spelt_out(tree: Node) -> Node:
-    """Return a condition over context with the comparisons of poses in place of their names."""
+    """Return a condition over context in which each name of a comparison with poses is replaced by the comparison."""
     if isinstance(tree, Name):
         return tree if tree.asks is None else tree.asks
     if not any(part.asks is not None for part in names_in(tree)):
@@ -62,7 +63,7 @@ def spelt_out(tree: Node) -> Node:
 
 
 def reads_of(name: str) -> tuple[str, str, str]:
-    """Return the function and the two names that a name in a condition reads; missing parts are empty.
+    """Return the parts of a name in a condition: a function and two names. Missing parts are empty.
 
     `a.b` gives ("", "a", "b"), `distance(a, b)` gives ("distance", "a", "b"), `c` gives ("", "", "c").
     """
@@ -88,7 +89,10 @@ def _parse_masked(text: str, read: re.Pattern[str]) -> Node | SyntaxProblem:
 
 
 def _mask(text: str, read: re.Pattern[str]) -> tuple[str, dict[int, str]]:
-    """Return the text with each name with parts replaced by a plain one of the same length, and the names by offset."""
+    """Return the text in which each name with parts is replaced by a plain name of the same length.
+
+    Also return the replaced names by their offsets.
+    """
     names: dict[int, str] = {}
     masked = text
     for match in read.finditer(text):
@@ -121,7 +125,7 @@ def _name_comparisons(value: Node) -> Node:
     """Return a part of a tree in which each comparison with poses is one name.
 
     Raises:
-        SlipError: if the result cannot be kept as true, false or unknown.
+        SlipError: if the result of a part with poses cannot be kept as true, false or unknown.
     """
     if isinstance(value, Compare | In | Call | Name):
         pose_names = [name for name in names_in(value) if reads_of(name.name)[0]]
@@ -135,15 +139,15 @@ def _comparison_name(part: Compare | In | Call | Name, pose_names: list[Name]) -
     function = reads_of(text)[0]
     age_call = next((inner for inner in walk(part) if isinstance(inner, Call) and inner.function == "age"), None)
     if age_call is not None:
-        help_text = "poses that are older than the 'valid_for' of their edge are unknown"
+        help_text = "remove age(): poses that are older than the 'valid_for' of their edge are unknown"
         raise SlipError(f"age() and {text} cannot be in one comparison", age_call.start, age_call.end, help_text)
     is_truth = isinstance(part, Compare | In) or (isinstance(part, Call) and part.function == "known")
     if not is_truth and (isinstance(part, Call) or function == "distance"):
-        help_text = f"compare it, e.g. {text} < 0.9 m" if function == "distance" else "remove the function"
+        help_text = f"compare it, e.g. {text} < 0.9 m" if function == "distance" else "remove the function around it"
         raise SlipError(f"{text} is not part of a comparison", first.start, first.end, help_text)
     other = next((name for name in names_in(part) if not reads_of(name.name)[0]), None)
     if other is not None:
-        help_text = "compare poses only with numbers, and variables in a comparison of their own"
+        help_text = "compare poses only with numbers; write a separate comparison for the variable"
         raise SlipError(
             f"{shown(other.name)} cannot be in one comparison with {text}", other.start, other.end, help_text
         )

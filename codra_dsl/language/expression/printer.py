@@ -1,4 +1,4 @@
-"""Syntax tree -> text, in codra's canonical form. Parsing that text gives the same tree again."""
+"""Syntax tree -> text, in codra's canonical form. Parsing this text gives the same tree again."""
 
 from __future__ import annotations
 

@@ -45,7 +45,7 @@ class Token:
     """A token of a condition.
 
     Attributes:
-        value: the number; or the text between the quotes, unescaped.
+        value: the value of a number; the text between quotes, with escapes resolved; empty for other tokens.
         unit: the unit of a number, as written.
     """
 
@@ -76,7 +76,7 @@ class SlipError(Exception):
 
 
 _UNIT_LIKE = UNIT_TEXT.replace("[A-Za-z]+", r"[^\W\d]\w*")
-"""Matches valid and invalid units alike, so that messages can name an invalid one in full."""
+"""Matches valid and invalid units alike, so that messages can show an invalid unit in full."""
 
 # A unit has no blanks inside: `5 m/s` is a speed, but `5 m / s` divides 5 m by the variable `s`.
 _TOKEN = re.compile(
@@ -137,7 +137,7 @@ _ESCAPES: Mapping[str, str] = {"\\": "\\", '"': '"', "'": "'", "n": "\n", "t": "
 
 
 def tokens(text: str) -> tuple[Token, ...]:
-    """Return the tokens of a text, followed by one of kind END.
+    """Return the tokens of a text, followed by a token of kind END.
 
     Raises:
         SlipError: if a part of the text is not a token.
@@ -205,7 +205,7 @@ def _reserved_help(text: str) -> str:
     if text in ("True", "False"):
         return f"write '{text.lower()}'"
     if text in ("None", "null"):
-        return "ask with known(x) whether a context-variable is known"
+        return "use known(x) to test whether a context-variable is known"
     return "it is a reserved word and cannot be a name"
 
 
@@ -223,7 +223,8 @@ def _read_number(match: re.Match[str]) -> Token:
 def _unit_help(unit: str) -> str:
     first = re.split(r"[*/]", unit)[0]
     if first != unit and parse_unit(first) is not None and suggest_unit(unit) is None:
-        return f"with blanks around '{unit[len(first)]}' it is an operation, without them a unit"
+        sign = unit[len(first)]
+        return f"write blanks around '{sign}' for an operation; without blanks, '{sign}' is part of a unit"
     return units_help(unit)
 
 
@@ -255,7 +256,7 @@ def _unescape(text: str, start: int) -> str:
 
 def _slip_error(condition_text: str, text: str, start: int, end: int) -> SlipError:
     if text == "." and condition_text[:start][-1:].isidentifier():
-        return SlipError("'.' is not an operator", start, end, "names have no parts; name the value itself")
+        return SlipError("'.' is not an operator", start, end, "names have no parts: write a name without '.'")
     noun = "a unit" if text in "%°" else "an operator" if text in _SLIPS else "part of a condition"
     return SlipError(f"{shown(text)} is not {noun}", start, end, _SLIPS.get(text, "remove it"))
 

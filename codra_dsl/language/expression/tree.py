@@ -31,7 +31,7 @@ class Name(Node):
     """A context-variable or a returned value.
 
     Attributes:
-        asks: the condition on poses that it names, such as `distance(a, b) < 0.9 m`; None for other names.
+        asks: the comparison with poses that has this name, such as `distance(a, b) < 0.9 m`; None for other names.
     """
 
     name: str
@@ -83,7 +83,11 @@ class Or(Node):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Compare(Node):
-    """A chain: `first operator[0] rest[0] operator[1] rest[1] ...`; equivalent to the conjunction of its links."""
+    """A chain of comparisons, such as `a < b < c`; it is equivalent to the conjunction of its links.
+
+    Attributes:
+        rest: each further operand, after the operator in front of it.
+    """
 
     first: Node
     rest: tuple[tuple[Comparison, Node], ...]

@@ -1,12 +1,16 @@
-"""Text -> (Spec | None, findings).
+"""Read a spec: text -> (Spec | None, findings).
 
-A spec is read in steps. A finding of one step suppresses later findings about the same element only. The steps are:
-bytes to nodes with positions, with punctuation repaired where possible (`yaml`); the shape by `schema.json` (`schema`);
-parts (`parts`); templates and their uses (`templates`, `instantiation`); elements (`elements`); and the modules that
-they call (`calls`, `modules`).
+A spec is read in steps. A finding of one step suppresses findings of later steps, but only about the same element:
 
-This package never executes the content of a spec, imports the modules that it names, or reads outside the project's
-folder.
+- `yaml` converts bytes to nodes with positions, and repairs punctuation where possible;
+- `schema` compares the shape of the nodes with `schema.json`;
+- `parts` reads the parts that the spec includes;
+- `templates` and `instantiation` read templates and their uses;
+- `elements` builds the elements;
+- `calls` and `modules` check the functions that the elements call.
+
+This package never executes the content of a spec, never imports the modules that a spec names, and never reads files
+outside the project's folder.
 """
 
 from codra_dsl.language.load.discover import Files, find_files

@@ -1,4 +1,4 @@
-"""Check that the function in `call` exists and takes the arguments that it gets.
+"""Check that the function under `call` exists, and that it accepts the arguments that it gets.
 
 Modules of the project are read, never imported.
 
@@ -24,7 +24,7 @@ JOB = "job"
 
 @dataclass(frozen=True, slots=True)
 class DeclaredNames:
-    """The names that algorithms may use, and their keys that could not be read."""
+    """The names that algorithms may use, and the keys that could not be read, as in `Spec.damaged_keys`."""
 
     resources: frozenset[str]
     context: frozenset[str]
@@ -42,7 +42,7 @@ class DeclaredNames:
 def check_calls(
     algorithms: Iterable[Algorithm], declared: DeclaredNames, root: Path, findings: Findings
 ) -> tuple[str, ...]:
-    """Report calls of missing functions, and arguments that a function does not take or lacks.
+    """Report calls of missing functions, arguments that a function does not accept, and arguments that are missing.
 
     Returns:
         The files, relative to `root`, on which the result depends.
@@ -99,7 +99,7 @@ class _Checker:
             help_text = (
                 f"did you mean '{suggestion}'?"
                 if suggestion
-                else "create it, or name the module that contains the function"
+                else "create this module, or use the name of the module that contains the function"
             )
             self._report(
                 first, message, help_text, suggestion and f"{suggestion}:{first.call.partition(':')[2]}", others
@@ -108,7 +108,7 @@ class _Checker:
     def _report_function(self, call: str, callers: list[Algorithm], module: Module) -> None:
         name, _, function = call.partition(":")
         near = self._findings.nearest(function, module.names)
-        has = f"it has {list_names(module.functions)}" if module.functions else "it has none"
+        has = f"the module has {list_names(module.functions)}" if module.functions else "the module has no functions"
         help_text = f"did you mean '{near}'?" if near else has
         first, *others = callers
         message = f"module {shown(name)} has no function {shown(function)}, but algorithm '{first.name}' calls it"
@@ -120,7 +120,7 @@ class _Checker:
         message = (
             f"class {shown(function)} of module {shown(name)}, which algorithm '{first.name}' calls, has no 'perceive'"
         )
-        self._report(first, message, "add a method 'perceive', or name a function", None, others)
+        self._report(first, message, "add a method 'perceive', or use the name of a function", None, others)
 
     def _report(
         self, first: Algorithm, message: str, help_text: str, replacement: str | None, others: Iterable[Algorithm]
@@ -132,7 +132,7 @@ class _Checker:
         self._findings.add("call-not-found", message, place, help=help_text, path=path, related=related, fix=fix)
 
     def _suggestion(self, name: str, function: str, missing: Missing) -> str | None:
-        """Return the module that is probably meant by an unknown name: preferably one that has the function."""
+        """Return the module that an unknown name probably means, preferably a module that has the function."""
         steps = name.split(".")
         unknown_step, before, after = steps[missing.at], steps[: missing.at], steps[missing.at + 1 :]
         near_modules = self.modules.near(missing.folder)
@@ -150,7 +150,7 @@ class _Checker:
         return ".".join((*before, nearest_name, *after)) if nearest_name and missing.at > 0 else None
 
     def check_arguments(self, algorithm: Algorithm, signature: Signature) -> None:
-        """Report the passed arguments that a function does not take, and the required ones that are not passed."""
+        """Report passed arguments that a function does not take, and required arguments that are not passed."""
         given = _argument_names(algorithm)
         missing = [name for name in signature.needed if name not in given or name not in signature.accepted]
         untaken_names = [name for name in given if name not in signature.accepted and not signature.takes_any]
@@ -166,14 +166,14 @@ class _Checker:
             elif only_missing is not None:
                 self._report_untaken_arguments(algorithm, [name], f"did you mean '{only_missing}', which is missing?")
             elif name == JOB:
-                self._report_untaken_arguments(algorithm, [name], "add it: every perception function gets 'job'")
+                self._report_untaken_arguments(
+                    algorithm, [name], "add the parameter 'job': every perception function gets it"
+                )
             else:
                 others.append(name)
         if others:
-            accepted_names = sorted(signature.accepted)
-            self._report_untaken_arguments(
-                algorithm, others, f"it takes {list_names(accepted_names)}" if accepted_names else "it takes none"
-            )
+            accepted_text = list_names(sorted(signature.accepted)) if signature.accepted else "no arguments"
+            self._report_untaken_arguments(algorithm, others, f"the function takes {accepted_text}")
         for name in missing:
             self._report_missing(algorithm, name)
 
@@ -191,9 +191,9 @@ class _Checker:
     def _report_missing(self, algorithm: Algorithm, name: str) -> None:
         call = shown(algorithm.call)
         message = f"function {call} needs an argument {shown(name)}, but algorithm '{algorithm.name}' does not give it"
-        help_text = "give it under 'with', 'uses' or 'given', or give it a default value"
+        help_text = f"add {shown(name)} under 'with', 'uses' or 'given', or give the parameter a default value"
         if name in _argument_names(algorithm):
-            help_text = "make it a keyword argument: arguments are passed by name only"
+            help_text = "make it a keyword argument: arguments are passed only by name"
         path = f"perception.{algorithm.name}.call"
         self._findings.add("call-arguments", message, _place(algorithm, "call"), help=help_text, path=path)
 

@@ -32,7 +32,8 @@ _SHARE = ValueType(kind=Kind.FLOAT, range=(0.0, 1.0))
 def with_derived_variables(spec: Spec, findings: Findings) -> Spec:
     """Return a spec with the context-variables and agents that its loops imply.
 
-    An implied context-variable with the name of a declared one, or of one implied before, is reported and left out.
+    If an implied context-variable has the same name as a declared one, or as one that was implied before, it is
+    reported and left out.
     """
     if not spec.adapts:
         return spec
@@ -60,7 +61,7 @@ def with_derived_variables(spec: Spec, findings: Findings) -> Spec:
 
 
 def _with_source(variable: Variable) -> Variable:
-    """Return a rate with the analyst as its source, unless it states another."""
+    """Return a variable; a rate that states no source gets the analyst as its source."""
     if variable.rate is None or variable.sources:
         return variable
     return replace(variable, sources=(Reference(name=ANALYST, place=variable.rate.of.place),))

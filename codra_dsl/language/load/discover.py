@@ -1,4 +1,4 @@
-"""Find specs and parts at or below some paths."""
+"""Find the specs and parts at or below given paths."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ class Files:
     """The specs and parts at and below some paths.
 
     Attributes:
-        specs: sorted, without duplicates.
-        parts: each with the place of its key `codra`.
-        diagnostics: folders that cannot be read, and paths without a spec.
+        specs: the specs, sorted and without duplicates.
+        parts: the parts, each with the place of its key `codra`.
+        diagnostics: the findings about folders that cannot be read and paths without a spec.
     """
 
     specs: tuple[Path, ...] = ()
@@ -41,7 +41,10 @@ class Files:
     diagnostics: tuple[Diagnostic, ...] = ()
 
     def unincluded(self, included: Iterable[str], root: Path) -> Iterator[Diagnostic]:
-        """Yield a finding for each part that is not in `included`, the files of all specs relative to the root."""
+        """Yield a finding for each part that no spec includes.
+
+        `included` has the files of all specs, relative to the root.
+        """
         files = {(root / file).resolve() for file in included}
         for part, place in self.parts.items():
             if part not in files:
@@ -49,15 +52,15 @@ class Files:
                     rule=RULES["unincluded-part"],
                     message=f"no spec includes {shown(place.span.file)}, so it is neither checked nor compiled",
                     place=place,
-                    help="add a 'name' to make it a spec, name it under 'include' of a spec, or remove it",
+                    help="add a 'name' to make it a spec, list it under 'include' of a spec, or remove it",
                 )
 
 
 def find_files(paths: Sequence[Path], root: Path) -> Files:
     """Return the specs and parts at or below paths.
 
-    A file given as a path is always treated as a spec, so that `load_spec` reports its mistakes. Below a folder, specs
-    are the YAML files of this language with a `name`; hidden folders and links to folders are not entered.
+    A file given as a path is always treated as a spec, so that `load_spec` reports its mistakes. Below a folder, the
+    specs are those YAML files of this language that have a `name`. Hidden folders and links to folders are not entered.
     """
     findings = Findings()
     specs: dict[Path, Path] = {}
@@ -92,7 +95,7 @@ def _specs_below(folder: Path, root: Path, parts: dict[Path, Place], findings: F
 
 
 def _relative_name(path: Path, root: Path) -> str:
-    """Return a path relative to the project's folder, if it is inside."""
+    """Return a path relative to the project's folder; a path outside of this folder stays as it is."""
     try:
         return path.absolute().relative_to(root.absolute()).as_posix()
     except ValueError:
@@ -100,7 +103,10 @@ def _relative_name(path: Path, root: Path) -> str:
 
 
 def _read_beginning(file: Path) -> bytes | None:
-    """Return a file's content in UTF-8; empty for a pipe or device, and None if it cannot be read."""
+    """Return the first MAX_BYTES of a file, in UTF-8. They are empty for a pipe or device.
+
+    Return None if the file cannot be read.
+    """
     try:
         if not stat.S_ISREG(file.stat().st_mode):
             return b""
@@ -112,7 +118,7 @@ def _read_beginning(file: Path) -> bytes | None:
 
 
 def _is_spec(data: bytes | None) -> bool:
-    """Return whether to read a file as a spec: it has a `name` and is of this language, or that is unknown."""
+    """Return whether to read a file as a spec: it has a `name` and a key of this language, or this is unknown."""
     if data is None:
         return True
     if not _MAY_HAVE_NAME.search(data):

@@ -47,7 +47,7 @@ class Uses:
         self._named: set[str] = set()
 
     def declare(self, documents: Iterable[Document]) -> None:
-        """Add the templates of some documents."""
+        """Add the templates that the documents declare."""
         known = [entry for document in documents for entry in _entries(document, "templates")]
         uses = _UsedNames(use for document in documents for use in _entries(document, "use"))
         self._corrections = self._report_misspelt(known, uses)
@@ -63,7 +63,10 @@ class Uses:
                 self.complete &= not template.is_lost
 
     def _report_misspelt(self, known: Iterable[tuple[Subject, YamlNode]], uses: _UsedNames) -> dict[str, str]:
-        """Report templates with a misspelt declaration; return their declared names by the names in uses."""
+        """Report templates whose declared names are misspelt.
+
+        Return the declared name of each of these templates. The key is the name in the uses.
+        """
         declared = {subject.name: subject for subject, _ in known}
         unknown = {name: len(places) for name, places in uses.places.items() if name not in declared}
         if not unknown or self._blind:
@@ -83,7 +86,7 @@ class Uses:
         return misspelt_templates
 
     def make(self, documents: Iterable[Document], modules: Mapping[str, str], elements: Elements) -> None:
-        """Add the elements that the uses in some documents create; `modules` has the module of each instance."""
+        """Add the elements that the uses in the documents create; `modules` has the module of each use, by its name."""
         known: list[tuple[Subject, YamlNode, Template]] = []
         size = 0
         for subject, node in (use for document in documents for use in _entries(document, "use")):
@@ -119,14 +122,14 @@ class Uses:
             yield declared_template(template, is_used=name in self._named or not self.complete)
 
     def try_unused(self) -> None:
-        """Instantiate each template without a valid use with examples, so that its mistakes are found as well."""
+        """Instantiate each template without a valid use, with example values, so that its mistakes are found too."""
         for name, template in self._templates.items():
             if name not in self._used:
                 bound = {key: example(parameter) for key, parameter in template.parameters.items()}
                 self._fill(template, Arguments(bound, right=True), template.origin, Elements(self._findings))
 
     def _is_new(self, subject: Subject) -> bool:
-        """Report an invalid or duplicate name; return whether it can be used."""
+        """Report an invalid or duplicate name; return whether the name can be used."""
         is_valid = check_name(subject.key, subject, subject, self._findings)
         first = self._taken.setdefault((subject.section, subject.name.casefold()), subject)
         if first is not subject:
@@ -156,13 +159,13 @@ class Uses:
         return template
 
     def _correct_keys(self, subject: Subject, node: MappingNode) -> None:
-        """Report arguments in a mapping of their own, and another key in place of `template`; correct the node."""
+        """Report arguments in a separate mapping, and a wrong key in place of `template`; correct the node."""
         arguments_key = next((key for key in _AROUND_ARGUMENTS if isinstance(node.value(key), MappingNode)), None)
         if arguments_key is not None:
             place, path = subject.origin.of(node.entries[arguments_key][0]), subject.part(arguments_key)
             message, help_text = (
                 f"the arguments are under {shown(arguments_key)} in {subject}",
-                "write them beside 'template'",
+                "write them next to 'template', as keys of the use",
             )
             self._findings.add("unknown-argument", message, place, help=help_text, path=path)
             for key, value in entries(node.take(arguments_key)):
@@ -183,7 +186,7 @@ class Uses:
             node.put(ScalarNode("template", "template", key_node.start, key_node.end, key_node.style), value)
 
     def _fill(self, template: Template, arguments: Arguments, origin: Origin, elements: Elements) -> None:
-        """Add the elements of a template instantiated with arguments."""
+        """Instantiate a template with arguments, and add the resulting elements."""
         filler = Filler(template, arguments.bound)
         sections = filler.sections()
         filler.report(origin, self._findings)
@@ -193,7 +196,7 @@ class Uses:
 
 
 class _UsedNames:
-    """The templates and arguments that uses name, collected before templates are read.
+    """The names of templates and arguments in all uses, collected before the templates are read.
 
     Attributes:
         places: the places of the uses of each template.

@@ -1,7 +1,7 @@
 """The definitions in a project's modules, as far as they can be read without importing or running anything.
 
-Only modules in the project's folder, or in its folder `src`, are read. Uncertain cases (a module from elsewhere, one
-with `__getattr__` or a star import, a function with a decorator) count as open and are never reported.
+Only modules in the project's folder, or in its folder `src`, are read. Uncertain cases are never reported: a module
+from elsewhere, a module with `__getattr__` or a star import, a function with a decorator.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ class Signature:
     Attributes:
         accepted: the arguments that may be passed by name.
         needed: the arguments without a default value, including those that cannot be passed by name.
-        takes_any: whether it takes any other argument (`**rest`).
-        is_unfit: whether it is a class without `perceive`.
+        takes_any: whether the function accepts any other argument (`**rest`).
+        is_unfit: whether this is not a function but a class without a method `perceive`.
     """
 
     accepted: frozenset[str]
@@ -48,9 +48,9 @@ class Module:
     """The definitions of a module.
 
     Attributes:
-        names: with the signatures of functions and classes; None if the signature is unknown.
-        functions: the first names with a signature.
-        is_open: whether it may have other names.
+        names: each name that the module defines, with the signature of the function or class, or None if unknown.
+        functions: the names with a known signature, up to a maximum number.
+        is_open: whether the module may define other names as well.
     """
 
     names: Mapping[str, Signature | None]
@@ -67,7 +67,7 @@ class Missing:
     """The point at which the search for a module fails.
 
     Attributes:
-        at: the index of the first part of its name that is missing.
+        at: the index, among the parts of the module's name, of the first part that is missing.
         folder: the folder that should contain that part.
     """
 
@@ -79,7 +79,7 @@ class Modules:
     """The modules of one project.
 
     Attributes:
-        consulted: the files, relative to the root, on which the result depends, including missing ones.
+        consulted: the files on which the results depend, relative to the root, including files that do not exist.
     """
 
     def __init__(self, root: Path) -> None:
@@ -90,7 +90,7 @@ class Modules:
         self._bytes_left = MAX_ALL_BYTES
 
     def find(self, name: str) -> Module | Missing | None:
-        """Return a module by its dotted name, or where the search fails; None if that is uncertain."""
+        """Return the module with a dotted name, or the point at which the search fails; None if neither is certain."""
         if name not in self._modules:
             if len(self._modules) >= MAX_MODULES:
                 return None
@@ -127,7 +127,10 @@ class Modules:
         return self._read(folder / "__init__.py") if listed and "__init__.py" in listed else None
 
     def _holds(self, folder: Path, name: str) -> bool:
-        """Return whether a folder has a module or package of some name, with Python files in it or one level below."""
+        """Return whether a folder contains a module or a package with this name.
+
+        A package must have Python files in its folder or one level below.
+        """
         listed = self._list(folder) or frozenset()
         if f"{name}.py" in listed:
             return True
@@ -165,7 +168,10 @@ class Modules:
         return OPEN if data is None else _module(data)
 
     def _read_bytes(self, path: Path) -> bytes | None:
-        """Return the content of a regular file in the project; None for any other, unreadable or too large file."""
+        """Return the content of a regular file in the project.
+
+        Return None for any other file, and for a file that is unreadable or too large.
+        """
         try:
             status = path.stat()
             inside = path.resolve().is_relative_to(self._root)
@@ -202,7 +208,10 @@ def _module(data: bytes) -> Module:
 
 
 def _definitions(body: Sequence[ast.stmt], *, at_top: bool) -> Iterator[tuple[str, Signature | None]]:
-    """Yield every name that statements bind, `*` for a star import, with its signature if that is certain."""
+    """Yield every name that statements bind, with its signature, or None if the signature is not certain.
+
+    A star import yields the name `*`.
+    """
     for statement in body:
         if isinstance(statement, (ast.FunctionDef, ast.AsyncFunctionDef)):
             yield statement.name, _signature(statement.args, 0) if at_top and not statement.decorator_list else None
@@ -218,7 +227,7 @@ def _definitions(body: Sequence[ast.stmt], *, at_top: bool) -> Iterator[tuple[st
 
 
 def _inner_statements(statement: ast.stmt) -> Iterator[ast.stmt]:
-    """Yield the statements inside a statement, including those of its branches."""
+    """Yield the statements inside a statement, including the statements in its branches."""
     for part in ast.iter_child_nodes(statement):
         if isinstance(part, ast.stmt):
             yield part
@@ -232,7 +241,7 @@ def _may_bind_names(node: ast.AST) -> bool:
 
 
 def _signature_of_class(statement: ast.ClassDef) -> Signature | None:
-    """Return the signature of the `perceive` of a class, which is instantiated without arguments."""
+    """Return the signature of the method `perceive` of a class. The class is instantiated without arguments."""
     if statement.bases or statement.keywords or statement.decorator_list:
         return None
     bound = list(_definitions(statement.body, at_top=False))
@@ -246,7 +255,7 @@ def _signature_of_class(statement: ast.ClassDef) -> Signature | None:
 
 
 def _signature(arguments: ast.arguments, own: int) -> Signature:
-    """Return the signature of a function; `own` is the number of first arguments that Python passes itself."""
+    """Return the signature of a function. Python itself passes the first `own` arguments."""
     leading = [*arguments.posonlyargs, *arguments.args]
     optional = {argument.arg for argument in leading[len(leading) - len(arguments.defaults) :]}
     pairs = zip(arguments.kwonlyargs, arguments.kw_defaults, strict=True)

@@ -1,4 +1,4 @@
-"""The parts that a spec includes: each one once, and only from inside the project."""
+"""Read the parts that a spec includes: each part once, and only from inside the project."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _MAX_LISTED = 2000
 
 @dataclass(frozen=True, slots=True)
 class _OpenFile:
-    """A file whose parts are being read: the files that lead to it, and itself."""
+    """A file whose parts are being read. `open_paths` has the files that lead to this file, and the file itself."""
 
     path: Path
     open_paths: tuple[Path, ...]
@@ -31,12 +31,12 @@ class Parts:
     """Reads a spec's parts.
 
     Attributes:
-        documents: the spec's own first, then parts in the order of inclusion.
+        documents: the documents: first the spec itself, then parts in the order of inclusion.
         complete: whether every part could be read.
     """
 
     def __init__(self, root: Path, findings: Findings, texts: Mapping[str, bytes] = AS_ON_DISK) -> None:
-        """Initialize; `texts` has the content of files, by their names in findings, that are not read from disk."""
+        """Initialize. `texts` has the content of files that are not read from disk, by the file's name in findings."""
         self.documents: list[Document] = []
         self.complete = True
         self._root = root.resolve()
@@ -64,7 +64,10 @@ class Parts:
         if path is None or not self._is_first(path, node, opened, place):
             return path is not None and path in self._first_places and path not in opened.open_paths
         if len(self.documents) > MAX_PARTS or len(opened.open_paths) > MAX_INCLUDE_DEPTH or self._letters > MAX_BYTES:
-            help_text = f"at most {MAX_PARTS} parts, {MAX_INCLUDE_DEPTH} deep and {MAX_BYTES >> 20} MiB are read"
+            help_text = (
+                f"at most {MAX_PARTS} parts are read, with {MAX_BYTES >> 20} MiB in all;"
+                f" includes are nested at most {MAX_INCLUDE_DEPTH} deep"
+            )
             self._findings.add("too-many-parts", "the spec has too many parts", place, help=help_text, path="include")
             return False
         self._first_places[path] = place
@@ -74,14 +77,17 @@ class Parts:
         if part is None:
             return False
         if part.name is not None:
-            related = Related("its name", part.origin.of(part.name))
+            related = Related("this name makes it a spec", part.origin.of(part.name))
             self._refuse("part-is-spec", f"{shown(node.text)} is a spec", place, "include parts only", related)
             return False
         self._add(part, _OpenFile(path, (*opened.open_paths, path)))
         return True
 
     def _locate(self, node: ScalarNode, opened: _OpenFile, place: Place) -> Path | None:
-        """Return the file of an include, with links followed; report a missing or forbidden one and return None."""
+        """Return the file that an include names, with links resolved.
+
+        Report a missing or forbidden file and return None.
+        """
         text = node.text
         if text.startswith(("/", "~")) or "\\" in text or Path(text).is_absolute():
             help_text = "write a relative path with '/'"
@@ -93,8 +99,8 @@ class Parts:
         except (OSError, RuntimeError, ValueError):
             is_inside, is_file, path = True, False, opened.path
         if not is_inside:
-            inside_of = "the nearest folder upwards whose pyproject.toml has [tool.codra], else the spec's own folder"
-            help_text = f"parts must be in the project's folder {shown(self._root.name)} or below; that is {inside_of}"
+            definition = "the nearest folder upwards whose pyproject.toml has [tool.codra], else the spec's own folder"
+            help_text = f"parts must be in the project's folder {shown(self._root.name)} or below (it is {definition})"
             self._refuse("part-outside-project", f"{shown(text)} is outside of the project", place, help_text)
         elif not is_file:
             self._refuse("part-not-found", f"there is no file {shown(text)}", place, self._near_help(opened.path, text))
@@ -122,7 +128,7 @@ class Parts:
             with os.scandir(folder) as listed:
                 names = sorted(entry.name for _, entry in zip(range(_MAX_LISTED), listed, strict=False))
         except (OSError, ValueError):
-            return "paths are relative to the file that includes"
+            return "paths are relative to this file"
         near = self._findings.nearest(Path(text).name, (name for name in names if name.endswith((".yaml", ".yml"))))
         return f"did you mean '{PurePosixPath(text).with_name(near)}'?" if near else "paths are relative to this file"
 

@@ -1,7 +1,7 @@
 """The context-variables that comparisons with poses imply: one for each comparison in a condition over context.
 
-They can be read like any context: by trees, the journal and `why`. A spec cannot name them, so no other source can
-write them.
+Trees, the journal and `why` can read them like any other context-variable. A spec cannot name them, so no other source
+can write them.
 """
 
 from __future__ import annotations

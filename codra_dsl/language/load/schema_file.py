@@ -1,4 +1,4 @@
-"""The published schema, `schema.json`, as it is read from its file."""
+"""Read the published schema, `schema.json`."""
 
 from __future__ import annotations
 

@@ -28,15 +28,15 @@ from codra_dsl.language.model import AnyName, Spec
 STANDARD_INPUT = "-"
 
 Loaded = tuple[Spec | None, tuple[Diagnostic, ...]]
-"""A spec and its findings, in file order. The spec is None if its file cannot be read as one, or has no name."""
+"""A spec and its findings, in file order. The spec is None if its file cannot be read as a spec, or has no name."""
 
 
 @paused_collector()
 def load_spec(path: Path, root: Path, texts: Mapping[str, bytes] = AS_ON_DISK) -> Loaded:
     """Return the spec in a file, with its parts.
 
-    `root` is the project's folder: findings name files relative to it, and parts must be inside it. `texts` has the
-    content of files that are not read from disk, by their names relative to `root`.
+    `root` is the project's folder: findings name files relative to this folder, and parts must be inside it. `texts`
+    has the content of files that are not read from disk. The key is the name of the file, relative to `root`.
 
     Raises:
         ValueError: if the file is not in the project.
@@ -136,11 +136,11 @@ def _damaged_names(elements: Elements, lost: Iterable[str]) -> dict[str, frozens
 
 
 def _module_names(documents: Iterable[Document]) -> dict[str, str]:
-    """Return the names of the generated modules: of each use by its name, and of each file by its path.
+    """Return the name of the generated module of each use and each file. The key is the use's name or the file's path.
 
-    They are identifiers, unique without regard to case. The module of a use has the name of the use. The module of a
-    file is named after the file's stem; if that name is taken, after its path; if that is taken as well, after its stem
-    with a number.
+    The names are identifiers, and unique without regard to case. The module of a use has the name of the use. The
+    module of a file is named after the file's stem; if this name is taken, after the file's path; if this name is taken
+    as well, after the stem with a number.
     """
     modules: dict[str, str] = {}
     taken_names: set[str] = set()
@@ -159,6 +159,6 @@ def _module_names(documents: Iterable[Document]) -> dict[str, str]:
 
 
 def _identifier(text: str) -> str:
-    """Return a file's name as an identifier; without a letter or digit, as for `-`, it is `spec`."""
+    """Return a file's name as an identifier. A name without a letter or digit, such as `-`, becomes `spec`."""
     name = re.sub(r"[^A-Za-z0-9]+", "_", text).strip("_")[:MAX_NAME] or "spec"
     return name if is_identifier(name) else f"spec_{name}"[:MAX_NAME]

@@ -1,7 +1,7 @@
 """The content of a spec as frozen values: templates expanded, parts merged, conditions parsed, nothing checked yet.
 
-Every name, key and value keeps its place. Names of elements that `load` could not read completely are listed, so that
-later stages do not report errors that follow from them.
+Every name, key and value keeps its place. `Spec.damaged` lists the names of elements that `load` could not read
+completely, so that later stages do not report errors that only follow from this.
 """
 
 from codra_dsl.language.model.elements import (

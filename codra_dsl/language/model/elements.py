@@ -19,25 +19,25 @@ DEFAULT_PERIOD_S = 1.0
 """The period of an observer without an entry in `observers` (P1, section 3.3: "a tick-rate of 1 s")."""
 
 PlaceOf = Callable[[int, int], Place]
-"""Returns the place of a range of one file's text, given in code points from its beginning."""
+"""Returns the place of a range of a file's text. The range is given in code points from the beginning of the file."""
 
 
 class Places(Mapping[str, Place]):
-    """The places of an element's keys and values, by key, each created on access.
+    """The places of an element's entries, by key. Each place is created on access.
 
-    The place of a key is its value if that is a scalar or a list on one line, else the key itself.
+    The place of an entry is that of its value if the value is a scalar or in brackets; otherwise it is that of the key.
     """
 
     __slots__ = ("_keys", "_offsets", "_place_of")
 
     def __init__(self, place_of: PlaceOf, ranges: Mapping[str, tuple[int, int]]) -> None:
-        """Store the ranges by key as two tuples, which save memory: a spec has many of these mappings."""
+        """Store the ranges as two tuples. This saves memory, because a spec has many of these mappings."""
         self._place_of = place_of
         self._keys = tuple(ranges)
         self._offsets = tuple(chain.from_iterable(ranges.values()))
 
     def __getitem__(self, key: str) -> Place:
-        """Return the place that belongs to a key."""
+        """Return the place of the entry with a key."""
         if key not in self._keys:
             raise KeyError(key)
         index = 2 * self._keys.index(key)
@@ -61,8 +61,9 @@ class Letters:
     """The position of each letter of a text in its file.
 
     Attributes:
-        runs: (first offset in the text, offset in the file, width in the file of each letter), in ascending order. If
-            the width is 1, letters are consecutive; otherwise all of them have the same place (a parameter, an escape).
+        runs: runs of letters, in ascending order. Each run is (offset of its first letter in the text, offset of this
+            letter in the file, width of each letter in the file). If the width is 1, the letters of the run are
+            consecutive in the file; otherwise all of them have the same place (a parameter, an escape).
     """
 
     place_of: PlaceOf = field(repr=False)
@@ -107,7 +108,7 @@ class Refresh(StrEnum):
 
 
 class Access(StrEnum):
-    """How an algorithm uses a resource. Observers are passive: `command` is parsed only to be refused."""
+    """How an algorithm uses a resource. `command` is parsed only to be refused, because observers are passive."""
 
     READ = "read"
     SLOT = "slot"
@@ -137,7 +138,8 @@ class ValueType:
         unit: the unit's text, e.g. `m/s`, or None. Values are in this unit; only `with` literals are converted to SI.
         range: both ends inclusive, in `unit`.
         values: an enum's members, in order.
-        places: by key, if the key is written (`type`, `unit`, `range`, `values`); `values.NAME` is that of a member.
+        places: the places of the keys that are written (`type`, `unit`, `range`, `values`), by key. The place of a
+            member has the key `values.NAME`.
     """
 
     kind: Kind
@@ -152,11 +154,11 @@ class Condition:
     """A condition as written, with parameters substituted.
 
     Attributes:
-        text: on one line.
+        text: the condition on one line.
         tree: the parsed tree; None if `load` has already reported a syntax error.
-        place: of the complete scalar.
-        letters: the positions of the letters of `text` in the file, through quotes, folded lines and parameters; None
-            if text and file cannot be matched (then `place` is used).
+        place: the place of the complete scalar.
+        letters: the positions of the letters of `text` in the file, even if quotes, folded lines or parameters change
+            the text; None if text and file cannot be matched (then `place` is used).
     """
 
     text: str
@@ -165,7 +167,7 @@ class Condition:
     letters: Letters | None = field(default=None, compare=False)
 
     def place_of(self, node: Node) -> Place:
-        """Return the place of a part of this condition, or of all of it if letters cannot be matched."""
+        """Return the place of a part of this condition, or of the complete condition if letters cannot be matched."""
         return self.place_between(node.start, node.end)
 
     def text_of(self, node: Node) -> str:
@@ -183,9 +185,9 @@ class FuzzyTerm:
     """A linguistic term: a word for some of a variable's values.
 
     Attributes:
-        term: its fuzzy set.
-        text: as written.
-        place: of the text.
+        term: the fuzzy set.
+        text: the fuzzy set as written.
+        place: the place of the text.
     """
 
     term: Term
@@ -218,9 +220,9 @@ class PoseCondition:
     """A comparison with poses, such as `distance(a, b) < 0.9 m`.
 
     Attributes:
-        tree: the comparison; each function of two nodes is one name in it.
-        condition: the condition that contains it; the first one if there are several.
-        owner: the section and the name of the element with that condition, and the condition's key.
+        tree: the syntax tree of the comparison, in which each function of two nodes is one name.
+        condition: the condition that contains the comparison; the first one if there are several.
+        owner: the section and the name of the element that has this condition, and the key of the condition.
     """
 
     tree: Node
@@ -233,16 +235,17 @@ class Variable:
     """A context-variable c = (name, value) of C_M (P1, Equations 1 to 3).
 
     Attributes:
-        sources: who may write: `observer`, `main_execution`, or agents' names; empty if the spec has no `source`.
-        valid_for_s: how long evidence is valid; FOREVER_S for `forever` or if the spec has no `valid_for`.
-        states_validity: whether the spec has `valid_for`.
+        sources: who may write it: `observer`, `main_execution`, or agents' names; empty if its `source` is not stated.
+        valid_for_s: how long evidence is valid; FOREVER_S for `forever`, or if its `valid_for` is not stated.
+        states_validity: whether the spec states its `valid_for`.
         history: the number of readings that are kept.
-        node: the node of the knowledge graph of which it is an attribute (`of`).
+        node: the node of the knowledge graph of which the variable is an attribute (the key `of`).
         terms: words for its values, for fuzzy rules.
-        rate: set if it is the rate of change of another variable.
-        is_derived: whether another element implies it: it holds a metric, a weight, a course or a result over poses.
-        pose_condition: the comparison with poses whose result it holds, if any.
-        places: by key (`valid_for`, `source`, ...); also `name`.
+        rate: set if the variable is the rate of change of another variable.
+        is_derived: whether another element implies the variable: its value is then a metric, a weight, a course or the
+            result of a comparison with poses.
+        pose_condition: the comparison with poses whose result is the value of the variable, if any.
+        places: by key (`valid_for`, `source`, ...); `name` is the place of the variable's name.
     """
 
     name: str
@@ -276,7 +279,7 @@ class Hysteresis:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Members:
-    """A mapping from an enum's members to conditions; the first condition that holds determines the value."""
+    """A mapping from an enum's members to conditions. The first condition that holds determines the value."""
 
     cases: tuple[tuple[Reference, Condition], ...]
     place: Place
@@ -322,8 +325,8 @@ Literal = bool | int | float | str
 class Setting:
     """A scalar key of an element that generated code hands to the runtime unchanged.
 
-    Loading, generation and `codra diff` handle all settings alike, by the type of the default: a float is a duration in
-    seconds, an int is a whole number, and a `StrEnum` is a choice of words.
+    Loading, generation and `codra diff` handle all settings alike. The type of the default determines the kind of
+    value: a float is a duration in seconds, an int is a whole number, and a `StrEnum` is a choice of words.
 
     Attributes:
         field_name: the name of the field, here and in `codra_dsl.runtime.values.model`.
@@ -338,7 +341,7 @@ class Setting:
 
 
 def _settings_of(element_type: type[Any]) -> tuple[Setting, ...]:
-    """Return the settings of a type of elements: those of its fields whose metadata has a key."""
+    """Return the settings of a type of elements: its fields that state a `key` in their metadata."""
     return tuple(
         Setting(entry.name, entry.metadata["key"], entry.default, entry.metadata.get("may_be_zero", False))
         for entry in fields(element_type)
@@ -353,8 +356,8 @@ class Algorithm:
     Attributes:
         call: `package.module:function`.
         parameters: literals in file order, with quantities as SI floats; `places` has a key `with.NAME` for each.
-        given: variables whose values it gets as arguments; it needs all of them to be known.
-        places: by key; also `name`.
+        given: the variables whose values the function gets as arguments; all of them must be known.
+        places: by key; `name` is the place of the algorithm's name.
     """
 
     name: str
@@ -391,7 +394,7 @@ class Expectation:
     """An entry of `monitor`: a name alone, `NAME becomes VALUE within D`, or `NAME stays VALUE`.
 
     Attributes:
-        condition: over the variable, e.g. `x == true` for `x becomes true`; None for a name alone.
+        condition: what is expected of the variable, e.g. `x == true` for `x becomes true`; None for a name alone.
     """
 
     variable: Reference
@@ -415,7 +418,7 @@ class Skill:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ObserverSetting:
-    """An entry of `observers`: the name, period and priority of a tree that Algorithm 2 creates in any case."""
+    """An entry of `observers`: name, period and priority of a tree. Algorithm 2 creates the tree without it as well."""
 
     name: str
     place: Place

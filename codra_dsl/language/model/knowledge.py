@@ -11,7 +11,7 @@ from codra_dsl.language.diagnostics import Place
 from codra_dsl.language.model.elements import FOREVER_S, Condition, Literal, Reference, ValueType
 
 CONTEXT_NODE = "context"
-"""The node of the context-variables that have no `of`."""
+"""The node of the context-variables that do not state `of`."""
 
 POSES = "the knowledge graph"
 """The source of the results of comparisons with poses; no agent can have this name."""
@@ -26,11 +26,11 @@ RESULT = "result"
 """The attribute of a task that contains the result with which it finished."""
 
 TASK_ATTRIBUTES = ("request", "requester", RESULT, "reason")
-"""The attributes of every task; only the steps of its handshake write them."""
+"""The attributes of every task. Only requests, acknowledgements and ends of the task write them."""
 
 
 class TaskState(StrEnum):
-    """The label of the edge of a task (P2, section 3.2); P2's `starts` is `wants`."""
+    """The label of the edge of a task (P2, section 3.2). P2 calls `wants` `starts`."""
 
     WANTS = "wants"
     IS = "is"
@@ -52,8 +52,8 @@ class Writer:
     """An agent that may write something.
 
     Attributes:
-        priority: while it is valid, the value of the writer with the higher priority wins; None if the spec states no
-            priority.
+        priority: the value of the writer with the higher priority wins while this value is valid; None if the spec
+            states no priority.
     """
 
     name: str
@@ -63,10 +63,10 @@ class Writer:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Attribute:
-    """A property of nodes of a type or of edges.
+    """A property of the nodes of a type, or of edges.
 
     Attributes:
-        sources: who may write it, if it has a `source` of its own.
+        sources: who may write the attribute; empty if the attribute states no `source` of its own.
     """
 
     name: str
@@ -94,7 +94,7 @@ class NodeType:
 
     Attributes:
         sources: who may insert and delete nodes of the type.
-        places: by key; also `name`.
+        places: by key; `name` is the place of the type's name.
     """
 
     name: str
@@ -111,8 +111,9 @@ class StartingValue:
     """The initial value of an attribute; a number with a unit keeps the unit.
 
     Attributes:
-        unit: as written, or None.
-        place: of the value; `key` is the place of the attribute's name.
+        unit: the unit as written, or None.
+        place: the place of the value.
+        key: the place of the attribute's name.
     """
 
     name: str
@@ -127,7 +128,7 @@ class NodeElement:
     """A node that exists from the start.
 
     Attributes:
-        values: of attributes, in file order.
+        values: the initial values of attributes, in file order.
     """
 
     name: str
@@ -168,14 +169,15 @@ class StartingPose:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EdgeType:
-    """A type of edges: symbols, or rigid motions where its label is `RT`.
+    """A type of edges. If its label is `RT`, the edges are rigid motions, otherwise symbols.
 
     Attributes:
-        origins: types of nodes, or single nodes, at which an edge may begin; `targets` likewise.
+        origins: types of nodes, or single nodes, at which an edge may begin.
+        targets: types of nodes, or single nodes, at which an edge may end.
         sources: who may insert, change and delete such edges.
-        motion: the properties of its rigid motions, if it has them.
+        motion: the properties of the rigid motions; None for symbols.
         pose: the initial pose.
-        places: by key; also `name`.
+        places: by key; `name` is the place of the type's name.
     """
 
     name: str
@@ -195,13 +197,13 @@ class Task:
     """A task: its node and the edge on which it is handed over (P2, section 3.2).
 
     Attributes:
-        origin: the node that does it, at which the edge begins.
-        by: the agent that executes it.
-        requesters: agents that may request it.
+        origin: the node that does the task; the edge begins at this node.
+        by: the agent that executes the task.
+        requesters: the agents that may request the task.
         acknowledge_s: how long a request may stay unacknowledged.
         finish_s: how long an acknowledged request may take.
-        results: the results with which it can finish.
-        places: by key; also `name`.
+        results: the results with which the task can finish.
+        places: by key; `name` is the place of the task's name.
     """
 
     name: str
@@ -218,10 +220,10 @@ class Task:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AgentRule:
-    """P2's triplet: the graph before, during and after an agent's action; unreadable conditions are left out.
+    """P2's triplet: the graph before, during and after an agent's action.
 
     Attributes:
-        is_whole: whether all its conditions could be read.
+        is_whole: whether all conditions of the rule could be read; otherwise some have no tree or are missing.
     """
 
     name: str
@@ -237,10 +239,10 @@ class Conduct:
     """How an agent participates in knowledge.
 
     Attributes:
-        wakes: each of these patterns alone wakes it; without any it is always active.
-        owns: further elements that it may write, besides those that name it as `source`.
-        reads: further elements that it reads, besides those that its rules and `wakes` name.
-        places: by key; also `name`.
+        wakes: patterns, each of which alone wakes the agent; without any pattern, the agent is always active.
+        owns: further elements that the agent may write, besides those that state it under `source`.
+        reads: further elements that the agent reads, besides those in its rules and under `wakes`.
+        places: by key; `name` is the place of the agent's name.
     """
 
     label: str = ""

@@ -23,7 +23,7 @@ def weight_name(action: str) -> str:
 
 
 class Worse(StrEnum):
-    """The bad end of a metric."""
+    """The end of the interval from 0 to 1 that is bad for a metric."""
 
     LOW = "low"
     HIGH = "high"
@@ -56,7 +56,7 @@ class Phrase:
     letters: Letters | None = field(default=None, compare=False)
 
     def place_between(self, start: int, end: int) -> Place:
-        """Return the place of a range of `text`, or of all of it if letters cannot be matched."""
+        """Return the place of a range of `text`, or of the complete text if letters cannot be matched."""
         part = self.letters.place(start, end) if self.letters is not None else None
         return self.place if part is None else part
 
@@ -78,9 +78,9 @@ class Output:
     """A metric, or an action with its weight: a number from 0 to 1 inferred from fuzzy rules.
 
     Attributes:
-        worse: for a metric, the end that is assumed when an input is unknown.
-        terms: its own words; empty if it uses the default ones.
-        places: by key; also `name`.
+        worse: for a metric, the end of the interval that is assumed when an input is unknown.
+        terms: the declared words for the number; empty if the default words are used.
+        places: by key; `name` is the place of the metric's or action's name.
     """
 
     name: str
@@ -131,7 +131,7 @@ class Adaptation:
 
     Attributes:
         dwell_s: the minimum time for which an action or a value is kept.
-        places: by key; also `name`.
+        places: by key; `name` is the place of the adaptation's name.
     """
 
     name: str
@@ -144,7 +144,7 @@ class Adaptation:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LeafTasks:
-    """A leaf that the robot implements, and the tasks that it hands over."""
+    """A leaf that the robot implements, and the tasks that this leaf hands over."""
 
     leaf: Reference
     tasks: tuple[Reference, ...]
@@ -155,10 +155,10 @@ class TreeElement:
     """A behaviour tree in a file.
 
     Attributes:
-        file: relative to the folder of the file, a spec or a part, that names it.
-        agent: the agent that executes it; None if the spec names none.
-        course: for each action, the tree in the file that is its branch.
-        places: by key; also `name`.
+        file: the path of the file, relative to the folder of the spec or part that names it.
+        agent: the agent that executes the tree; None if the spec names no agent.
+        course: for each action, the tree in the file that is the branch of this action.
+        places: by key; `name` is the place of the tree's name.
     """
 
     name: str
@@ -178,7 +178,7 @@ class Loop:
     """The elements that are monitored, analysed, adapted and executed together.
 
     Attributes:
-        places: by key; also `name`.
+        places: by key; `name` is the place of the loop's name.
     """
 
     name: str

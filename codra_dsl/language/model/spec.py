@@ -35,8 +35,9 @@ class DeclaredTemplate:
     Attributes:
         is_used: whether a `use` names it; also true if some uses could not be read.
         parameters: references with the names of the declared parameters.
-        resources: the names under `uses` of its algorithms, as written, including parameters.
-        sources: the names under `source` of its context-variables, as written, including parameters.
+        resources: the names under `uses` of its algorithms, as written; they may contain parameters.
+        sources: the names of the writers of its elements (`source`), and of the participants in its tasks (`by`,
+            `requesters`), as written; they may contain parameters.
     """
 
     name: str
@@ -66,17 +67,19 @@ class Spec:
     """A complete spec: one name, with its parts included and its templates instantiated.
 
     Attributes:
-        file: of the spec itself, relative to the project root.
-        files: all files that belong to it: the spec's own first, then parts in the order of inclusion.
+        file: the spec's own file, relative to the project root.
+        files: all files of the spec: its own file first, then parts in the order of inclusion.
         modules: the files of Python modules with which its calls were compared, including files that do not exist.
-        origins: for each element (`kind`, `name`) its generated module: named after the instance of the `use` that made
-            it, or after the stem of its file; an identifier, unique without regard to case.
-        damaged: names per kind (`context`, `perception`, ...) of elements that `load` could not read completely,
-            whether kept or left out; `AnyName` if a part or a use could not be read, because its names are unknown.
-            Under `spec` it has the spec's own name if `load` reported any error, so that a spec with an error is never
-            planned.
-        damaged_keys: for each damaged element (`kind`, `name`) that is kept, the keys that could not be read and have
-            their default; an entry of `returns` or `identifies` is listed as `returns.NAME`.
+        origins: for each element (`kind`, `name`), the name of its generated module. A module is named after the `use`
+            that made the element, or after the element's file. The name is an identifier, unique without regard to
+            case.
+        damaged: for each kind (`context`, `perception`, ...), the names of the elements that `load` could not read
+            completely, whether it kept these elements or left them out. If a part or a use could not be read, names are
+            unknown; the value is then `AnyName`. The kind `spec` has the spec's own name if `load` reported any error,
+            so that a spec with an error is never planned.
+        damaged_keys: for each damaged element (`kind`, `name`) that is kept, the keys that could not be read and
+            therefore have their default. Entries of `returns`, `identifies`, `attributes` and `rules` are listed one by
+            one, such as `returns.NAME`.
     """
 
     name: str
@@ -107,18 +110,18 @@ class Spec:
 
     @property
     def adapts(self) -> bool:
-        """Whether it declares any element of MAPE-K loops."""
+        """Whether the spec declares any element of MAPE-K loops."""
         rates = any(variable.rate is not None for variable in self.context)
         return bool(self.metrics or self.actions or self.adaptation or self.trees or self.loops or rates)
 
     @property
     def pose_conditions(self) -> tuple[PoseCondition, ...]:
-        """The comparisons with poses in its conditions."""
+        """The comparisons with poses in the spec's conditions."""
         return tuple(variable.pose_condition for variable in self.context if variable.pose_condition is not None)
 
     @property
     def knows(self) -> bool:
-        """Whether it declares knowledge: then its context-variables are attributes of nodes."""
+        """Whether the spec declares knowledge. If so, its context-variables are attributes of nodes."""
         return bool(
             self.types
             or self.nodes

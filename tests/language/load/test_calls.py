@@ -71,10 +71,10 @@ def test_a_call_that_fits_gives_no_finding(project: Path) -> None:
         ("bench.percepton:look", "did you mean 'bench.perception'?"),
         ("bnch.perception:look", "did you mean 'bench.perception'?"),
         ("benchperception:look", "did you mean 'bench.perception'?"),
-        ("bench.vision:look", "create it, or name the module that contains the function"),
-        ("bench.perception.deep:look", "create it, or name the module that contains the function"),
+        ("bench.vision:look", "create this module, or use the name of the module that contains the function"),
+        ("bench.perception.deep:look", "create this module, or use the name of the module that contains the function"),
         ("bench.perception:lok", "did you mean 'look'?"),
-        ("bench.perception:measure_distance", "it has 'look'"),
+        ("bench.perception:measure_distance", "the module has 'look'"),
     ],
 )
 def test_a_call_of_a_missing_function_is_reported_with_help(project: Path, call: str, help_text: str) -> None:
@@ -174,11 +174,14 @@ def test_a_package_may_do_without_init(tmp_path: Path) -> None:
         ("*, camera, gain=2, near, job, extra=None", None),
         ("*, camera, gian, near, job", "did you mean 'gian'?"),
         ("*, camera, contrast, near, job", "did you mean 'contrast', which is missing?"),
-        ("*, camera, near, job", "it takes 'camera', 'job', 'near'"),
-        ("*, camera, gain, near", "add it: every perception function gets 'job'"),
-        ("", "it takes none"),
-        ("camera, /, gain, near, job", "make it a keyword argument: arguments are passed by name only"),
-        ("*, camera, gain, near, job, extra", "give it under 'with', 'uses' or 'given', or give it a default value"),
+        ("*, camera, near, job", "the function takes 'camera', 'job', 'near'"),
+        ("*, camera, gain, near", "add the parameter 'job': every perception function gets it"),
+        ("", "the function takes no arguments"),
+        ("camera, /, gain, near, job", "make it a keyword argument: arguments are passed only by name"),
+        (
+            "*, camera, gain, near, job, extra",
+            "add 'extra' under 'with', 'uses' or 'given', or give the parameter a default value",
+        ),
     ],
 )
 def test_a_function_must_take_all_passed_arguments_and_get_all_required_ones(
@@ -195,7 +198,7 @@ def test_a_function_must_take_all_passed_arguments_and_get_all_required_ones(
         ("def perceive(self, camera, gain, near, job): pass", None),
         ("def perceive(self, *, camera, gain, near, job): pass\n    def setup(self, *, gain): pass", None),
         ("def perceive(self, camera, gian, near, job): pass", "did you mean 'gian'?"),
-        ("def perceive(self): pass", "it takes none"),
+        ("def perceive(self): pass", "the function takes no arguments"),
         ("@staticmethod\n    def perceive(): pass", None),
         ("perceive = make()", None),
         ("if True:\n        def perceive(): pass", None),
@@ -215,7 +218,7 @@ def test_a_class_without_perceive_is_reported(project: Path) -> None:
     assert (
         finding.message == "class 'look' of module 'bench.perception', which algorithm 'look' calls, has no 'perceive'"
     )
-    assert finding.help == "add a method 'perceive', or name a function"
+    assert finding.help == "add a method 'perceive', or use the name of a function"
 
 
 def test_several_arguments_that_a_function_does_not_take_are_one_finding(project: Path) -> None:

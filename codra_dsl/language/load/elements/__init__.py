@@ -1,1 +1,1 @@
-"""Nodes to the frozen values of `codra_dsl.language.model`."""
+"""Convert nodes to the frozen values of `codra_dsl.language.model`."""

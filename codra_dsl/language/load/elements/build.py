@@ -1,4 +1,4 @@
-"""Elements: nodes -> values of the model. Unreadable keys have their default, and the reader lists them."""
+"""Build elements: nodes -> values of the model. Keys that cannot be read get their default; the reader lists them."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def build_algorithm(reader: Reader) -> Algorithm:
 
 
 def _read_setting(reader: Reader, setting: Setting) -> Any:
-    """Return the value of a setting, of the type of its default."""
+    """Return the value of a setting; it has the same type as the setting's default."""
     if isinstance(setting.default, StrEnum):
         return reader.choice(setting.key, setting.default)
     if isinstance(setting.default, int):

@@ -1,4 +1,4 @@
-"""Conditions: parsed, with the position of every letter; and the traps that show only as syntax errors."""
+"""Parse conditions, with the position of every letter; and recognise traps of YAML that show only as syntax errors."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from codra_dsl.language.model import Condition
 from codra_dsl.language.model import Letters as PlacedLetters
 
 MAX_PIECES = 50
-"""The maximum number of pieces that are joined to a condition again."""
+"""The maximum number of pieces that are joined again to one condition."""
 
 MAX_CACHED_LENGTH = 200
-"""The maximum length of a condition, in code points, whose tree is cached."""
+"""The maximum length, in code points, of a condition whose tree is cached."""
 
 _MAY_OPEN = re.compile(r"[(\"']")
 _JOINING = re.compile(r"^(?:and|or)\s")
@@ -37,7 +37,7 @@ def read_conditions(reader: Reader, key: str, *, grammar: Grammar = parse) -> tu
 
 
 def untorn_items(reader: Reader, key: str) -> Iterator[tuple[int, YamlNode]]:
-    """Yield index and node of the items in a list, except conditions split at their commas, which are reported."""
+    """Yield the index and the node of each item in a list. Conditions that were split at their commas are reported."""
     node = reader.node.value(key)
     skip_until = 0
     for index, item in enumerate(node.items if isinstance(node, SequenceNode) else ()):
@@ -88,7 +88,7 @@ def build_condition(
 ) -> Condition:
     """Return a condition; its tree is None on a syntax error, or if the node has already been reported.
 
-    `grammar` parses it, if it is not a plain condition.
+    `grammar` parses the text; by default, the text is parsed as a plain condition.
     """
     place = reader.origin.of(node)
     tree = None if node.reported else (grammar or _tree)(text)
@@ -99,7 +99,7 @@ def build_condition(
 
 
 def _tree(text: str) -> Node | SyntaxProblem:
-    """Return the tree of a condition; those of short conditions are cached because many are equal."""
+    """Return the tree of a condition. Trees of short conditions are cached, because many conditions are equal."""
     return _parse_cached(text) if len(text) <= MAX_CACHED_LENGTH else parse(text)
 
 
@@ -115,7 +115,7 @@ _CACHED_GRAMMARS: Mapping[Grammar, Grammar] = {parse: _tree, parse_over_context:
 
 
 def _torn_until(sequence: SequenceNode, index: int) -> int | None:
-    """Return the index after the pieces into which commas split an item, or None if it is complete."""
+    """Return the index after the pieces into which commas split an item, or None if the item is complete."""
     first = sequence.items[index]
     if not sequence.flow or not isinstance(first, ScalarNode) or first.style is not Style.PLAIN:
         return None

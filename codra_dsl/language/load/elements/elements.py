@@ -1,4 +1,4 @@
-"""Collect and build the elements of a spec from its files and uses, each name once."""
+"""Collect and build the elements of a spec from its files and uses. A second element with the same name is reported."""
 
 from __future__ import annotations
 
@@ -59,10 +59,10 @@ class Elements:
     """The elements of one spec.
 
     Attributes:
-        built: by section and name, in the order of files and uses, as far as they could be read.
-        damaged: the names by section of elements that could not be read completely, whether built or not.
-        damaged_keys: for built elements, by section and name, the keys that could not be read.
-        origins: the module of each element, by section and name.
+        built: the elements, as far as they could be read, by section and name, in the order of files and uses.
+        damaged: for each section, the names of elements that could not be read completely, whether built or not.
+        damaged_keys: for each built element (section, name) that is damaged, the keys that could not be read.
+        origins: the module of each element (section, name).
     """
 
     def __init__(self, findings: Findings) -> None:
@@ -77,7 +77,10 @@ class Elements:
     def add(
         self, section: str, elements: YamlNode | None, origin: Origin, wrong: Mapping[str, frozenset[str]] = _NONE
     ) -> None:
-        """Add the elements of a section; `wrong` has names, as written, of reported elements and their wrong keys."""
+        """Add the elements of a section.
+
+        `wrong` has the wrong keys of elements that have already been reported, by the element's name as written.
+        """
         if not isinstance(elements, MappingNode):
             return
         all_have_shape = not wrong and has_shape(section, elements.data)
@@ -91,8 +94,8 @@ class Elements:
                 damaged |= keys_of(DEFINITIONS[section]) - node.entries.keys()
             element = None
             if section == "nodes":
-                node = as_mapping(key, node)  # noqa: PLW2901  a name alone is the type
-            if isinstance(node, MappingNode):  # duplicates are read for their other mistakes
+                node = as_mapping(key, node)  # noqa: PLW2901  a text alone is the node's type
+            if isinstance(node, MappingNode):  # duplicates are read to find their other mistakes
                 reader = Reader(subject, node, self._findings, damaged)
                 element = _BUILDERS[section](reader)
             if element is None or not is_new:
@@ -101,7 +104,10 @@ class Elements:
                 self._keep(reader, element)
 
     def lose(self, section: str, name: str) -> None:
-        """Record an element that is not built; if its name is taken, the other one counts as unreadable as well."""
+        """Record an element that is not built.
+
+        If an element with the same name has been built, all keys of the built element count as unreadable.
+        """
         self.damaged[section].add(name)
         if name in self.built[section]:
             self.damaged_keys[section, name] = keys_of(DEFINITIONS[section])
@@ -119,12 +125,15 @@ class Elements:
             self._suspects.extend((suspect, names) for suspect in reader.suspects)
 
     def report_comments(self) -> None:
-        """Report comments after conditions whose names could be part of the condition."""
+        """Report each comment after a condition that may be part of it, because all names in the comment are known."""
         context = self.built["context"].keys()
         for suspect, returned in self._suspects:
             if all(name in context or name in returned for name in suspect.names):
                 message = f"the text after ' #' in {shown(suspect.written)} is a comment, but it reads like a condition"
-                help_text = "quote all of it if it belongs to the condition; else put the comment on a line of its own"
+                help_text = (
+                    "if the comment belongs to the condition, quote the complete text;"
+                    " otherwise put the comment on a line of its own"
+                )
                 self._findings.add("condition-in-comment", message, suspect.place, help=help_text, path=suspect.path)
 
     def _is_new(self, subject: Subject) -> bool:
@@ -138,7 +147,7 @@ class Elements:
         return False
 
     def _explain(self, subject: Subject, node: YamlNode) -> frozenset[str]:
-        """Report mistakes in the shape of an element; return the keys that are damaged by them."""
+        """Report mistakes in the shape of an element; return the keys that cannot be read because of them."""
         definition = DEFINITIONS[subject.section]
         return frozenset() if has_shape(definition, node.data) else explain(definition, node, subject, self._findings)
 

@@ -1,4 +1,4 @@
-"""Elements of knowledge, and agents: nodes -> values of the model. Unreadable keys have their default."""
+"""Build knowledge and agents: nodes -> values of the model. Keys that cannot be read get their default."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def build_node(reader: Reader) -> NodeElement:
 
 
 def build_edge(reader: Reader) -> EdgeType:
-    """Return a type of edges; those with the label `RT` have rigid motions."""
+    """Return a type of edges. Edges with the label `RT` have rigid motions."""
     label = reader.text("label", reader.subject.name)
     pose = reader.node.value("pose")
     return EdgeType(
@@ -107,7 +107,7 @@ def build_task(reader: Reader) -> Task:
 
 
 def build_agent(reader: Reader) -> Agent:
-    """Return an agent; one without keys is only an outside writer."""
+    """Return an agent. An agent without keys is only an outside writer."""
     if not reader.node.entries:
         return Agent(name=reader.subject.name, place=reader.place)
     phase = reader.scalar("phase")

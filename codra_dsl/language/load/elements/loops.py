@@ -1,4 +1,4 @@
-"""Elements of MAPE-K loops: nodes -> values of the model. Unreadable keys have their default."""
+"""Build elements of MAPE-K loops: nodes -> values of the model. Keys that cannot be read get their default."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ def _build_output(reader: Reader) -> Output:
 
 
 def build_adaptation(reader: Reader) -> Adaptation:
-    """Return an adaptation: one with `set` sets a variable, any other chooses an action."""
+    """Return an adaptation. An adaptation with `set` sets a variable; any other chooses an action."""
     does = _read_parameter(reader) if "set" in reader.node.entries else _read_course(reader)
     return Adaptation(
         name=reader.subject.name,
@@ -193,7 +193,10 @@ def _read_term(reader: Reader, name: str, node: ScalarNode) -> Term | None:
 
 
 def _fault(shape: Shape, values: tuple[float, ...]) -> tuple[str, str]:
-    """Return why the right number of numbers is not a valid shape, and a hint; FuzzyLite would give 0 or NaN."""
+    """Return why the numbers of a term are not a valid shape, although their count is right, and a hint.
+
+    FuzzyLite would compute 0 or NaN.
+    """
     in_order = values[::2] if shape is Shape.Discrete else values if shape in _ORDERED else ()
     if any(one > other for one, other in pairwise(in_order)):
         return "has its numbers out of order", " from left to right"

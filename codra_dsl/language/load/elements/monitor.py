@@ -1,4 +1,4 @@
-"""The expectations of a skill while it acts: `NAME`, `NAME becomes VALUE within D`, `NAME stays VALUE`."""
+"""Read what a skill expects while it acts: `NAME`, `NAME becomes VALUE within D`, `NAME stays VALUE`."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _OTHER_VERBS = {"is": "stays", "remains": "stays", "keeps": "stays", "gets": "be
 
 
 def read_expectation(reader: Reader, node: ScalarNode, index: int) -> Expectation | None:
-    """Return an entry of `monitor`; report it and return None if it does not have the right form."""
+    """Return the expectation in an entry of `monitor`. If the entry has a wrong form, report this and return None."""
     return _Entry(reader, node, index).expectation()
 
 
@@ -102,7 +102,7 @@ class _Entry:
         word = shown(within["word"] if within.re is _OTHER_TIME else "within")
         self._fail(
             f"'stays' does not take {word}",
-            "remove it: 'stays' applies as long as the skill acts",
+            "remove the time limit: 'stays' applies as long as the skill acts",
             *_trimmed_span(within),
         )
 
@@ -114,11 +114,11 @@ class _Entry:
         elif any(self._reader.findings.nearest(word, ["within"]) for word in self._text.split()[2:]):
             help_text = "did you mean 'within'?"
         else:
-            help_text = f"add how long it may take: {self._text} within 5 s"
+            help_text = f"add a time limit: {self._text} within 5 s"
         self._fail("'becomes' needs a 'within'", help_text, 0, len(self._text))
 
     def _condition(self, variable: Reference, start: int, end: int) -> Condition | None:
-        """Return the expected condition over the variable."""
+        """Return the condition that the variable is expected to meet."""
         value = self._text[start:end].strip()
         if not value:
             self._fail(

@@ -1,4 +1,4 @@
-"""Patterns of the knowledge graph: parsed, with the position of every letter."""
+"""Parse patterns of the knowledge graph, with the position of every letter."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _parse = lru_cache(maxsize=1024)(parse_pattern)
 
 
 def read_patterns(reader: Reader, key: str) -> tuple[Condition, ...]:
-    """Return the patterns in a list, or a single pattern in its place."""
+    """Return the patterns in a list, or the single pattern that is written instead of a list."""
     node = reader.node.value(key)
     if isinstance(node, SequenceNode):
         return tuple(_pattern(reader, item, key, str(index)) for index, item in untorn_items(reader, key))

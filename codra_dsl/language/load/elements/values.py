@@ -1,4 +1,4 @@
-"""Types, ranges and literals with units."""
+"""Read types, ranges and literals with units."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def _read_range(
 
 
 def _read_end(node: YamlNode, unit: tuple[str, Unit | None] | None) -> float | None:
-    """Return an end of a range: a number in the value's unit, or with a unit of its own; None if it is invalid."""
+    """Return one end of a range in the value's unit, or None if it is invalid. It may be written with another unit."""
     if not isinstance(node, ScalarNode):
         return None
     if isinstance(node.data, (int, float)):

@@ -1,1 +1,1 @@
-"""The shape of a file by `schema.json`."""
+"""Compare the shape of a file with `schema.json`."""

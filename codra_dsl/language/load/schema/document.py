@@ -38,7 +38,7 @@ class Document:
     """A spec or a part.
 
     Attributes:
-        lost: sections that could not be read, so that names may be missing.
+        lost: the sections that could not be read completely, so that names in them may be missing.
     """
 
     origin: Origin
@@ -54,13 +54,13 @@ class Document:
 
     @property
     def may_be_named(self) -> bool:
-        """Whether it may be a spec whose name is under an unknown key or in an unreadable form."""
+        """Whether the document may be a spec whose name is under an unknown key or in an unreadable form."""
         strange = any(key not in schema()["properties"] for key in self.root.entries)
         return self.root.unread or strange or "name" in self.root.entries
 
     @property
     def includes(self) -> tuple[ScalarNode, ...]:
-        """The paths of the parts."""
+        """The paths of the parts that the document includes."""
         node = self.root.value("include")
         items = node.items if isinstance(node, SequenceNode) else ()
         return tuple(item for item in items if isinstance(item, ScalarNode) and isinstance(item.data, str))
@@ -112,7 +112,7 @@ def read_document(source: Source, findings: Findings) -> Document | None:
 
 
 def _check_version(root: MappingNode, source: Source, findings: Findings) -> bool:
-    """Report a missing, late or unknown `codra: 1`; return whether the rest can be read."""
+    """Report if `codra: 1` is missing, not first, or another version; return whether the rest can be read."""
     entry = root.entries.get("codra")
     if entry is None:
         known = schema()["properties"]
@@ -129,7 +129,7 @@ def _check_version(root: MappingNode, source: Source, findings: Findings) -> boo
         return root.unread or any(key in KEYS or key in ("templates", "use") for key in root.entries)
     key, value = entry
     if not _is_version(value):
-        written = shown(value.text) if isinstance(value, ScalarNode) else "that"
+        written = shown(value.text) if isinstance(value, ScalarNode) else "this"
         place = Origin(source).of_value(key, value)
         if not value.reported:
             findings.add(
@@ -148,7 +148,7 @@ def _is_version(value: YamlNode) -> bool:
 
 
 def _rename_to_codra(root: MappingNode, strange: str, source: Source, findings: Findings) -> bool:
-    """Report a key in place of `codra`, and rename it."""
+    """Report a key that is written instead of `codra`, and rename it to `codra`."""
     key = root.entries[strange][0]
     message, place = f"unknown key {shown(strange)} in this file", source.place(key.start, key.end)
     findings.add(

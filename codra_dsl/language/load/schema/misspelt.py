@@ -1,7 +1,8 @@
-"""Which of two similar names is misspelt: the one that is declared but never used, or the one used but not declared.
+"""Decide which of two similar names is misspelt: one is declared but never used, the other used but not declared.
 
 The same rule applies to all kinds of names. A name with several uses is right. If each of the two names occurs once,
-the one whose words occur elsewhere in the spec is right. If that decides nothing, the use is considered misspelt.
+the name whose words occur more often elsewhere in the spec is right. If this decides nothing, the used name is
+considered misspelt.
 """
 
 from __future__ import annotations
@@ -14,13 +15,16 @@ _WORD = re.compile(r"[a-z]+|[0-9]+")
 
 
 class Vocabulary:
-    """The words of a spec's names and texts, with the number of texts that contain each."""
+    """The words of a spec's names and texts, with the number of texts that contain each word."""
 
     def __init__(self, texts: Iterable[str]) -> None:
         self._counts = Counter(word for text in set(texts) for word in _words(text))
 
     def knows_better(self, used: str, declared: str) -> bool:
-        """Return whether the words only in the used name are more frequent than those only in the declared one."""
+        """Return whether the words only in the used name are more frequent than the words only in the declared name.
+
+        If both names have the same words, return whether the used name is shorter.
+        """
         left, right = _words(used), _words(declared)
         if left == right:
             return len(used) < len(declared)
@@ -45,8 +49,8 @@ def misspelt_declarations(
     Args:
         uses: the number of uses of each unknown name.
         unused: the names that are declared and never used.
-        declared: all declared names; if a used one is nearer, the use is misspelt.
-        vocabulary: decides if a name has only one use.
+        declared: all declared names; if one that is used is nearer, the use is misspelt.
+        vocabulary: decides about names with only one use.
         nearest: returns the candidate that a name most likely means.
     """
     misspelt_names: dict[str, str] = {}

@@ -1,6 +1,6 @@
-"""The published schema, `schema.json`: whether data have the shape of one of its definitions, and their errors if not.
+"""Compare data with the definitions of the published schema, `schema.json`, and list the errors of invalid data.
 
-`jsonschema_rs` accepts valid data very fast; only data that it refuses is given to `jsonschema`.
+`jsonschema_rs` accepts valid data very fast; only data that it refuses are given to `jsonschema`, which lists errors.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _FORMS = {
     "behaviour": ("behaviour_object", "behaviour_word"),
     "belief": ("belief_object", "literal"),
 }
-"""Values that may be a mapping or not: the definition of the mapping, and the definition of anything else."""
+"""For values that may or may not be a mapping: the definition of a mapping, and the definition of any other value."""
 
 _ANNOTATIONS = {"title", "description", "markdownDescription", "markdownEnumDescriptions", "default", "examples"}
 
@@ -84,7 +84,7 @@ def _bare(part: dict[str, Any]) -> dict[str, Any]:
 
 @dataclass(frozen=True, slots=True)
 class Error:
-    """An error of the schema: `path` leads from the element to the wrong value."""
+    """A difference between data and the schema: `path` leads from the element to the wrong value."""
 
     path: tuple[str | int, ...]
     keyword: str
@@ -94,7 +94,7 @@ class Error:
 
 
 def errors_of(definition: str, data: object, path: tuple[str | int, ...]) -> Iterator[Error]:
-    """Yield the errors of data against a definition; `path` leads from their element to the data."""
+    """Yield the differences between data and a definition; `path` leads from the element to these data."""
     error: ValidationError
     for error in _explainer(definition).iter_errors(data):
         inner = (*path, *error.absolute_path)

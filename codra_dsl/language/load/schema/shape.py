@@ -33,10 +33,10 @@ _PARTS: Mapping[str | int, str] = {
     "attributes": "attribute",
     "rules": "rule",
 }
-"""The nouns for parts of an element with names of their own, by key."""
+"""The nouns for those parts of an element that have names of their own, by key."""
 
 _CONDITIONS = {"condition": "condition", "pattern": "condition", "expectation": "expectation"}
-"""The values that are prone to YAML's traps, by the schema's anchor, with the kind of trap."""
+"""The kinds of values that YAML's traps affect: the value's anchor in the schema, and the kind of trap."""
 
 _TORN_NUMBER = re.compile(r"[0-9],[0-9]+$")
 _ITEMS = re.compile(r"[\[(]?([^\[\](){}\"'#:]+)[\])]?")
@@ -50,7 +50,7 @@ def explain(definition: str, node: YamlNode, subject: Subject, findings: Finding
 
     Returns:
         The keys that cannot be read, as `Spec.damaged_keys` lists them. Misspelt keys can be read. An unknown key may
-        mean any absent key, so all of these count as unreadable.
+        mean any absent key, so all absent keys count as unreadable.
     """
     explanation = _Explanation(subject, node, findings)
     errors = tuple(errors_of(definition, node.data, ()))
@@ -112,7 +112,7 @@ class _Explanation:
         self.damaged: set[str] = set()
 
     def unknown_keys(self, errors: Iterable[Error]) -> list[tuple[MappingNode, dict[str, str | None]]]:
-        """Report unknown keys; return each mapping with unknown keys, and the known key that each of them means."""
+        """Report unknown keys; return each mapping with unknown keys, and the known key that each key means, if any."""
         corrections = []
         for error in errors:
             mapping = self._node(error.path)
@@ -121,7 +121,7 @@ class _Explanation:
         return corrections
 
     def report(self, errors: Sequence[Error]) -> None:
-        """Report the other errors, and the unknown keys that may be missing ones."""
+        """Report the other errors, and unknown keys that may be misspellings of missing keys."""
         for error in errors:
             if error.keyword == "required":
                 self._report_missing_keys(error)
@@ -203,7 +203,7 @@ class _Explanation:
             if key in known or key in torn:
                 continue
             near = corrections[key] = self._findings.nearest(key, free) or _long_form(key, free)
-            allowed = f"allowed: {', '.join(known)}" if known else "it has no keys: write {}"
+            allowed = f"allowed: {', '.join(known)}" if known else "no keys are allowed: write {}"
             fix = self._rename_fix(key_node, near, mapping.entries.keys() - known, free) if near else None
             free.pop(near or "", None)
             self._done.add((*error.path, near or key))
@@ -235,7 +235,7 @@ class _Explanation:
         self._findings.add("unknown-key", message, place, help=help_text, path=key_path, fix=fix)
 
     def _rename_fix(self, key: ScalarNode, near: str, strange: Iterable[str], free: Iterable[str]) -> Fix | None:
-        """Return the fix of a misspelt key: safe if its meaning is unique and no other key means the same."""
+        """Return the fix of a misspelt key. It is safe if the meaning is unique and no other key means the same."""
         is_only_one = not any(is_slip(other, near) for other in strange if other != key.text)
         safe = is_only_one and surely_means(key.text, near, free)
         return replacing(self._subject.origin.of(key), key.written, near, safe=safe)
@@ -264,7 +264,7 @@ class _Explanation:
             )
 
     def _subschema(self, error: Error, key: str) -> dict[str, Any]:
-        """Return the schema of a missing key, which an `if` may require far from its description."""
+        """Return the schema of a missing key. An `if` that requires a key may be far from the key's description."""
         here = error.schema.get("properties", {}).get(key)
         if key == "type" and isinstance(error.data, dict) and "values" in error.data:
             return {"examples": ["enum"]}
@@ -323,7 +323,11 @@ class _Explanation:
             example = "indent it further, as a key of the element above"
         if error.keyword == "not":
             reason = error.schema["description"]
-            return "misplaced-key", f"{named} does not fit its type: {reason}", "remove it, or change the type"
+            return (
+                "misplaced-key",
+                f"{named} is not allowed here: {reason}",
+                "remove the key, or change the element so that it may have this key",
+            )
         if error.keyword == "uniqueItems":
             return "repeated-value", f"{_describe(node)} occurs twice in {named}", "remove one of them"
         if error.keyword in ("minItems", "maxItems", "minLength", "minProperties"):
@@ -344,7 +348,7 @@ class _Explanation:
         )
 
     def _report_trap(self, error: Error) -> bool:
-        """Report the trap for conditions that an error stems from; return whether there is one."""
+        """Report the trap of YAML that caused an error in a condition; return whether there is one."""
         node = self._node(error.path)
         holder = self._node(error.path[:-1])
         if isinstance(holder, MappingNode) and error.path[-1] in self._report_torn_keys(holder):
@@ -415,7 +419,7 @@ def _long_form(key: str, candidates: Iterable[str]) -> str | None:
 def _lists_without_brackets(
     mapping: MappingNode, explained_keys: Set[str], known: Mapping[str, Any]
 ) -> Iterator[tuple[str, list[str]]]:
-    """Yield keys whose values continue as keys without values, with these keys: `source: a, b` in braces."""
+    """Yield each key whose list lacks brackets, such as `source: a, b` in braces, and the keys that are its items."""
     owner, more = "", list[str]()
     for key, (_, value) in (*mapping.entries.items(), ("", (None, None))) if mapping.flow else ():
         if key and key not in explained_keys and isinstance(value, ScalarNode) and value.data is None:

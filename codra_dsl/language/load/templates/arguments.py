@@ -18,14 +18,18 @@ from codra_dsl.language.load.yaml.reader import entries, is_unread
 
 @dataclass(frozen=True, slots=True)
 class Arguments:
-    """The value of each parameter; examples replace wrong or missing values, so that names can still be determined."""
+    """The value of each parameter. Examples replace wrong or missing values, so that names can still be determined.
+
+    Attributes:
+        right: whether no argument is wrong or missing.
+    """
 
     bound: Mapping[str, Bound]
     right: bool
 
 
 def read_arguments(subject: Subject, node: YamlNode, template: Template, findings: Findings) -> Arguments:
-    """Return the arguments of a use; report those that are missing, unknown or of the wrong type."""
+    """Return the arguments of a use; report arguments that are missing, unknown or of the wrong type."""
     given = {key.text: (key, value) for key, value in entries(node) if key.text != "template"}
     right = has_shape("template_use", node.data)
     corrected_names: set[str] = set()
@@ -57,7 +61,7 @@ def read_arguments(subject: Subject, node: YamlNode, template: Template, finding
 
 
 def _is_needed(parameter: Parameter) -> bool:
-    """Return whether every use must give a parameter."""
+    """Return whether every use must give a value for a parameter."""
     return parameter.default is None and not parameter.key.reported and parameter.key.text != INSTANCE
 
 
@@ -101,7 +105,7 @@ def _report_unknown(
     elif missing is not None:
         help_text = f"did you mean '{missing}', which is missing?"
     else:
-        help_text = f"its parameters are {list_names(known)}" if known else "it has none"
+        help_text = f"its parameters are {list_names(known)}" if known else "the template has no parameters"
     message = f"template {shown(template.name)} has no parameter {shown(key.text)}"
     place, path = subject.origin.of(key), subject.part(key.text)
     safe = near is not None and near in template.used and surely_means(key.text, near, known)

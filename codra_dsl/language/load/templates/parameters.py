@@ -33,7 +33,8 @@ class RepairedParameter:
     """A text with a parameter whose punctuation was repaired.
 
     Attributes:
-        start: with `end` its range in the original text.
+        start: the beginning of the parameter in the original text.
+        end: the end of the parameter in the original text.
         parameter: the repaired parameter, `$(name)`.
     """
 
@@ -80,7 +81,7 @@ def repair_parameter(text: str, names: Collection[str]) -> RepairedParameter | N
 
 
 def _leading_name(word: str, names: Iterable[str]) -> str:
-    """Return the longest of some names that a word equals or begins with; an empty text if no name matches."""
+    """Return the longest name that a word equals or begins with, or an empty text if no name matches."""
     beginnings = (name for name in names if word.startswith(name) and word[len(name) : len(name) + 1] in ("", "_"))
     return max(beginnings, key=len, default="")
 
@@ -103,10 +104,10 @@ class ParameterResolver:
     """Resolves the parameters that a template mentions and does not declare.
 
     Attributes:
-        corrections: for an unknown parameter the one that is meant.
-        corrected_declarations: for a parameter with a misspelt declaration the correct name.
+        corrections: for each misspelt mention of a parameter, the name that is meant.
+        corrected_declarations: for each parameter whose declaration is misspelt, the correct name.
         unresolved_names: names that cannot be resolved.
-        undeclared: names that uses give and the template mentions, but does not declare.
+        undeclared: names that uses give and the template mentions, but that the template does not declare.
     """
 
     def __init__(self, subject: Subject, origin: Origin, sections: Mapping[str, MappingNode]) -> None:
@@ -122,19 +123,19 @@ class ParameterResolver:
 
     @property
     def mentioned_names(self) -> frozenset[str]:
-        """Return the names of all parameters that the template mentions, corrected."""
+        """Return the names of all parameters that the template mentions, with misspelt names corrected."""
         return frozenset(self.corrections.get(name, name) for name in self._mentions)
 
     def resolve(
         self, declared: Mapping[str, Place], given: Iterable[str], findings: Findings, *, is_open: bool
     ) -> None:
-        """Report each unknown parameter once, where the mistake is.
+        """Report each unknown parameter once, at the place of the mistake.
 
         Args:
-            declared: the parameters, with the places of those that may be misspelt.
+            declared: the places of the declared parameters, by name.
             given: the names of all arguments in all uses.
             findings: the list to which findings are added.
-            is_open: whether there may be parameters with unknown names, which unknown mentions may mean.
+            is_open: whether there may be parameters with unknown names. An unknown mention may then mean one of these.
         """
         unknown = {name: mentions for name, mentions in self._mentions.items() if name not in declared}
         if not unknown:
@@ -185,7 +186,7 @@ class ParameterResolver:
         )
 
     def _rename_fix(self, mention: _Mention, name: str, near: str, declared: Iterable[str]) -> Fix | None:
-        """Return the fix of a misspelt parameter, if it is in the file letter by letter."""
+        """Return the fix of a misspelt parameter, if the file contains the mention letter by letter."""
         span = mention.place.span
         if span.line != span.end_line or span.end_column - span.column != len(mention.written):
             return None
@@ -208,6 +209,6 @@ def _has_parameter(scalar: ScalarNode) -> bool:
 
 
 def _place_finder(origin: Origin, scalar: ScalarNode) -> Callable[[int, int], Place]:
-    """Return a function from ranges of a scalar's text to their places."""
+    """Return a function that returns the place of a range of a scalar's text."""
     letters = Letters(origin.place, letters_of(scalar, origin.source.text))
     return lambda start, end: letters.place(start, end) or origin.of(scalar)

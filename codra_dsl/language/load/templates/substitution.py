@@ -1,4 +1,4 @@
-"""Substitute a use's literals into a template's sections: nodes -> nodes. Nodes without parameters are shared."""
+"""Substitute a use's literals into a template's sections: nodes -> nodes. Uses share the nodes without parameters."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ class Bound:
     """The value of a parameter in one use.
 
     Attributes:
-        text: as written, without quotes.
-        known: whether it comes from the use or a default; else it is only an example of its type.
+        text: the value as written, without quotes.
+        known: whether the value comes from the use or a default; otherwise it is only an example of the type.
     """
 
     kind: ParameterKind
@@ -64,7 +64,7 @@ class Filler:
         return {key: self._mapping(node) for key, node in self._template.sections.items()}
 
     def report(self, origin: Origin, findings: Findings) -> None:
-        """Report keys that became equal, and texts that became too long."""
+        """Report keys that became equal by the substitution, and texts that became too long."""
         path = f"templates.{origin.template}"
         for key in self._clashes:
             message = f"the key {shown(key.text)} occurs twice after substitution of parameters"

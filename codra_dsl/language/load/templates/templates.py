@@ -1,11 +1,12 @@
-"""Templates as declared: their parameters, and the positions of these in the sections.
+"""Templates as declared: their parameters, and the positions of the parameters in the sections.
 
-The position of a parameter determines how it may be used:
+The position of a parameter determines which types are allowed and what is inserted:
 
-- in a name (a key, a reference, `call`, a unit, ...): an `identifier`, as all or part of the name;
-- as any other complete value: the literal that a use gives;
-- in a condition: a literal where a literal is allowed, an `identifier` as part of a name; between quotes, its text;
-- in `label` and `description`, and within the texts under `with`: any type, as its text.
+- in a name (a key, a reference, `call`, a unit, ...): only an `identifier`, as the complete name or a part of it;
+- as any other complete value: any type; the literal that the use gives is inserted;
+- in a condition: any type where a literal is allowed, and an `identifier` as part of a name; between quotes, any type,
+  whose text is inserted;
+- in `label` and `description`, and within the texts under `with`: any type, whose text is inserted.
 """
 
 from __future__ import annotations
@@ -92,7 +93,7 @@ class ParameterKind(Enum):
 
 
 class Position(Enum):
-    """The position of a parameter."""
+    """The kinds of positions at which a parameter can be."""
 
     NAME = "name"
     VALUE = "value"
@@ -106,8 +107,8 @@ class Parameter:
     """A parameter of a template.
 
     Attributes:
-        default: its value if a use gives none; None if every use must give one.
-        place: of its declaration.
+        default: the value if a use gives none; None if every use must give a value.
+        place: the place of the declaration.
     """
 
     kind: ParameterKind
@@ -121,10 +122,10 @@ class Piece:
     """A piece of a scalar: literal text, or a parameter.
 
     Attributes:
-        parameter: its name; empty for literal text.
-        text: as written.
-        letters: the positions of its letters, counted from its beginning.
-        quote: the quote around it in a condition; empty outside quotes.
+        parameter: the name of the parameter; empty for literal text.
+        text: the piece as written.
+        letters: the positions of the letters, counted from the beginning of the piece.
+        quote: the quote around the piece in a condition; empty outside quotes.
     """
 
     parameter: str
@@ -142,7 +143,7 @@ class Pattern:
 
     @property
     def is_single(self) -> bool:
-        """Whether it consists of one parameter."""
+        """Whether the scalar has only one piece, the parameter."""
         return len(self.pieces) == 1
 
 
@@ -151,13 +152,14 @@ class Template:
     """A template that can be used.
 
     Attributes:
-        patterns: of the scalars with parameters, by the node's id.
+        patterns: the patterns of the scalars with parameters, by the node's id.
         used: the parameters in these scalars.
-        touched: the ids of all nodes that contain such a scalar.
-        unused: the parameters that are in no scalar; already reported.
-        undeclared: names that uses give and patterns contain, but that are not parameters; already reported.
-        damaged: for elements that are wrong in every use, by (section, name as written), the keys that cannot be read;
-            nodes with a wrong parameter are marked as reported instead.
+        touched: the ids of these scalars, and of all nodes that contain one.
+        unused: the parameters that are in no scalar; they have already been reported.
+        undeclared: names that uses give and patterns contain, but that are not declared; they have already been
+            reported.
+        damaged: for each element (section, name as written) that is wrong in every use, the keys that cannot be read.
+            Nodes with a wrong parameter are marked as reported instead.
         size: the number of keys and values.
         is_lost: whether there may be elements with unknown names.
         is_open: whether there may be parameters with unknown names.
@@ -184,7 +186,7 @@ class Template:
 
 
 def declare(subject: Subject, node: MappingNode, given: Iterable[str], findings: Findings) -> Template:
-    """Return a template as declared; report its mistakes here, once for all of its uses.
+    """Return a template as declared. Its mistakes are reported here, once for all of its uses.
 
     `given` has the names of all arguments in all of its uses.
     """
@@ -230,7 +232,9 @@ def _report_unused(subject: Subject, parameters: Iterable[Parameter], findings: 
             name = parameter.key.text
             message = f"the parameter {shown(name)} of {subject} is never used"
             path = subject.part("parameters", name)
-            findings.add("unused-parameter", message, parameter.place, help=f"remove it, or write $({name})", path=path)
+            findings.add(
+                "unused-parameter", message, parameter.place, help=f"remove it, or use it as $({name})", path=path
+            )
 
 
 def declared_template(template: Template, *, is_used: bool) -> DeclaredTemplate:
@@ -293,7 +297,7 @@ EXAMPLES: Mapping[ParameterKind, tuple[str, Literal]] = {
     ParameterKind.BOOL: ("true or false", True),
     ParameterKind.INT: ("a whole number, for example 3", 1),
     ParameterKind.FLOAT: ("a number, for example 0.5", 1.0),
-    ParameterKind.STR: ("a text; quote one that looks like a number", "text"),
+    ParameterKind.STR: ("a text; quote a text that looks like a number", "text"),
     ParameterKind.QUANTITY: ("a number with a unit, for example 0.5 m", "1 s"),
 }
 """For each type, what to write and an example literal."""
@@ -320,7 +324,7 @@ def _parameters(subject: Subject, node: MappingNode, findings: Findings) -> dict
 
 
 def _parameter(subject: Subject, key: ScalarNode, value: YamlNode, findings: Findings) -> Parameter:
-    """Return a parameter; one with a wrong declaration accepts any literal, so that no further errors follow."""
+    """Return a parameter. If its declaration is wrong, it accepts any literal, so that no further errors follow."""
     declaration = value if isinstance(value, MappingNode) else None
     kind = declaration.value("type") if declaration else value
     default = declaration.value("default") if declaration else None
@@ -344,7 +348,7 @@ class _Survey:
 
     Attributes:
         bare_words: the words in conditions that are neither parameters nor keys.
-        is_vague: whether there is an unreadable parameter, which could be any.
+        is_vague: whether there is an unreadable mention, which could mean any parameter.
     """
 
     def __init__(
@@ -436,7 +440,7 @@ class _Survey:
             return "$(" not in piece.text
         self.used.add(piece.parameter)
         parameter = self._parameters.get(piece.parameter)
-        if parameter is None:  # which has been reported
+        if parameter is None:  # this has already been reported
             return False
         if parameter.key.reported and pattern.position is Position.CONDITION:
             return False  # its value would be unknown

@@ -1,1 +1,1 @@
-"""YAML with positions: bytes to nodes, repair of punctuation mistakes, and the fixes for them."""
+"""Read YAML with positions: bytes -> nodes. Mistakes of punctuation are repaired, and fixes are offered for them."""

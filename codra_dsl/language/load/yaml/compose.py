@@ -1,6 +1,6 @@
-"""YAML events -> nodes with positions. The only module that runs a YAML parser; it never constructs tagged objects.
+"""Build nodes with positions from the events of a YAML parser; tagged objects are never constructed.
 
-It refuses the YAML features that are not part of this language (tags, anchors, merge keys, directives, further
+This module refuses the YAML features that are not part of this language (tags, anchors, merge keys, directives, further
 documents), and enforces the limits on time and memory before anything is built.
 """
 
@@ -35,7 +35,7 @@ from codra_dsl.language.load.yaml.syntax import explain
 from codra_dsl.language.load.yaml.traps import Openings, read_as_block, read_as_tag
 
 Parser: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-"""Parses a text into events; without libyaml it is slower, with the same result."""
+"""Parses a text into events. Without libyaml, the parser is slower and gives the same result."""
 
 MAX_DEPTH = 64
 MAX_NODES = 1_500_000
@@ -68,7 +68,7 @@ class _StopError(Exception):
 
 
 class _SlipError(Exception):
-    """Stops the reading of a text that is valid YAML, but not of the intended shape."""
+    """Stops the reading of a text that is valid YAML but does not have the intended shape."""
 
     def __init__(self, problem: Problem) -> None:
         super().__init__(problem.message)
@@ -79,7 +79,7 @@ def compose(source: Source, findings: Findings) -> YamlNode | None:
     """Return a file's document as nodes, or None if it is not YAML, exceeds a limit, or is empty.
 
     If a trap for conditions makes the file unreadable, the affected text is masked and the rest is read. If a letter
-    is missing, the rest is read as if it were there.
+    is missing, the rest is read as if the letter were there.
     """
     repaired_text = RepairedText(source)
     for _ in range(max(1, min(MAX_REPAIRS, _MAX_REPARSED // max(1, len(source.text))))):
@@ -112,13 +112,14 @@ def compose(source: Source, findings: Findings) -> YamlNode | None:
 class _Composer:
     """Builds nodes from the events of one text.
 
-    Events are `Any`: in the stubs their marks may be None, but the marks of a parser never are.
+    Events have the type `Any`, because the type stubs allow None for their marks, but a parser always sets the marks.
 
     Attributes:
-        _current: the collection that is being read; `_key` is its key that waits for a value.
-        _parents: the enclosing collections, each with the key that waits when the inner one is closed.
+        _current: the collection that is being read.
+        _key: the key of `_current` that waits for its value.
+        _parents: the enclosing collections, each with the key that waits for its value when the inner one is closed.
         _continued_section: the section that a duplicate key continues.
-        _duplicate_keys: the duplicate keys of the open mappings: (second key, first key).
+        _duplicate_keys: for each open mapping, by its id, the duplicate keys as (second key, first key).
     """
 
     def __init__(self, repaired_text: RepairedText, findings: Findings) -> None:
@@ -164,14 +165,14 @@ class _Composer:
         self._documents += 1
         start, end = event.start_mark.index, event.end_mark.index
         if self._documents == 2:
-            help_text = "make a file of each document; parts are shared with the key 'include'"
+            help_text = "put each document into its own file; share parts with the key 'include'"
             self._report("second-document", "a second document begins here", start, end, help_text)
         elif event.version or event.tags:
             line = self._source.line_end(start)
             self._report("directive", "directives are not part of this language", start, line, "remove this line")
 
     def _scalar(self, event: Any) -> None:
-        """Handle a scalar, the most frequent event: the common case is here, the rest in `_look_closely`."""
+        """Handle a scalar. This event is the most frequent one, so rare cases are left to `_look_closely`."""
         text = event.value
         node = ScalarNode(text, text, event.start_mark.index, event.end_mark.index, _STYLES[event.style])
         if text[:1] in SPECIAL_FIRST or node.style is not Style.PLAIN or len(text) > MAX_TEXT or self._placeholders:
@@ -206,7 +207,7 @@ class _Composer:
             node.reported = True
 
     def _suspect_key(self, node: ScalarNode, mapping: MappingNode) -> None:
-        """Handle a key that may contain more than the key, or be missing."""
+        """Handle the text of a key that may also contain a value, or may stand for a missing key."""
         self._key = node
         if node.reported and node.text == NO_KEY:
             self._key = _NOWHERE
@@ -215,7 +216,7 @@ class _Composer:
             raise _SlipError(missing_colon(self._text, node.start, node.start + at))
 
     def _suspect_value(self, node: ScalarNode) -> None:
-        """Check a missing value: it may be part of the key."""
+        """Handle a missing value: the text of the key may contain the value."""
         key, mapping = self._key, self._current
         plain = key is not None and key.style is Style.PLAIN and not key.reported
         if key is None or not plain or type(mapping) is not MappingNode or node.end > node.start:
@@ -255,7 +256,7 @@ class _Composer:
             self._report("merge-key", "the merge key '<<' is not part of this language", *_range(node), help_text)
 
     def _report_duplicate_keys(self, duplicates: list[tuple[ScalarNode, ScalarNode]]) -> None:
-        """Report the duplicate keys of one mapping: most often a line is missing between the two."""
+        """Report the duplicate keys of one mapping. Several are probably due to a missing line above an element."""
         (key, first), *others = duplicates
         related = [Related("first one here", self._source.place(*_range(first)))]
         related += [
@@ -268,7 +269,7 @@ class _Composer:
         self._report("duplicate-key", f"the key {shown(key.text)} occurs twice", *_range(key), help_text, *related)
 
     def _report_folded(self, items: Iterable[YamlNode]) -> None:
-        """Report items of a list that are indented deeper than the one above, so that YAML joins them with it."""
+        """Report items of a list that YAML joins with the item above, because they are indented deeper."""
         for item in items:
             if type(item) is not ScalarNode or item.style is not Style.PLAIN or " - " not in item.text:
                 continue
@@ -312,7 +313,13 @@ class _Composer:
             self._refuse_properties(event, node)
         if len(self._parents) == MAX_DEPTH:
             message = f"values are nested more than {MAX_DEPTH} deep"
-            self._report("nested-too-deeply", message, node.start, node.start + 1, "no part of a spec needs that")
+            self._report(
+                "nested-too-deeply",
+                message,
+                node.start,
+                node.start + 1,
+                "reduce the nesting; no part of a spec needs more levels",
+            )
             raise _StopError
         waiting = None
         if self._key is None and type(self._current) is MappingNode:
@@ -375,7 +382,7 @@ class _Composer:
             place = self._source.place(start, end)
             self._findings.add(trap.rule, trap.message, place, help=trap.help, fix=trap_fix(trap, place))
             return
-        help_text = "name the part under 'include'" if tag == "!include" else "remove it; quote the value if it is text"
+        help_text = "list the part under 'include'" if tag == "!include" else "remove it; quote the value if it is text"
         self._report("tag", f"the tag {shown(tag)} is not part of this language", start, end, help_text)
 
     def _resolve(self, node: ScalarNode) -> None:
@@ -385,7 +392,7 @@ class _Composer:
             node.reported = True
             is_nan = node.text.lower() == ".nan"
             message = f"{shown(node.text)} is not a number" if is_nan else f"the number {shown(node.text)} is too large"
-            help_text = "numbers are finite and at most 1e100; quote it if it is text"
+            help_text = "write a finite number of at most 1e100; quote the value if it is text"
             self._report("number-out-of-range", message, *_range(node), help_text)
 
     def _examine(self, node: ScalarNode) -> None:
@@ -401,7 +408,7 @@ class _Composer:
         elif hidden := _HIDDEN.search(node.text):
             node.reported = True
             message = f"the text holds the control character U+{ord(hidden[0]):04X}"
-            self._report("control-character", message, *_range(node), "remove its escape")
+            self._report("control-character", message, *_range(node), "remove the escape of this character")
 
     def _in_condition(self) -> bool:
         return any(key in CONDITION_KEYS for key in self._keys_around())
@@ -418,7 +425,7 @@ class _Composer:
 
 
 def _is_not_condition(text: str) -> bool:
-    """Return whether a text does not parse, or has a number where a truth value is required."""
+    """Return whether a text is not a condition, or has a number where a truth value is required."""
     tree = parse(text)
     return not isinstance(tree, Node) or any(isinstance(part, Arithmetic) for part in _truths(tree))
 

@@ -9,7 +9,7 @@ from codra_dsl.language.expression.tokens import shown
 from codra_dsl.language.load.yaml.rules import RULES
 
 MAX_SUGGESTIONS = 200
-"""The maximum number of searches for similar names: they cost time, which a hostile file must not multiply."""
+"""The maximum number of searches for similar names. Each search takes time, which a hostile file must not multiply."""
 
 MAX_LISTED = 12
 """The maximum number of names in a message."""
@@ -53,7 +53,7 @@ class Findings:
         return tuple(self._diagnostics)
 
     def nearest(self, name: str, candidates: Iterable[str]) -> str | None:
-        """Return the candidate that a name most likely means; None once all suggestions are used up."""
+        """Return the candidate that a name most likely means; None if all suggestions have been used up."""
         if self._suggestions_left == 0:
             return None
         self._suggestions_left -= 1
@@ -61,7 +61,7 @@ class Findings:
 
 
 def list_names(names: Iterable[str]) -> str:
-    """Return names for a message, the first MAX_LISTED of them."""
+    """Return the first MAX_LISTED names for a message, and how many more there are."""
     all_names = list(names)
     more = f", and {len(all_names) - MAX_LISTED} more" if len(all_names) > MAX_LISTED else ""
     return ", ".join(map(shown, all_names[:MAX_LISTED])) + more

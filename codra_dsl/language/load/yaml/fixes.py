@@ -46,9 +46,9 @@ def suggest_word(word: str, allowed: Sequence[str], findings: Findings) -> tuple
 
 
 def without_item(sequence: SequenceNode, index: int, origin: Origin) -> Fix | None:
-    """Return the fix that removes an item, not the first, from a list; None if that would remove a comment.
+    """Return the fix that removes an item from a list, but not the first item. None if this would remove a comment.
 
-    Also None for a use of a template: in another use, the item may be a different one.
+    The result is also None in the text of a template, because the item may differ in another use.
     """
     if origin.use is not None:
         return None
@@ -69,7 +69,7 @@ def without_item(sequence: SequenceNode, index: int, origin: Origin) -> Fix | No
 
 
 def trap_fix(trap: Trap, place: Place) -> Fix | None:
-    """Return the fix of a trap for conditions; None if its result would not be a condition."""
+    """Return the fix of a trap for conditions; None in a template, or if the new text would not be a condition."""
     span = place.span
     fits = place.use is None and span.line == span.end_line and trap.replacement != ""
     if not fits or not isinstance(parse(trap.condition), Node):
@@ -80,7 +80,7 @@ def trap_fix(trap: Trap, place: Place) -> Fix | None:
 
 
 def version_fix(root: MappingNode, source: Source) -> Fix | None:
-    """Return the fix that puts `codra: 1` before all other keys; None if that changes more than its line."""
+    """Return the fix that puts `codra: 1` before all other keys; None if more than its own line would change."""
     first = next(iter(root.entries.values()))[0]
     top = source.span(first.start, first.start)
     if root.flow or top.column != 1:

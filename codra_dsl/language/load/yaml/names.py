@@ -12,7 +12,7 @@ from codra_dsl.language.load.yaml.nodes import ScalarNode
 from codra_dsl.language.load.yaml.origin import Subject
 
 MAX_NAME = 100
-"""The maximum length of a name, which becomes part of file names."""
+"""The maximum length of a name. Names become parts of file names."""
 
 _IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _LITERALS = frozenset({"true", "false", "null"})
@@ -21,14 +21,14 @@ _OTHER_PARAMETER = re.compile(r"\$\{(\w+)\}|\$(\w+)|\{\{\s*(\w+)\s*\}\}")
 
 
 def is_identifier(name: str) -> bool:
-    """Return whether a spec may declare a name."""
+    """Return whether a spec may declare something with this name."""
     return _IDENTIFIER.fullmatch(name) is not None and len(name) <= MAX_NAME and name not in _RESERVED
 
 
 def check_name(node: ScalarNode, bearer: Subject | str, subject: Subject, findings: Findings, *steps: str) -> bool:
     """Report an invalid name; return whether it is valid.
 
-    `bearer` is the element with the name, or the noun of a part of `subject`; `steps` lead from `subject` to it.
+    `bearer` is the element with the name, or the noun for a part of `subject`. `steps` lead from `subject` to the part.
     """
     name = node.text
     if node.reported or is_identifier(name):

@@ -1,4 +1,4 @@
-"""A YAML document as nodes: its data as plain Python values, each with its position.
+"""A YAML document as nodes: its data as plain Python values, each value with its position.
 
 Positions are offsets into the file's text in code points; `Source.span` converts them to lines and columns.
 """
@@ -13,7 +13,7 @@ Data = bool | int | float | str | None
 """The value of a scalar."""
 
 Letters = tuple[tuple[int, int, int], ...]
-"""The positions of the letters of a text, as `codra_dsl.language.model.Letters.runs`."""
+"""The positions of the letters of a text, in the form of `codra_dsl.language.model.Letters.runs`."""
 
 
 class Style(Enum):
@@ -31,7 +31,7 @@ class FilledText(NamedTuple):
 
     Attributes:
         written: the template's text.
-        pieces: of the new text, each with the positions of its letters, counted from its own beginning.
+        pieces: the pieces of the new text. Each one has the positions of its letters, counted from its own beginning.
     """
 
     written: str
@@ -52,10 +52,10 @@ class ScalarNode:
     """A text, number, truth value or empty value.
 
     Attributes:
-        text: as written, without quotes, with parameters substituted.
-        data: its value in YAML 1.2's core schema.
-        reported: whether there is a finding about it already, so that no other must follow.
-        filled_text: its origin if parameters were substituted; None if it is in the file as it is.
+        text: the text as written, without quotes, with parameters substituted.
+        data: the value in YAML 1.2's core schema.
+        reported: whether there is already a finding about the scalar, so that no other finding may follow.
+        filled_text: the origin of the text if parameters were substituted; None if the file contains the text itself.
     """
 
     __slots__ = ("data", "end", "filled_text", "reported", "start", "style", "text")
@@ -90,9 +90,9 @@ class SequenceNode:
 
 
 class MappingNode:
-    """A mapping. `entries` has key and value by the key's text; keys are always texts.
+    """A mapping. `entries` has (key, value) by the key's text; keys are always texts.
 
-    `unread` is true if it has an entry with an unreadable key, which has been reported.
+    `unread` is true if the mapping has an entry with an unreadable key; this entry has been reported.
     """
 
     __slots__ = ("data", "end", "entries", "flow", "reported", "start", "unread")
@@ -141,7 +141,7 @@ def scalars(node: YamlNode, wanted: Callable[[ScalarNode], bool]) -> Iterator[Sc
 
 
 def visible_range(key: ScalarNode, value: YamlNode) -> tuple[int, int]:
-    """Return the range to underline for a value: its own if it is short, else that of its key."""
+    """Return the range to underline: that of the value if it is a scalar or in brackets, otherwise that of its key."""
     if value.end > value.start and (isinstance(value, ScalarNode) or value.flow):
         return value.start, value.end
     return key.start, key.end

@@ -37,10 +37,10 @@ _SEPARATE_KEYS = frozenset({"returns", "identifies", "attributes", "rules"})
 
 
 def damaged_key(steps: Sequence[str | int]) -> str:
-    """Return the entry in `Spec.damaged_keys` for a path within an element: KEY, or KEY.NAME for an entry.
+    """Return how `Spec.damaged_keys` lists a part of an element, given its path: as KEY or as KEY.NAME.
 
-    Entries of `returns`, `identifies`, `attributes` and `rules` are listed one by one: a damaged entry does not affect
-    the others.
+    KEY.NAME is used for the entries of `returns`, `identifies`, `attributes` and `rules`: a damaged entry does not
+    affect the other entries.
     """
     is_separate = len(steps) > 1 and steps[0] in _SEPARATE_KEYS and isinstance(steps[1], str)
     return ".".join(map(str, steps[:2] if is_separate else steps[:1]))
@@ -70,7 +70,7 @@ class Origin:
         return lazy_place(self.source, node.start, node.end, self.use)
 
     def of_value(self, key: ScalarNode, value: YamlNode) -> Place:
-        """Return the place of a value, or of its key if the value is long."""
+        """Return the place of a value if it is a scalar or in brackets, otherwise the place of its key."""
         return self.place(*visible_range(key, value))
 
     def written(self, node: YamlNode) -> str:
@@ -83,9 +83,9 @@ class Subject:
     """The element that a finding is about.
 
     Attributes:
-        section: its section, or `spec` or `part` for a complete file.
-        key: its name in the file, which is the place of findings about missing keys.
-        origin: its file or use.
+        section: the element's section, or `spec` or `part` for a complete file.
+        key: the element's name in the file. Findings about missing keys have the place of this name.
+        origin: the element's file or use.
     """
 
     section: str
@@ -99,7 +99,7 @@ class Subject:
 
     @property
     def path(self) -> str:
-        """Return its path in the spec: sections and names joined by dots."""
+        """Return the element's path in the spec: sections and names joined by dots."""
         if self.section in ("spec", "part"):
             return ""
         prefix = f"templates.{self.origin.template}." if self.origin.template else ""
@@ -107,7 +107,7 @@ class Subject:
         return f"{prefix}{group}{self.section}.{self.key.written}"
 
     def part(self, *steps: str | int) -> str:
-        """Return the path of a part of it."""
+        """Return the path of a part of the element."""
         return ".".join([*filter(None, [self.path]), *map(str, steps)])
 
     def __str__(self) -> str:

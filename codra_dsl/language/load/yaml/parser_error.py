@@ -1,4 +1,4 @@
-"""A YAML parser's error, and the problem behind it: why a text is invalid, and how the rest can be read."""
+"""The error of a YAML parser, and the problem behind it: why a text is invalid, and how the rest can be read."""
 
 from __future__ import annotations
 
@@ -18,10 +18,12 @@ class Problem:
     """Why a text is not valid YAML.
 
     Attributes:
-        start: with `end` the range to underline.
-        mask: the range to mask so that the rest can be read; None if that does not help.
-        trap: the trap for conditions, if it is one.
-        insertion: the offset and the missing text with which the file is read as intended; None if unknown.
+        start: the beginning of the range to underline.
+        end: the end of the range to underline.
+        mask: the range to mask so that the rest can be read; None if masking does not help.
+        trap: the trap for conditions that is the cause, if any.
+        insertion: an offset and the text that is missing there. With this text, the file can be read as intended. None
+            if the missing text is unknown.
     """
 
     rule: str
@@ -51,7 +53,7 @@ class ParserError:
 
     @property
     def in_brackets(self) -> bool:
-        """Whether it was reading something in brackets or braces."""
+        """Whether the parser was reading something in brackets or braces."""
         return "flow" in self.context
 
     def before(self) -> str:

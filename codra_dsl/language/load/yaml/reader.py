@@ -25,7 +25,7 @@ Choice = TypeVar("Choice", bound=StrEnum)
 
 
 class Suspect(NamedTuple):
-    """A condition followed by a comment that reads like a condition, and may be part of the first one."""
+    """A condition with a comment after it. The comment reads like a condition, and may belong to the first one."""
 
     place: Place
     written: str
@@ -116,13 +116,17 @@ class Reader:
         return int(node.data) if node is not None and isinstance(node.data, (int, float)) else default
 
     def choice(self, key: str, default: Choice) -> Choice:
-        """Return the member of an enumeration by its word."""
+        """Return the member of an enumeration that is written under a key."""
         node = self.scalar(key)
         known = node is not None and node.text in type(default).__members__.values()
         return type(default)(node.text) if node is not None and known else default
 
     def duration_s(self, key: str, default: float, *, least: str = "positive", most: str = "finite") -> float:
-        """Return a duration in seconds: `least` is "zero" or "positive", `most` is "finite" or "forever"."""
+        """Return a duration in seconds.
+
+        `least` states what is allowed at least ("zero" or "positive"), `most` what is allowed at most ("finite" or
+        "forever").
+        """
         node = self.scalar(key)
         if node is None:
             return default
@@ -139,7 +143,7 @@ class Reader:
         return default
 
     def references(self, key: str) -> tuple[Reference, ...]:
-        """Return the names in a list, or a single name in its place."""
+        """Return references to the names in a list, or to the single name that is written instead of a list."""
         node = self.node.value(key)
         names = node.items if isinstance(node, SequenceNode) else [] if node is None else [node]
         scalars = (name for name in names if isinstance(name, ScalarNode) and not name.reported)
@@ -153,7 +157,7 @@ class Reader:
         return Reference(name=node.text, place=self.origin.of(node))
 
     def places(self, more: Iterable[tuple[str, tuple[int, int]]] = ()) -> Places:
-        """Return the places of name, keys and values, and of additional ranges."""
+        """Return the places of the element's name and entries, and of additional ranges."""
         ranges = {key: visible_range(key_node, value) for key, (key_node, value) in self.node.entries.items()}
         ranges["name"] = (self.subject.key.start, self.subject.key.end)
         ranges.update(more)

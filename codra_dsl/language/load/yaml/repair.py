@@ -1,7 +1,7 @@
-"""Missing punctuation: find the missing letter, report it once, and read the file as if it were there.
+"""Find missing punctuation, so that it is reported once and the file is read as if it were there.
 
-This module recognises mistakes that make a file unreadable, or change its shape, far from where they are: a missing
-':' after a key, ',' between entries, bracket, or key before its ':'.
+This module recognises mistakes that make a file unreadable, or change its shape, far from the mistake itself: a missing
+':' after a key, a missing ',' between entries, a missing bracket or quote, or a missing key before a ':'.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ def _colon_before_bracket(error: ParserError) -> Problem | None:
 
 
 def _colon_after_key(error: ParserError) -> Problem | None:
-    """Recognise a line in a block with a key and no ':'; the parser stops only at a later line."""
+    """Recognise a line in a block that has a key but no ':'. The parser stops only at a later line."""
     text, at = error.text, error.at
     if error.in_brackets:
         return None
@@ -111,7 +111,7 @@ def _colon_after_key(error: ParserError) -> Problem | None:
 
 
 def colon_without_blank(key: str) -> int | None:
-    """Return the offset of the ':' without a blank in a key without a value."""
+    """Return the offset of a ':' without a blank after it, in a key without a value; None if there is no such ':'."""
     key_and_value = _KEY_AND_VALUE.fullmatch(key)
     return None if key_and_value is None or not is_known_key(key_and_value["key"]) else key_and_value.end("key")
 
@@ -124,7 +124,7 @@ def missing_blank(text: str, start: int, at: int, end: int) -> Problem:
 
 
 def _first_of_lines_without_colon(text: str, at: int) -> int:
-    """Return the beginning of the first of the lines without a key that lead to the one at `at`."""
+    """Return the beginning of the first line in the unbroken sequence of lines without a ':' that ends at `at`."""
     start = line_start(text, at)
     while start > 0 and at - start < LOOK_AROUND:
         above = line_start(text, start - 1)
@@ -195,11 +195,11 @@ def _opening_brace(error: ParserError) -> Problem | None:
         return None
     at = error.at - len(before) + key.end()
     message = f"a '{{' is missing before {shown(before[key.end() :].strip())}"
-    return _insertion_problem("{", message, "put it where the mapping begins", start=at, end=error.at, at=at)
+    return _insertion_problem("{", message, "put '{' where the mapping begins", start=at, end=error.at, at=at)
 
 
 def _closing_bracket(error: ParserError) -> Problem | None:
-    """Recognise a line that opens more brackets than it closes, while the next ones are keys of a block."""
+    """Recognise a line that opens more brackets than it closes, although the next line begins an entry of a block."""
     text, begin = error.text, error.context_start
     if not error.in_brackets or error.letter in ("{", "["):
         return None
@@ -215,13 +215,16 @@ def _closing_bracket(error: ParserError) -> Problem | None:
         return None
     bracket = text[begin]
     message, help_text = f"the {shown(bracket)} here is never closed", f"add {shown(_CLOSERS[bracket])} where it ends"
-    if "{" in text[begin + 1 : end]:  # then it may end before the last entry
+    if "{" in text[begin + 1 : end]:  # the missing bracket may then belong before the last entry
         return Problem("yaml-syntax", message, help_text, begin, begin + 1)
     return _insertion_problem(closers, message, help_text, start=begin, end=begin + 1, at=end)
 
 
 def _missing_closers(line: str) -> str:
-    """Return the closing brackets that a line lacks; '!' with a closing bracket that it does not open."""
+    """Return the closing brackets that a line lacks.
+
+    If a closing bracket was not opened, return '!' and this bracket. If the line cannot be judged, return '!'.
+    """
     if len(line) > LOOK_AROUND:
         return "!"
     closers: list[str] = []
@@ -276,4 +279,4 @@ PUNCTUATION_RECOGNISERS: tuple[Callable[[ParserError], Problem | None], ...] = (
     _closing_bracket,
     _colon_after_key,
 )
-"""The functions that recognise the mistakes, in order."""
+"""The functions that recognise the mistakes, in the order in which they are tried."""

@@ -1,4 +1,7 @@
-"""A file's text as the parser gets it: unreadable ranges masked, missing text inserted, offsets mapped to the file."""
+"""A file's text as the parser gets it: unreadable ranges are masked, and missing text is inserted.
+
+Offsets in this text are mapped to offsets in the file.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,7 @@ from codra_dsl.language.load.yaml.repair import NO_KEY
 from codra_dsl.language.load.yaml.source import Source
 
 _NEARBY = 2
-"""The number of lines from an insertion within which it counts as the cause of a new problem."""
+"""An insertion counts as the cause of a new problem if the problem is at most this number of lines away."""
 
 
 class RepairedText:
@@ -52,7 +55,7 @@ class RepairedText:
         return Fix(message=f"Insert '{edit.text}'", edits=(edit,), applicability=Applicability.SUGGESTED)
 
     def has_caused(self, problem: Problem) -> bool:
-        """Return whether an insertion caused a problem: it cannot be repaired, and the insertion is nearby."""
+        """Return whether an insertion caused a problem: the problem cannot be repaired, and the insertion is nearby."""
         helpless = problem.insertion is None and problem.mask is None
         return helpless and any(abs(self._line(problem.start) - line) <= _NEARBY for line in self._repaired_lines)
 
@@ -109,5 +112,5 @@ class RepairedText:
         return offset - before
 
     def _offset_in_text(self, offset: int) -> int:
-        """Return the offset in the repaired text of an offset in the file, after any insertion there."""
+        """Return the offset in the repaired text of an offset in the file; it is after any text inserted there."""
         return offset + sum(len(missing) for at, missing in self._missing if at <= offset)

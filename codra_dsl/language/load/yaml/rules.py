@@ -1,4 +1,4 @@
-"""The rules of findings about reading a spec. Codes are never reused."""
+"""The rules of the findings that are reported while a spec is read. Codes are never reused."""
 
 from __future__ import annotations
 

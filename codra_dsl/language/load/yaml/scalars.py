@@ -1,4 +1,4 @@
-"""The values of plain scalars by YAML 1.2's core schema (PyYAML's own reads `on`, `no`, `010`, `1:30` differently)."""
+"""The values of plain scalars in YAML 1.2's core schema. PyYAML itself reads `on`, `no`, `010`, `1:30` differently."""
 
 from __future__ import annotations
 

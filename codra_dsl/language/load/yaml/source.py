@@ -27,7 +27,7 @@ class Source:
     """The text of one file.
 
     Attributes:
-        file: relative to the project root, with `/`; `-` for standard input.
+        file: the path relative to the project root, with `/`; `-` for standard input.
         line_starts: the offset of each line's first character, in code points.
     """
 
@@ -68,12 +68,14 @@ AS_ON_DISK: Mapping[str, bytes] = MappingProxyType({})
 
 
 def read(path: Path, file: str, findings: Findings, texts: Mapping[str, bytes] = AS_ON_DISK) -> Source | None:
-    """Return the text of a file, from `texts` if it is in there, or None if it cannot be read as text."""
+    """Return the text of a file, or None if it cannot be read as text. If `texts` has the file, use this content."""
     if file in texts:
         return decode(texts[file], file, findings)
     try:
         if not stat.S_ISREG(path.stat().st_mode):
-            findings.add("cannot-read", f"'{file}' is not a file", file_place(file), help="name a file or a folder")
+            findings.add(
+                "cannot-read", f"'{file}' is not a file", file_place(file), help="write the path of a file or a folder"
+            )
             return None
         with path.open("rb") as stream:
             data = stream.read(MAX_BYTES + 1)
@@ -90,7 +92,7 @@ def read(path: Path, file: str, findings: Findings, texts: Mapping[str, bytes] =
 
 
 def decode(data: bytes, file: str, findings: Findings) -> Source | None:
-    """Return bytes as text, or None if they are too many or not a text."""
+    """Return bytes as text, or None if there are too many bytes or they are not a text."""
     if len(data) > MAX_BYTES:
         message = f"'{file}' has more than {MAX_BYTES // 1024 // 1024} MiB"
         findings.add("file-too-large", message, file_place(file), help="split it into parts, or use templates")

@@ -1,4 +1,4 @@
-"""The positions in the file of a scalar's letters, through quotes, escapes, folded lines and parameters."""
+"""Find the positions of a scalar's letters in the file, even with quotes, escapes, folded lines and parameters."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def letters_of(node: ScalarNode, text: str) -> Letters:
 
 
 def cut(letters: Letters, start: int, end: int, offset: int) -> Letters:
-    """Return the positions of the letters [start, end) of a text, for another text that has them from `offset` on."""
+    """Return the positions of the letters [start, end) of a text, for another text in which they begin at `offset`."""
     runs: list[tuple[int, int, int]] = []
     for index, (first, position, width) in enumerate(letters):
         after = letters[index + 1][0] if index + 1 < len(letters) else end
@@ -64,7 +64,7 @@ def _is_line_continued(node: ScalarNode, text: str, at: int) -> bool:
 
 
 def _width(node: ScalarNode, text: str, at: int) -> int:
-    """Return the number of letters in the file for the scalar's letter that begins here."""
+    """Return the number of letters in the file that represent one letter of the scalar, which begins at `at`."""
     if node.style is Style.SINGLE_QUOTED:
         return 2 if text[at : at + 2] == "''" else 1
     if node.style is Style.DOUBLE_QUOTED and text[at : at + 1] == "\\":

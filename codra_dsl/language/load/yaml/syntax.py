@@ -198,13 +198,13 @@ _EXPLANATIONS: tuple[tuple[str, str, str, str], ...] = (
         "'-' indicator",
         "yaml-syntax",
         "this does not fit the list that begins on line {line}",
-        "begin every item with '- ' in the same column; quote all of a text that contains quotes",
+        "begin every item with '- ' in the same column; if a text contains quotes, quote all of it",
     ),
     (
         "did not find expected key",
         "yaml-syntax",
         "this does not fit the mapping that begins on line {line}",
-        "indent the keys of a mapping alike; quote all of a text that contains quotes",
+        "indent the keys of a mapping alike; if a text contains quotes, quote all of it",
     ),
     ("simple key", "yaml-syntax", "a key has no ':'", "write 'key: value'; check the indentation"),
     ("start any token", "yaml-syntax", "a value cannot begin with {letter}", "put the value in quotes"),
@@ -232,7 +232,7 @@ def _is_misplaced_item(error: ParserError) -> bool:
 
 
 def _is_indented_further(error: ParserError) -> bool:
-    """Return whether a key is indented deeper than the one on the line above, which has a value."""
+    """Return whether a key is indented deeper than the key on the line above, which has a value."""
     if "mapping values" not in error.problem:
         return False
     start = line_start(error.text, error.at)
@@ -260,7 +260,7 @@ def _plain_problem(error: ParserError) -> Problem:
         return Problem("yaml-syntax", message, help_text, at, at + 1)
     if _is_indented_further(error):
         start = at - len(error.before().lstrip())
-        message = f"{shown(error.text[start:at])} is indented deeper than the key above, and reads as its value"
+        message = f"{shown(error.text[start:at])} is indented deeper than the key above, so YAML reads it as its value"
         return Problem("yaml-syntax", message, "indent the keys of a mapping alike", start, at)
     if error.letter in ("}", "]") and not error.in_brackets:
         return Problem("yaml-syntax", f"{shown(error.letter)} closes nothing", "remove it", at, at + 1)

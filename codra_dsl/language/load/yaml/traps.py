@@ -1,4 +1,4 @@
-"""The traps of YAML for conditions: texts that YAML reads differently from people, with their fixes."""
+"""The traps of YAML for conditions: texts that YAML reads differently from people, and the fixes of these texts."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def read_as_block(text: str) -> Trap:
     """Return the trap of a condition that begins with `>` or `|`."""
     message = f"YAML reads the '{text[0]}' of {shown(text)} as the head of a text block, not as a comparison"
     help_text = (
-        f"name what is compared: x {_on_one_line(text)}"
+        f"write the compared name before it: x {_on_one_line(text)}"
         if text[0] == ">"
         else f"put quotes around it: {quote_text(text)}"
     )
