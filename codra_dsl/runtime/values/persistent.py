@@ -12,7 +12,7 @@ KeyT = TypeVar("KeyT")
 ValueT = TypeVar("ValueT")
 
 _MAX_STEPS = 32
-"""The largest number of newer versions that a reader of an old mapping looks at. Then the old mapping gets entries."""
+"""The largest number of newer versions at which a reader of an old mapping looks. The old mapping then gets entries."""
 
 _MAX_EXTRA_CHANGES = 1_000
 """A dictionary is copied when it has been changed more often than the number of its entries plus this number.
