@@ -24,7 +24,7 @@ def _no_op() -> None:
 
 
 class Subscription:
-    """A handle that can end a subscription. Used in a `with` statement, it ends the subscription with the statement.
+    """A handle that can end a subscription. In a `with` statement, the subscription ends when the statement ends.
 
     Attributes:
         dropped: how many changes were dropped because the callback was too slow.
@@ -153,7 +153,7 @@ class Subscriptions:
         self._skill_queues: dict[int, list[CallbackQueue[Any]]] = {}
 
     def subscribe(self, readings: Iterable[Reading[Any]], callback: Callable[[Reading[Any]], object]) -> Subscription:
-        """Call `callback` with the present reading of each of some variables, then with a reading for each change."""
+        """Call `callback` with the present readings of some variables, then with each changed reading of them."""
         present_readings = tuple(readings)
         queue = CallbackQueue(self._clock, callback, self._forget)
         for reading in present_readings:

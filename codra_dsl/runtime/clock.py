@@ -211,7 +211,10 @@ class SimClock(Clock):
         self.wait_until(lambda: False, _checked_duration(duration_s))
 
     def wait_until(self, is_ready: Callable[[], bool], timeout_s: float) -> bool:
-        """Run events until `is_ready()` is true before or after an event, or `timeout_s` is over."""
+        """Run events until `is_ready()` is true, or `timeout_s` is over.
+
+        `is_ready` is called before the first event and after each event.
+        """
         self._check_thread()
         if self._is_inside_event:
             raise RuntimeError("an event (a perception function, a callback) must not wait on the clock: use job.sleep")

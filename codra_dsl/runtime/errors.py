@@ -19,7 +19,7 @@ class AgentTakenError(PermissionError):
 
 
 def unknown(kind: str, name: object, names: Iterable[str]) -> UnknownNameError:
-    """Return the error that the spec has no element of this kind with this name; `names` has the possible names."""
+    """Return the error for an undeclared name. `kind` is the kind of element, `names` are its declared names."""
     return UnknownNameError(f"the spec has no {kind} {name!r}{nearest(str(name), names)}")
 
 

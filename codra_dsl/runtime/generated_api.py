@@ -322,7 +322,8 @@ _LATE_MODULES = {name: module for module, names in _LATE_IMPORTS.items() for nam
 """For names that are imported on first use, their module; not for names of `_FUZZY_MODULES` and `_TREES_PACKAGE`."""
 
 _ORIGINAL_NAMES = {"TreeNode": "Node", "TreePrecondition": "Precondition"}
-"""The classes of `_TREES_PACKAGE` whose name is already used here: for the name that they have here, their own name."""
+"""Classes of `_TREES_PACKAGE` whose name is already used here: the name that they have here, and their original name.
+"""
 
 
 def _import_on_first_use(name: str) -> object:

@@ -1,4 +1,4 @@
-"""RAFCON, the engine of P1's main execution: states that decide on context.
+"""States that decide on context, for RAFCON, the engine of P1's main execution.
 
 The semantic data of a state, under `codra`, declares its relation to context: it is a skill, it is the acting part of
 a skill, it expects skills, or it looks for the value of a decision. A state that looks does not run if context knows

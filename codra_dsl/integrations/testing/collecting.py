@@ -19,13 +19,13 @@ from codra_dsl.tooling.report.findings import render_full
 
 
 class TimelineFile(pytest.File):
-    """A file that is a timeline by its name."""
+    """A file whose name says that it is a timeline."""
 
     def collect(self) -> Iterable[pytest.Item]:
-        """Yield its stories.
+        """Yield the stories of the file.
 
         Raises:
-            CollectError: if something in it is wrong; the message contains all findings.
+            CollectError: if something in the file is wrong; the message contains all findings.
         """
         timeline, package, findings = read_timeline(self.path)
         if timeline is None or package is None:
@@ -44,7 +44,7 @@ class StoryItem(pytest.Item):
         self._package = package
 
     def runtest(self) -> None:
-        """Run it on a clock of its own."""
+        """Run the story on a clock of its own."""
         Run(self._timeline, self._package, self._story, clock=SimClock(), resources={}).play()
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:

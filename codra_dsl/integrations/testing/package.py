@@ -45,8 +45,8 @@ class Package:
     """A compiled spec.
 
     Attributes:
-        build: makes its context manager.
-        algorithms: the algorithms that its observers run, by name.
+        build: makes the context manager of the spec.
+        algorithms: the algorithms that the observers run, by name.
         knowledge: the knowledge graph of the spec; None without one.
     """
 
@@ -74,9 +74,9 @@ class Package:
 
 @cache
 def load_package(root: Path, name: str) -> Package:
-    """Import a compiled spec like programs in the project's root: `from generated import NAME`.
+    """Import a compiled spec as programs in the project's root do: `from generated import NAME`.
 
-    This happens once per process. The spec is compiled once more for it, to make sure that the package
+    This happens once per process. Before the import, the spec is compiled once more, to make sure that the package
     contains the model of the spec; the generated files are not compared.
 
     Args:
@@ -84,7 +84,7 @@ def load_package(root: Path, name: str) -> Package:
         name: the name of the spec.
 
     Raises:
-        PackageError: if this is not possible.
+        PackageError: if the compiled spec does not exist, is out of date, or cannot be imported.
     """
     _require(root, name)
     _require_fresh(root, name)
@@ -96,7 +96,8 @@ def load_package(root: Path, name: str) -> Package:
         message = f"'{FOLDER}/{name}' cannot be imported: {type(error).__name__}: {error}"
         raise PackageError(message, "compile it again: codra compile") from error
     if not Path(str(module.__file__)).resolve().is_relative_to(root.resolve()):
-        raise PackageError(f"Python finds '{FOLDER}.{name}' in another project", "run pytest in each project by itself")
+        message = f"Python finds '{FOLDER}.{name}' in another project"
+        raise PackageError(message, "run pytest for each project separately")
     return _package(module)
 
 

@@ -45,7 +45,7 @@ class _AlgorithmState:
         self.jobs_left = self.fault.jobs
 
     def take_fault(self) -> Fault:
-        """Return the fault of the next job."""
+        """Return the fault of the next job, and count this job."""
         self.jobs_left -= 1
         return self.fault if self.jobs_left >= 0 else _NO_FAULT
 
@@ -69,10 +69,10 @@ class Script:
         self._state_of(behaviour.algorithm).change(behaviour)
 
     def function(self, algorithm: Algorithm) -> Function:
-        """Return the function or class that runs in place of an algorithm's own.
+        """Return the function or class that runs in place of an algorithm's own function or class.
 
         Raises:
-            CallError: if its own function is needed and cannot be imported.
+            CallError: if the algorithm's own function is needed and cannot be imported.
         """
         state = self._state_of(algorithm.name)
         # A scripted algorithm is never imported, so tests also run without its libraries.
@@ -133,7 +133,7 @@ class _JobWithEvidence:
         self._has_evidence = True
 
     def delay(self, late_s: float) -> None:
-        """Delay the result; its evidence keeps the times that it would have without the delay."""
+        """Delay the result; the evidence keeps the times that it would have without the delay."""
         if late_s > 0:
             if not self._has_evidence:
                 self.evidence(self._start_s, self._job.now_s())
@@ -165,7 +165,7 @@ def _with_fault(fault: Fault, run_without_fault: Callable[[], object], job: _Job
 
 
 def _with_garbage(garbage: object, run_without_fault: Callable[[], object]) -> object:
-    """Return garbage; a mapping replaces only its keys in the usual result."""
+    """Return the garbage; if it is a mapping, return the usual result in which it replaces only its own keys."""
     if not isinstance(garbage, Mapping):
         return garbage
     result = run_without_fault()

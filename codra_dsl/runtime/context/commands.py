@@ -4,8 +4,8 @@ Every input from outside is a command. The actions of observers, jobs and timers
 results of perception, and from time. So a journal of commands and results can be replayed: the same inputs at the same
 places give the same events.
 
-In simulated time a perception function runs within the step that begins its job, so a command that it gives belongs to
-that step. Such a command is recorded with the number of the job, and a replay repeats it at this place.
+In simulated time a perception function runs within the step that begins its job, so a command of the function belongs
+to that step. Such a command is recorded with the number of the job, and a replay repeats the command at this place.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from codra_dsl.runtime.values.model import SkillModel, VariableModel
 
 
 class NotDeclaredError(PermissionError):
-    """The main execution tried to write a variable that is not declared, and of which it is not a source."""
+    """The main execution tried to write an undeclared variable of which the main execution is not a source."""
 
 
 class Commands:
@@ -184,8 +184,8 @@ class Commands:
         """Write a variable as the main execution or an agent.
 
         Raises:
-            NotDeclaredError: if the writer is the main execution, which is not a source of the variable, and the
-                variable is not declared.
+            NotDeclaredError: if the writer is the main execution, the variable is not declared, and the main execution
+                is not a source of the variable.
             NotASourceError: if the writer is an agent that is not a source of the variable, or if the variable follows
                 from poses.
             ValueError: if the evidence lies in the future.
@@ -247,7 +247,7 @@ class Commands:
             self._settle(decision)
 
     def conclude(self, decision: Decision, content: Value | None, raised: str | None = None) -> None:
-        """Take the value that the main execution found itself, or the name of the error that its look raised.
+        """Record the value that the main execution found itself, or the name of the error that its look raised.
 
         The value is kept as evidence of the main execution if the main execution may write the variable, the decision
         is not in shadow mode, and no skill has made the variable unknown since the look began.
@@ -255,7 +255,7 @@ class Commands:
         name, shadow = decision.request.variable, decision.request.shadow
         with self._clock:
             self._record("found", number=decision.number, value=content, raised=raised)
-            self._urgencies.answer(decision.number)  # it may have been abandoned while it waited
+            self._urgencies.answer(decision.number)  # the decision may have been abandoned while it waited
             what = "shadowed" if decision.met else "fell_back"
             marks = {"shadow": True} if shadow and not decision.met else {}
             if raised is not None:

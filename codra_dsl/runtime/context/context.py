@@ -127,7 +127,7 @@ class ContextManager(Generic[VariableName, SkillName]):
     # Declarations of the main execution (P1, Equation 4)
 
     def declare(self, name: VariableName, value: Any = None) -> None:
-        """Add a variable to C_E(t) until it is withdrawn. If it is declared already, this has no effect.
+        """Add a variable to C_E(t) until it is withdrawn; a repeated declaration has no effect.
 
         Args:
             name: the variable.
@@ -398,7 +398,7 @@ class ContextManager(Generic[VariableName, SkillName]):
         wait_up_to_s: float = 0.0,
         shadow: bool = False,
     ) -> PendingDecision:
-        """Return a pending decision, for a main execution that must not block in one call, as `decide` does.
+        """Return a pending decision: the same as `decide`, but in steps, for a main execution that must not block.
 
         The arguments are those of `decide`. If a look is necessary, the main execution looks between two steps.
         """
@@ -434,7 +434,7 @@ class ContextManager(Generic[VariableName, SkillName]):
             yield
 
     def next_party(self) -> str:
-        """Return a name that holds the declarations of another main execution; each call returns a new name."""
+        """Return the name of a further main execution, for its declarations; each call returns a new name."""
         return f"{MAIN} {next(self._party_numbers)}"
 
     # Internal

@@ -31,8 +31,8 @@ class ControlFlag(Behaviour):
 class Precondition(Behaviour):
     """An observability precondition over the context (P1, Algorithm 2, line 20).
 
-    Once evidence is complete, it is judged by the interval in which it was taken. Then it has no effect if the
-    precondition fails now.
+    Complete evidence is judged by the interval in which it was taken: a precondition that fails after this interval has
+    no effect.
     """
 
     tick, stop = leaf_tick, leaf_stop

@@ -56,7 +56,7 @@ class BranchObserver(Protocol):
         ...
 
     def observability_condition(self, variable: str) -> Term | None:
-        """Return the condition under which a variable can be observed; None if it always can."""
+        """Return the condition under which a variable can be observed; None if it can always be observed."""
         ...
 
     def context_now(self) -> ContextNow:
@@ -140,7 +140,7 @@ class Branch:
     def next_start_s(self) -> float:
         """Return when the next job is due.
 
-        It is infinity if the branch looks on events only, and none of its due variables is asked for.
+        Return infinity if the branch looks on events only, and none of its due variables is asked for.
         """
         if self.is_on_event:
             return self._next_on_event_s()
@@ -168,7 +168,7 @@ class Branch:
 
     @property
     def is_occupied(self) -> bool:
-        """Return whether the algorithm's function still runs, also for a cancelled job.
+        """Return whether the algorithm's function still runs, even if its job was cancelled.
 
         While it runs, no other job of the algorithm starts: a function that hangs costs one thread, not one per period.
         """

@@ -49,9 +49,10 @@ class Store:
         return self.cells[name].reading.at(self._clock.now_s())
 
     def write(self, reading: Reading[Value]) -> None:
-        """Store a reading that is identified now. It becomes the present reading, unless its evidence is older.
+        """Store a reading that is identified now.
 
-        In this case, it is stored only in the history.
+        If its evidence is older than that of the present reading, the reading is stored only in the history. Otherwise
+        it becomes the present reading.
         """
         name = reading.name
         if reading.expires_s == FOREVER_S and reading.reason is None:

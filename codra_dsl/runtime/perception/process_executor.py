@@ -84,7 +84,7 @@ class ProcessExecutor:
             return exchange.result("perceive", request, max(SETUP_S, self._algorithm.timeout_s))
         except (JobError, Cancelled):
             raise
-        except TimeoutError as error:  # only in simulated time: in real time, the job's timeout comes before
+        except TimeoutError as error:  # only in simulated time: in real time, the job's timeout comes first
             self._drop(process)
             job.sleep(math.inf)
             raise JobError("its process no longer responds") from error

@@ -202,7 +202,7 @@ class Cell:
         self._has_dropped_readings = False
 
     def admits(self, start_s: float, stamp_s: float) -> bool:
-        """Return whether evidence counts. It does not if the variable was invalidated while the evidence was taken."""
+        """Return whether evidence counts: it does not if the variable was invalidated while the evidence was taken."""
         return not start_s <= self.invalidated_s <= stamp_s
 
     def write(self, reading: Reading[Value]) -> bool:

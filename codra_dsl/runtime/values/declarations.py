@@ -31,7 +31,7 @@ def skill_holder(skill: str, number: int) -> str:
 
 
 class Declarations:
-    """The variables that several holders declare: the main execution, skills under way, and expected skills."""
+    """The variables that are declared by the main execution, skills under way, and expected skills: the holders."""
 
     def __init__(self, enter: Callable[[str, str], None], leave: Callable[[str, str], None]) -> None:
         """Start without declarations; `version` counts the changes.
