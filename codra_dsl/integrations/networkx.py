@@ -140,7 +140,7 @@ def graphml_text(graph: DsrGraph) -> str:
 
 
 def parse_graphml(text: str, source: str = "<text>") -> DsrGraph:
-    """Return the graph of GraphML.
+    """Return the graph in a GraphML text.
 
     Args:
         text: the text of the file.

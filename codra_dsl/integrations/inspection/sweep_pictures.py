@@ -1,4 +1,4 @@
-"""Pictures of sweeps: terms of inputs, metrics and weights over one input, and surfaces over two."""
+"""Pictures of sweeps: terms of inputs, metrics and weights over one input, and surfaces over two inputs."""
 
 from __future__ import annotations
 

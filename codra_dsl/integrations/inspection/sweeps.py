@@ -1,4 +1,4 @@
-"""Sweeps of a spec's loops: their inputs, values of inputs given as texts, and the results as text and JSON."""
+"""Sweeps of a spec's loops: find the inputs, read their values from texts, and return the results as text and JSON."""
 
 from __future__ import annotations
 

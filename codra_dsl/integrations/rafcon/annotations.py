@@ -136,7 +136,7 @@ def _check(state: State, annotation: Annotation, codra: ContextManager[Any, Any]
 
 
 def _check_decision(state: State, annotation: Annotation, codra: ContextManager[Any, Any]) -> None:
-    codra.get(annotation.decide)  # raises if the spec lacks it
+    codra.get(annotation.decide)  # raises an error if the spec does not declare the variable
     if annotation.skill or annotation.acting:
         raise AnnotationError("it decides, so it may be skipped: it cannot also be a skill or an action")
     if state.output_data_ports:

@@ -30,7 +30,7 @@ class Answers(StrEnum):
     """How decisions are answered."""
 
     CONTEXT = "context"
-    """From context; if context does not know, by the state that looks."""
+    """From context; if context does not know the value, by the state that looks."""
     SHADOW = "shadow"
     """Always by the state that looks; the event log records whether context agrees, and the value is not kept."""
 

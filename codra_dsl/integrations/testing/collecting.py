@@ -48,7 +48,7 @@ class StoryItem(pytest.Item):
         Run(self._timeline, self._package, self._story, clock=SimClock(), resources={}).play()
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
-        """Return the message of a failed story or of a missing function; other exceptions with their traceback."""
+        """Return the message of a failed story or of a missing function; for other exceptions, the traceback."""
         if isinstance(excinfo.value, StoryFailed | CallError):
             return str(excinfo.value)
         return super().repr_failure(excinfo, style)
@@ -62,7 +62,7 @@ def opened(path: Path, story: str | None, *, clock: SimClock, resources: Mapping
     """Return a story of a file, ready to run.
 
     Raises:
-        ValueError: if something in the file is wrong, or it has no such story.
+        ValueError: if something in the file is wrong, or the file has no such story.
     """
     timeline, package, findings = read_timeline(path)
     if timeline is None or package is None:

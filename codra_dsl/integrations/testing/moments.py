@@ -1,4 +1,4 @@
-"""Read one moment of a timeline: nodes -> changes, steps and checks, validated against the compiled spec."""
+"""Read one moment of a timeline: its YAML nodes become changes, steps and checks that fit the compiled spec."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class MomentReader:
         self._place = subject.origin.of
 
     def read(self, at_s: float, key: ScalarNode, node: YamlNode, *steps: str) -> Moment:
-        """Return the readable parts of a moment; `steps` is its path in the file."""
+        """Return the readable parts of a moment; `steps` is the path of the moment in the file."""
         sections = {name: value for name, (_, value) in node.entries.items()} if isinstance(node, MappingNode) else {}
 
         def read_section(name: str, read: Callable[..., Iterable[Any]]) -> tuple[Any, ...]:

@@ -1,6 +1,7 @@
 """The compiled spec of a timeline: names and types for its checks, and the code that runs.
 
-A timeline is checked against the compiled spec, not against the YAML file, so it tests the code that runs on the robot.
+A timeline is checked against the compiled spec, not against the YAML file of the spec. So the timeline tests the code
+that runs on the robot.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ _OWN_SOURCES = ("main_execution", "observer")
 
 
 class PackageError(Exception):
-    """There is no compiled spec of this name, or it cannot be imported.
+    """There is no compiled spec of this name that is up to date and can be imported.
 
     Attributes:
         message: what is wrong.
@@ -47,7 +48,7 @@ class Package:
     Attributes:
         build: makes the context manager of the spec.
         algorithms: the algorithms that the observers run, by name.
-        knowledge: the knowledge graph of the spec; None without one.
+        knowledge: the knowledge graph of the spec; None if it has none.
     """
 
     model: ContextModel

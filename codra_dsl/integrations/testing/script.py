@@ -58,7 +58,7 @@ class Script:
     """
 
     def __init__(self, scripted: Collection[str], handles: Collection[str]) -> None:
-        """Script some algorithms; others are called if the handles that they read exist."""
+        """Script some algorithms. Functions of other algorithms are called if the handles that they read exist."""
         self.unscripted: dict[str, float] = {}
         self._scripted = scripted
         self._handles = handles
@@ -165,7 +165,7 @@ def _with_fault(fault: Fault, run_without_fault: Callable[[], object], job: _Job
 
 
 def _with_garbage(garbage: object, run_without_fault: Callable[[], object]) -> object:
-    """Return the garbage; if it is a mapping, return the usual result in which it replaces only its own keys."""
+    """Return the garbage. If the garbage is a mapping, return the usual result, updated with this mapping."""
     if not isinstance(garbage, Mapping):
         return garbage
     result = run_without_fault()

@@ -204,7 +204,7 @@ class Story:
 
     @property
     def scripted_algorithms(self) -> frozenset[str]:
-        """Return the algorithms that the story scripts; others are called."""
+        """Return the algorithms that the story scripts; the functions of other algorithms are called."""
         changes = (change for moment in self.moments for change in moment.changes)
         return frozenset(
             change.algorithm for change in changes if isinstance(change, Behaviour) and change.returns is not None

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 StoredReading = tuple[float, str, Value | None, Reason | None, str, float, str, bool]
 """A new reading of a variable, as a tuple of its instant and its fields. It becomes an event when events are read.
 
-Python's garbage collector stops tracking tuples of plain values. To traverse the same number of objects that are
-readings or events, it would need a long time.
+Python's garbage collector stops tracking tuples of plain values, but it would need a long time to traverse the same
+number of `Reading` or `Event` objects.
 """
 
 DEFAULT_LIMIT = 100_000
