@@ -259,7 +259,10 @@ class DuringSkill(Decorator):
         self._acted_s = instant_s
 
     def acted_s(self, variable: str) -> float:
-        """Return when the last action of the skill ended, if the skill changes a variable; otherwise minus infinity."""
+        """Return when the last action of the skill ended.
+
+        Return minus infinity if no action has ended yet, or the skill does not change the variable.
+        """
         return self._acted_s if variable in self._changes else -math.inf
 
 

@@ -85,7 +85,7 @@ def load_package(root: Path, name: str) -> Package:
         name: the name of the spec.
 
     Raises:
-        PackageError: if the compiled spec does not exist, is out of date, or cannot be imported.
+        PackageError: if there is no compiled spec of this name that is up to date and can be imported.
     """
     _require(root, name)
     _require_fresh(root, name)

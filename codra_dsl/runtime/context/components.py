@@ -110,9 +110,9 @@ class Components:
         return f"for {' or '.join(variable.sources)} to write" if obstacle is None else obstacle
 
     def with_obstacle(self, reading: Reading[Value]) -> Reading[Any]:
-        """Return a reading. If its variable was never observed or is stale, the reading is given a detail.
+        """Return a reading; if its variable was never observed or is stale, with a detail.
 
-        This detail says why the variable cannot be observed now. A detail that the reading already has is kept.
+        The detail says why the variable cannot be observed now. If the reading already has a detail, it is kept.
         """
         if reading.reason not in (Reason.NEVER_OBSERVED, Reason.STALE) or reading.detail:
             return reading
