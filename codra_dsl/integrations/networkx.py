@@ -1,8 +1,8 @@
 """DSR graphs as MultiDiGraph of networkx, and as GraphML for tools that draw and analyse graphs.
 
 A node in networkx is the name of a DSR node, the key of an edge is its label, and attributes are plain Python values
-under their own names. The attribute `dsr` holds the rest: numbers of nodes, codes of types, and additional contents
-of files.
+under their own names. The attribute `dsr` holds the rest: the numbers of nodes, the type codes of values, and
+additional contents of files.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ def from_networkx(graph: networkx.Graph[Any]) -> DsrGraph:
     """Return the DSR graph of any directed graph of networkx.
 
     Nodes without a number get one. Nodes without a type have the type `node`. The label of an edge is its key, or its
-    attribute `label` in a graph without keys. Values keep the code of their type if they have one, and get one if not.
+    attribute `label` in a graph without keys. Values keep their type code if they have one, and otherwise get one.
 
     Raises:
         ExchangeError: if the graph is not directed, or contains a value without a DSR type.
@@ -103,7 +103,7 @@ def write_graphml(path: Path | str, graph: DsrGraph) -> None:
     """Write a graph as a GraphML file, completely or not at all.
 
     Raises:
-        ExchangeError: if it contains a name that XML cannot write.
+        ExchangeError: if the graph contains a name that XML cannot write.
     """
     replace_file(Path(path), graphml_text(graph))
 
@@ -118,10 +118,10 @@ def read_graphml(path: Path | str) -> DsrGraph:
 
 
 def graphml_text(graph: DsrGraph) -> str:
-    """Return a graph as GraphML. Numbers, texts and booleans are plain; other values are written as JSON in a text.
+    """Return a graph as GraphML. Numbers, texts and booleans are plain; other values are written as JSON texts.
 
     Raises:
-        ExchangeError: if it contains a name that XML cannot write.
+        ExchangeError: if the graph contains a name that XML cannot write.
     """
     converted, xml_graph = to_networkx(graph), cast("networkx.MultiDiGraph[str]", networkx.MultiDiGraph())
     xml_graph.graph.update(_xml_attributes(converted.graph, "the graph"))
@@ -140,7 +140,7 @@ def graphml_text(graph: DsrGraph) -> str:
 
 
 def parse_graphml(text: str, source: str = "<text>") -> DsrGraph:
-    """Return the graph of GraphML.
+    """Return the graph in a GraphML text.
 
     Args:
         text: the text of the file.
@@ -150,10 +150,10 @@ def parse_graphml(text: str, source: str = "<text>") -> DsrGraph:
         ExchangeError: if the text is not GraphML.
     """
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
-        raise ExchangeError(f"{source}: it declares a document type: remove the declaration, it is not needed")
+        raise ExchangeError(f"{source}: the file declares a document type: remove this declaration, it is not needed")
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("error")  # networkx warns when it only guesses: then data would be lost
+            warnings.simplefilter("error")  # networkx warns when it only guesses, which would lose data
             parsed_graph = networkx.read_graphml(io.BytesIO(text.encode("utf-8", "replace")), force_multigraph=True)
         for data in (
             parsed_graph.graph,
@@ -195,7 +195,7 @@ def _read_dsr_data(data: Mapping[str, object], subject: str) -> _DsrData:
     number = content.get("number")
     is_number = isinstance(number, int) and not isinstance(number, bool) and 0 <= number <= MOST_NUMBER
     if not (number is None or is_number) or not all(type(code) is int for code in codes.values()):
-        raise ExchangeError(f"{subject}: {DSR!r} holds no valid number and codes: remove it")
+        raise ExchangeError(f"{subject}: {DSR!r} does not hold a valid number and valid codes: remove {DSR!r}")
     for name, value_extra in extras.items():
         _require_mapping(value_extra, f"{subject}.{name}")
     return _DsrData(
@@ -209,7 +209,7 @@ def _read_dsr_data(data: Mapping[str, object], subject: str) -> _DsrData:
 def _numbers(dsr_data_of_nodes: Mapping[Any, _DsrData]) -> dict[Any, int]:
     given_numbers = [dsr_data.number for dsr_data in dsr_data_of_nodes.values() if dsr_data.number is not None]
     if len(set(given_numbers)) < len(given_numbers):
-        raise ExchangeError("two nodes have the same number: remove one of them under 'dsr'")
+        raise ExchangeError("two nodes have the same number: remove one of the two numbers under 'dsr'")
     used_numbers = set(given_numbers)
     free_numbers = (number for number in range(1, MOST_NUMBER) if number not in used_numbers)
     return {
@@ -246,7 +246,7 @@ def _edges(graph: networkx.Graph[Any], numbers: Mapping[Any, int]) -> Iterator[D
             extra=dsr_data.extra,
         )
         if edge.key in edge_keys:
-            raise ExchangeError(f"{subject}: there are two: give them their labels as keys")
+            raise ExchangeError(f"{subject}: there are two such edges: give them different labels as keys")
         edge_keys.add(edge.key)
         yield edge
 
@@ -262,7 +262,7 @@ def _edges_with_keys(graph: networkx.Graph[Any]) -> Iterator[tuple[Any, Any, obj
 def _require_mapping(content: object, subject: str) -> Mapping[str, object]:
     if isinstance(content, dict) and all(isinstance(key, str) for key in content):
         return content
-    raise ExchangeError(f"{subject}: {DSR!r} holds unexpected contents: remove it")
+    raise ExchangeError(f"{subject}: {DSR!r} holds unexpected contents: remove {DSR!r}")
 
 
 # GraphML
@@ -273,7 +273,7 @@ def _name_beside_label(name: str) -> str:
 
 
 def _with_label_keys(parsed_graph: networkx.Graph[Any]) -> networkx.Graph[Any]:
-    """Return a graph that was read from GraphML, with the labels of those edges that have one as keys."""
+    """Return a graph that was read from GraphML; if an edge has a label, the label becomes the key of the edge."""
     if not parsed_graph.is_directed():
         return parsed_graph
     labelled_graph: networkx.MultiDiGraph[Any] = networkx.MultiDiGraph()
@@ -282,7 +282,7 @@ def _with_label_keys(parsed_graph: networkx.Graph[Any]) -> networkx.Graph[Any]:
     for origin, target, key, data in _edges_with_keys(parsed_graph):
         label = str(data.pop(LABEL, None) or key)
         if labelled_graph.has_edge(origin, target, label):
-            raise ExchangeError(f"edge {origin} -{label}-> {target}: there are two: labels must differ")
+            raise ExchangeError(f"edge {origin} -{label}-> {target}: there are two such edges: labels must differ")
         is_ours = DSR in data
         labelled_graph.add_edge(origin, target, key=label)
         labelled_graph.edges[origin, target, label].update(
@@ -292,7 +292,7 @@ def _with_label_keys(parsed_graph: networkx.Graph[Any]) -> networkx.Graph[Any]:
 
 
 def _xml_attributes(data: Mapping[str, object], subject: str) -> dict[str, object]:
-    """Return attributes for XML: plain values unchanged, other values as JSON, and the list of the latter."""
+    """Return attributes for XML: plain values unchanged, other values as JSON, and the list of the values in JSON."""
     xml_attributes: dict[str, object] = {}
     json_kinds: dict[str, str] = {}
     for key, value in data.items():

@@ -1,8 +1,8 @@
 """Nodes for a py_trees tree of the main execution: conditions and decisions on context, and skills around subtrees.
 
 No node waits inside a tick: decisions start with `codra.ask` and are polled. `tree.setup(codra=codra, clock=clock)`
-passes the context manager and the clock, and reports names that the spec lacks. If a branch of higher priority
-interrupts another one, the declarations of the interrupted branch are withdrawn.
+passes the context manager and the clock to the nodes, and reports names that the spec does not declare. If a branch of
+higher priority interrupts another branch, the declarations of the interrupted branch are withdrawn.
 
 P1, section 3.3: the main execution declares what its skills need, and asks context before it perceives.
 """
@@ -37,8 +37,9 @@ class _SetupArguments:
 class ContextIs(Behaviour):
     """A condition on a variable: SUCCESS if it holds, FAILURE if not.
 
-    It only reads and records no event, so it can be a child of a reactive composite, which checks it at each tick.
-    While the variable is unknown it is RUNNING, for at most `wait_up_to_s`; then it has the status `unknown`.
+    The node only reads the variable and records no event. So it can be a child of a reactive composite, which checks it
+    at each tick. While the variable is unknown, the status is RUNNING, for at most `wait_up_to_s`; after this time, the
+    status is the argument `unknown`.
     """
 
     def __init__(
@@ -56,9 +57,9 @@ class ContextIs(Behaviour):
         Args:
             name: the name of the node.
             variable: the context-variable.
-            holds: returns whether a value satisfies the condition; by default, whether it is true.
+            holds: returns whether a value satisfies the condition; by default, whether the value is true.
             unknown: the status when the variable is unknown and the wait is over.
-            wait_up_to_s: how long it waits for observers.
+            wait_up_to_s: how long the node waits for observers.
             max_age_s: older evidence counts as unknown.
         """
         super().__init__(name)
@@ -71,7 +72,7 @@ class ContextIs(Behaviour):
         self._setup_arguments: _SetupArguments | None = None
 
     def setup(self, **kwargs: Any) -> None:
-        """Take `codra` and `clock`.
+        """Receive `codra` and `clock`.
 
         Raises:
             TypeError: if one of them is missing.
@@ -100,8 +101,8 @@ class Decide(Decorator):
     """A decision that is answered from context, or by a subtree that looks.
 
     The subtree is the robot's own perception. It runs only if context does not answer. The status is SUCCESS if the
-    answer holds, FAILURE if not, and `unknown` if the subtree did not see the value. The event log contains one event
-    for each decision, however many ticks it takes, with how it was answered.
+    answer holds, FAILURE if not, and the argument `unknown` if the subtree did not see the value. For each decision,
+    however many ticks it takes, the event log contains one event, which states how the decision was answered.
     """
 
     def __init__(
@@ -124,9 +125,9 @@ class Decide(Decorator):
             child: the subtree that looks; it ends in SUCCESS if it could look.
             variable: the context-variable of the decision.
             result: returns the value that the child saw, or None; called after the child succeeded.
-            holds: returns whether a value satisfies the decision; by default, whether it is true.
+            holds: returns whether a value satisfies the decision; by default, whether the value is true.
             unknown: the status if neither context nor the child knows the value.
-            wait_up_to_s: how long it waits for observers before the child looks.
+            wait_up_to_s: how long the node waits for observers before the child looks.
             max_age_s: older evidence counts as unknown.
             shadow: the child always looks, and the event log records whether context agrees.
         """
@@ -142,7 +143,7 @@ class Decide(Decorator):
         self._setup_arguments: _SetupArguments | None = None
 
     def setup(self, **kwargs: Any) -> None:
-        """Take `codra` and `clock`.
+        """Receive `codra` and `clock`.
 
         Raises:
             TypeError: if one of them is missing.
@@ -189,7 +190,7 @@ class Decide(Decorator):
         return self._answer(result, "from looking")
 
     def terminate(self, new_status: Status) -> None:  # noqa: ARG002 - the same for every status
-        """Discard the pending decision; one without an answer is abandoned."""
+        """Discard the pending decision; if it has no answer, abandon it."""
         if self._pending_decision is not None:
             self._pending_decision.abandon("interrupted")
             self._pending_decision = None
@@ -216,7 +217,7 @@ class DuringSkill(Decorator):
         self._setup_arguments: _SetupArguments | None = None
 
     def setup(self, **kwargs: Any) -> None:
-        """Take `codra` and `clock`.
+        """Receive `codra` and `clock`.
 
         Raises:
             TypeError: if one of them is missing.
@@ -227,7 +228,7 @@ class DuringSkill(Decorator):
 
     def initialise(self) -> None:
         """Begin the skill."""
-        self._stack.close()  # a tick that raised did not end it
+        self._stack.close()  # if an earlier tick raised, its skill has not ended yet
         self._acted_s = -math.inf
         self._begun = self._stack.enter_context(_require_setup(self, self._setup_arguments).codra.skill(self._skill))
 
@@ -247,7 +248,7 @@ class DuringSkill(Decorator):
         """Return the running skill.
 
         Raises:
-            RuntimeError: if it is not running.
+            RuntimeError: if the skill is not running.
         """
         if self._begun is None:
             raise RuntimeError(f"skill {self._skill!r} is not running")
@@ -258,14 +259,17 @@ class DuringSkill(Decorator):
         self._acted_s = instant_s
 
     def acted_s(self, variable: str) -> float:
-        """Return when the last action of the skill that changes a variable ended; minus infinity without one."""
+        """Return when the last action of the skill ended.
+
+        Return minus infinity if no action has ended yet, or the skill does not change the variable.
+        """
         return self._acted_s if variable in self._changes else -math.inf
 
 
 class Acting(Decorator):
-    """The acting part of a skill: the variables that the skill changes are unknown from its start.
+    """The acting part of a skill: the variables that the skill changes are unknown from the start of this part.
 
-    Later conditions and decisions in the skill use only evidence whose observation began after its end.
+    Later conditions and decisions in the skill use only evidence whose observation began after the end of this part.
     """
 
     def __init__(self, name: str, child: Behaviour) -> None:
@@ -276,10 +280,10 @@ class Acting(Decorator):
         self._setup_arguments: _SetupArguments | None = None
 
     def setup(self, **kwargs: Any) -> None:
-        """Take `codra` and `clock`, and find the skill.
+        """Receive `codra` and `clock`, and find the skill.
 
         Raises:
-            TypeError: if one of them is missing, or no `DuringSkill` is above.
+            TypeError: if one of them is missing, or no `DuringSkill` is above this node.
         """
         self._setup_arguments = _read_setup(self, kwargs)
         self._skill_node = next(_skills_above(self), None)
@@ -309,7 +313,7 @@ class Acting(Decorator):
 
 
 class Expecting(Decorator):
-    """A subtree that is followed by skills: the variables that they preview are declared from its start.
+    """A subtree that is followed by skills. The previews of these skills are declared from the start of the subtree.
 
     The declaration is withdrawn if the subtree fails or is interrupted, and when a later `Expecting` node of the tree
     expects other skills.
@@ -323,7 +327,7 @@ class Expecting(Decorator):
         self._setup_arguments: _SetupArguments | None = None
 
     def setup(self, **kwargs: Any) -> None:
-        """Take `codra` and `clock`.
+        """Receive `codra` and `clock`.
 
         Raises:
             TypeError: if one of them is missing.
@@ -385,7 +389,7 @@ def _skills_above(node: Behaviour) -> Iterator[DuringSkill]:
 
 
 def _acted_s(node: Behaviour, variable: str) -> float:
-    """Return the instant from which evidence for a variable counts, for a node within skills."""
+    """Return the instant from which evidence for a variable counts, because of the skills around a node."""
     return max((skill.acted_s(variable) for skill in _skills_above(node)), default=-math.inf)
 
 

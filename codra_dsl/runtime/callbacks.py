@@ -24,7 +24,7 @@ def _no_op() -> None:
 
 
 class Subscription:
-    """The handle by which a subscription is ended. In a `with` statement, the subscription ends with the statement.
+    """A handle that can end a subscription. In a `with` statement, the subscription ends when the statement ends.
 
     Attributes:
         dropped: how many changes were dropped because the callback was too slow.
@@ -65,9 +65,9 @@ class Subscription:
 class CallbackQueue(Generic[ChangeT]):
     """The changes that wait for one callback, in order.
 
-    The callback runs on a clock that holds no lock. In simulated time, this is a separate event at the same instant; in
-    real time, a thread that lives while changes wait. So a callback that is slow or raises an error affects neither the
-    code that makes the changes nor other subscriptions.
+    The callback runs on a clock that holds no lock. In simulated time, it runs in a separate event at the same instant;
+    in real time, in a thread that exists while changes wait. So a callback that is slow or raises an error affects
+    neither the code that makes the changes nor other subscriptions.
     """
 
     def __init__(
@@ -121,7 +121,7 @@ class CallbackQueue(Generic[ChangeT]):
                 _LOGGER.exception("a callback raised: %r", self._callback)
 
     def _next(self) -> tuple[ChangeT] | None:
-        """Return the next change; None if no change waits, and then nothing runs any more."""
+        """Return the next change. If no change waits, mark the queue as not running and return None."""
         with self._lock:
             if self._waiting_changes:
                 return (self._waiting_changes.popleft(),)
@@ -153,7 +153,7 @@ class Subscriptions:
         self._skill_queues: dict[int, list[CallbackQueue[Any]]] = {}
 
     def subscribe(self, readings: Iterable[Reading[Any]], callback: Callable[[Reading[Any]], object]) -> Subscription:
-        """Call `callback` with each of the present readings of some variables, then with each change of them."""
+        """Call `callback` with the present readings of some variables, then with each changed reading of them."""
         present_readings = tuple(readings)
         queue = CallbackQueue(self._clock, callback, self._forget)
         for reading in present_readings:

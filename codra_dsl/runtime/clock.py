@@ -1,11 +1,13 @@
-"""Time as an argument. No other module reads a clock or waits.
+"""Clocks of real and simulated time. Other modules neither read the time nor wait by themselves: they use a `Clock`.
 
-Simulated time is one heap of events, which run while a program sleeps: the main execution's `sleep` and `wait_until`
-run every event up to their end, in the order of (instant, order of scheduling), all in one thread. A piece of work (a
-perception function) runs at once, with the values that its handles have at its start. Its sleeps add to its duration.
-Its outcome is delivered at its start plus its duration or, if the work is cancelled, at the time of the cancellation,
-as in real time. So blocking code is written once and runs in both kinds of time, and the same program gives the same
-events.
+In simulated time, all events are in one heap, and they run while a program sleeps. When the main execution calls
+`sleep` or `wait_until`, this call runs every event up to the end of the sleep or wait, in the order of their instants
+and, at the same instant, in the order in which they were scheduled. Everything happens in one thread.
+
+In simulated time, a piece of work (a perception function) runs at once, with the values that its handles have at its
+start. Its sleeps add to its duration. Its outcome is delivered at its start plus its duration or, if the work is
+cancelled, at the time of the cancellation, as in real time. So blocking code is written once and runs in both kinds of
+time, and the same program gives the same events.
 
 In real time a dispatcher thread runs the events. Each piece of work has a separate daemon thread, so that work that
 hangs delays neither the dispatcher nor the end of the process.
@@ -42,12 +44,12 @@ _LONGEST_WAIT_S = 3600.0
 """The dispatcher checks its events at least this often."""
 
 _LAST_NUMBER = 2**62
-"""This number is larger than that of any other event. An event with it runs after all others of its instant."""
+"""Larger than the number of any usual event. An event with this number or more runs after all others of its instant."""
 
 PUNCTUAL_S = 0.01
 """An event that begins at most this long after its time counts as happening at its time.
 
-So a run in real time follows from its inputs as a run in simulated time does, and a replay is exact.
+So a run in real time is determined by its inputs, like a run in simulated time, and a replay is exact.
 """
 
 
@@ -56,7 +58,7 @@ class Cancelled(Exception):  # noqa: N818 - being cancelled is an outcome, not a
 
 
 class Timer:
-    """An event that is still to come."""
+    """A scheduled event, which can be cancelled."""
 
     __slots__ = ("_callback", "instant_s")
 
@@ -115,11 +117,11 @@ class Clock(ABC):
 
     @abstractmethod
     def sleep(self, duration_s: float) -> None:
-        """Let time pass; the events of this time happen."""
+        """Let time pass; the events that are due in this time happen."""
 
     @abstractmethod
     def call_at(self, instant_s: float, callback: Callable[[], None]) -> Timer:
-        """Schedule an event, which happens not before `instant_s`, and never inside this call.
+        """Schedule an event. It does not happen before `instant_s`, and never inside this call.
 
         If `instant_s` is infinite, the event does not happen at all.
         """
@@ -209,7 +211,10 @@ class SimClock(Clock):
         self.wait_until(lambda: False, _checked_duration(duration_s))
 
     def wait_until(self, is_ready: Callable[[], bool], timeout_s: float) -> bool:
-        """Run events until `is_ready()` is true before or after an event, or `timeout_s` is over."""
+        """Run events until `is_ready()` is true, or `timeout_s` is over.
+
+        `is_ready` is called before the first event and after each event.
+        """
         self._check_thread()
         if self._is_inside_event:
             raise RuntimeError("an event (a perception function, a callback) must not wait on the clock: use job.sleep")
@@ -381,9 +386,9 @@ class WallClock(Clock):
 class LockedClock(Clock):
     """A clock whose events run while a lock is held; pieces of work run without this lock.
 
-    Every change is made in a step: in a command, within `with clock:`, or in an event. Within a step the time does not
-    change, so the effect of a step depends only on its instant and on the steps before it. Therefore a run in real time
-    can be repeated from its journal as exactly as a run in simulated time.
+    Every change is made in a step. A step is an event, or the code in a `with clock:` statement, such as a command.
+    Within a step the time does not change, so the effect of a step depends only on its instant and on the steps before
+    it. Therefore a run in real time can be repeated from its journal as exactly as a run in simulated time.
 
     Attributes:
         steps: how many events have happened.

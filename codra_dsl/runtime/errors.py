@@ -7,11 +7,11 @@ from collections.abc import Iterable
 
 
 class UnknownNameError(LookupError):
-    """A name was used that the spec does not declare."""
+    """A program used a name that the spec does not declare."""
 
 
 class NotASourceError(PermissionError):
-    """A variable or an element of the knowledge graph was written by an agent or program that may not write it."""
+    """An agent or program tried to write a variable, or an element of the knowledge graph, that it may not write."""
 
 
 class AgentTakenError(PermissionError):
@@ -19,7 +19,7 @@ class AgentTakenError(PermissionError):
 
 
 def unknown(kind: str, name: object, names: Iterable[str]) -> UnknownNameError:
-    """Return the error for a name of some kind that the spec does not declare."""
+    """Return the error for an undeclared name. `kind` is the kind of element, `names` are its declared names."""
     return UnknownNameError(f"the spec has no {kind} {name!r}{nearest(str(name), names)}")
 
 

@@ -319,10 +319,11 @@ _LATE_IMPORTS = {
     "codra_dsl.runtime.behavior_trees.node": ("Leaves",),
 }
 _LATE_MODULES = {name: module for module, names in _LATE_IMPORTS.items() for name in names}
-"""The modules of names that are imported on first use, except the names of `_FUZZY_MODULES` and `_TREES_PACKAGE`."""
+"""For names that are imported on first use, their module; not for names of `_FUZZY_MODULES` and `_TREES_PACKAGE`."""
 
 _ORIGINAL_NAMES = {"TreeNode": "Node", "TreePrecondition": "Precondition"}
-"""The original names of classes in `_TREES_PACKAGE` that have another name here, because theirs is already used."""
+"""Classes of `_TREES_PACKAGE` whose name is already used here: the name that they have here, and their original name.
+"""
 
 
 def _import_on_first_use(name: str) -> object:

@@ -115,7 +115,7 @@ def test_foreign_graphml_is_read_by_its_labels_or_else_its_identifiers() -> None
         "</graph></graphml>"
     )
     assert [edge.label for edge in parse_graphml(text).edges] == ["near", "8"]
-    with pytest.raises(ExchangeError, match="f: edge a -near-> b: there are two"):
+    with pytest.raises(ExchangeError, match="f: edge a -near-> b: there are two such edges"):
         parse_graphml(text.replace('<edge id="8"', '<edge id="near"'), "f")
 
 
@@ -145,9 +145,9 @@ WRONG_GRAPHS = {
     "two nodes have the same name as text": digraph((1, {}), ("1", {})),
     "a node has no name": digraph(("a", {}), ("", {})),
     "two nodes have the same number": digraph(("a", {"dsr": {"number": 1}}), ("b", {"dsr": {"number": 1}})),
-    "node 'a': 'dsr' holds no valid number and codes": digraph(("a", {"dsr": {"number": -1}})),
+    "node 'a': 'dsr' does not hold a valid number and valid codes": digraph(("a", {"dsr": {"number": -1}})),
     "node 'a': 'dsr' holds unexpected contents": digraph(("a", {"dsr": 7})),
-    "edge 1 -edge-> 2: there are two: give them their labels": digraph(edges=[(1, 2), (1, 2)]),
+    "edge 1 -edge-> 2: there are two such edges: give them": digraph(edges=[(1, 2), (1, 2)]),
 }
 
 
@@ -161,7 +161,7 @@ def test_a_graph_that_cannot_be_converted_is_refused_with_a_message(message: str
 BAD_XML = {
     "f:1:1: this is not XML: no element found": "",
     "f:2:3: this is not XML: mismatched tag": "<graphml>\n</x>",
-    "f: it declares a document type: remove": '<!DOCTYPE x [<!ENTITY a "b">]><graphml/>',
+    "f: the file declares a document type: remove": '<!DOCTYPE x [<!ENTITY a "b">]><graphml/>',
     "f: this is not GraphML": "<graphml/>",
     "f: the graph is not directed": '<graphml xmlns="http://graphml.graphdrawing.org/xmlns">'
     '<graph edgedefault="undirected"><node id="a"/></graph></graphml>',

@@ -128,7 +128,7 @@ def test_every_reason_is_reached_and_reported(gate: Any) -> None:
         (Reason.FAILED, "ValueError: no picture"),
         (Reason.TIMED_OUT, "no result within 2 s"),
         (Reason.WITHDRAWN, "look"),
-        (Reason.UNCONFIRMED, "1 of 2 needed among the last 3 for true"),
+        (Reason.UNCONFIRMED, "true in 1 of the last 3 results, 2 are needed"),
     ]
     assert {reason for reason, _ in reasons} == set(Reason)
 

@@ -57,7 +57,7 @@ def compile_and_load(source: Path | Spec | BuildPlan, folder: Path) -> CompiledS
     """Compile a spec, write the generated package into a folder, and import it from there.
 
     Args:
-        source: a file that holds one spec, a spec as a value (without behaviour trees of its own), or a build plan.
+        source: a file that holds one spec, a `Spec` (without behaviour trees of its own), or a build plan.
         folder: an empty folder for the package; it is created. Its path distinguishes packages of the same name.
 
     Raises:
@@ -69,10 +69,10 @@ def compile_and_load(source: Path | Spec | BuildPlan, folder: Path) -> CompiledS
 
 
 def read_spec(path: Path) -> Spec:
-    """Return the spec of a file, without checking it further than its shape.
+    """Return the spec of a file. Only the shape of the spec is checked.
 
     Raises:
-        SpecError: if it cannot be read as a spec.
+        SpecError: if the file cannot be read as a spec.
     """
     spec, diagnostics = load_spec(path.absolute(), path.absolute().parent)
     if spec is None:
@@ -81,9 +81,9 @@ def read_spec(path: Path) -> Spec:
 
 
 def source_files(spec: Path) -> tuple[Path, ...]:
-    """Return the files that a spec is compiled from: its own, included parts, behaviour trees and Python modules.
+    """Return the files that a spec is compiled from: its own file, included parts, behaviour trees and Python modules.
 
-    Files that the spec names and that do not exist are listed as well.
+    Files that the spec names are listed even if they do not exist.
 
     Raises:
         SpecError: if the spec has errors.
@@ -102,7 +102,7 @@ def _plan_of(source: Path | Spec) -> BuildPlan:
         return plan(checked)
     planned = plan_paths([source.absolute()], root_of(source))
     if len(planned.plans) != 1:
-        raise _spec_error(planned.diagnostics, f"'{source}' holds no single spec")
+        raise _spec_error(planned.diagnostics, f"'{source}' does not hold exactly one spec")
     return planned.plans[0]
 
 
@@ -111,7 +111,7 @@ def _spec_error(diagnostics: Iterable[Diagnostic], otherwise: str = "") -> SpecE
 
 
 def load_start(files: Mapping[str, str], name: str, folder: Path) -> Start:
-    """Write generated files into a folder and return the `start` of the package `name` among them.
+    """Write generated files into a folder; import the package `name` among them, and return its `start`.
 
     The arguments are those of `load_emitted`.
     """
@@ -119,10 +119,10 @@ def load_start(files: Mapping[str, str], name: str, folder: Path) -> Start:
 
 
 def load_emitted(files: Mapping[str, str], name: str, folder: Path) -> ModuleType:
-    """Write generated files into a folder and return the package `name` among them.
+    """Write generated files into a folder; import the package `name` among them, and return it.
 
     Args:
-        files: texts by path relative to the folder, as the compiler emits them.
+        files: the texts of the files, as the compiler emits them. The key is the path relative to the folder.
         name: the spec's name.
         folder: an empty folder of this run; its path keeps packages of several runs apart.
     """
@@ -133,7 +133,7 @@ def load_emitted(files: Mapping[str, str], name: str, folder: Path) -> ModuleTyp
 
 
 def load_package(folder: Path) -> ModuleType:
-    """Import the generated package in a folder, which need not be on the path, and return it.
+    """Import the generated package in a folder, and return it. The folder need not be on Python's path.
 
     Raises:
         ImportError: if there is no package. Errors of the package itself are raised as they are.

@@ -1,4 +1,4 @@
-"""Pictures of sweeps: terms of inputs, metrics and weights over one input, and surfaces over two."""
+"""Pictures of sweeps: terms of inputs, metrics and weights over one input, and surfaces over two inputs."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ class Axis:
     """An input that is an axis of a picture.
 
     Attributes:
-        unit: the unit; empty for none.
+        unit: the unit of the values; empty if they have no unit.
         values: the values in order; members of an enum and truth values are drawn side by side.
-        terms: its terms; None if the rules have no terms for it.
+        terms: the terms of the input; None if the rules have no terms for it.
     """
 
     variable: str

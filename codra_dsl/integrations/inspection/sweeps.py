@@ -1,4 +1,4 @@
-"""Sweeps of a spec's loops: their inputs, values of inputs given as texts, and the results as text and JSON."""
+"""Sweeps of a spec's loops: find the inputs, read their values from texts, and return the results as text and JSON."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Subject:
         """Return an input by its name.
 
         Raises:
-            SweepError: if no rule reads it.
+            SweepError: if no rule reads this input.
         """
         if name not in self.inputs:
             near = suggest(name, self.inputs)
@@ -117,10 +117,10 @@ def _variables_read(mape: CheckedMape, course: str) -> Iterator[str]:
 
 
 def held(subject: Subject, assignments: Sequence[str]) -> dict[str, Value | None]:
-    """Return the values of all inputs, from texts such as `battery_level=80`; the other inputs are unknown.
+    """Return the values of all inputs. Texts such as `battery_level=80` give values; inputs without a text are unknown.
 
     Raises:
-        SweepError: if a text has no value, or an impossible one.
+        SweepError: if a text has no value, or an impossible value.
     """
     known: dict[str, Value | None] = dict.fromkeys(subject.inputs)
     for assignment in assignments:
@@ -137,7 +137,7 @@ def varied(subject: Subject, assignment: str, steps: int) -> tuple[Variable, tup
 
     Args:
         subject: the loops with the input.
-        assignment: `NAME`, `NAME=FROM..TO` or `NAME=VALUE,VALUE,...`; a name alone means the full range.
+        assignment: `NAME`, `NAME=FROM..TO` or `NAME=VALUE,VALUE,...`; a name without values means the full range.
         steps: the number of steps between both ends of a range.
 
     Raises:
@@ -154,7 +154,7 @@ def varied(subject: Subject, assignment: str, steps: int) -> tuple[Variable, tup
 
 
 def _split(assignment: str) -> tuple[str, str, str]:
-    """Split `NAME=VALUE`; the name of a comparison of poses can contain the sign itself, as in `<=`."""
+    """Split `NAME=VALUE` at `=`. The name of a pose condition can itself contain this sign, as in `<=`."""
     name, equals, text = _NAME_AND_VALUE.fullmatch(assignment).groups()  # type: ignore[union-attr]  # any text matches
     return name, equals, text
 

@@ -1,8 +1,9 @@
-"""RAFCON, the engine of P1's main execution: states that decide on context.
+"""States that decide on context, for RAFCON, the engine of P1's main execution.
 
-The semantic data of a state, under `codra`, declares its relation to context: it is a skill, it is the acting part of
-a skill, it expects skills, or it looks for the value of a decision. A state that looks does not run if context knows
-the value. A state machine without a bridge runs as before. The library `codra` has states to decide, expect and set.
+The semantic data of a state, under `codra`, declares how the state relates to context: the state is a skill, is the
+acting part of a skill, expects skills, or looks for the value of a decision. A state that looks does not run if context
+knows the value. Without a bridge, a state machine runs as before. The library `codra` has states to decide, expect and
+set.
 
 Annotations take effect around the `run` of a state, so an existing state machine needs no other change, and the
 declarations of a state are withdrawn even if it aborts or is preempted. For the same reason the library has no states

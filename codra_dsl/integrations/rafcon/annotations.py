@@ -20,7 +20,7 @@ _OF_DECISIONS = ("outcomes", "wait_up_to_s", "max_age_s")
 
 
 class AnnotationError(ValueError):
-    """Annotations of states contradict the spec or make no sense. The message lists all of them."""
+    """Annotations of states contradict the spec or make no sense. The message lists all mistakes."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,7 +32,7 @@ class Annotation:
         acting: the skill whose acting part the state is; empty if none.
         expect: skills that come next.
         decide: the variable that the state looks for; empty if none.
-        outcomes: the state's outcome for each value of that variable, as text.
+        outcomes: for each value of that variable, as text, the name of the state's outcome.
         wait_up_to_s: how long the decision waits for observers before the state looks.
         max_age_s: older evidence counts as unknown.
     """
@@ -52,7 +52,7 @@ class Annotation:
 
 
 def value_text(value: object) -> str:
-    """Return a value as text in outcomes and semantic data: `true`, `false`, a member, a number."""
+    """Return the text of a value in outcomes and semantic data: `true`, `false`, a member, a number."""
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
@@ -136,7 +136,7 @@ def _check(state: State, annotation: Annotation, codra: ContextManager[Any, Any]
 
 
 def _check_decision(state: State, annotation: Annotation, codra: ContextManager[Any, Any]) -> None:
-    codra.get(annotation.decide)  # raises if the spec lacks it
+    codra.get(annotation.decide)  # raises an error if the spec does not declare the variable
     if annotation.skill or annotation.acting:
         raise AnnotationError("it decides, so it may be skipped: it cannot also be a skill or an action")
     if state.output_data_ports:

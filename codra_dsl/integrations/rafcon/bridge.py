@@ -30,7 +30,7 @@ class Answers(StrEnum):
     """How decisions are answered."""
 
     CONTEXT = "context"
-    """From context; if context does not know, by the state that looks."""
+    """From context; if context does not know the value, by the state that looks."""
     SHADOW = "shadow"
     """Always by the state that looks; the event log records whether context agrees, and the value is not kept."""
 
@@ -101,12 +101,12 @@ class Bridge:
     def decide(
         self, state: State, variable: str, *, wait_up_to_s: float = 0.0, max_age_s: float = math.inf
     ) -> str | None:
-        """Return the value from context as text, or None; then the state machine should look.
+        """Return the value from context as text; None if the state machine should look.
 
         Args:
-            state: the state that needs the value; the wait ends when it is preempted.
+            state: the state that needs the value; the wait ends when this state is preempted.
             variable: the context-variable.
-            wait_up_to_s: how long it waits for observers.
+            wait_up_to_s: how long the decision waits for observers.
             max_age_s: older evidence counts as unknown.
         """
         pending_decision = self._wait_for_decision(state, variable, wait_up_to_s, max_age_s)
@@ -168,7 +168,7 @@ class Bridge:
         stack.callback(self._do, end)
 
     def _run_unless_known(self, state: State, annotation: Annotation, look: Callable[[], None]) -> None:
-        state.preempted = False  # an earlier run may have set it; `run` itself begins with this too
+        state.preempted = False  # an earlier run may have set it; `run` itself begins with the same assignment
         state.state_execution_status = StateExecutionStatus.ACTIVE
         pending_decision = self._wait_for_decision(
             state, annotation.decide, annotation.wait_up_to_s, annotation.max_age_s
@@ -227,6 +227,9 @@ class Bridge:
 
 
 def _is_preempted(state: State) -> bool:
-    """Return whether a state or one around it should stop: RAFCON does not notify states that are just starting."""
+    """Return whether a state, or a state around it, should stop.
+
+    RAFCON does not notify states that are just starting.
+    """
     parent = state.parent
     return bool(state.preempted) or (isinstance(parent, State) and _is_preempted(parent))

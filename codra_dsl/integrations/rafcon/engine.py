@@ -27,7 +27,7 @@ from codra_dsl.integrations.rafcon.hand_over import HandOver
 from codra_dsl.runtime import Clock, ContextManager
 
 LIBRARIES: Mapping[str, Path] = {"codra": Path(__file__).parent / "libraries" / "codra"}
-"""Folders of libraries by their root keys, in the form of RAFCON's setting LIBRARY_PATHS."""
+"""The folders of libraries, in the form of RAFCON's setting LIBRARY_PATHS. The key is the root key of the library."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,8 +35,8 @@ class Ended:
     """The end of a state machine.
 
     Attributes:
-        outcome: the name of its root state's outcome; `aborted` and `preempted` are RAFCON's own.
-        error: the exception of a state that aborted it; None without one.
+        outcome: the name of the root state's outcome; `aborted` and `preempted` are outcomes that RAFCON defines.
+        error: the exception of a state that aborted the state machine; None if there is none.
     """
 
     outcome: str
@@ -81,7 +81,7 @@ def run_in_real_time(
     handles: Mapping[str, object] | None = None,
     answers: Answers = Answers.CONTEXT,
 ) -> Ended:
-    """Run a state machine whose states decide on context, each in its own thread; return when it has ended.
+    """Run a state machine whose states decide on context, each state in its own thread; return when it has ended.
 
     Args:
         machine: an `opened` or `entered` state machine.

@@ -16,7 +16,7 @@ Result = TypeVar("Result")
 
 
 class _Call:
-    """A call: it passes from the calling thread to the serving thread, and its result back."""
+    """A call that the calling thread passes to the serving thread, which passes the result back."""
 
     def __init__(self, function: Callable[[], Any]) -> None:
         self._function = function

@@ -33,7 +33,7 @@ class Failure:
 
     Attributes:
         place: the place of the check in the timeline.
-        why: the explanation, in lines; empty without one.
+        why: the explanation, in lines; empty if there is none.
     """
 
     place: Place

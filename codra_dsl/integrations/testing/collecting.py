@@ -19,13 +19,13 @@ from codra_dsl.tooling.report.findings import render_full
 
 
 class TimelineFile(pytest.File):
-    """A file that is a timeline by its name."""
+    """A file whose name says that it is a timeline."""
 
     def collect(self) -> Iterable[pytest.Item]:
-        """Yield its stories.
+        """Yield the stories of the file.
 
         Raises:
-            CollectError: if something in it is wrong; the message contains all findings.
+            CollectError: if something in the file is wrong; the message contains all findings.
         """
         timeline, package, findings = read_timeline(self.path)
         if timeline is None or package is None:
@@ -44,11 +44,11 @@ class StoryItem(pytest.Item):
         self._package = package
 
     def runtest(self) -> None:
-        """Run it on a clock of its own."""
+        """Run the story on a clock of its own."""
         Run(self._timeline, self._package, self._story, clock=SimClock(), resources={}).play()
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
-        """Return the message of a failed story or of a missing function; other exceptions with their traceback."""
+        """Return the message of a failed story or of a missing function; for other exceptions, the traceback."""
         if isinstance(excinfo.value, StoryFailed | CallError):
             return str(excinfo.value)
         return super().repr_failure(excinfo, style)
@@ -62,7 +62,7 @@ def opened(path: Path, story: str | None, *, clock: SimClock, resources: Mapping
     """Return a story of a file, ready to run.
 
     Raises:
-        ValueError: if something in the file is wrong, or it has no such story.
+        ValueError: if something in the file is wrong, or the file has no such story.
     """
     timeline, package, findings = read_timeline(path)
     if timeline is None or package is None:

@@ -18,7 +18,7 @@ def make_handle(maker: Maker, clock: Clock) -> object:
     """Return the handle that a maker makes.
 
     Raises:
-        CallError: if its class or function cannot be imported, or has other parameters.
+        CallError: if the class or function cannot be imported, or has other parameters.
     """
     try:
         make = _import_callable(maker.call)
@@ -32,7 +32,7 @@ def alter(handle: object, change: Alteration) -> None:
     """Set attributes of a handle.
 
     Raises:
-        CallError: if there is no handle, or it has no such attribute.
+        CallError: if there is no handle, or the handle has no such attribute.
     """
     if handle is None:
         message = f"there is no handle {change.resource!r}: add it under the key `resources` of the file"

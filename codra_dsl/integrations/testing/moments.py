@@ -1,4 +1,4 @@
-"""Read one moment of a timeline: nodes -> changes, steps and checks, validated against the compiled spec."""
+"""Read one moment of a timeline: its YAML nodes become changes, steps and checks that fit the compiled spec."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class MomentReader:
         self._place = subject.origin.of
 
     def read(self, at_s: float, key: ScalarNode, node: YamlNode, *steps: str) -> Moment:
-        """Return the readable parts of a moment; `steps` is its path in the file."""
+        """Return the readable parts of a moment; `steps` is the path of the moment in the file."""
         sections = {name: value for name, (_, value) in node.entries.items()} if isinstance(node, MappingNode) else {}
 
         def read_section(name: str, read: Callable[..., Iterable[Any]]) -> tuple[Any, ...]:
@@ -143,7 +143,7 @@ class MomentReader:
             reader.fail("duration", "'evidence' must be durations", wrong_end, "such as '0 s' or [0 s, 100 ms]", *steps)
             return None
         if instants[0] > instants[-1]:
-            reader.fail("duration", "'evidence' ends before it begins", node, "write the earlier first", *steps)
+            reader.fail("duration", "'evidence' ends before it begins", node, "write the earlier time first", *steps)
             return None
         return instants[0], instants[-1]
 
@@ -151,12 +151,13 @@ class MomentReader:
         garbage = node.value("garbage")
         kinds = [key for key in ("raises", "hangs", "garbage") if key in node.entries]
         if len(kinds) > 1:
-            message = f"{list_names(kinds)}: only one of them is possible"
+            message = f"{list_names(kinds)}: a fault can have only one of these keys"
             reader.fail("misplaced-key", message, reader.origin.of(node.entries[kinds[1]][0]), "remove the others")
         if not kinds and "late" not in node.entries:
             if "jobs" in node.entries:
                 place = reader.origin.of(node.entries["jobs"][0])
-                reader.fail("misplaced-key", "'jobs' belongs to a fault, and there is none", place, "remove it", *steps)
+                message = "'jobs' belongs to a fault, and there is none"
+                reader.fail("misplaced-key", message, place, "remove 'jobs'", *steps)
             return None
         return Fault(
             raises=reader.text("raises", "") if "raises" in node.entries else None,
@@ -235,7 +236,8 @@ class MomentReader:
         value_keys = [key_name for key_name in ("is", "within", "source") if key_name in node.entries]
         if reason_text is not None and value_keys:
             place = reader.origin.of(node.entries[value_keys[0]][0])
-            reader.fail("misplaced-key", f"'{value_keys[0]}' is about a value, and it is unknown", place, "remove it")
+            message = f"'{value_keys[0]}' describes a value, but 'unknown' expects none"
+            reader.fail("misplaced-key", message, place, f"remove '{value_keys[0]}' or 'unknown'")
         reasons = {str(reason): reason for reason in Reason}
         return Belief(
             variable=key.text,
@@ -273,7 +275,7 @@ class MomentReader:
     def _known_entries(
         self, node: YamlNode, names: Iterable[str], problem: str, steps: tuple[str, ...]
     ) -> Iterator[tuple[ScalarNode, YamlNode]]:
-        """Yield the entries whose keys are among the names; report the others."""
+        """Yield the entries whose keys are among `names`; report the others."""
         allowed = list(names)
         for key, value in entries(node):
             if key.text in allowed:
@@ -284,7 +286,7 @@ class MomentReader:
     def _known_names(
         self, node: YamlNode, names: Iterable[str], problem: str, steps: tuple[str, ...]
     ) -> Iterator[ScalarNode]:
-        """Yield the items that are among the names; report the others."""
+        """Yield the items that are among `names`; report the others."""
         allowed = list(names)
         for name_node in node.items if isinstance(node, SequenceNode) else ():
             if not isinstance(name_node, ScalarNode) or name_node.reported:

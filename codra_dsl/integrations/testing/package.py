@@ -1,6 +1,7 @@
 """The compiled spec of a timeline: names and types for its checks, and the code that runs.
 
-A timeline is checked against the compiled spec, not against the YAML file, so it tests the code that runs on the robot.
+A timeline is checked against the compiled spec, not against the YAML file of the spec. So the timeline tests the code
+that runs on the robot.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ _OWN_SOURCES = ("main_execution", "observer")
 
 
 class PackageError(Exception):
-    """There is no compiled spec of this name, or it cannot be imported.
+    """There is no compiled spec of this name that is up to date and can be imported.
 
     Attributes:
         message: what is wrong.
@@ -45,9 +46,9 @@ class Package:
     """A compiled spec.
 
     Attributes:
-        build: makes its context manager.
-        algorithms: the algorithms that its observers run, by name.
-        knowledge: the knowledge graph of the spec; None without one.
+        build: makes the context manager of the spec.
+        algorithms: the algorithms that the observers run, by name.
+        knowledge: the knowledge graph of the spec; None if it has none.
     """
 
     model: ContextModel
@@ -74,9 +75,9 @@ class Package:
 
 @cache
 def load_package(root: Path, name: str) -> Package:
-    """Import a compiled spec like programs in the project's root: `from generated import NAME`.
+    """Import a compiled spec as programs in the project's root do: `from generated import NAME`.
 
-    This happens once per process. The spec is compiled once more for it, to make sure that the package
+    This happens once per process. Before the import, the spec is compiled once more, to make sure that the package
     contains the model of the spec; the generated files are not compared.
 
     Args:
@@ -84,7 +85,7 @@ def load_package(root: Path, name: str) -> Package:
         name: the name of the spec.
 
     Raises:
-        PackageError: if this is not possible.
+        PackageError: if there is no compiled spec of this name that is up to date and can be imported.
     """
     _require(root, name)
     _require_fresh(root, name)
@@ -96,7 +97,8 @@ def load_package(root: Path, name: str) -> Package:
         message = f"'{FOLDER}/{name}' cannot be imported: {type(error).__name__}: {error}"
         raise PackageError(message, "compile it again: codra compile") from error
     if not Path(str(module.__file__)).resolve().is_relative_to(root.resolve()):
-        raise PackageError(f"Python finds '{FOLDER}.{name}' in another project", "run pytest in each project by itself")
+        message = f"Python finds '{FOLDER}.{name}' in another project"
+        raise PackageError(message, "run pytest for each project separately")
     return _package(module)
 
 

@@ -1,6 +1,6 @@
 """The pytest plugin: it collects timelines as tests, and has fixtures that open them.
 
-Every pytest loads it if codra is installed, so slow imports are made only when they are needed.
+Every run of pytest loads this plugin if codra is installed, so slow imports are made only when they are needed.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Col
 
 @pytest.fixture
 def codra_clock() -> SimClock:
-    """Return a simulated clock at 0 s; the stories of `codra_story` run on it."""
+    """Return a simulated clock at 0 s; the stories of `codra_story` run on this clock."""
     from codra_dsl.runtime import SimClock
 
     return SimClock()
@@ -40,7 +40,7 @@ def codra_clock() -> SimClock:
 def codra_story(request: pytest.FixtureRequest, codra_clock: SimClock) -> OpenStory:
     """Return a function that opens stories.
 
-    Inside `with` such a story, call your program with its `codra` and `clock`.
+    Use such a story in a `with` statement. Inside it, call your program with the story's `codra` and `clock`.
     """
     from codra_dsl.integrations.testing.collecting import opened
 

@@ -1,6 +1,7 @@
-"""Read a file -> (Timeline | None, findings): with the same checks as specs, without importing or running its names.
+"""Read a file, and return its timeline or findings. The file is checked like a spec.
 
-Only the compiled spec of the timeline is imported, for its names and types.
+Classes and functions that the file names are neither imported nor run. Only the compiled spec of the timeline is
+imported, for its names and types.
 """
 
 from __future__ import annotations

@@ -41,7 +41,7 @@ class OpenStory(Protocol):
 
         Args:
             path: the path of a timeline, from the folder of the test.
-            story: its name; not needed if the timeline has only one.
+            story: the name of the story; not needed if the timeline has only one story.
             resources: handles that replace those of the timeline.
         """
         ...
@@ -50,7 +50,7 @@ class OpenStory(Protocol):
 class Run:
     """A story in which a program runs: `with codra_story("carry.yaml") as run: program(run.codra, run.clock)`.
 
-    At the end of the `with` statement time passes until the last moment, and all checks are made.
+    At the end of the `with` statement, time passes until the last moment, and then all checks are made.
 
     Attributes:
         codra: the context manager.
@@ -101,12 +101,13 @@ class Run:
         Args:
             clock: the story begins at the present instant of this clock.
             resources: handles by name, for perception functions that the timeline does not script.
-            seed: the seed of random numbers; the timeline's, if None.
+            seed: the seed of random numbers; if None, that of the timeline.
             record: the event log; by default a new one without limit.
 
         Raises:
             TypeError: if the clock is not a simulated one.
-            ValueError: if the timeline has a main execution after the beginning, because that is the program's part.
+            ValueError: if the timeline has steps of a main execution after the beginning, because the program is the
+                main execution.
             CallError: for the same reasons as the generated `start`.
         """
         if not isinstance(clock, SimClock):
@@ -187,7 +188,7 @@ class Run:
         speakers = Speakers(self.codra, clock, self._timeline.every_s)
         for moment in self._story.moments:
             if moment.at_s > 0:
-                # The world changes after everything else of an instant: a look sees the state at its start.
+                # At an instant, the world changes after all other events: a look that starts then sees the old state.
                 clock.call_last_at(self._begun_s + moment.at_s, partial(self._change, moment, speakers))
             else:
                 self._change(moment, speakers)

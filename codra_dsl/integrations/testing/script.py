@@ -45,7 +45,7 @@ class _AlgorithmState:
         self.jobs_left = self.fault.jobs
 
     def take_fault(self) -> Fault:
-        """Return the fault of the next job."""
+        """Return the fault of the next job, and count this job."""
         self.jobs_left -= 1
         return self.fault if self.jobs_left >= 0 else _NO_FAULT
 
@@ -58,7 +58,7 @@ class Script:
     """
 
     def __init__(self, scripted: Collection[str], handles: Collection[str]) -> None:
-        """Script some algorithms; others are called if the handles that they read exist."""
+        """Script some algorithms. Functions of other algorithms are called if the handles that they read exist."""
         self.unscripted: dict[str, float] = {}
         self._scripted = scripted
         self._handles = handles
@@ -69,10 +69,10 @@ class Script:
         self._state_of(behaviour.algorithm).change(behaviour)
 
     def function(self, algorithm: Algorithm) -> Function:
-        """Return the function or class that runs in place of an algorithm's own.
+        """Return the function or class that runs in place of an algorithm's own function or class.
 
         Raises:
-            CallError: if its own function is needed and cannot be imported.
+            CallError: if the algorithm's own function is needed and cannot be imported.
         """
         state = self._state_of(algorithm.name)
         # A scripted algorithm is never imported, so tests also run without its libraries.
@@ -133,7 +133,7 @@ class _JobWithEvidence:
         self._has_evidence = True
 
     def delay(self, late_s: float) -> None:
-        """Delay the result; its evidence keeps the times that it would have without the delay."""
+        """Delay the result; the evidence keeps the times that it would have without the delay."""
         if late_s > 0:
             if not self._has_evidence:
                 self.evidence(self._start_s, self._job.now_s())
@@ -165,7 +165,7 @@ def _with_fault(fault: Fault, run_without_fault: Callable[[], object], job: _Job
 
 
 def _with_garbage(garbage: object, run_without_fault: Callable[[], object]) -> object:
-    """Return garbage; a mapping replaces only its keys in the usual result."""
+    """Return the garbage. If the garbage is a mapping, return the usual result, updated with this mapping."""
     if not isinstance(garbage, Mapping):
         return garbage
     result = run_without_fault()

@@ -40,10 +40,10 @@ class Fault:
     """A fault of an algorithm.
 
     Attributes:
-        raises: the text of the error that it raises.
-        hangs: whether it never returns.
-        garbage: the result that it returns in spite of the spec, in a tuple of one; empty without this fault.
-        late_s: the delay of its result.
+        raises: the text of the error that the algorithm raises; None if it raises none.
+        hangs: whether the algorithm never returns.
+        garbage: a tuple with the result that the algorithm returns in spite of the spec; empty without this fault.
+        late_s: the delay of the result.
         jobs: the number of jobs that the fault affects.
     """
 
@@ -61,7 +61,7 @@ class Behaviour:
     Attributes:
         returns: the returned values that change.
         takes_s: how long a job takes.
-        evidence_s: when its evidence is taken, from start to stamp, counted from the start of the job.
+        evidence_s: when the evidence of a job is taken, from start to stamp, counted from the start of the job.
         fault: the fault of the algorithm; None if it works.
     """
 
@@ -122,8 +122,8 @@ class Step:
 
     Attributes:
         names: the names of variables or skills.
-        value: the value that it sets.
-        decision_arguments: the arguments of its decision.
+        value: the value to which the step sets a variable.
+        decision_arguments: the arguments of the step's decision.
     """
 
     verb: Verb
@@ -138,8 +138,8 @@ class Belief:
     """A check of a variable.
 
     Attributes:
-        is_unknown: whether it must be unknown; with `reason`, for this reason.
-        value: the value that it must have, if `is_stated`.
+        is_unknown: whether the variable must be unknown; if there is a `reason`, for this reason.
+        value: the value that the variable must have, if `is_stated`.
         within: the tolerance for a number; None for equality up to rounding.
         source: the required writer; empty for any.
         because: a text that must occur in the explanation of `why`.
@@ -158,7 +158,7 @@ class Belief:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Running:
-    """A check whether an observer runs."""
+    """A check of whether an observer runs."""
 
     observer: str
     is_running: bool
@@ -167,7 +167,7 @@ class Running:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
-    """A check how the last decision on a variable was answered: `answered`, `fell_back` or `shadowed`."""
+    """A check of how the last decision on a variable was answered: `answered`, `fell_back` or `shadowed`."""
 
     variable: str
     how: str
@@ -191,7 +191,7 @@ class Moment:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Story:
-    """A sequence of moments; the first one is the common `start` of all stories, if the timeline has it."""
+    """A sequence of moments. If the timeline has a `start`, which all stories share, it is the first moment."""
 
     name: str
     place: Place
@@ -204,7 +204,7 @@ class Story:
 
     @property
     def scripted_algorithms(self) -> frozenset[str]:
-        """Return the algorithms that the story scripts; others are called."""
+        """Return the algorithms that the story scripts; the functions of other algorithms are called."""
         changes = (change for moment in self.moments for change in moment.changes)
         return frozenset(
             change.algorithm for change in changes if isinstance(change, Behaviour) and change.returns is not None
@@ -218,8 +218,8 @@ class Timeline:
     Attributes:
         spec: the name of the spec that is tested.
         seed: the seed of the random numbers that jobs use.
-        makers: the makers of handles, by resource.
-        every_s: the interval at which an agent repeats its last values, by agent.
+        makers: for each resource, the maker of its handle.
+        every_s: for each agent, the interval at which it repeats its last values.
     """
 
     source: Source

@@ -16,7 +16,7 @@ _WORDS = ("enum", "str")
 
 
 def read_value(reader: Reader, node: YamlNode, type_: ValueType, *steps: str) -> Literal | None:
-    """Return a value of a type, in its unit; None with a finding if it is not such a value."""
+    """Return a node's value, in the unit of a type. If the value is not of this type, add a finding and return None."""
     if node.reported or not isinstance(node, ScalarNode):
         return None
     data = _read_data(reader, node, type_, *steps)
@@ -30,7 +30,7 @@ def read_value(reader: Reader, node: YamlNode, type_: ValueType, *steps: str) ->
 
 
 def read_difference(reader: Reader, node: YamlNode, type_: ValueType, *steps: str) -> float | None:
-    """Return a distance between two numbers of a type, in its unit."""
+    """Return a distance between two numbers of a type, in the unit of the type."""
     difference = read_value(reader, node, ValueType(kind="float", unit=type_.unit), *steps)
     return float(difference) if isinstance(difference, int | float) else None
 
@@ -45,7 +45,10 @@ def read_anything(reader: Reader, node: YamlNode, *steps: str) -> object:
 
 
 def _read_data(reader: Reader, node: ScalarNode, type_: ValueType, *steps: str) -> object:
-    """Return the written value, with a quantity in the type's unit; None with a finding if units do not match."""
+    """Return the written value; a quantity is converted to the type's unit.
+
+    If the units do not match, add a finding and return None.
+    """
     if type_.kind in _WORDS and not isinstance(node.data, bool) and node.data is not None:
         return node.text
     unit = None if type_.unit is None else parse_unit(type_.unit)
@@ -56,7 +59,7 @@ def _read_data(reader: Reader, node: ScalarNode, type_: ValueType, *steps: str) 
         if unit is not None and quantity.unit.dimension == unit.dimension:
             return convert(quantity.value, quantity.unit, unit)
         unit_text = f"is in {type_.unit}" if unit is not None else "has no unit"
-        message = f"{shown(steps[-1])} {unit_text}, not in {quantity.unit}"
+        message = f"{shown(steps[-1])} {unit_text}, but {shown(node.text)} is in {quantity.unit}"
         reader.fail("unit", message, node, _type_help(type_), *steps)
         return None
     if unit is not None and isinstance(node.data, int | float) and not isinstance(node.data, bool) and node.data != 0:

@@ -14,11 +14,11 @@ VariableName_contra = TypeVar("VariableName_contra", bound=str, contravariant=Tr
 GraphT_co = TypeVar("GraphT_co", covariant=True)
 
 NO_KNOWLEDGE = "declares no knowledge graph: add `knowledge` to it, and compile it"
-"""The message of the error when there is no graph."""
+"""The end of the message of the error that is raised if there is no graph."""
 
 
 class Agent(Generic[VariableName_contra, GraphT_co]):
-    """The handle of one agent, which is the source of what it writes.
+    """The handle of one agent. The source of every value that is written with the handle is this agent.
 
     Attributes:
         name: the name of the agent.
@@ -37,7 +37,8 @@ class Agent(Generic[VariableName_contra, GraphT_co]):
 
         Args:
             name: the name of the agent.
-            write: writes a variable; called with its name, the value, the writer, and when its evidence was taken.
+            write: writes a variable; called with the name of the variable, the value, the writer, and the instant at
+                which the evidence was taken, or None.
             knowledge: the graph, which the agent writes as well, if there is one.
             acquisition: declares the observed variables in the `wakes` patterns of the agent.
 
@@ -65,8 +66,9 @@ class Agent(Generic[VariableName_contra, GraphT_co]):
     def on_wake(self, callback: Callable[[Change], object]) -> Subscription:
         """Call back when a `wakes` pattern of the agent becomes true in the knowledge graph; see `AgentHandle.on_wake`.
 
-        The agent stays taken until the subscription or the handle is closed, even if this object is no longer
-        referenced. While the agent waits, the observed variables in its `wakes` patterns are declared, as `agent NAME`.
+        No other handle of the agent can be opened until the subscription or this handle is closed, even if this object
+        is no longer referenced. While the agent waits, the observed variables in its `wakes` patterns are declared; the
+        holder of these declarations is `agent NAME`.
 
         Raises:
             LookupError: if the spec declares no knowledge graph.
@@ -79,21 +81,21 @@ class Agent(Generic[VariableName_contra, GraphT_co]):
         return subscription
 
     def close(self) -> None:
-        """Close the handle; with a knowledge graph, the agent can be taken again."""
+        """Close the handle; with a knowledge graph, another handle of the agent can then be opened."""
         if self._handle is not None:
             self._handle.close()
 
     def set(self, name: VariableName_contra, value: object, *, evidence_s: float | None = None) -> None:
-        """Write a variable of which this agent is a source, declared or not.
+        """Write a variable of which this agent is a source. The variable need not be declared.
 
         Args:
             name: the variable.
             value: its value.
-            evidence_s: when the evidence was taken; now, if None. A value that the variable has from
-                newer evidence is kept.
+            evidence_s: when the evidence was taken; now, if None. If the variable has a value from newer evidence, the
+                variable keeps this value.
 
         Raises:
-            NotASourceError: if the variable does not name the agent as `source`.
+            NotASourceError: if the variable does not list the agent under `source`.
             NotOfTypeError: if the value does not have the declared type.
             ValueError: if the evidence lies in the future.
         """

@@ -4,8 +4,8 @@ Every input from outside is a command. The actions of observers, jobs and timers
 results of perception, and from time. So a journal of commands and results can be replayed: the same inputs at the same
 places give the same events.
 
-In simulated time a perception function runs within the step that begins its job, so a command that it gives belongs to
-that step. Such a command is recorded with the number of the job, and a replay repeats it at this place.
+In simulated time a perception function runs within the step that begins its job, so a command of the function belongs
+to that step. Such a command is recorded with the number of the job, and a replay repeats the command at this place.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from codra_dsl.runtime.values.model import SkillModel, VariableModel
 
 
 class NotDeclaredError(PermissionError):
-    """The main execution wrote a variable of which it is not a source, and which is not declared."""
+    """The main execution tried to write an undeclared variable of which the main execution is not a source."""
 
 
 class Commands:
@@ -59,9 +59,9 @@ class Commands:
             forest: starts and stops observers.
             slots: the slots of shared resources.
             expectations: judges the expectations of skills.
-            event_triggers: decides when to look on events.
+            event_triggers: decides when variables with `refresh: on_event` are due.
             skills: the skills by name.
-            explain: adds to an unknown reading what prevents the observation of the variable now.
+            explain: adds to an unknown reading the reason why the variable cannot be observed now.
         """
         self._clock = clock
         self._event_writer = event_writer
@@ -114,7 +114,7 @@ class Commands:
             self._hold_expected(expected_skills, party)
 
     def begin(self, name: str, party: str = MAIN) -> int:
-        """Begin a skill; return its number, which the other methods take."""
+        """Begin a skill; return its number, by which `act`, `acted` and `finish` identify the skill."""
         with self._clock:
             self._check_open()
             self._record("begin", party, skill=name)
@@ -184,8 +184,10 @@ class Commands:
         """Write a variable as the main execution or an agent.
 
         Raises:
-            NotDeclaredError: if the main execution is not a source of the variable, and it is not declared.
-            NotASourceError: if the agent is not a source of the variable, or the variable follows from poses.
+            NotDeclaredError: if the writer is the main execution, the variable is not declared, and the main execution
+                is not a source of the variable.
+            NotASourceError: if the writer is an agent that is not a source of the variable, or if the variable follows
+                from poses.
             ValueError: if the evidence lies in the future.
         """
         evidence_s = None if evidence_s is None else float(evidence_s)
@@ -209,7 +211,7 @@ class Commands:
         """Record an action of a loop.
 
         Args:
-            agent: the agent that is responsible for it.
+            agent: the agent that is responsible for the action.
             name: the name of the loop, course, parameter or tree.
             what: the action.
             details: plain values; none of them is None.
@@ -223,7 +225,7 @@ class Commands:
     # Decisions
 
     def ask(self, request: DecisionRequest) -> Decision:
-        """Return a decision, answered from context if possible."""
+        """Return a new decision; it is answered at once if context can answer it."""
         with self._clock:
             self._decision_count += 1
             self._record("decide", number=self._decision_count, **_request_fields(request))
@@ -237,7 +239,7 @@ class Commands:
             return decision
 
     def resume(self, decision: Decision) -> None:
-        """Look the decision up again, after waiting."""
+        """Read the variable of a decision again after the wait; answer the decision, or let the main execution look."""
         with self._clock:
             self._record("waited", number=decision.number)
             self._urgencies.answer(decision.number)
@@ -245,7 +247,7 @@ class Commands:
             self._settle(decision)
 
     def conclude(self, decision: Decision, content: Value | None, raised: str | None = None) -> None:
-        """Take the value that the main execution found itself, or the name of the error that its look raised.
+        """Record the value that the main execution found itself, or the name of the error that its look raised.
 
         The value is kept as evidence of the main execution if the main execution may write the variable, the decision
         is not in shadow mode, and no skill has made the variable unknown since the look began.
@@ -253,7 +255,7 @@ class Commands:
         name, shadow = decision.request.variable, decision.request.shadow
         with self._clock:
             self._record("found", number=decision.number, value=content, raised=raised)
-            self._urgencies.answer(decision.number)  # it may have been abandoned while it waited
+            self._urgencies.answer(decision.number)  # the decision may have been abandoned while it waited
             what = "shadowed" if decision.met else "fell_back"
             marks = {"shadow": True} if shadow and not decision.met else {}
             if raised is not None:
@@ -277,7 +279,7 @@ class Commands:
         return self._urgencies.of(observer, self.declarations)
 
     def request_slots(self, resources: tuple[str, ...], grant: Callable[[], None]) -> int:
-        """Request slots for the main execution; return the number with which they are released."""
+        """Request slots for the main execution; return the number of the request, which `release_slots` needs."""
         with self._clock:
             self._record("request", resources=list(resources))
             self._slot_request_count += 1
@@ -293,7 +295,10 @@ class Commands:
     # Internal
 
     def _check_open(self) -> None:
-        """Refuse to start observers after the end; called within a step, so no other thread closes it meanwhile."""
+        """Raise an error if the context manager is closed, so that no observer starts after the end.
+
+        Callers are within a step, so no other thread closes the context manager meanwhile.
+        """
         if self.is_closed:
             raise RuntimeError("the context manager is closed: start() creates a new one")
 
@@ -305,7 +310,7 @@ class Commands:
         self._expectations.finish(number)
         self._event_triggers.finish(number, skill.monitor)
         self.declarations.hold(skill_holder(skill.name, number), ())
-        self._forest.look_again()  # it may have acted until its end
+        self._forest.look_again()  # the skill may have acted until its end
 
     def _hold_expected(self, skills: list[str], party: str) -> None:
         self._expected_skills[party] = skills
@@ -357,7 +362,7 @@ class Commands:
         decision.met = decision.request.is_met(decision.reading, self._clock.now_s())
 
     def _settle(self, decision: Decision) -> None:
-        """Answer a decision from context, or note that the main execution looks."""
+        """Answer a decision from context, or note that the main execution begins to look."""
         if decision.is_answered:
             self._record_decision("answered", decision)
         else:

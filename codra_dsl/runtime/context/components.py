@@ -32,8 +32,8 @@ class Components:
 
     Attributes:
         lock: held during each change.
-        time: real or simulated time; it holds no lock while events run.
-        clock: the same time; its events are steps under the lock.
+        time: the clock of real or simulated time, which holds no lock while events run.
+        clock: a clock with the same time, whose events are steps under the lock.
         skills: the skills by name.
     """
 
@@ -47,7 +47,7 @@ class Components:
         seed: int,
         find: Callable[[Algorithm], Function],
     ) -> None:
-        """Create and connect all parts, with the arguments of `ContextManager` and the same errors."""
+        """Create and connect all parts. The arguments and the errors are those of `ContextManager`."""
         self.lock = threading.RLock()
         self.time = clock
         self.clock = LockedClock(clock, self.lock)
@@ -103,20 +103,23 @@ class Components:
         return knowledge
 
     def obstacle(self, name: str) -> str:
-        """Return what prevents the observation of a variable now, known or not; empty if an algorithm can look."""
+        """Return why a variable, known or unknown, cannot be observed now; empty if an algorithm can look."""
         obstacle, variable = self.forest.obstacle(name), self.store.variables[name]
         if variable.pose_condition is not None:
             return "it follows from poses"
         return f"for {' or '.join(variable.sources)} to write" if obstacle is None else obstacle
 
     def with_obstacle(self, reading: Reading[Value]) -> Reading[Any]:
-        """Return a reading; if never observed or stale, its detail is what prevents the observation now."""
+        """Return a reading; if its variable was never observed or is stale, with a detail.
+
+        The detail says why the variable cannot be observed now. If the reading already has a detail, it is kept.
+        """
         if reading.reason not in (Reason.NEVER_OBSERVED, Reason.STALE) or reading.detail:
             return reading
         return replace(reading, detail=self.obstacle(reading.name))
 
     def notify_readers(self, name: str, is_renewed: bool) -> None:
-        """Notify all readers of a variable of another reading."""
+        """Notify all readers of a variable that the variable has another reading."""
         self.forest.changed(name, is_renewed)
         self.expectations.changed(name)
         self.subscriptions.changed(name, self.store.reading)

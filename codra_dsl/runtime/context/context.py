@@ -54,7 +54,7 @@ class ContextManager(Generic[VariableName, SkillName]):
         record: the event log.
         clock: the clock from the arguments.
         model: the compiled spec.
-        commands: executes the commands of programs, one step each; for sessions and replays.
+        commands: executes the commands of programs, one step each; sessions and replays use it.
         knowledge: the graph, if the spec declares one.
     """
 
@@ -78,7 +78,8 @@ class ContextManager(Generic[VariableName, SkillName]):
             resources: the handle of each resource without slots, by name.
             seed: the seed of `job.random` in jobs.
             record: the event log for every change; by default a new one.
-            find: returns the perception function of an algorithm; by default the one that its `call` names.
+            find: returns the perception function of an algorithm; by default, the function that `call` of the algorithm
+                names.
             knowledge: the knowledge graph and its agents in the spec; None if it declares no graph.
 
         Raises:
@@ -126,7 +127,7 @@ class ContextManager(Generic[VariableName, SkillName]):
     # Declarations of the main execution (P1, Equation 4)
 
     def declare(self, name: VariableName, value: Any = None) -> None:
-        """Add a variable to C_E(t) until it is withdrawn; declaring it twice has no effect.
+        """Add a variable to C_E(t) until it is withdrawn; a repeated declaration has no effect.
 
         Args:
             name: the variable.
@@ -156,7 +157,7 @@ class ContextManager(Generic[VariableName, SkillName]):
 
     @contextmanager
     def skill(self, name: SkillName) -> Iterator[Skill]:
-        """Run a skill: its previews and monitored variables are declared until it ends; it is no longer expected."""
+        """Run a skill. Its previews and monitored variables are declared until it ends; it is no longer expected."""
         model = self._skill(name)
         number = self.commands.begin(name)
         try:
@@ -203,7 +204,7 @@ class ContextManager(Generic[VariableName, SkillName]):
     def get(self, name: VariableName) -> Reading[Any]:
         """Return the reading of a variable now, without waiting.
 
-        If it was never observed or is stale, `detail` is what prevents the observation now.
+        If the variable was never observed or is stale, `detail` says why it cannot be observed now.
         """
         try:
             reading = self._cells[name].reading
@@ -219,10 +220,10 @@ class ContextManager(Generic[VariableName, SkillName]):
             return {name: self._reading(name) for name in names}
 
     def obstacle(self, name: VariableName) -> str:
-        """Return what prevents the observation of a variable now, known or not; empty if an algorithm can look.
+        """Return why a variable, known or unknown, cannot be observed now; empty if an algorithm can look.
 
-        This is the first condition of each algorithm that does not hold, or that the observer does not run, or the
-        sources of the variable if no observer identifies it.
+        The text has, for each algorithm, the first condition that does not hold. If the observer of the variable does
+        not run, the text says so. If no observer identifies the variable, the text has the sources of the variable.
         """
         self._model(name)
         return self._components.obstacle(name)
@@ -241,7 +242,7 @@ class ContextManager(Generic[VariableName, SkillName]):
         with self._lock:
             now_s, record = self._clock.now_s(), self.record.copy()
         if at_s is not None and not at_s <= now_s:
-            raise ValueError(f"it is {now_s} now: {at_s} lies in the future")
+            raise ValueError(f"the instant {at_s} lies in the future: it is {now_s} now")
         return explain(self._spec_summary(), record.latest_events, name, now_s if at_s is None else at_s)
 
     def set(self, name: VariableName, value: Any, *, evidence_s: float | None = None) -> None:
@@ -250,11 +251,11 @@ class ContextManager(Generic[VariableName, SkillName]):
         Args:
             name: the variable.
             value: its value.
-            evidence_s: when the evidence was taken; now, if None. A value that the variable has from
-                newer evidence is kept.
+            evidence_s: when the evidence was taken; now, if None. If the variable has a value from newer evidence, the
+                variable keeps this value.
 
         Raises:
-            NotDeclaredError: if the main execution is not a source of it, and it is not declared.
+            NotDeclaredError: if the variable is not declared, and the main execution is not a source of it.
             NotOfTypeError: if the value does not have the declared type.
             ValueError: if the evidence lies in the future.
         """
@@ -265,13 +266,13 @@ class ContextManager(Generic[VariableName, SkillName]):
         self.commands.write(name, content, MAIN, evidence_s)
 
     def agent(self, name: str) -> Agent[VariableName, AgentHandle]:
-        """Return the handle with which an agent writes the variables that name it as `source`.
+        """Return the handle with which an agent writes the variables that list it under `source`.
 
         With a knowledge graph, the agents are those of the graph, and only one handle per agent can be open. The main
-        execution is one of them if it is a source or requests tasks.
+        execution is one of these agents if it is a source or requests tasks.
 
         Raises:
-            UnknownNameError: if no variable names it as `source`, and the graph has no such agent.
+            UnknownNameError: if no variable lists the agent under `source`, and the graph has no such agent.
             AgentTakenError: if there is a knowledge graph and a handle of the agent is open.
         """
         if self._knowledge is not None:
@@ -325,7 +326,7 @@ class ContextManager(Generic[VariableName, SkillName]):
             otherwise: looks as the robot did without observers. It returns a value of the variable, or None. The value
                 is kept as evidence of the main execution if the main execution may `set` the variable.
             max_age_s: the largest permitted age of the evidence.
-            since_s: the evidence must have begun to be taken at or after this instant, e.g. the end of an action.
+            since_s: the taking of the evidence must have begun at or after this instant, e.g. the end of an action.
             wait_up_to_s: how long to wait for observers before falling back.
             shadow: look in any case, return the value of the look, and record whether the context agrees. The value is
                 not stored, so the look does not affect the context.
@@ -350,7 +351,7 @@ class ContextManager(Generic[VariableName, SkillName]):
         return content_of_look
 
     def shadow_report(self) -> ShadowReport:
-        """Return how often context agreed with the robot's looks in shadow mode, over the recorded events."""
+        """Return how often context agreed with the robot's looks in shadow mode, according to the event log."""
         return shadow_report(self.record)
 
     def subscribe(
@@ -361,23 +362,23 @@ class ContextManager(Generic[VariableName, SkillName]):
         A change is another value, the loss of the value, or another reason; newer evidence for the same value is not a
         change. Subscribing does not declare the variable.
 
-        The callback runs without any lock, one call at a time, in the order of the changes: in real time in a separate
-        thread, in simulated time as an event at the instant of the change, which must not wait. Its exceptions are
-        logged. At most 1,000 changes wait for a slow callback; beyond that the oldest is dropped and counted in
-        `Subscription.dropped`.
+        The callback runs without any lock, one call at a time, in the order of the changes. In real time it runs in a
+        separate thread. In simulated time it runs in an event at the instant of the change, and must not wait. Its
+        exceptions are logged. At most 1,000 changes wait for a slow callback. If there are more, the oldest change is
+        dropped and counted in `Subscription.dropped`.
         """
         unique_names = dict.fromkeys([names] if isinstance(names, str) else names)
         with self._lock:  # not a step: it changes nothing that a journal records
             return self._subscriptions.subscribe([self._reading(name) for name in unique_names], callback)
 
     def follow(self, name: VariableName, callback: Callable[[], object]) -> Subscription:
-        """Call back, like `subscribe`, for each newer evidence or other reading of a variable."""
+        """Call back, in the same way as `subscribe`, for each new reading, even if only the evidence is newer."""
         self._model(name)
         with self._lock:
             return self._subscriptions.follow(name, callback)
 
     def wait_for(self, condition: VariableName | Term, timeout_s: float) -> bool:
-        """Wait until a variable is known, or a condition over variables holds; return whether that came true.
+        """Wait until a variable is known, or a condition over variables holds; return whether this happened in time.
 
         Args:
             condition: a variable, or a condition built with `codra_dsl.runtime.values.conditions`.
@@ -397,7 +398,7 @@ class ContextManager(Generic[VariableName, SkillName]):
         wait_up_to_s: float = 0.0,
         shadow: bool = False,
     ) -> PendingDecision:
-        """Return a decision in steps: `decide` for a main execution that must not block in one call.
+        """Return a pending decision: the same as `decide`, but in steps, for a main execution that must not block.
 
         The arguments are those of `decide`. If a look is necessary, the main execution looks between two steps.
         """
@@ -421,8 +422,8 @@ class ContextManager(Generic[VariableName, SkillName]):
     def slot(self, *resources: str) -> Iterator[None]:
         """Use slots of shared resources as the main execution, which goes before every observer.
 
-        It waits for the jobs that have the slots, at most for their longest timeout. Inside the `with` block the same
-        thread may request the same slots again, without effect.
+        The call waits for the jobs that hold the slots, at most for the longest timeout of these jobs. Inside the
+        `with` block the same thread may request the same slots again, without effect.
 
         Raises:
             UnknownNameError: if the spec has no such resource, or the resource has no slots.
@@ -433,7 +434,7 @@ class ContextManager(Generic[VariableName, SkillName]):
             yield
 
     def next_party(self) -> str:
-        """Return the name for the declarations of another main execution; it is new at each call."""
+        """Return the name of a further main execution, for its declarations; each call returns a new name."""
         return f"{MAIN} {next(self._party_numbers)}"
 
     # Internal

@@ -16,7 +16,7 @@ class DecisionRequest:
     Attributes:
         variable: the variable.
         max_age_s: the largest permitted age of the evidence.
-        since_s: the evidence must have begun to be taken at or after this instant.
+        since_s: the taking of the evidence must have begun at or after this instant.
         wait_up_to_s: the longest wait for observers.
         shadow: whether the main execution looks in any case.
     """
@@ -28,7 +28,7 @@ class DecisionRequest:
     shadow: bool = False
 
     def is_met(self, reading: Reading[Value], now_s: float) -> bool:
-        """Return whether a reading answers the decision at an instant."""
+        """Return whether a reading answers the request at an instant."""
         return reading.known and reading.start_s >= self.since_s and reading.age_s(now_s) <= self.max_age_s
 
 
@@ -38,10 +38,10 @@ class Decision:
 
     Attributes:
         number: counted from 1 in a run.
-        asked_s: when it was requested.
+        asked_s: when the decision was requested.
         reading: the last reading of the variable that was looked up for this decision.
-        met: whether this reading answers it.
-        looked_s: when the main execution began to look itself.
+        met: whether this reading answers the request.
+        looked_s: when the main execution itself began to look.
     """
 
     number: int

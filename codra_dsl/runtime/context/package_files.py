@@ -16,7 +16,7 @@ _MANIFEST_FORMAT = "codra-manifest"
 
 
 def package_folder(manager: object) -> Path | None:
-    """Return the folder of the generated package of a context manager; None if it does not come from a package."""
+    """Return the folder of the generated package that a context manager comes from; None if there is no package."""
     for cls in type(manager).__mro__:
         file = getattr(sys.modules.get(cls.__module__), "__file__", None)
         if file is not None and manifest_of(Path(file).parent):

@@ -1,4 +1,4 @@
-"""Decisions in steps, for a main execution that must not block in one call, such as a behaviour tree."""
+"""Decisions that a program advances in steps, because it must not block in one call; an example is a behaviour tree."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class PendingDecision:
     `ContextManager.ask` creates it. Only one thread at a time may use it.
 
     Attributes:
-        state: its state.
+        state: the state of the decision.
     """
 
     def __init__(
@@ -102,7 +102,7 @@ class PendingDecision:
         """Report the value that the main execution acquired itself; None if it did not get one.
 
         Raises:
-            NotOfTypeError: if it is not a value of the type of the variable.
+            NotOfTypeError: if the value is not of the type of the variable.
             RuntimeError: if the state is not `LOOKING`.
         """
         if self.state is not DecisionState.LOOKING:
@@ -118,7 +118,7 @@ class PendingDecision:
         self._commands.conclude(self._decision, content)
 
     def abandon(self, why: str) -> None:
-        """Stop waiting or looking, for example because of a more urgent task; no effect once it is over."""
+        """Stop waiting or looking, for example because of a more urgent task. If the decision is over, do nothing."""
         if self.state in (DecisionState.WAITING, DecisionState.LOOKING):
             self.state = DecisionState.DONE
             self._commands.conclude(self._decision, None, raised=why)

@@ -55,12 +55,12 @@ class PoseConditions:
 
 
 class _InputsStatus(NamedTuple):
-    """The inputs of a condition, and the reason if it is unknown.
+    """The inputs of a condition, and the reason if the condition is unknown.
 
     Attributes:
         frames: the frames whose poses can change the condition; None if any frame can.
-        next_s: when the condition is to be computed again even if the graph does not change.
-        reason: why the condition is unknown, if it is.
+        next_s: when the condition must be computed again even if the graph does not change.
+        reason: why the condition is unknown, if it is unknown.
     """
 
     frames: frozenset[str] | None
@@ -116,14 +116,15 @@ class _PoseCondition:
         self._wake_at(status.next_s)
 
     def _evidence_s(self, snapshot: Snapshot, moved_frames: frozenset[str]) -> float:
-        """Return the instant of the newest measurement among the moved frames of the condition; now, without one."""
+        """Return when the newest pose of the condition's moved frames was measured; now, if none of them moved."""
         moved_inputs = moved_frames & self._frames if self._frames is not None else frozenset[str]()
         return max((snapshot.measured_s(name) for name in moved_inputs), default=snapshot.instant_s)
 
     def _wake_at(self, instant_s: float) -> None:
         """Compute the condition again at an instant.
 
-        A timer for this or an earlier instant is kept: when it ends, the condition is computed, and the next timer set.
+        A timer for this or an earlier instant is kept: at its instant, the condition is computed, and the next timer is
+        set.
         """
         if instant_s == FOREVER_S or (self._timer is not None and self._timer.instant_s <= instant_s):
             return
@@ -137,7 +138,7 @@ class _PoseCondition:
 
 
 def _inputs_status(snapshot: Snapshot, term: Term) -> _InputsStatus:
-    """Return the inputs of a condition, and the reason if it is unknown."""
+    """Return the inputs of a condition, and the reason if the condition is unknown."""
     frames: set[str] = set()
     status = _InputsStatus(None, FOREVER_S)
     has_all_poses = True
@@ -160,6 +161,6 @@ def _inputs_status(snapshot: Snapshot, term: Term) -> _InputsStatus:
 
 
 def _reason(before: Reading[Any], status: _InputsStatus) -> Reason:
-    """Return why a condition is unknown: `NEVER_OBSERVED` instead of `FORGOTTEN` if it was never known."""
+    """Return why a condition is unknown. If it was never known, `FORGOTTEN` is replaced by `NEVER_OBSERVED`."""
     was_never = before.reason is Reason.NEVER_OBSERVED and status.reason is Reason.FORGOTTEN
     return Reason.NEVER_OBSERVED if was_never else status.reason

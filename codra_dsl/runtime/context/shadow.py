@@ -11,7 +11,7 @@ from codra_dsl.runtime.journal.events import Event, Kind
 from codra_dsl.runtime.why.values import instant, shown
 
 MOST_SHOWN = 5
-"""The largest number of disagreements per decision in the text; the newest are shown."""
+"""The text shows at most this many disagreements of each row, the newest ones."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -19,7 +19,7 @@ class Disagreement:
     """A decision for which the value in context differed from the value that the robot saw.
 
     Attributes:
-        instant_s: when the robot had looked.
+        instant_s: when the robot reported what it saw.
         held: the value in context.
         seen: the value that the robot saw.
         source: the source of the value in context.
@@ -39,9 +39,9 @@ class ShadowRow:
         variable: the variable of the decisions.
         skill: the skill that was under way; empty if there was none.
         agreed: how often context had the value that the robot saw.
-        disagreements: the decisions for which it had another value.
-        unknown: how often context had no answer, by reason; an answer that was too old for the decision counts as
-            `too_old`.
+        disagreements: the decisions for which context had another value than the robot.
+        unknown: for each reason, how often context had no answer. The reason is `too_old` if context had an answer that
+            was too old for the decision.
         unseen: how often the look of the robot gave no value although context had an answer.
     """
 

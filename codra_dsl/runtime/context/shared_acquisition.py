@@ -1,4 +1,4 @@
-"""Acquisition of a shared resource while it has at least one user, in any thread."""
+"""Acquire a shared resource while it has at least one user. Users can be in different threads."""
 
 from __future__ import annotations
 

@@ -56,7 +56,7 @@ class Skill:
     def acting(self) -> Iterator[None]:
         """Act: the variables that the skill changes become unknown, and its expectations start.
 
-        Only evidence from now on counts for these variables.
+        For these variables, only evidence from now on counts.
 
         Raises:
             RuntimeError: if the skill has ended.
@@ -71,8 +71,9 @@ class Skill:
         """Return the outcomes of all expectations of the skill since `acting`.
 
         Args:
-            otherwise: looks for a variable whose unknown value leaves an expectation open. It gets the name and returns
-                a value or None. The value is kept as evidence, and judged. Without it there is no look.
+            otherwise: looks for a variable whose unknown value leaves an expectation open. It is called with the name
+                of the variable and returns a value or None. The value is kept as evidence, and the expectation is
+                judged with it. Without `otherwise` there is no look.
             wait_up_to_s: how long to wait for all outcomes before falling back.
 
         Raises:
@@ -90,9 +91,9 @@ class Skill:
         return self._verification()
 
     def subscribe(self, callback: Callable[[Verdict], None]) -> Subscription:
-        """Call back with the outcome of each expectation as soon as it is decided, also while the skill acts.
+        """Call back with the outcome of each expectation as soon as the outcome is decided, even while the skill acts.
 
-        The callback runs like those of `ContextManager.subscribe`.
+        The callback runs in the same way as a callback of `ContextManager.subscribe`.
         """
         return self._subscribe(callback)
 

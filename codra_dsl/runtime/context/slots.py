@@ -1,4 +1,4 @@
-"""Slots for the main execution: it goes before every observer, and waits for the jobs under way."""
+"""Slots for the main execution, which goes before every observer, but waits for the jobs that hold the slots."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class MainExecutionSlots:
 
     @contextmanager
     def hold(self, resources: tuple[str, ...]) -> Iterator[None]:
-        """Hold slots; no effect for those that the thread has already.
+        """Hold slots. Slots that the thread already has are not requested again.
 
         Raises:
             UnknownNameError: if the spec has no such resource, or the resource has no slots.
@@ -47,7 +47,9 @@ class MainExecutionSlots:
             return
         if held_resources:
             together = ", ".join(repr(name) for name in (*sorted(held_resources), *new_resources))
-            raise RuntimeError(f"slots are taken together, so that threads never wait for each other: slot({together})")
+            raise RuntimeError(
+                f"request all slots in one call, so that threads never wait for each other: slot({together})"
+            )
         granted = threading.Event()
 
         def grant() -> None:

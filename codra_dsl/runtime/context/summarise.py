@@ -75,7 +75,7 @@ def _algorithm_summary(branch: Branch, places: Mapping[str, Place]) -> Algorithm
 
 
 def _condition_rules(branch: Branch, key: str, places: Mapping[str, Place]) -> tuple[Rule, ...]:
-    """Return the preconditions of a branch; those from `given` have the place of the algorithm."""
+    """Return the preconditions of a branch. The place of a precondition from `given` is that of the algorithm."""
     given_conditions = {f"known({name})" for name in branch.algorithm.given}
     own_conditions = [(text, term) for text, term in branch.conditions if text not in given_conditions]
     rules = {rule.source_text: rule for rule in _rules(own_conditions, f"{key}/observable_when", places)}
@@ -86,7 +86,7 @@ def _condition_rules(branch: Branch, key: str, places: Mapping[str, Place]) -> t
 
 
 def _rules(conditions: Sequence[tuple[str, Term]], key: str, places: Mapping[str, Place]) -> tuple[Rule, ...]:
-    """Return conditions with their places; without places if there are places for more conditions than these."""
+    """Return conditions with their places. If there are places for more conditions, all places are left out."""
     condition_places = [places.get(f"{key}/{number}") for number in range(len(conditions))]
     if f"{key}/{len(conditions)}" in places:
         condition_places = [None] * len(conditions)

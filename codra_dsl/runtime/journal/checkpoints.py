@@ -22,7 +22,7 @@ _CLOSE_FIELD = b'"what":"close"'
 
 
 class Checkpoints:
-    """A journal's file, up to an instant. By default, up to where the observers stopped because the run ended.
+    """A journal's file, up to an instant. By default, this is the end of the run, before it stops the observers.
 
     Attributes:
         end_s: the instant of the last message that was read; None if the file has no event.

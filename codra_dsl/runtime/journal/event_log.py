@@ -18,14 +18,14 @@ if TYPE_CHECKING:
 StoredReading = tuple[float, str, Value | None, Reason | None, str, float, str, bool]
 """A new reading of a variable, as a tuple of its instant and its fields. It becomes an event when events are read.
 
-Python's garbage collector stops tracking tuples of plain values. It would need long to traverse as many readings or
-events.
+Python's garbage collector stops tracking tuples of plain values, but it would need a long time to traverse the same
+number of `Reading` or `Event` objects.
 """
 
 DEFAULT_LIMIT = 100_000
 """The number of events that an event log keeps by default: about twenty minutes of a busy robot.
 
-They need about 100 MB at most.
+These events need about 100 MB at most.
 """
 
 

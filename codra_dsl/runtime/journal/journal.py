@@ -25,8 +25,8 @@ class Journal(EventLog):
     """An event log that is written to a file, event by event: pass it to `start(..., record=Journal(path))`.
 
     The file is in MCAP format. It is finished when the context manager is closed, or at the latest when the program
-    ends. If the program is killed, the end of the file is missing, and at most one event: the one that was being
-    written. Repair such a file with `codra journal recover`.
+    ends. If the program is killed, the end of the file is missing, and at most one event is lost: the event that was
+    being written. Repair such a file with `codra journal recover`.
 
     If the file can no longer be written, the journal ends, but the run continues.
 
@@ -60,7 +60,7 @@ class Journal(EventLog):
         Raises:
             ValueError: if this object is already the journal of another run.
         """
-        from codra_dsl.runtime.journal.writer import JournalWriter  # noqa: PLC0415 - 60 ms that only journals cost
+        from codra_dsl.runtime.journal.writer import JournalWriter  # noqa: PLC0415 - 60 ms, for journals only
 
         if not self._finish.alive or self._writer is not None:
             raise ValueError(f"{self.path} is the journal of another run")

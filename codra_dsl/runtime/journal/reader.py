@@ -41,9 +41,9 @@ __all__ = [
 
 _READ_OPCODES = frozenset({Opcode.METADATA, Opcode.ATTACHMENT, Opcode.CHUNK, OPEN_CHUNK})
 _MAX_BYTES = 1 << 28
-"""The maximum size of one record or decompressed chunk. The records and chunks that codra writes are far smaller.
+"""The maximum size of one record or decompressed chunk.
 
-They have a thousandth of this size.
+The records and chunks that codra writes are far smaller: a thousandth of this size.
 """
 _CHECKSUM_BYTES = 4
 
@@ -198,7 +198,7 @@ class JournalReader:
         """Take a record from the part of the file before the messages.
 
         The region is read before the chunks. If a program writes the file meanwhile, all chunks that precede the chunk
-        in the region already exist. So there is no gap between the messages that are read.
+        in the region already exist in the file. So there is no gap between the messages that are read.
         """
         if opcode == OPEN_CHUNK:
             self._region = region_content(content)

@@ -67,7 +67,7 @@ class Topic:
     """The topics to which the events of one kind are written, and descriptions of these topics.
 
     Attributes:
-        folder: the folder of the topics, which has one topic for each subject. If `is_shared`, the only topic.
+        folder: the folder of the topics, which has one topic for each subject. If `is_shared`, it is the only topic.
         schema: returns the name of the schema of a subject's events, and the schema.
         metadata: returns the metadata that tools show about a subject's topic: units, label.
         place: returns the place of a subject in the spec.
@@ -108,7 +108,7 @@ def topic_metadata(kind: Kind, name: str, summary: SpecSummary) -> dict[str, str
 
 
 def place_of(kind: Kind, name: str, summary: SpecSummary) -> Place | None:
-    """Return the place of the subject of events in the spec."""
+    """Return the place in the spec of the subject of some events."""
     return TOPICS[kind].place(name, summary)
 
 

@@ -37,10 +37,11 @@ def _rule_text(rule: Rule | None) -> str:
 
 
 def changes_near(names: Iterable[str], before: SpecSummary, now: SpecSummary) -> tuple[Change, ...]:
-    """Return the differences between two versions, ordered by their distance from some variables and algorithms.
+    """Return the differences between two versions, ordered by their distance from some variables or algorithms.
 
-    The differences in these elements (or observers) themselves come first. Then come the differences in the algorithms
-    that identify a variable, then in the variables that these algorithms need, and so on up the dependency graph.
+    `names` can also have observers. The differences in the elements of `names` come first. Then come the differences in
+    the algorithms that identify a variable, then in the variables that these algorithms need, and so on up the
+    dependency graph.
     """
     positions = {owner: position for position, owner in enumerate(_upstream_names(names, before, now))}
     return tuple(sorted(changes(before, now), key=lambda change: positions.get(change.owner, len(positions))))

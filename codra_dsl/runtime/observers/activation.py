@@ -1,4 +1,4 @@
-"""Algorithm 1 of P1, runtime control of observers, with the stopping half that the paper leaves open.
+"""Algorithm 1 of P1, runtime control of observers. It also stops observers, which the paper leaves open.
 
     1  procedure ActivateObservers(C_E, M)
     2    for all c in C_E:
@@ -15,7 +15,7 @@
 The running observers are the smallest set that contains the observers of C_E and, for each observer in it, the
 observers of the variables that it needs. The set is maintained by counts over the strongly connected components of
 this relation: a component runs while it has a declared variable or a running component needs it. So the cost of
-starting and stopping depends only on what changes, also with feedback.
+starting and stopping depends only on what changes, even with feedback.
 """
 
 from __future__ import annotations
@@ -38,7 +38,8 @@ class Activation:
         Args:
             identifies: the variables that each observer identifies; each variable belongs to at most one observer.
             needs: C_Oi, the variables that each observer needs (P1, Equation 7).
-            start: called for each observer that starts, the ones that need others first, as in the paper.
+            start: called for each observer that starts. As in the paper, an observer is started before the observers
+                that it needs.
             stop: called for each observer that stops.
         """
         self._observer_of = {variable: name for name, variables in identifies.items() for variable in variables}
@@ -58,9 +59,9 @@ class Activation:
 
     @property
     def order(self) -> tuple[str, ...]:
-        """Return all observers, each after those that it needs, then by name.
+        """Return all observers: each one after the observers that it needs, and otherwise by name.
 
-        An additional observer that no other needs does not change the order of the others.
+        An additional observer that no other observer needs does not change the order of the others.
         """
         return tuple(sorted(self._component_of, key=lambda name: (self._levels[self._component_of[name]], name)))
 
@@ -71,13 +72,13 @@ class Activation:
         )
 
     def declare(self, variable: str) -> None:
-        """Add a variable to C_E(t); it must not be in it yet."""
+        """Add a variable to C_E(t), which must not contain the variable yet."""
         observer = self._observer_of.get(variable)
         if observer is not None:
             self._change(self._component_of[observer], 1, self._start)
 
     def withdraw(self, variable: str) -> None:
-        """Remove a variable from C_E(t); it must be in it."""
+        """Remove a variable from C_E(t), which must contain the variable."""
         observer = self._observer_of.get(variable)
         if observer is not None:
             self._change(self._component_of[observer], -1, self._stop)
@@ -101,9 +102,9 @@ class Activation:
 
 
 def strongly_connected(successors: Mapping[str, Sequence[str]]) -> list[list[str]]:
-    """Return the strongly connected components of a graph, each after its successors, members sorted (Tarjan).
+    """Return the strongly connected components of a graph, by Tarjan's algorithm without recursion.
 
-    It does not recurse, so chains may have any length.
+    Each component comes after its successors, and its members are sorted. Chains may have any length.
     """
     numbers: dict[str, int] = {}
     lows: dict[str, int] = {}

@@ -15,7 +15,7 @@ from codra_dsl.runtime.observers.ticking import leaf_stop, leaf_tick
 
 
 class ControlFlag(Behaviour):
-    """Whether the context manager wants the observer to run: checked first at each tick (P1, section 3.3)."""
+    """Checks, first at each tick, whether the context manager wants the observer to run (P1, section 3.3)."""
 
     tick, stop = leaf_tick, leaf_stop
 
@@ -24,14 +24,15 @@ class ControlFlag(Behaviour):
         self._observer = observer
 
     def update(self) -> Status:
-        """Fail when the observer is to stop; running nodes after it are then cancelled."""
+        """Fail when the observer is to stop; the tree then cancels the running nodes that follow this node."""
         return Status.SUCCESS if self._observer.is_wanted else Status.FAILURE
 
 
 class Precondition(Behaviour):
     """An observability precondition over the context (P1, Algorithm 2, line 20).
 
-    Complete evidence is judged by the interval in which it was taken, so a precondition that fails now has no effect.
+    Complete evidence is judged by the interval in which it was taken: a precondition that fails after this interval has
+    no effect.
     """
 
     tick, stop = leaf_tick, leaf_stop
@@ -52,10 +53,10 @@ class Precondition(Behaviour):
 
 
 class DueOrRunning(Behaviour):
-    """Whether it is time to look again, so that perception does not repeat at each tick.
+    """Checks whether it is time to look again, so that perception does not repeat at each tick.
 
-    It is running while it waits, and fails only to give way to an alternative: so a `Selector` switches with the
-    situation, not with the period.
+    While the node waits, its status is RUNNING. It is FAILURE only to let an alternative look instead. So a `Selector`
+    switches to another branch because of the situation, not because of the period.
     """
 
     tick, stop = leaf_tick, leaf_stop
@@ -65,7 +66,7 @@ class DueOrRunning(Behaviour):
         self._branch = branch
 
     def update(self) -> Status:
-        """Succeed when due or busy; otherwise wait, or fail to give way to an alternative."""
+        """Succeed if the branch is due or busy; otherwise wait, or give way to an alternative by FAILURE."""
         if self._branch.is_busy:
             return Status.SUCCESS
         next_branch = self._branch.observer.next_in_turn(self._branch)
@@ -99,13 +100,13 @@ class Perceive(Behaviour):
         return Status.SUCCESS if branch.take() else Status.FAILURE
 
     def terminate(self, new_status: Status) -> None:
-        """Cancel the job when the tree stops or its evidence can no longer count."""
+        """Cancel the job if the tree stops this node: the observer stops, or the evidence can no longer count."""
         if new_status is Status.INVALID:
             self._branch.cancel()
 
 
 class Accept(Behaviour):
-    """A refinement of the result, e.g. a least number of markers (P1, Figure 4C)."""
+    """A refinement of the result, e.g. a minimum number of markers (P1, Figure 4C)."""
 
     tick, stop = leaf_tick, leaf_stop
 
@@ -136,7 +137,7 @@ class Identify(Behaviour):
         branch.add_variable(variable, term)
 
     def update(self) -> Status:
-        """Succeed in any case: if the result lacks the value, it is rejected for this variable only."""
+        """Succeed in any case: if the result has no value for the variable, it is rejected for this variable only."""
         is_identified = self._branch.identify(self._variable, self._term)
         self.feedback_message = "" if is_identified else "the result does not count or has no value"
         return Status.SUCCESS

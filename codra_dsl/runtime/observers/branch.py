@@ -17,10 +17,10 @@ from codra_dsl.runtime.values.hysteresis import DebouncedCondition, Hysteresis, 
 from codra_dsl.runtime.values.model import Algorithm, NotOfTypeError
 
 SHORTEST_PERIOD_S = 0.01
-"""The shortest period: an algorithm that takes no time and may look again at once still lets time pass."""
+"""The shortest period. It lets time pass even if an algorithm takes no time and may look again at once."""
 
 INSTANT_S = 1e-6
-"""A look that begins this long after the start of acting sees what the action changes."""
+"""A look that begins this long after a skill starts to act sees what the action changes."""
 
 
 class ObserverSchedule(Protocol):
@@ -28,12 +28,12 @@ class ObserverSchedule(Protocol):
 
     @property
     def period_s(self) -> float:
-        """Return the time from one start of an algorithm to the next."""
+        """Return the time from the start of one job of an algorithm to the start of the next."""
         ...
 
     @property
     def priority(self) -> int:
-        """Return the priority: the larger one goes first when jobs compete for a slot."""
+        """Return the priority: when jobs compete for a slot, the job with the largest priority goes first."""
         ...
 
 
@@ -56,7 +56,7 @@ class BranchObserver(Protocol):
         ...
 
     def observability_condition(self, variable: str) -> Term | None:
-        """Return the condition under which a variable can be observed; None if it always can."""
+        """Return the condition under which a variable can be observed; None if it can always be observed."""
         ...
 
     def context_now(self) -> ContextNow:
@@ -64,11 +64,11 @@ class BranchObserver(Protocol):
         ...
 
     def next_in_turn(self, branch: Branch) -> Branch | None:
-        """Return the one of a branch and its rivals that may start a job now, or None."""
+        """Return the branch, among a branch and its rivals, that may start a job now; None if there is none."""
         ...
 
     def touch(self) -> None:
-        """Request a tick, because it may have an effect."""
+        """Request a tick of the observer, because the tick may have an effect."""
         ...
 
     def note_job_end(self) -> None:
@@ -76,7 +76,7 @@ class BranchObserver(Protocol):
         ...
 
     def add_failed_look(self, variable: str, failed_look: FailedLook) -> None:
-        """Keep a failed look until it is clear that no alternative delivers."""
+        """Keep a failed look until it is clear that no alternative delivers a value."""
         ...
 
     def write(self, variable: str, content: Value, algorithm: str, start_s: float, stamp_s: float) -> bool:
@@ -138,13 +138,16 @@ class Branch:
             votes.clear()
 
     def next_start_s(self) -> float:
-        """Return when the next job is due; infinity if it looks on events only, and not for any due variable now."""
+        """Return when the next job is due.
+
+        Return infinity if the branch looks on events only, and none of its due variables is asked for.
+        """
         if self.is_on_event:
             return self._next_on_event_s()
         return self._next_in_period_s()
 
     def _next_in_period_s(self) -> float:
-        """Return the end of its pause between jobs; for looks on events, the end of acting ends the pause."""
+        """Return the end of the pause between two jobs. For looks on events, the end of acting also ends the pause."""
         has_new_cause = self.is_on_event and self.last_start_s < self.observer.services.event_triggers.acted_s
         is_at_once = self._is_fresh or has_new_cause
         period_s = 0.0 if is_at_once else max(self.observer.model.period_s, SHORTEST_PERIOD_S)
@@ -152,7 +155,7 @@ class Branch:
 
     @property
     def would_look(self) -> bool:
-        """Return whether it needs its preconditions now: it looks, or its pause is over and no rival looks."""
+        """Return whether the branch needs its preconditions now: it looks, or its pause is over and no rival looks."""
         if self.is_busy:
             return True
         if any(rival.is_busy for rival in self.rivals):
@@ -165,14 +168,14 @@ class Branch:
 
     @property
     def is_occupied(self) -> bool:
-        """Return whether the algorithm's function still runs, also for a cancelled job.
+        """Return whether the algorithm's function still runs, even if its job was cancelled.
 
-        Then no other job of it starts: a function that hangs costs one thread, not one per period.
+        While it runs, no other job of the algorithm starts: a function that hangs costs one thread, not one per period.
         """
         return self.observer.services.perception.at_work(self.algorithm) is not None
 
     def serves(self, variable: str) -> bool:
-        """Return whether the variable can be left to this algorithm: it can run, and its last job had a value."""
+        """Return whether a variable can be left to this algorithm: it can run, and its last job had a value for it."""
         can_run = not self.is_occupied and self.blocking_condition(self.observer.context_now()) is None
         return can_run and variable in self.identifies and variable not in self._variables_without_value
 
@@ -190,7 +193,10 @@ class Branch:
 
     @property
     def evidence_is_taken(self) -> bool:
-        """Return whether the evidence is complete and its result is awaited; then only its interval is judged."""
+        """Return whether the evidence is complete but its result is still awaited.
+
+        From then on, preconditions are judged only for the interval of the evidence.
+        """
         interval = self._job_run.evidence(self.observer.now_s) if self._job_run is not None else None
         return interval is not None and interval.stamp_s is not None
 
@@ -201,7 +207,7 @@ class Branch:
         )
 
     def broken_condition(self) -> str | None:
-        """Return a precondition that did not hold all the time while the evidence was taken, up to now, or None."""
+        """Return a precondition that was broken, up to now, while the evidence was taken; None if there is none."""
         interval = self._job_run.evidence(self.observer.now_s) if self._job_run is not None else None
         if interval is None:
             return None
@@ -261,10 +267,10 @@ class Branch:
         self._refuse(self.identifies, Reason.REJECTED, f"not {condition}")
 
     def identify(self, variable: str, term: Term) -> bool:
-        """Give a variable its value from the result (P1, Equation 6); return whether it has one.
+        """Give a variable its value from the result (P1, Equation 6); return whether the variable has got one.
 
-        A result between `enter` and `leave` is evidence for the value at the instant at which it was taken; it is
-        rejected if the variable was unknown then.
+        A result between `enter` and `leave` confirms the value that the variable had when the evidence was taken. If
+        the variable was unknown at this instant, the result is rejected.
         """
         raw_value = term.evaluate(self.result) if self.result is not None else None
         if raw_value is None and self._leaves_as_is(term):
@@ -299,13 +305,13 @@ class Branch:
         return self.observer.services.perception.cost_meter(self.algorithm)
 
     def _precedence(self) -> tuple[float, int]:
-        """Return the priority and the urgency of its request for slots."""
+        """Return the priority and the urgency of the branch's requests for slots."""
         is_contested = bool(self.algorithm.slots)
         urgency = self.observer.services.urgency(self.observer.name) if is_contested else 0
         return self.observer.model.priority, urgency
 
     def _begin(self) -> dict[str, Value | None] | None:
-        """Return the context values for the job, or None if it must not begin; its evidence starts now."""
+        """Return the context values for the job, whose evidence starts now; None if the job must not begin."""
         now_s = self.observer.services.now_s()
         context = ContextNow(self.observer.services.cells, now_s)
         if self.blocking_condition(context) is not None:
@@ -324,7 +330,7 @@ class Branch:
         return max(self._next_in_period_s(), *invalidated_s)
 
     def due_variables(self) -> list[str]:
-        """Return its variables that are to be observed because of events, whether needed or not."""
+        """Return the variables of the branch that are due because of events, whether or not they are needed."""
         services, now_s = self.observer.services, self.observer.services.now_s()
         readings = (services.cells[variable].reading.at(now_s) for variable in self.identifies)
         return [reading.name for reading in readings if services.event_triggers.is_due(reading)]
@@ -337,7 +343,7 @@ class Branch:
             self._pinned_s = None
         if job_run is not None:
             self.observer.note_job_end()
-            if job_run.start_s is not None:  # the start of a job uses up what is due
+            if job_run.start_s is not None:  # when a job has started, its branch is no longer due
                 self.last_start_s, self._is_fresh = job_run.start_s, False
         return job_run
 
@@ -354,20 +360,20 @@ class Branch:
         return self.result is not None and isinstance(inner, Hysteresis) and inner.leaves_as_is(self.result)
 
     def _confirmed_since_s(self, variable: str, content: Value, votes: Votes) -> float | None:
-        """Count a result; return when the evidence for its value began to be taken, or None if too few agree.
+        """Count a result. Return when the taking of the evidence for its value began; None if too few results agree.
 
-        An unconfirmed result is a failed look like a rejected one: so `keep` and `forget` decide about the last value,
-        and it does not give way to an alternative. An outlier has no effect while the last results still confirm the
-        present value of the variable.
+        An unconfirmed result is a failed look, like a rejected result. So `keep` and `forget` decide about the last
+        value, and the algorithm does not give way to an alternative. An outlier has no effect while the last results
+        still confirm the present value of the variable.
         """
         vote = Vote(content, self._interval.start_s, self._stamp_s())
         if not self.observer.services.cells[variable].admits(vote.start_s, vote.stamp_s):
-            return vote.start_s  # evidence from before an action does not confirm; `write` reports it
+            return vote.start_s  # evidence from before an action is not counted as a vote; `write` reports it
         votes.take(vote, lambda before: self._still_counts(variable, before, vote))
         start_s = votes.start_s(content)
         if start_s is None:
-            count_text = f"{votes.count(content)} of {votes.needed} needed among the last {votes.among}"
-            detail = f"{count_text} for {_value_text(content)}"
+            count_text = f"{votes.count(content)} of the last {votes.among} results, {votes.needed} are needed"
+            detail = f"{_value_text(content)} in {count_text}"
             self._record_refusal((variable,), Reason.UNCONFIRMED, detail)
             reading = self.observer.services.cells[variable].reading.at(self.observer.now_s)
             if not reading.known or votes.count(reading.content) < votes.needed:
@@ -378,8 +384,8 @@ class Branch:
     def _still_counts(self, variable: str, before: Vote, now: Vote) -> bool:
         """Return whether an earlier result still counts for a variable.
 
-        It does not if it is from before the last action that changed the variable, if it is no longer valid, or if the
-        variable forgets and could not be observed for a moment since then.
+        It does not count if it is from before the last action that changed the variable, if it is no longer valid, or
+        if the variable is declared with `forget` and could not be observed for a moment since the result.
         """
         services = self.observer.services
         model, cells = services.variables[variable], services.cells

@@ -12,7 +12,7 @@ from codra_dsl.runtime.values.cell import BEFORE_ALL_S, Reading
 class EventTriggers:
     """The variables that skills under way monitor, those that acting skills change, and the last end of acting.
 
-    Callers that change it hold the lock.
+    Callers that change this object hold the context manager's lock.
     """
 
     def __init__(self) -> None:
@@ -39,7 +39,7 @@ class EventTriggers:
         self._acted_s = now_s
 
     def may_be_changing(self, variable: str) -> bool:
-        """Return whether an acting skill changes a variable: then its value is lost when it cannot be observed."""
+        """Return whether an acting skill changes a variable. Its value is then lost when it cannot be observed."""
         return any(variable in changes for changes in self._changed_variables.values())
 
     @property
@@ -48,7 +48,7 @@ class EventTriggers:
         return self._acted_s
 
     def is_due(self, reading: Reading[Value]) -> bool:
-        """Return whether to look on events.
+        """Return whether the variable of a reading is due to be observed because of events.
 
         A variable that a skill monitors is always observed. A variable that an action is changing is observed after the
         action, because a value would soon be out of date. Any other variable is observed if it is unknown, or if its

@@ -97,15 +97,15 @@ class _WatchedExpectation:
 
     @property
     def is_settled(self) -> bool:
-        """Return whether its outcome is final."""
+        """Return whether the outcome is final."""
         return self.is_over or self.outcome in (Outcome.MET, Outcome.VIOLATED)
 
     def outcome_if(self, holds: Value | None, *, at_end: bool) -> Outcome | None:
-        """Return its outcome given whether the condition holds; None if it is still open.
+        """Return the outcome, given whether the condition holds; None if the outcome is still open.
 
         Args:
             holds: whether the condition holds now; None if the variable is unknown.
-            at_end: whether the time is over in which it is to come true, or to stay true.
+            at_end: whether the time in which the condition is to become true, or to stay true, is over.
         """
         is_late = at_end or self.outcome is Outcome.NOT_SEEN
         if holds is None:
@@ -120,10 +120,12 @@ class Expectations:
 
     Callers hold the context manager's lock, except for `is_settled` and `verification`.
 
-    An expectation is judged by the context alone, from the start of acting, when the context changes and when the time
-    of the expectation is over: so outcomes follow from the journal. A variable that the skill changes is unknown at the
-    start of acting, until newer evidence arrives. If the variable was not observed in time, the outcome is `NOT_SEEN`,
-    neither met nor violated, and the first later observation decides.
+    From the start of acting, an expectation is judged whenever the context changes, and when its time is over. It is
+    judged by the context alone, so outcomes follow from the journal.
+
+    A variable that the skill changes is unknown from the start of acting until newer evidence arrives. If the variable
+    of an expectation was not observed in time, the outcome is `NOT_SEEN`, neither met nor violated, and the first later
+    observation decides.
     """
 
     def __init__(
@@ -145,7 +147,7 @@ class Expectations:
         self._by_variable: dict[str, list[tuple[int, _WatchedExpectation]]] = {}
 
     def act(self, number: int, skill: SkillModel) -> None:
-        """Start the expectations of a skill now; open ones of its earlier acting end as `NOT_SEEN`."""
+        """Start the expectations of a skill now. Open expectations of an earlier acting end as `NOT_SEEN`."""
         self.finish(number)
         now_s = self._clock.now_s()
         watched_expectations = tuple(_WatchedExpectation(model, skill.name, now_s) for model in skill.expects)
@@ -240,5 +242,5 @@ class Expectations:
 
 
 def unseen_variables(verification: Verification) -> Iterable[str]:
-    """Return, without repetition, the variables of undecided expectations whose value is unknown."""
+    """Return the unknown variables of expectations without a decided outcome, each variable once."""
     return dict.fromkeys(verdict.variable for verdict in verification.not_seen if verdict.value is None)

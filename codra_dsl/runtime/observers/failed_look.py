@@ -1,4 +1,4 @@
-"""Failed looks: the effect on a variable of a job that has no value for it."""
+"""Failed looks: what happens to a variable if a job brings no value for it."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ class FailedLook:
 
 
 def decisive_look(reading: Reading[Value], failed_looks: Iterable[FailedLook], *, forgets: bool) -> FailedLook | None:
-    """Return the failed look that makes a variable unknown, or gives a new reason for it, or None.
+    """Return the failed look that makes a variable unknown, or gives an unknown variable a new reason; otherwise None.
 
-    It is called once no alternative has delivered. A failure makes the variable unknown only if the failed algorithm
-    wrote its value: a newer value of another writer stays. A rejection makes it unknown only if the variable `forgets`.
-    A variable that is unknown already takes the latest reason.
+    This is called when it is clear that no alternative delivers a value. A failure makes the variable unknown only if
+    the failed algorithm wrote the present value: a newer value of another writer stays. A rejection makes the variable
+    unknown only if the variable `forgets`. A variable that is already unknown gets the latest reason.
     """
     latest_look: FailedLook | None = None
     for failed_look in failed_looks:

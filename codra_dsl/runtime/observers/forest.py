@@ -1,9 +1,10 @@
 """The forest F: all observers, connected by the context that they share (P1, Equation 11), ticked after changes.
 
 The paper ticks every tree each second. Here a tree is ticked when it is due, when a variable that it reads has
-changed, when a job has ended, and when a comparison with an age flips. The meaning is the same with less work;
-`tests/runtime/observers/test_by_change.py` compares it with ticking every tree at every instant. A variable has changed
-when it has another value. Newer evidence for the same value is a change only for the trees that read its age.
+changed, when a job has ended, and when the result of a comparison with an age changes. The outcome is the same, with
+less work: `tests/runtime/observers/test_by_change.py` compares it with that of ticking every tree at every instant. A
+variable has changed when it has another value. Newer evidence for the same value is a change only for the trees that
+read the age of the variable.
 """
 
 from __future__ import annotations
@@ -20,10 +21,10 @@ from codra_dsl.runtime.perception import described
 from codra_dsl.runtime.values.cell import Reading
 
 MAX_ROUNDS = 100
-"""The largest number of rounds at one instant; feedback that is not settled by then has to wait."""
+"""The largest number of rounds at one instant. If feedback is not settled by then, the next round has to wait."""
 
 UNREST_S = 0.01
-"""The wait after `MAX_ROUNDS`."""
+"""How long the next round waits after `MAX_ROUNDS` rounds."""
 
 
 class Forest:
@@ -88,7 +89,7 @@ class Forest:
         return self._activation.running()
 
     def obstacle(self, variable: str) -> str | None:
-        """Return what prevents the observation of a variable now; empty if nothing does, None if it has no observer.
+        """Return why a variable cannot be observed now; empty if it can be observed, None if it has no observer.
 
         Any thread may call this, without the lock.
         """
@@ -102,7 +103,8 @@ class Forest:
     def declare(self, variable: str) -> None:
         """Start the observers for a variable that enters C_E(t) (P1, Algorithm 1).
 
-        If its observer runs already, for others that need it on events, it may be due only now: it is ticked.
+        If the observer of the variable runs already, because other observers need the variable on events, the variable
+        may be due only now. So this observer is ticked.
         """
         self._activation.declare(variable)
         if variable in self._observers_needing and variable in self._observer_of:
@@ -113,11 +115,12 @@ class Forest:
         self._activation.withdraw(variable)
 
     def changed(self, variable: str, is_renewed: bool) -> None:
-        """Tick the readers of a variable that has another reading, now or in its history.
+        """Tick the readers of a variable whose present reading or history has changed.
 
         Args:
-            variable: its name.
-            is_renewed: whether it only has newer evidence for the same value. That affects only conditions on its age.
+            variable: the name of the variable.
+            is_renewed: whether the variable only has newer evidence for the same value. This affects only conditions on
+                the age of the variable.
         """
         readers = self._readers_of_age if is_renewed else self._readers
         for observer in readers.get(variable, ()):
@@ -127,9 +130,10 @@ class Forest:
                     self._let_settle()
 
     def is_asked_for(self, variable: str, declarations: Container[str]) -> bool:
-        """Return whether a variable is declared, or needed by an observer that is due to look, directly or not.
+        """Return whether a variable is declared, or needed, directly or indirectly, by an observer that is due to look.
 
-        Observers may need each other in a cycle. A cycle that is not asked for from outside does not ask for itself.
+        Observers may need each other in a cycle. Need within the cycle does not count: one of its variables must be
+        asked for from outside the cycle.
         """
         visited, pending = {variable}, [variable]
         while pending:
@@ -155,7 +159,7 @@ class Forest:
                 self.touch(observer)
 
     def touch(self, observer: Observer) -> None:
-        """Tick an observer in the next round, at this instant; no effect if it does not run."""
+        """Tick an observer in the next round, at this instant. If the observer does not run, this has no effect."""
         if not observer.is_wanted:
             return
         self._touched_names.add(observer.name)
@@ -166,7 +170,10 @@ class Forest:
         self._round = self._clock.call_at(self._clock.now_s(), self._settle)
 
     def _settle(self) -> None:
-        """Run rounds at this instant: tick in order on one state of the context, commit, until nothing changes."""
+        """Run rounds at this instant until nothing changes.
+
+        In a round, observers are ticked in order on one state of the context; then their readings are committed.
+        """
         try:
             is_quiet = self._run_rounds()
         except BaseException:
@@ -197,7 +204,7 @@ class Forest:
         return readings
 
     def _wake_at(self, observer: Observer, instant_s: float | None) -> None:
-        """Tick an observer at an instant; an earlier tick stays and sets the next one itself."""
+        """Tick an observer at an instant. If an earlier tick is scheduled, it stays, and will schedule the next one."""
         timer = self._timers.get(observer.name)
         if instant_s is not None and (timer is None or timer.instant_s > instant_s):
             if timer is not None:
@@ -205,7 +212,7 @@ class Forest:
             self._timers[observer.name] = self._clock.call_at(instant_s, lambda: self._wake(observer))
 
     def _wake(self, observer: Observer) -> None:
-        # A timer that fires while it is replaced removes the entry of the new one.
+        # If a timer fires while it is being replaced, this removes the entry of the new timer.
         self._timers.pop(observer.name, None)
         self.touch(observer)
 
@@ -223,7 +230,7 @@ class Forest:
         self._on_stop(observer)
 
     def _serving_observers(self, observer: Observer) -> frozenset[str]:
-        """Return the observers that look on events for one observer, directly or not; they are ticked with it."""
+        """Return the observers that look on events for an observer, directly or indirectly; they are ticked with it."""
         serving_names: set[str] = set()
         pending = [observer]
         while pending:
@@ -233,16 +240,15 @@ class Forest:
         return frozenset(serving_names)
 
     def _find_readers(self) -> tuple[dict[str, list[Observer]], dict[str, list[Observer]]]:
-        """Return, by variable, the observers that read it, and the observers that depend on its age."""
+        """Return two mappings: from a variable to the observers that read it, and to those that depend on its age."""
         readers: dict[str, list[Observer]] = {}
         readers_of_age: dict[str, list[Observer]] = {}
         for name in self._activation.order:
             observer = self._observers[name]
             for need in observer.watched_variables():
                 readers.setdefault(need, []).append(observer)
-            has_own = (
-                observer.on_event_variables if observer.on_event_needs else ()
-            )  # whether it looks depends on their age
+            # whether the observer looks depends on the age of its own variables
+            has_own = observer.on_event_variables if observer.on_event_needs else ()
             for need in sorted({*observer.aged_needs(), *has_own}):
                 readers_of_age.setdefault(need, []).append(observer)
         return readers, readers_of_age

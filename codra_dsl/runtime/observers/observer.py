@@ -28,8 +28,9 @@ class ObserverModel:
     """An observer O_i: how its tree is built and what it identifies (P1, Equations 5, 6).
 
     Attributes:
-        period_s: the time from one start of an algorithm to the next; a longer job is followed by the next at once.
-        priority: the larger one goes first when jobs compete for a slot.
+        period_s: the time from the start of one job of an algorithm to the start of the next. If a job takes longer,
+            the next job follows at once.
+        priority: when jobs compete for a slot, the job of the observer with the largest priority goes first.
         build: builds the behaviour tree.
     """
 
@@ -89,11 +90,11 @@ class Observer:
         return tuple(sorted({name for term in self._terms() for name in term.variables()}))
 
     def watched_variables(self) -> tuple[str, ...]:
-        """Return the variables whose changes cause a tick: those that it needs or observes on events."""
+        """Return the variables whose changes cause a tick: the observer needs them, or observes them on events."""
         return tuple(sorted({*self.needs(), *self.on_event_variables}))
 
     def aged_needs(self) -> tuple[str, ...]:
-        """Return the context-variables whose age it reads, sorted.
+        """Return the context-variables whose age the observer reads, sorted.
 
         Newer evidence for them may matter even if the value stays the same.
         """
@@ -102,7 +103,7 @@ class Observer:
     def observability_condition(self, variable: str) -> Term | None:
         """Return the condition under which a variable can be observed: all preconditions of one of its algorithms hold.
 
-        None if it can always be observed.
+        Return None if the variable can always be observed.
         """
         conditions = [[term for _, term in branch.conditions] for branch in self._branches_of[variable]]
         return reduce(or_, (reduce(and_, terms) for terms in conditions)) if conditions and all(conditions) else None
@@ -118,7 +119,7 @@ class Observer:
         return [branch for branch in self._branches if branch.reads(variable) and branch.would_look]
 
     def obstacle(self, variable: str) -> str:
-        """Return the conditions that prevent every algorithm of a variable from looking now; empty if one can look."""
+        """Return why no algorithm of a variable can look now: a condition for each of them; empty if one can look."""
         if self._failure is not None:
             return f"{self.name} failed and is stopped: withdraw {variable} and declare it again"
         context_now = ContextNow(self.services.cells, self.services.now_s())
@@ -126,7 +127,7 @@ class Observer:
         return "; ".join(name for name in conditions if name is not None) if all(conditions) else ""
 
     def touch(self) -> None:
-        """Request a tick, because it may have an effect."""
+        """Request a tick, because the tick may have an effect."""
         self._on_touch(self)
 
     # Called by its branches
@@ -136,7 +137,7 @@ class Observer:
         self._has_job_ended = True
 
     def add_failed_look(self, variable: str, failed_look: FailedLook) -> None:
-        """Keep a failed look until it is clear that no alternative delivers."""
+        """Keep a failed look until it is clear that no alternative delivers a value."""
         self._failed_looks.setdefault(variable, []).append(failed_look)
 
     def write(self, variable: str, content: Value, algorithm: str, start_s: float, stamp_s: float) -> bool:
@@ -152,11 +153,11 @@ class Observer:
         return True
 
     def next_in_turn(self, branch: Branch) -> Branch | None:
-        """Return the one of a branch and its rivals that may start a job now, or None.
+        """Return the branch, among a branch and its rivals, that may start a job now; None if there is none.
 
-        An algorithm is needed if at least one of its variables is not served by any algorithm of better rank.
-        Of the needed ones, the one that has not run for the longest time goes first, so that none starves another; then
-        rank decides.
+        An algorithm is needed if at least one of its variables is not served by any algorithm of better rank. Among the
+        needed algorithms, the one that has not run for the longest time goes first, so that no algorithm starves
+        another one. If this does not decide, rank decides.
         """
         if any(rival.is_busy for rival in branch.rivals):
             return None
@@ -168,7 +169,7 @@ class Observer:
     # Life cycle
 
     def start(self) -> None:
-        """Start it; it looks as soon as it can."""
+        """Start the observer; it looks as soon as it can."""
         self.is_wanted, self._failure = True, None
         for branch in self._branches:
             branch.refresh()
@@ -178,7 +179,7 @@ class Observer:
         self.is_wanted = False
 
     def tick(self, now_s: float) -> list[Reading[Value]]:
-        """Tick the tree once and return the readings that it identified, or made unknown."""
+        """Tick the tree once; return the readings of the variables that this has identified or made unknown."""
         self.now_s, self._writes, self._has_job_ended = now_s, [], False
         self._context_now = ContextNow(self.services.cells, now_s)
         if self._failure is not None:
@@ -196,7 +197,7 @@ class Observer:
         return self._writes
 
     def fail(self, message: str) -> list[Reading[Value]]:
-        """Stop until it is started again, because its tree failed; the values that it wrote become unknown."""
+        """Stop the observer until it is started again, because its tree failed; values that it wrote become unknown."""
         self._writes, self._failure = [], message
         for branch in self._branches:
             branch.cancel()
@@ -208,7 +209,7 @@ class Observer:
         return self._writes
 
     def next_tick_s(self) -> float | None:
-        """Return when a tick will next have an effect if nothing changes before, or None."""
+        """Return when a tick will next have an effect if nothing changes before; None if there is no such instant."""
         if not self.is_wanted or self._failure is not None:
             return None
         flips = (term.flips_s(self._context_now) for term in self._aging_terms)
@@ -226,7 +227,10 @@ class Observer:
         return [term for branch in self._branches for _, term in branch.conditions]
 
     def _rivals(self, branch: Branch) -> tuple[Branch, ...]:
-        """Return, by rank, the branches that share variables with this one, also indirectly; one runs at a time."""
+        """Return, by rank, a branch and the branches that share variables with it, directly or indirectly.
+
+        Only one of them runs at a time.
+        """
         group = [branch]
         for member in group:
             names = set(member.identifies)
@@ -240,7 +244,7 @@ class Observer:
         return any(not any(other.serves(variable) for other in better) for variable in branch.identifies)
 
     def _reading(self, variable: str) -> Reading[Value]:
-        """Return the present reading of a variable, including those written in this tick."""
+        """Return the present reading of a variable. It can be a reading that was written in this tick."""
         present = self.services.cells[variable].reading.at(self.now_s)
         written_readings = (reading for reading in self._writes if reading.name == variable)
         return sorted((present, *written_readings), key=lambda reading: reading.evidence_s)[-1]
@@ -249,7 +253,7 @@ class Observer:
         return any(branch.algorithm.name == reading.source for branch in self._branches)
 
     def _settle(self, variable: str) -> None:
-        """Decide whether a tick makes a variable unknown, or gives a new reason for an unknown one."""
+        """Decide whether a tick makes a variable unknown, or gives an unknown variable a new reason."""
         forgets = self._forgets(variable)
         if variable in self._failed_looks and not self._has_job_ended and not self._alternative_is_busy(variable):
             failed_look = decisive_look(self._reading(variable), self._failed_looks.pop(variable, ()), forgets=forgets)
@@ -259,7 +263,10 @@ class Observer:
             self._forget_unseen(variable)
 
     def _forgets(self, variable: str) -> bool:
-        """Return whether a value is lost when it cannot be observed; while an action changes it, it always is."""
+        """Return whether the value of a variable is lost when the variable cannot be observed.
+
+        While an action changes the variable, this is always the case.
+        """
         model = self.services.variables[variable]
         return model.when_unobservable == "forget" or self.services.event_triggers.may_be_changing(variable)
 
@@ -270,7 +277,7 @@ class Observer:
         return self._branches[0].next_start_s() <= self.now_s
 
     def _alternative_is_busy(self, variable: str) -> bool:
-        """Return whether a busy algorithm without a failed look may still deliver."""
+        """Return whether a busy algorithm without a failed look may still deliver a value."""
         tried_algorithms = {failed_look.algorithm for failed_look in self._failed_looks.get(variable, ())}
         return any(
             branch.is_busy and branch.algorithm.name not in tried_algorithms for branch in self._branches_of[variable]

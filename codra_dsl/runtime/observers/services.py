@@ -21,7 +21,7 @@ class ObserverServices:
         cells: all variables.
         variables: their declarations.
         perception: runs jobs.
-        event_triggers: decides when to look on events.
+        event_triggers: decides when variables with `refresh: on_event` are due.
         event_writer: writes to the event log.
         clock: real or simulated time.
         urgency: returns how urgently the variables of an observer, given by its name, are needed.

@@ -1,4 +1,4 @@
-"""The central data structure of P1, section 3.3: all context-variables, through which every change goes."""
+"""The central data structure of P1, section 3.3: it holds all context-variables, and makes every change of them."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ class Store:
         event_writer: EventWriter,
         on_change: Callable[[str, bool], None],
     ) -> None:
-        """Create the cells of all variables, unknown.
+        """Create the cells of all variables, which are unknown at first.
 
         Args:
             variables: C_M.
             clock: real or simulated time.
             event_writer: records every change.
-            on_change: called with the name of a variable whose present reading or history has changed, and whether it
-                only has newer evidence for the same value.
+            on_change: called when the present reading or the history of a variable has changed. The arguments are the
+                name of the variable, and whether the variable only has newer evidence for the same value.
         """
         self.variables: Mapping[str, VariableModel] = {variable.name: variable for variable in variables}
         self.cells: Mapping[str, Cell] = {name: Cell(name, model.history) for name, model in self.variables.items()}
@@ -49,7 +49,11 @@ class Store:
         return self.cells[name].reading.at(self._clock.now_s())
 
     def write(self, reading: Reading[Value]) -> None:
-        """Store a reading that is identified now: as the present one or, if its evidence is older, in the history."""
+        """Store a reading that is identified now.
+
+        If its evidence is older than that of the present reading, the reading is stored only in the history. Otherwise
+        it becomes the present reading.
+        """
         name = reading.name
         if reading.expires_s == FOREVER_S and reading.reason is None:
             expires_s = reading.evidence_s + self.variables[name].valid_for_s
@@ -77,7 +81,7 @@ class Store:
         self.make_unknown(name, Reason.INVALIDATED, skill, source)
 
     def forget(self, names: Iterable[str], observer: str) -> None:
-        """Make the known variables of an observer that stops unknown if they are declared with `forget`."""
+        """Make variables of a stopping observer unknown, if they are known now and are declared with `forget`."""
         for name in names:
             if self.variables[name].when_unobservable == "forget" and self.reading(name).known:
                 self.make_unknown(name, Reason.WITHDRAWN, observer, MAIN)
@@ -99,7 +103,7 @@ class Store:
 
 
 def _is_same_state(before: Reading[Value], reading: Reading[Value]) -> bool:
-    """Return whether the first of two readings of the same content was known, or unknown, like the second until now."""
+    """Return whether, between two readings with the same content, the variable stayed known, or stayed unknown."""
     if before.reason is not None and reading.reason is not None:
         # evidence from before a value went stale changes the history
         return before.reason is not Reason.STALE or before.identified_s <= reading.evidence_s

@@ -1,7 +1,7 @@
 """Ticking a behaviour tree: the same steps as py_trees, without visitors and debugging texts.
 
-py_trees passes each node that it ticks to visitors, and writes texts for a debugger. An observer's tree has neither of
-them, and they take most of the time of a tick.
+py_trees passes each node that it ticks to visitors, and writes texts for a debugger. This takes most of the time of a
+tick, and an observer's tree has neither visitors nor a debugger.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from py_trees.composites import Composite, Sequence
 
 
 def tick(node: Behaviour) -> None:
-    """Tick a tree once, as its `tick_once` does."""
+    """Tick a tree once, in the same way as its method `tick_once`."""
     if type(node).tick is leaf_tick:
         _tick_leaf(node)
     elif type(node) is Sequence and not node.memory:
@@ -24,13 +24,13 @@ def tick(node: Behaviour) -> None:
 
 
 def leaf_tick(node: Behaviour) -> Iterator[Behaviour]:
-    """Tick a leaf; used as its method `tick`."""
+    """Tick a leaf. Classes of leaves use this function as their method `tick`."""
     _tick_leaf(node)
     yield node
 
 
 def leaf_stop(node: Behaviour, new_status: Status) -> None:
-    """Stop a leaf; used as its method `stop`."""
+    """Stop a leaf. Classes of leaves use this function as their method `stop`."""
     node.terminate(new_status)
     node.status = new_status
 

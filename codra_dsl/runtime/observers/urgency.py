@@ -38,7 +38,7 @@ class Urgencies:
         self._awaited_variables[number] = variable
 
     def answer(self, number: int) -> None:
-        """Note that it no longer waits."""
+        """Note that a decision no longer waits."""
         self._awaited_variables.pop(number, None)
 
     def of(self, observer: str, declarations: Declarations) -> Urgency:
@@ -56,7 +56,10 @@ class Urgencies:
         yield Urgency.EXPECTED, declarations.of_expected()
 
     def _spread(self, urgency: Urgency, variables: Iterable[str]) -> None:
-        """Give this urgency to the observers of variables, and to those that they need, unless they are more urgent."""
+        """Give an urgency to the observers of some variables, and to all observers that these observers need.
+
+        An observer that already has an urgency keeps it, because the most urgent needs are given first.
+        """
         pending = list(variables)
         while pending:
             observer = self._observer_of.get(pending.pop())

@@ -58,7 +58,7 @@ class Executor(Protocol):
         ...
 
     def close(self) -> None:
-        """Wait for this end, but only for a short time."""
+        """Wait for the end that `hang_up` has begun, but only for a short time."""
         ...
 
 

@@ -59,8 +59,7 @@ class JobRun:
     def evidence(self, now_s: float) -> Interval | None:
         """Return when the job's evidence is taken, according to the reports of the job until now.
 
-        None before the job runs. If the job has not reported when its evidence is taken, it is taken during the entire
-        job.
+        Return None before the job runs. Without such a report, the evidence is taken during the entire job.
         """
         if self.start_s is None:
             return None

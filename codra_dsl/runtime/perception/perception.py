@@ -118,7 +118,7 @@ class Perception:
         return job_run
 
     def cancel(self, job_run: JobRun) -> None:
-        """Cancel a job, whose result is no longer needed."""
+        """Cancel a job, because its result is no longer needed."""
         if job_run.start_s is not None and not isinstance(job_run.outcome, Failure):
             self._cost_meters[job_run.algorithm.name].cancelled += 1
         if job_run.state is not State.ENDED:
@@ -135,7 +135,10 @@ class Perception:
     def _check(self, algorithm: Algorithm) -> None:
         missing_handles = [name for name in algorithm.handles if name not in self._handles]
         if missing_handles:
-            raise CallError(f"perception {algorithm.name!r} reads {missing_handles[0]!r}: give start() its handle")
+            raise CallError(
+                f"perception {algorithm.name!r} reads resource {missing_handles[0]!r}: "
+                "pass its handle to start() in `resources`"
+            )
         unknown_resources = [name for name in algorithm.slots if name not in self._slots.resources]
         if unknown_resources:
             resource = unknown_resources[0]

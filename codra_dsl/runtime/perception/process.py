@@ -99,7 +99,7 @@ class Process:
         self._hang_up()
 
     def wait_for_end(self) -> str:
-        """Wait for the end of the process, which was ordered or has happened; return a text that describes the end."""
+        """Wait for the end of a process that was ordered to end or has ended; return a text that describes the end."""
         with self._ending:
             if self._end is None:
                 self._end = self._wait_for_end()

@@ -84,7 +84,7 @@ class ProcessExecutor:
             return exchange.result("perceive", request, max(SETUP_S, self._algorithm.timeout_s))
         except (JobError, Cancelled):
             raise
-        except TimeoutError as error:  # only in simulated time: in real time, the job's timeout comes before
+        except TimeoutError as error:  # only in simulated time: in real time, the job's timeout comes first
             self._drop(process)
             job.sleep(math.inf)
             raise JobError("its process no longer responds") from error
@@ -137,7 +137,7 @@ class ProcessExecutor:
         self._process = None
 
     def _communication_error(self, process: Process, error: Exception) -> JobError:
-        """Return the error of a job with whose process the program can no longer communicate."""
+        """Return the error of a job whose process can no longer communicate with the program."""
         if isinstance(error, GarbageError):
             self._drop(process)
             return JobError(str(error))
@@ -171,7 +171,7 @@ class ProcessExecutor:
 
 
 class _Exchange:
-    """The exchange of messages about one job. It answers the requests of the process until this reports the outcome."""
+    """The exchange of messages about one job. The requests of the process are answered until it reports the outcome."""
 
     def __init__(self, process: Process, job: RunningJob | None, handles: Mapping[str, object]) -> None:
         self.process = process

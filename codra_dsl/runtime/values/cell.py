@@ -21,7 +21,8 @@ BEFORE_ALL_S = -math.inf
 FOREVER_S = math.inf
 
 MIN_READINGS = 100
-"""At least so many readings are kept, even if the spec declares a shorter history: evidence is checked against them."""
+"""At least this many readings are kept, even if the spec declares a shorter history: evidence is checked against them.
+"""
 
 MAX_PINNED_READINGS = 10_000
 """The largest number of readings that are kept beyond the limit while evidence is taken. It bounds the memory."""
@@ -35,8 +36,8 @@ class Reason(StrEnum):
 
     Attributes:
         meaning: a short text for people.
-        is_failure: whether the algorithm failed. Then a variable becomes unknown only if its value is of this
-            algorithm.
+        is_failure: whether the reason is that the algorithm failed. A failure makes a variable unknown only if the
+            value of the variable comes from the failed algorithm.
     """
 
     meaning: str
@@ -201,7 +202,7 @@ class Cell:
         self._has_dropped_readings = False
 
     def admits(self, start_s: float, stamp_s: float) -> bool:
-        """Return whether evidence counts. It does not if the variable was invalidated while the evidence was taken."""
+        """Return whether evidence counts: it does not if the variable was invalidated while the evidence was taken."""
         return not start_s <= self.invalidated_s <= stamp_s
 
     def write(self, reading: Reading[Value]) -> bool:
@@ -251,7 +252,7 @@ class Cell:
         return tuple(self._readings[max(0, len(self._readings) - self._history_limit) :])
 
     def at(self, instant_s: float) -> Reading[Value]:
-        """Return the reading at an instant, as far as it is known today.
+        """Return the reading at an instant, according to what is known today.
 
         It is the reading with the newest evidence up to the instant. If this reading was no longer valid at the
         instant, the variable is unknown.

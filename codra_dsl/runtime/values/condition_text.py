@@ -49,7 +49,7 @@ class ConditionTextError(ValueError):
 
 @lru_cache(maxsize=4096)
 def _parse(text: str) -> ast.expr:
-    # before 3.11.8 and 3.12.2, all threads of Python share the counter of the depth of the tree that they build
+    # before Python 3.11.8 and 3.12.2, all threads that parse share one counter for the depth of their syntax trees
     with _PARSE_LOCK:
         return ast.parse(text, mode="eval").body
 

@@ -1,4 +1,4 @@
-"""C_E(t) of P1, Equation 4: the variables that the main execution declares at this time, and the holders of these."""
+"""C_E(t) of P1, Equation 4: the variables that the main execution declares at this time, and who holds each of them."""
 
 from __future__ import annotations
 
@@ -6,7 +6,9 @@ from collections import Counter
 from collections.abc import Callable, Iterable
 
 MAIN = "main_execution"
-"""The holder of the main execution's own declarations. If there are several main executions, it has a number."""
+"""The holder of the main execution's own declarations. If there are several main executions, further ones have a number
+after this name.
+"""
 
 OBSERVER = "observer"
 """The source of a variable that an observer identifies."""
@@ -29,7 +31,7 @@ def skill_holder(skill: str, number: int) -> str:
 
 
 class Declarations:
-    """The variables that several holders declare: the main execution, skills under way, and expected skills."""
+    """The variables that are declared by the main execution, skills under way, and expected skills: the holders."""
 
     def __init__(self, enter: Callable[[str, str], None], leave: Callable[[str, str], None]) -> None:
         """Start without declarations; `version` counts the changes.
@@ -94,7 +96,7 @@ class Declarations:
                 self._leave(name, holder)
 
     def hold(self, holder: str, names: Iterable[str]) -> None:
-        """Let a holder declare exactly these variables. Variables that it keeps do not leave C_E(t) and enter again."""
+        """Let a holder declare exactly these variables. A variable that it has declared before stays in C_E(t)."""
         before, after = self.of(holder), dict.fromkeys(names)
         for name in after:
             self.add(holder, name)

@@ -37,8 +37,8 @@ class ContextAt:
     """The context as it was at an instant, according to what is known today.
 
     Attributes:
-        replaced_reading: if a variable got several readings at the instant, one that another replaced at once. It is
-            used instead of the last one.
+        replaced_reading: if a variable got several readings at the instant, a reading that another one replaced at
+            once. It is used instead of the last reading of the instant.
     """
 
     cells: Mapping[str, Cell]
@@ -71,8 +71,8 @@ def held(term: Term, cells: Mapping[str, Cell], start_s: float, end_s: float) ->
 def _lasts(reading: Reading[Value], start_s: float, end_s: float) -> bool:
     """Return whether a present reading was the variable's reading at every instant from `start_s` to `end_s`.
 
-    This is not so for a stale reading. It keeps the instant of its evidence, but the variable was known until the
-    reading expired.
+    Return false for a stale reading: it keeps the instant of its evidence, but the variable was known until the reading
+    expired.
     """
     return reading.reason is None and reading.evidence_s <= start_s <= end_s < reading.expires_s
 
@@ -144,7 +144,7 @@ def _flips(term: Term, cells: Mapping[str, Cell], start_s: float, end_s: float) 
 
 
 class Watch:
-    """Tracks the condition under which a variable can be observed: whether it failed since the evidence was taken.
+    """Tracks whether the condition under which a variable can be observed has failed since the evidence was taken.
 
     The instant of the failure follows from the histories, not from the instants at which the tree was ticked.
     """
@@ -167,8 +167,8 @@ class Watch:
             now_s: the present instant.
         """
         evidence = (reading.evidence_s, reading.source, sum(cells[name].late_count for name in self._names))
-        # the late readings are counted too: if the past has changed, the time is checked again, so that the result does
-        # not depend on the instants of the checks
+        # late readings change the past, so they are counted too: after such a change, the time since the evidence is
+        # checked again, so that the result does not depend on the instants of the checks
         if self._evidence != evidence:
             self._evidence = evidence
             self._checked_until_s, self._held_at_check = reading.evidence_s, is_own

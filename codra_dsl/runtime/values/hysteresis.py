@@ -109,9 +109,9 @@ class Votes:
         return len(self._agreeing_votes(content))
 
     def start_s(self, content: Value) -> float | None:
-        """Return the start of the evidence for a value: the start of the first of the last `needed` results with it.
+        """Return when the taking of the evidence for a value began; None if fewer than `needed` results have the value.
 
-        None if fewer than `needed` results have this value.
+        It began with the first of the last `needed` results that have the value.
         """
         agreeing_votes = self._agreeing_votes(content)
         return agreeing_votes[-self.needed].start_s if len(agreeing_votes) >= self.needed else None

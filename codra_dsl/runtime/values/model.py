@@ -198,7 +198,7 @@ class Algorithm:
         given: context-variables whose values the function receives; all of them must be known.
         returns: the type of each value of a result.
         timeout_s: a job that runs longer than this times out.
-        min_interval_s: the least time between the starts of two jobs.
+        min_interval_s: the minimum time between the starts of two jobs.
         isolate: whether the function runs in a thread of the program, or in a separate process.
     """
 

@@ -1,4 +1,4 @@
-"""Persistent mappings. A change creates a new mapping; the old mapping stays as it is, and they share entries.
+"""Persistent mappings. A change creates a new mapping; the old mapping stays as it is, and both share entries.
 
 A reader that keeps a mapping sees the same state for as long as it likes, without a lock and without a copy.
 """
@@ -12,7 +12,7 @@ KeyT = TypeVar("KeyT")
 ValueT = TypeVar("ValueT")
 
 _MAX_STEPS = 32
-"""The largest number of newer versions that a reader of an old mapping looks at. Then the old mapping gets entries."""
+"""A reader of an old mapping looks at no more newer versions than this. The old mapping then gets its own entries."""
 
 _MAX_EXTRA_CHANGES = 1_000
 """A dictionary is copied when it has been changed more often than the number of its entries plus this number.

@@ -44,7 +44,7 @@ stories:
             "write 'module:name', for example 'door_world:Camera'",
         ),
         (4, 10, "spec 'kitchen' has no agent 'wall_swich'", "did you mean 'wall_switch'?"),
-        (6, 50, "'angle' is in rad, not in m", "write a number in rad, or another unit of its kind"),
+        (6, 50, "'angle' is in rad, but '3 m' is in m", "write a number in rad, or another unit of its kind"),
         (6, 66, "unknown key 'take' in 'look_at_fridge' of timeline 'kitchen'", "did you mean 'takes'?"),
         (7, 29, "spec 'kitchen' has no skill 'open_frigde'", "did you mean 'open_fridge'?"),
         (
@@ -67,12 +67,15 @@ stories:
         (f"{HEAD}stories: {{case: {{}}}}\n", "'case' in 'stories' of timeline 'kitchen' is empty"),
         (f"{HEAD}stories: {{case: {{1: {{}}}}}}\n", "'1' is not an instant of a story"),
         (moment("believes: {fridge_angle: 0.5}"), "'fridge_angle' is in rad, and '0.5' has no unit"),
-        (moment("believes: {fridge_open: {unknown: stale, is: true}}"), "'is' is about a value, and it is unknown"),
+        (
+            moment("believes: {fridge_open: {unknown: stale, is: true}}"),
+            "'is' describes a value, but 'unknown' expects none",
+        ),
         (moment("agents: {wall_switch: {fridge_open: true}}"), "agent 'wall_switch' is not a source of 'fridge_open'"),
         (moment("perception: {weigh_kettle: {returns: {}}}"), "'weigh_kettle' also returns 'weight'"),
         (
             moment("perception: {look_at_hob: {raises: a, hangs: true}}"),
-            "'raises', 'hangs': only one of them is possible",
+            "'raises', 'hangs': a fault can have only one of these keys",
         ),
         (
             moment("perception: {weigh_kettle: {takes: 1 s}}"),

@@ -136,7 +136,7 @@ def test_a_handle_that_no_algorithm_reads_is_reported_before_an_observer_runs() 
 
 
 def test_a_missing_handle_is_reported_before_an_observer_runs() -> None:
-    with pytest.raises(CallError, match=r"perception 'eye' reads 'world': give start\(\) its handle"):
+    with pytest.raises(CallError, match=r"perception 'eye' reads resource 'world': pass its handle to start\(\)"):
         ContextManager(forest([variable("a")], observer("o", seen("eye", "a"))), clock=SimClock(), resources={})
 
 

@@ -174,7 +174,7 @@ def test_taking_slots_one_by_one_is_refused_and_the_message_shows_how_to_take_th
     with (
         started(forest([], slots={"eye": 1, "arm": 1}), World()) as manager,
         manager.slot("eye"),
-        pytest.raises(RuntimeError, match=r"slots are taken together.*: slot\('eye', 'arm'\)"),
+        pytest.raises(RuntimeError, match=r"request all slots in one call.*: slot\('eye', 'arm'\)"),
         manager.slot("arm"),
     ):
         pass

@@ -103,7 +103,7 @@ def test_one_result_of_two_needed_is_unconfirmed_with_the_count() -> None:
         reading = manager.get("open")
         assert (reading.reason, reading.detail) == (
             Reason.UNCONFIRMED,
-            "1 of 2 needed among the last 3 for true",
+            "true in 1 of the last 3 results, 2 are needed",
         )
         clock.sleep(1.0)
         assert manager.get("open").value is True
@@ -227,5 +227,5 @@ def test_the_reason_of_an_unconfirmed_variable_is_explained() -> None:
         text = str(manager.why("open"))
         clock.sleep(1.0)
         later = str(manager.why("open"))
-    assert "unconfirmed at 0 s: 1 of 2 needed among the last 3 for true (look)" in text
+    assert "unconfirmed at 0 s: true in 1 of the last 3 results, 2 are needed (look)" in text
     assert "by the rule: enter: gap > 6.0, leave: gap < 4.0, confirm: 2 of 3" in later
