@@ -17,7 +17,7 @@ from codra_dsl.runtime.loops import Mape
 from codra_papers.experiments.limited_time import LimitedClock, TimeIsUp
 from codra_papers.experiments.pacing import Beat, Pace
 from codra_papers.store.mission.agent import Mission
-from codra_papers.store.mission.orders import SequentialOrders
+from codra_papers.store.mission.orders import SequentialMission
 from codra_papers.store.mission.picking import Picking
 from codra_papers.store.simulator.situations import StoreSettings
 from codra_papers.store.simulator.store import Store
@@ -123,7 +123,7 @@ def run_store(compiled: Compiled, settings: StoreRunSettings) -> StoreRun:
 def _serving(compiled: Compiled, codra: ContextManager[Any, Any], clock: Clock, stack: ExitStack) -> Callable[[], None]:
     """Return a function that serves orders for ever."""
     if compiled.loops is None:
-        return SequentialOrders(codra.knowledge, clock).serve
+        return SequentialMission(codra.knowledge, clock).serve
     robot = {"mission": Mission(codra.knowledge).leaves(), "picking": Picking(codra.knowledge).leaves()}
     stack.enter_context(compiled.loops(codra, clock=clock, robot=robot))
     return lambda: clock.sleep(math.inf)
