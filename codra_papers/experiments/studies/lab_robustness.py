@@ -1,7 +1,7 @@
 """`lab-robustness`: does context make observers more stable, and what does it save (P1, section 4.1)?
 
-Runs store frames together with the poses that the robot believed. The report detects tags in these frames again with
-the spec's functions and without a simulator, so reported detections can be verified.
+Runs store frames together with the poses that the robot believed. For the report, tags are detected in these frames
+again with the spec's functions and without a simulator. So reported detections can be verified.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from codra_papers.experiments.studies.robustness.mistakes import Mistake, mistak
 ARMS = (NAIVE, NAIVE_PACED, PRECONDITIONS, NEED, NEED_ON_EVENT)
 
 FURTHER_ARMS = tuple(arm for arm in ARMS if arm is not NAIVE_PACED)
-"""The arms of the runs for intervals; the effect of P1's pace on naive observers is shown by the runs of the tables."""
+"""The arms of the runs for intervals. The runs of the tables show the effect of P1's pace on naive observers."""
 
 RUNS = 10
 """The number of runs in the tables, as in P1's Table 2."""
@@ -49,13 +49,13 @@ COMPARED = (
     (NEED.name, PRECONDITIONS.name),
     (NEED_ON_EVENT.name, NEED.name),
 )
-"""The pairs of arms with reported differences: each arm, less the one with which it is compared."""
+"""The pairs of arms with reported differences: each arm, and the arm whose value is subtracted."""
 
 _NOTE = (
-    "All arms watch the same frames of a run, each with a vision slot of its own; the same work started at the same "
-    "instant takes the same time in each. The main execution looks at each of its decisions by itself and uses none of "
-    "the arms, so a run does not depend on any arm. Right, wrong and unknown seconds add up to the run. Ratios over "
-    "runs are ratios of sums, as in P1's Total."
+    "All arms watch the same frames of a run, each with a vision slot of its own. The same work started at the same "
+    "instant takes the same time in each arm. The main execution looks by itself for each of its decisions and uses "
+    "none of the arms, so a run does not depend on any arm. Right, wrong and unknown seconds add up to the run. "
+    "Ratios over runs are ratios of sums, as in P1's Total."
 )
 
 
@@ -94,8 +94,8 @@ class _Findings:
     """The content of the report.
 
     Attributes:
-        runs: those of the tables.
-        further: those of the intervals.
+        runs: the runs of the tables.
+        further: the runs of the intervals.
         vision: the algorithms that need the vision slot.
         wrong: wrong values at decisions, in the runs of the tables.
     """
@@ -162,8 +162,10 @@ def _all_variables(runs: Runs) -> Section:
     return Section(
         title="All fourteen variables",
         parts=(
-            tables.ratio_table(runs, paper, "Ratio: right of held seconds in the common window, over all runs."),
-            tables.ratio_table(runs, strict, "Strict ratio: right of all seconds in the same window."),
+            tables.ratio_table(
+                runs, paper, "Ratio: right seconds in held seconds, in the common window, over all runs."
+            ),
+            tables.ratio_table(runs, strict, "Strict ratio: right seconds in all seconds, in the same window."),
             tables.seconds_table(runs),
         ),
     )
@@ -179,8 +181,8 @@ def _intervals(findings: _Findings) -> Section:
 
 def _over_time(runs: Runs) -> Section:
     caption = (
-        "The true value and the value that each arm held over one run, as in P1's Figure 6; wrong values have a red "
-        "background."
+        "The true value and the value that each arm held over one run, as in P1's Figure 6. The background is "
+        "red while the value is wrong."
     )
     return Section(
         title="One run over time",
@@ -198,7 +200,7 @@ def _rings(runs: Runs, wrong: Sequence[Mistake]) -> Iterator[Drawing]:
         outcome = runs.outcomes[counts.index(max(counts))]
         caption = (
             f"The decisions on {label(name)}, as in P1's Figure 7, in the run with the most wrong values at decisions; "
-            "wrong values are magenta. A ring in the middle: the value was unknown to the arm."
+            "wrong values are magenta. A ring half-way between false and true: the value was unknown to the arm."
         )
         yield drawings.decisions(outcome, name, caption)
 

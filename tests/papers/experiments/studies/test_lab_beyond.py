@@ -23,11 +23,11 @@ from codra_papers.experiments.lab.scoring import Piece
 from codra_papers.experiments.lab.spec_variants import Without
 from codra_papers.experiments.lab.trials import Trial, run_trial
 from codra_papers.experiments.studies import lab_ablation, lab_budgets, lab_options, lab_sensitivity, lab_transfer
-from codra_papers.experiments.studies.beyond.arm_comparison import LIDS_AND_LATCHES, arm_comparisons, pooled
+from codra_papers.experiments.studies.beyond.arm_comparison import LIDS_AND_LATCHES, arm_comparisons, pooled_seconds
 from codra_papers.experiments.studies.beyond.more_machines import FURTHER, spec_with
 from codra_papers.experiments.studies.beyond.parameters import ScaledNumber
 from codra_papers.experiments.studies.beyond.workloads import Tending, Waiting
-from codra_papers.experiments.studies.lab_disturbances import EPISODES, LID, Belief, Episode, believed, right_again_s
+from codra_papers.experiments.studies.lab_disturbances import EPISODES, LID, Belief, Episode, belief_in, right_again_s
 from codra_papers.experiments.studies.lab_disturbances import EXPERIMENT as DISTURBANCES
 from codra_papers.experiments.studies.robustness.findings import Runs
 from codra_papers.lab.simulator.laboratory import LABORATORY, LidMoved, PersonBefore
@@ -147,7 +147,7 @@ def test_an_arm_comparison_equals_a_recount(ablation: Judged) -> None:
     right_s = sum(runs.total(name, first.arm).right_s for name in LIDS_AND_LATCHES)
     assert first.seconds.right_s == pytest.approx(right_s)
     assert first.seconds.right_s == pytest.approx(
-        sum(pooled(outcome, LIDS_AND_LATCHES, first.arm).right_s for outcome in outcomes)
+        sum(pooled_seconds(outcome, LIDS_AND_LATCHES, first.arm).right_s for outcome in outcomes)
     )
     assert first.triggers == sum(outcome.arms[first.arm].triggers["localize_centrifuge_lid"] for outcome in outcomes)
 
@@ -223,7 +223,7 @@ def disturbed(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
 def belief(outcome: Outcome, arm: str, *times_s: float) -> Belief:
     start_s, over_s, until_s = times_s
     episode = Episode(name="", start_s=start_s, over_s=over_s, until_s=until_s, disturbances=())
-    return believed([outcome], episode, LID, arm)
+    return belief_in([outcome], episode, LID, arm)
 
 
 def test_a_lid_that_somebody_opened_is_true_and_is_seen_by_both_arms(disturbed: Outcome) -> None:

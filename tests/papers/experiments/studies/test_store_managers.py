@@ -20,21 +20,21 @@ from codra_dsl.runtime.loops.observations import Observation
 from codra_dsl.runtime.values.conditions import Value
 from codra_papers.experiments.campaign.statistics import quantile_interval
 from codra_papers.experiments.store.run import StoreRunSettings, run_store
-from codra_papers.experiments.studies.store_managers.comparing import compared, reactions
+from codra_papers.experiments.studies.store_managers.comparing import compare_managers, reactions
 from codra_papers.experiments.studies.store_managers.managers import (
     NORMAL_M_S,
     SLOW_M_S,
-    Chance,
+    LoopsManager,
     Manager,
-    Nominal,
-    Ours,
-    Tuned,
+    NominalManager,
+    RandomManager,
+    ThresholdManager,
 )
 from codra_papers.experiments.studies.store_managers.search import Design, best, cells
 from codra_papers.experiments.studies.store_managers.shift import Staging, shift_of
 from codra_papers.experiments.studies.store_managers.thresholds import Thresholds, with_thresholds
-from codra_papers.experiments.studies.store_managers.trial import LASTS_S, StoreOutcome, courses_of, managed
-from codra_papers.experiments.studies.store_managers.watching import Called, Cause, Span, Watch, calls
+from codra_papers.experiments.studies.store_managers.trial import LASTS_S, StoreOutcome, courses_of, managed_spec
+from codra_papers.experiments.studies.store_managers.watching import Cause, CauseCall, Span, Watch, calls
 from codra_papers.store.geometry import Point, Pose2D
 from codra_papers.store.simulator.state import Container, Load, RobotState, StoreState, Whereabouts
 from codra_papers.store.simulator.store import Store
@@ -42,7 +42,7 @@ from generated import lab, store
 
 THRESHOLDS = Thresholds(distance_m=1.5, battery_percent=20.0, load="full")
 TUNED = with_thresholds(store.MAPE, THRESHOLDS)
-MANAGERS: tuple[Manager, ...] = (Nominal(), Chance(), Tuned(THRESHOLDS), Ours())
+MANAGERS: tuple[Manager, ...] = (NominalManager(), RandomManager(), ThresholdManager(THRESHOLDS), LoopsManager())
 CALM: Mapping[str, Value | None] = {
     "bumped": False,
     "person_distance": 10.0,
@@ -104,7 +104,7 @@ def speeds(planned: list[tuple[float, Plan]]) -> list[Value]:
 
 
 def test_ours_decides_as_the_declared_loops_do() -> None:
-    planned = plans(Ours())
+    planned = plans(LoopsManager())
 
     assert [action for _, action in chosen(planned)][:4] == ["pick", "start", "pick", "start"]
     assert speeds(planned)[:3] == [NORMAL_M_S, SLOW_M_S, NORMAL_M_S]
@@ -115,7 +115,7 @@ def test_ours_decides_as_the_declared_loops_do() -> None:
 
 
 def test_no_adaptation_takes_the_nominal_course_and_speed_and_keeps_them() -> None:
-    planned = plans(Nominal())
+    planned = plans(NominalManager())
 
     assert chosen(planned) == [(0.0, "pick")]
     assert speeds(planned) == [NORMAL_M_S]
@@ -123,7 +123,7 @@ def test_no_adaptation_takes_the_nominal_course_and_speed_and_keeps_them() -> No
 
 
 def test_chance_changes_the_course_only_where_ours_would() -> None:
-    of_chance, of_ours = plans(Chance(), cycles=20), plans(Ours(), cycles=20)
+    of_chance, of_ours = plans(RandomManager(), cycles=20), plans(LoopsManager(), cycles=20)
 
     assert {at_s for at_s, _ in chosen(of_chance)} < {at_s for at_s, _ in chosen(of_ours)}
     assert {action for _, action in chosen(of_chance)} == {"pick", "deliver", "start", "dock"}
@@ -131,18 +131,18 @@ def test_chance_changes_the_course_only_where_ours_would() -> None:
 
 
 def test_chance_never_repeats_a_course_as_a_change() -> None:
-    actions = [action for _, action in chosen(plans(Chance(), cycles=20))]
+    actions = [action for _, action in chosen(plans(RandomManager(), cycles=20))]
 
     assert all(one != other for one, other in pairwise(actions))
 
 
 def test_chance_depends_on_the_seed() -> None:
-    assert chosen(plans(Chance(), seed=7)) == chosen(plans(Chance(), seed=7))
-    assert len({str(chosen(plans(Chance(), seed=seed))) for seed in range(5)}) > 1
+    assert chosen(plans(RandomManager(), seed=7)) == chosen(plans(RandomManager(), seed=7))
+    assert len({str(chosen(plans(RandomManager(), seed=seed))) for seed in range(5)}) > 1
 
 
 def test_replaced_decisions_keep_the_analysis_that_is_drawn() -> None:
-    for manager in (Nominal(), Chance()):
+    for manager in (NominalManager(), RandomManager()):
         written = [analysed.variable for analysed in plans(manager, cycles=1)[0][1].analysed]
         assert "safety" in written
 
@@ -226,7 +226,7 @@ def test_the_result_of_thresholds_lies_within_their_bounds(
 
 def test_a_spec_without_loops_has_no_managers_to_compare() -> None:
     with pytest.raises(SpecError, match="no loops"):
-        managed(lab, Ours(), 1)
+        managed_spec(lab, LoopsManager(), 1)
 
 
 # The same shop
@@ -256,13 +256,15 @@ def seen(manager: Manager, seed: int, lasts_s: float) -> SeenRun:
         run.events = shop.world.events
 
     settings_ = StoreRunSettings(shop=shift.settings(), duration_s=lasts_s, opened=opened)
-    run.courses += courses_of(run_store(managed(store, manager, seed), settings_).record)
+    run.courses += courses_of(run_store(managed_spec(store, manager, seed), settings_).record)
     return run
 
 
-@pytest.mark.parametrize("manager", [Chance(), Tuned(THRESHOLDS), Ours()], ids=lambda manager: manager.name)
+@pytest.mark.parametrize(
+    "manager", [RandomManager(), ThresholdManager(THRESHOLDS), LoopsManager()], ids=lambda manager: manager.name
+)
 def test_people_do_the_same_until_the_robot_acts_differently(manager: Manager) -> None:
-    one, other = seen(Nominal(), 1, 30.0), seen(manager, 1, 30.0)
+    one, other = seen(NominalManager(), 1, 30.0), seen(manager, 1, 30.0)
     pairs = enumerate(zip(one.robot, other.robot, strict=True))
     differs = next((step for step, (first, second) in pairs if first != second), len(one.robot) - 1)
 
@@ -271,7 +273,7 @@ def test_people_do_the_same_until_the_robot_acts_differently(manager: Manager) -
 
 
 def test_a_run_is_reproducible() -> None:
-    assert seen(Chance(), 1, 30.0).courses == seen.__wrapped__(Chance(), 1, 30.0).courses
+    assert seen(RandomManager(), 1, 30.0).courses == seen.__wrapped__(RandomManager(), 1, 30.0).courses
 
 
 def test_a_shift_depends_on_the_seed_only() -> None:
@@ -287,7 +289,7 @@ def test_a_shift_depends_on_the_seed_only() -> None:
 
 
 def test_a_shift_begins_with_its_containers_in_their_places() -> None:
-    assert [what for at_s, what in seen(Nominal(), 1, 30.0).events if at_s == 0.0] == [
+    assert [what for at_s, what in seen(NominalManager(), 1, 30.0).events if at_s == 0.0] == [
         "container_3 was moved: floor",
         "container_3 is full",
         "container_1 is loading",
@@ -361,7 +363,7 @@ def test_a_reaction_is_from_the_cause_to_the_first_course_that_it_calls_for() ->
     causes = [(0.0, None), (10.0, Cause.PERSON), (16.0, None)]
     courses = [(0.0, "pick"), (12.5, "start"), (14.0, "dock")]
 
-    assert calls(causes, courses, 20.0) == (Called(Cause.PERSON, 10.0, 16.0, 12.5),)
+    assert calls(causes, courses, 20.0) == (CauseCall(Cause.PERSON, 10.0, 16.0, 12.5),)
     assert calls(causes, courses, 20.0)[0].reaction_s == 2.5
 
 
@@ -386,7 +388,7 @@ def test_spans_of_a_cause_with_a_short_gap_are_merged() -> None:
     assert [(call.begun_s, call.ended_s) for call in merged] == [(5.0, 9.0), (10.5, 14.0)]
 
 
-def outcome_of(name: str, seed: int, **changes: float | Mapping[str, int] | tuple[Called, ...]) -> StoreOutcome:
+def outcome_of(name: str, seed: int, **changes: float | Mapping[str, int] | tuple[CauseCall, ...]) -> StoreOutcome:
     given_ = {"loops": 1, "unsafe_s": 2.0, "orders": {}, "aborts": 0, "bumps": 0, "called": ()} | changes
     return StoreOutcome(
         name=name,
@@ -405,7 +407,7 @@ def outcome_of(name: str, seed: int, **changes: float | Mapping[str, int] | tupl
 def test_differences_to_ours_are_taken_seed_by_seed() -> None:
     ours = [outcome_of("ours", seed, unsafe_s=float(seed)) for seed in range(1, 6)]
     none = [outcome_of("none", seed, unsafe_s=seed + 3.0) for seed in range(1, 6)]
-    table = compared({"none": none, "ours": ours}, "ours")
+    table = compare_managers({"none": none, "ours": ours}, "ours")
     by_measure = {(row.measure.key, row.manager): row for row in table}
 
     unsafe = by_measure["unsafe_s", "none"]
@@ -417,7 +419,7 @@ def test_differences_to_ours_are_taken_seed_by_seed() -> None:
 
 
 def test_an_unanswered_cause_counts_as_later_than_any_answered_one() -> None:
-    soon, late, never = (Called(Cause.PERSON, 0.0, 9.0, answered_s) for answered_s in (1.0, 2.0, None))
+    soon, late, never = (CauseCall(Cause.PERSON, 0.0, 9.0, answered_s) for answered_s in (1.0, 2.0, None))
     runs = {"ours": [outcome_of("ours", 1, called=(soon, late)), outcome_of("ours", 2, called=(never,))]}
     (of_all, *rest) = reactions(runs)
 
@@ -439,10 +441,10 @@ def test_the_quantile_of_all_runs_is_one_of_their_values_and_lies_in_its_interva
 
 
 def test_a_stored_outcome_is_read_without_changes() -> None:
-    kept = outcome_of("ours", 1, called=(Called(Cause.FULL, 1.0, 2.0, None),), orders={"done": 1})
+    kept = outcome_of("ours", 1, called=(CauseCall(Cause.FULL, 1.0, 2.0, None),), orders={"done": 1})
 
     assert StoreOutcome.from_json(kept.to_json()).to_json() == kept.to_json()
-    assert StoreOutcome.from_json(kept.to_json()).called == [Called(Cause.FULL, 1.0, 2.0, None)]
+    assert StoreOutcome.from_json(kept.to_json()).called == [CauseCall(Cause.FULL, 1.0, 2.0, None)]
 
 
 # The search
