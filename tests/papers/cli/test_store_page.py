@@ -1,4 +1,4 @@
-"""The picker's page in Chromium, beside a real `codra run`: clicks reach the journal of that process."""
+"""The picker's page in Chromium, served by a real `codra run`: clicks reach the journal of that process."""
 
 from __future__ import annotations
 
