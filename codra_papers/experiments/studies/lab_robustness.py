@@ -95,17 +95,17 @@ class _Findings:
 
     Attributes:
         runs: the runs of the tables.
-        further: the runs of the intervals.
+        further_runs: the runs of the intervals.
         vision: the algorithms that need the vision slot.
-        wrong: wrong values at decisions, in the runs of the tables.
+        wrong_values: wrong values at decisions, in the runs of the tables.
     """
 
     runs: Runs
-    further: Runs
+    further_runs: Runs
     vision: Sequence[str]
     comparisons: Sequence[Comparison]
-    wrong: Sequence[Mistake]
-    again: Sequence[DetectedAgain]
+    wrong_values: Sequence[Mistake]
+    detected_again: Sequence[DetectedAgain]
 
 
 def _findings(settings: Settings, outcomes: Mapping[str, Outcome]) -> _Findings:
@@ -114,11 +114,11 @@ def _findings(settings: Settings, outcomes: Mapping[str, Outcome]) -> _Findings:
     further = Runs([outcome for outcome in outcomes.values() if outcome.seed >= FIRST_FURTHER_SEED])
     return _Findings(
         runs=runs,
-        further=further,
+        further_runs=further,
         vision=vision_algorithms(spec),
         comparisons=[compare(further, name, arm, against) for name in VARIABLES for arm, against in COMPARED],
-        wrong=mistakes(runs),
-        again=detect_again(spec, runs.outcomes, settings.folder),
+        wrong_values=mistakes(runs),
+        detected_again=detect_again(spec, runs.outcomes, settings.folder),
     )
 
 
@@ -126,8 +126,8 @@ def _summary(findings: _Findings) -> Iterator[str]:
     yield from summary.ratio_sentences(findings.runs, findings.comparisons)
     yield from summary.cause_sentences(findings.runs)
     yield from summary.trigger_sentences(findings.runs, findings.vision)
-    yield from summary.decision_sentences(findings.runs, findings.wrong)
-    yield from summary.frame_sentences(findings.runs, findings.again)
+    yield from summary.decision_sentences(findings.runs, findings.wrong_values)
+    yield from summary.frame_sentences(findings.runs, findings.detected_again)
 
 
 def _sections(settings: Settings, findings: _Findings) -> Iterator[Section]:
@@ -142,20 +142,20 @@ def _sections(settings: Settings, findings: _Findings) -> Iterator[Section]:
         title="Triggers",
         parts=(
             tables.triggers_table(runs, findings.vision),
-            tables.reduction_table(runs, findings.further, (NAIVE.name, NAIVE_PACED.name), findings.vision),
+            tables.reduction_table(runs, findings.further_runs, (NAIVE.name, NAIVE_PACED.name), findings.vision),
         ),
     )
     yield Section(title="First knowledge and lag", parts=(tables.knowledge_table(runs),))
     yield _over_time(runs)
     yield Section(
-        title="When decisions needed a value", parts=(tables.answers_table(runs), *_rings(runs, findings.wrong))
+        title="When decisions needed a value", parts=(tables.answers_table(runs), *_rings(runs, findings.wrong_values))
     )
     yield Section(
         title="Decisions on wrong values",
-        parts=(mistakes_table(findings.wrong), *photographs(findings.wrong, settings.folder)),
+        parts=(mistakes_table(findings.wrong_values), *photographs(findings.wrong_values, settings.folder)),
     )
     yield Section(title="Why values were wrong", parts=(tables.causes_table(runs),))
-    yield Section(title="Frames", parts=(Words(text=" ".join(summary.frame_sentences(runs, findings.again))),))
+    yield Section(title="Frames", parts=(Words(text=" ".join(summary.frame_sentences(runs, findings.detected_again))),))
 
 
 def _all_variables(runs: Runs) -> Section:
@@ -173,7 +173,7 @@ def _all_variables(runs: Runs) -> Section:
 
 def _intervals(findings: _Findings) -> Section:
     table = tables.comparison_table(findings.comparisons)
-    if not findings.further.outcomes:
+    if not findings.further_runs.outcomes:
         return Section(title="How sure differences are", parts=(Words(text="No further seeds were run."),))
     caption = "Differences between arms with their 95 % intervals; to the right of zero the first arm is better."
     return Section(title="How sure differences are", parts=(drawings.forest(findings.comparisons, caption), table))
@@ -190,11 +190,11 @@ def _over_time(runs: Runs) -> Section:
     )
 
 
-def _rings(runs: Runs, wrong: Sequence[Mistake]) -> Iterator[Drawing]:
+def _rings(runs: Runs, wrong_values: Sequence[Mistake]) -> Iterator[Drawing]:
     """Draw decisions, as P1's Figure 7 does, for each lid in the run with the most wrong values."""
     for name in LIDS:
         counts = [
-            sum(mistake.outcome is outcome and mistake.decision.variable == name for mistake in wrong)
+            sum(mistake.outcome is outcome and mistake.decision.variable == name for mistake in wrong_values)
             for outcome in runs.outcomes
         ]
         outcome = runs.outcomes[counts.index(max(counts))]
@@ -208,10 +208,10 @@ def _rings(runs: Runs, wrong: Sequence[Mistake]) -> Iterator[Drawing]:
 def _results(findings: _Findings) -> Mapping[str, object]:
     return {
         "tables": results.runs_as_data(findings.runs),
-        "further": results.runs_as_data(findings.further),
+        "further": results.runs_as_data(findings.further_runs),
         "intervals": results.comparisons_as_data(findings.comparisons),
-        "decisions_on_wrong_values": results.mistakes_as_data(findings.wrong),
-        "frames_detected_again": results.detected_as_data(findings.again),
+        "decisions_on_wrong_values": results.mistakes_as_data(findings.wrong_values),
+        "frames_detected_again": results.detected_as_data(findings.detected_again),
         "paper": results.paper_as_data(),
     }
 

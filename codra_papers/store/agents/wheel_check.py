@@ -67,7 +67,7 @@ class WheelCheck:
             self._task.finish("found" if self._write_pose() else "lost")
 
     def _write_pose(self) -> bool:
-        """Write the measured pose of the container, and return whether there is a known container at this pose."""
+        """Write the measured pose of the known container nearest to it, and return whether there is one near enough."""
         if len(self._measured_poses) < MIN_MEASUREMENTS:
             return False
         x_m, y_m = (median(getattr(pose, axis) for pose in self._measured_poses) for axis in ("x_m", "y_m"))

@@ -47,8 +47,8 @@ class Waiting:
 def both_and_back(settings: Settings, arms: tuple[Arm, ...]) -> Sequence[Trial]:
     """Return one run of 35 minutes per seed, with all arms in it.
 
-    The robot tends the centrifuge, the PCR-cycler, and the centrifuge again. What is known of
-    the centrifuge from the first time must then be used.
+    The robot tends the centrifuge, the PCR-cycler, and the centrifuge again. For the last
+    machine, knowledge from the first visit must be used.
     """
     work = Tending(machines=(CENTRIFUGE, PCR_CYCLER, CENTRIFUGE))
     return [
