@@ -1,4 +1,4 @@
-"""The limited time of a main execution: it ends at a given instant, in the middle of any sleep or wait."""
+"""The limited time of a main execution, which ends at a given instant, even in the middle of a sleep or wait."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ class LimitedClock(Clock):
         """Limit a clock.
 
         Args:
-            clock: shows the time.
-            end_s: when `TimeIsUp` is raised in every sleep or wait; infinity for never.
+            clock: the original clock.
+            end_s: the instant from which every sleep or wait raises `TimeIsUp`; infinity for never.
             passed: called with the present instant after each sleep.
         """
         self._clock = clock

@@ -28,7 +28,7 @@ class Beat:
         """Schedule the first event.
 
         Args:
-            clock: of simulated time.
+            clock: the clock of simulated time.
             real: the clock of real time to wait for; None to run as fast as possible.
             act: called in each event.
         """

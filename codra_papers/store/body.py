@@ -1,4 +1,4 @@
-"""The interface of the robot's own code to its body: sensor readings and commands, without the truth."""
+"""The robot's body as its own code sees it: sensor readings and commands, but nothing of the true state."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ CAMERA_AT = Pose2D(0.45, 0.0)
 CAMERA_VIEW_RAD = radians(87.0)
 CAMERA_VIEW_UP_RAD = radians(58.0)
 CAMERA_NEAREST_M, CAMERA_FARTHEST_M = 0.3, 6.0
-"""The camera in the robot's front, by its data sheet (Intel D435i, depth)."""
+"""The camera in the robot's front, as described in its data sheet (Intel D435i, depth)."""
 
 STEADY_BELOW_RAD_S = 0.3
 """While the robot turns faster, the camera's pictures are blurred and useless."""
 
 
 class Side(StrEnum):
-    """The lasers, by their direction."""
+    """The lasers, named after the directions in which they look."""
 
     FRONT_LEFT = "front_left"
     FRONT_RIGHT = "front_right"
@@ -68,14 +68,14 @@ LASERS_AT = {
     Side.FRONT_RIGHT: Pose2D(0.45, -0.35, radians(-70.0)),
     Side.BACK: Pose2D(-0.75, 0.0, pi),
 }
-"""The lasers in the robot's frame. Those at the front corners also look to the sides.
+"""The poses of the lasers in the robot's frame. Those at the front corners also look to the sides.
 
 The laser at the tip of the fork sees the wheels of containers, not their frames."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scan:
-    """One turn of a laser.
+    """The rays of one laser at one instant.
 
     Attributes:
         mount: the pose of the laser in the robot's frame.
@@ -104,8 +104,8 @@ class Sighting:
     """One object that a detector recognises in a picture of the camera.
 
     Attributes:
-        at: its pose in the robot's frame. For a person, who has no front, the heading is 0.
-        share: the share of it that is in sight, from 0 to 1.
+        at: the pose of the object in the robot's frame. For a person, who has no front, the heading is 0.
+        share: the share of the object that is in sight, from 0 to 1.
     """
 
     kind: Seen
@@ -115,7 +115,7 @@ class Sighting:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Picture:
-    """One picture of the camera, as its detector sees it.
+    """The detections in one picture of the camera.
 
     Attributes:
         is_steady: whether the robot moved slowly enough for a sharp picture.
@@ -128,14 +128,14 @@ class Picture:
 
 Done = Callable[[Outcome], None]
 Stop = Callable[[], None]
-"""Brakes and ends a command as stopped. It does nothing if the command has ended or was replaced by another one."""
+"""A call brakes, and ends a command as stopped. If the command has ended or was replaced, a call does nothing."""
 
 
 class Body(Protocol):
     """The robot's hardware with the manufacturer's own layer (P2: MIRA and CogniDrive)."""
 
     def believed(self) -> Pose2D:
-        """Return the pose from the localisation, a few centimetres off."""
+        """Return the pose from the localisation, which is a few centimetres off."""
         ...
 
     def localisation_spread_m(self) -> float:
@@ -143,7 +143,7 @@ class Body(Protocol):
         ...
 
     def scan(self, side: Side) -> Scan:
-        """Return the latest turn of a laser."""
+        """Return the latest scan of a laser."""
         ...
 
     def look(self) -> Picture:
@@ -159,7 +159,7 @@ class Body(Protocol):
         ...
 
     def has_load(self) -> bool:
-        """Return whether the fork carries a load, by its weight."""
+        """Return whether the fork carries a load, measured by the weight on it."""
         ...
 
     def is_bumped(self) -> bool:
@@ -167,7 +167,7 @@ class Body(Protocol):
         ...
 
     def speed_m_s(self) -> float:
-        """Return the speed of the robot; negative backwards."""
+        """Return the speed of the robot: negative when it drives backwards."""
         ...
 
     def set_max_speed(self, speed_m_s: float) -> None:
@@ -175,7 +175,7 @@ class Body(Protocol):
         ...
 
     def drive(self, points_m: Sequence[Point], way: Way, done: Done) -> Stop:
-        """Drive from point to point, in the believed map; backwards without turning on the spot."""
+        """Drive from point to point by the believed pose. Backwards, the robot does not turn on the spot."""
         ...
 
     def turn(self, angle_rad: float, done: Done) -> Stop:

@@ -33,7 +33,7 @@ class Pose2D:
         return (self.x_m, self.y_m)
 
     def out(self, forward_m: float, left_m: float = 0.0) -> Point:
-        """Return the point of the map that is so far ahead and so far to the left of this pose."""
+        """Return the point of the map that is `forward_m` ahead and `left_m` to the left of this pose."""
         along, across = cos(self.heading_rad), sin(self.heading_rad)
         return (self.x_m + along * forward_m - across * left_m, self.y_m + across * forward_m + along * left_m)
 
@@ -44,7 +44,7 @@ class Pose2D:
         return (along * dx_m + across * dy_m, along * dy_m - across * dx_m)
 
     def ahead(self, forward_m: float) -> Pose2D:
-        """Return the pose that is so far ahead, with the same heading; behind, if negative."""
+        """Return the pose with the same heading that is `forward_m` ahead, or behind if this is negative."""
         return Pose2D(*self.out(forward_m), self.heading_rad)
 
     def turned(self, angle_rad: float) -> Pose2D:
@@ -74,7 +74,7 @@ class Box:
         return cls(Pose2D((west_m + east_m) / 2, (south_m + north_m) / 2), east_m - west_m, north_m - south_m)
 
     def corners(self) -> tuple[Point, Point, Point, Point]:
-        """Return the corners, one after the other."""
+        """Return the corners, each next to the one before."""
         a, b = self.length_m / 2, self.width_m / 2
         out = self.centre.out
         return (out(a, b), out(-a, b), out(-a, -b), out(a, -b))
@@ -85,7 +85,7 @@ class Box:
         return hypot(max(abs(ahead_m) - self.length_m / 2, 0.0), max(abs(left_m) - self.width_m / 2, 0.0))
 
     def overlaps(self, other: Box) -> bool:
-        """Return whether two rectangles have more than an edge in common (separating axes)."""
+        """Return whether two rectangles have more than an edge in common, by the test of separating axes."""
         return not (_is_apart(self, other) or _is_apart(other, self))
 
 
@@ -103,7 +103,7 @@ class Scene:
     __slots__ = ("_centres", "_radii", "_starts", "_ways")
 
     def __init__(self, boxes: Iterable[Box] = (), discs: Iterable[Disc] = ()) -> None:
-        """Take the edges of rectangles, and discs."""
+        """Create a scene from the edges of rectangles and from discs."""
         edges = [edge for box in boxes for edge in _edges(box)]
         self._starts = np.array([start for start, _ in edges], dtype=np.float64).reshape(-1, 2)
         self._ways = np.array([end for _, end in edges], dtype=np.float64).reshape(-1, 2) - self._starts
@@ -150,9 +150,10 @@ def _is_apart(one: Box, other: Box) -> bool:
 
 
 def _to_edges(eye: Floats, ways: Floats, starts: Floats, edges: Floats) -> Floats:
-    """Solve eye + t way = start + u edge for each ray and edge that faces the eye; shape (rays,).
+    """Return the smallest t of each ray: solve eye + t way = start + u edge for edges that face the eye; shape (rays,).
 
-    Edges go counter-clockwise about their rectangle: rays from outside hit the far edges behind the near ones.
+    Edges go counter-clockwise about their rectangle. The other edges can be left out: rays from outside hit them behind
+    those that face the eye.
     """
     to_start = starts - eye
     is_facing = edges[:, 0] * to_start[:, 1] > edges[:, 1] * to_start[:, 0]
@@ -169,7 +170,7 @@ def _to_edges(eye: Floats, ways: Floats, starts: Floats, edges: Floats) -> Float
 
 
 def _to_discs(eye: Floats, ways: Floats, centres: Floats, radii: Floats) -> Floats:
-    """Solve |eye + t way - centre| = radius for each ray and disc; shape (rays,); 0 from within a disc."""
+    """Return the smallest t of each ray: solve |eye + t way - centre| = radius, 0 within a disc; shape (rays,)."""
     to_centre = centres - eye
     along = ways @ to_centre.T
     room = along**2 - (to_centre**2).sum(axis=1) + radii**2

@@ -1,6 +1,6 @@
 """The knowledge of the store's robot: the declarations of `specs/store.yaml` for the runtime (P2, sections 3 to 5).
 
-All poses lie in the plane of the floor; the camera's axis does too.
+All poses lie in the plane of the floor, and so does the axis of the camera.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ PLANNERS = ("mission", "picking")
 LOADS = ("empty", "loading", "full")
 NOTICES = ("none", "container_not_found", "container_not_placed", "mission_aborted")
 FARTHEST_M = 10.0
-"""Largest value of distances. They have this value if no object is seen."""
+"""Largest value of distances, and their value if no object is seen."""
 
 
 def named_floor_poses() -> dict[str, Pose2D]:
@@ -59,9 +59,9 @@ def named_floor_poses() -> dict[str, Pose2D]:
     return poses
 
 
-def pose_of(place: Pose2D) -> Pose:
+def pose_of(floor_pose: Pose2D) -> Pose:
     """Return a pose on the floor as a pose in space."""
-    return Pose.about((0.0, 0.0, 1.0), wrapped(place.heading_rad), (place.x_m, place.y_m, 0.0))
+    return Pose.about((0.0, 0.0, 1.0), wrapped(floor_pose.heading_rad), (floor_pose.x_m, floor_pose.y_m, 0.0))
 
 
 def floor_pose_of(pose: Pose) -> Pose2D:
@@ -73,13 +73,13 @@ def floor_pose_of(pose: Pose) -> Pose2D:
 
 def store_knowledge() -> KnowledgeModel:
     """Return the declarations of the store."""
-    fixed = tuple(_fixed())
+    static_transforms = tuple(_static_transforms())
     return KnowledgeModel(
         name="store",
         node_types=_node_types(),
-        edge_types=(*_edge_types(), *(type_model for type_model, _ in fixed)),
+        edge_types=(*_edge_types(), *(type_model for type_model, _ in static_transforms)),
         nodes=_nodes(),
-        edges=(EdgeModel(origin="robot", type="has", target="battery"), *(edge for _, edge in fixed)),
+        edges=(EdgeModel(origin="robot", type="has", target="battery"), *(edge for _, edge in static_transforms)),
         tasks=_tasks(),
         agents=_agents(),
     )
@@ -190,10 +190,10 @@ def _nodes() -> tuple[NodeModel, ...]:
     return (*(NodeModel(name=name, type=name) for name in named), *areas, *depots, *lasers, *poses)
 
 
-def _fixed() -> Iterator[tuple[EdgeTypeModel, EdgeModel]]:
+def _static_transforms() -> Iterator[tuple[EdgeTypeModel, EdgeModel]]:
     """Yield the static transforms: named poses in the map, sensors on the robot."""
-    for name, place in named_floor_poses().items():
-        yield _static_transform("world", name, pose_of(place))
+    for name, floor_pose in named_floor_poses().items():
+        yield _static_transform("world", name, pose_of(floor_pose))
     optical = Pose.about((0, 0, 1), -pi / 2) @ Pose.about((1, 0, 0), -pi / 2)
     yield _static_transform("robot", "camera", Pose.of((CAMERA_AT.x_m, CAMERA_AT.y_m, 0.0), optical.rotation))
     for side, mount in LASERS_AT.items():
@@ -257,8 +257,8 @@ def _agents() -> tuple[AgentModel, ...]:
 
 
 def _rule(task: str) -> RuleModel:
-    """Return P2's triplet of an executor, with the effects of its task besides the end of the task."""
-    brought = {
+    """Return P2's triplet of an executor. Its last part holds the end and the other effects of the task."""
+    effects = {
         "detecting": (path("world", "container_pose", some("roll_container")),),
         "lifting": (path("robot", "carries", some("roll_container")),),
     }
@@ -266,5 +266,5 @@ def _rule(task: str) -> RuleModel:
         name=task,
         before=(path("robot", "wants", task),),
         during=(path("robot", "is", task),),
-        after=(path("robot", "finished", task), *brought.get(task, ())),
+        after=(path("robot", "finished", task), *effects.get(task, ())),
     )

@@ -1,8 +1,8 @@
 """The shop: 20 m by 15 m, shelves with corridors of 2 m between them (P2, section 6), and the named poses.
 
 Five rows of shelves run from 4 m to 13 m north; in front of them is an open zone. A picking area is a recess in a row
-for roll containers, open to the corridor east of it. From the first observation pose of an area the shelf hides the
-southern end of the recess, from the second pose this end is in sight (P2, Figure 8).
+for roll containers, open to the corridor east of it. The southern end of the recess is hidden by the shelf from the
+first observation pose of an area, and in sight from the second (P2, Figure 8).
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ CONTAINER_M = 0.7
 
 WHEEL_OFFSET_M = 0.3
 WHEEL_RADIUS_M = 0.05
-"""Radius of the wheels. The four wheels of a container are `WHEEL_OFFSET_M` from its middle, to either side."""
+"""Radius of the wheels. The four wheels are `WHEEL_OFFSET_M` from the container's middle along both of its axes."""
 
 BODY_FRONT_M, BODY_BACK_M, FORK_TIP_M = 0.45, 0.0, -0.75
 BODY_WIDTH_M, FORK_WIDTH_M = 0.7, 0.4
@@ -41,7 +41,7 @@ REACH_M = 0.83
 """Distance of the robot's farthest corner from its axle, about which it turns."""
 
 FORK_M = 0.4
-"""Distance of the middle of the fork, and of a container on it, behind the robot's axle."""
+"""How far the middle of the fork, and of a container on it, is behind the robot's axle."""
 
 DEPTH_OF_PLACE_M = 1.0
 """Depth of a container's middle in a recess."""
@@ -52,7 +52,7 @@ class Recess:
     """An opening in a row of shelves.
 
     Attributes:
-        row: the number of its row, counted from the west, from 0.
+        row: the number of the row; the row farthest in the west has the number 0.
     """
 
     row: int
@@ -61,11 +61,11 @@ class Recess:
 
     @property
     def corridor_x_m(self) -> float:
-        """Return the middle of the corridor to which it opens."""
+        """Return the middle of the corridor to which the recess opens."""
         return CORRIDORS_X_M[self.row + 1]
 
     def place(self, y_m: float) -> Pose2D:
-        """Return the pose of a container that faces the corridor."""
+        """Return the pose in the recess of a container that faces the corridor."""
         return Pose2D(ROWS_WEST_M[self.row] + ROW_WIDTH_M - DEPTH_OF_PLACE_M, y_m, 0.0)
 
 
@@ -76,7 +76,7 @@ class Area:
     Attributes:
         observation: the poses from which the robot looks for a container, in order.
         delivery: the pose of the robot when it sets down a container.
-        places: the places for containers, that of a delivery first.
+        places: the places for containers; containers are delivered to the first of them.
     """
 
     name: str
@@ -101,7 +101,7 @@ def robot_at(container: Pose2D) -> Pose2D:
 
 
 def approach_to(container: Pose2D) -> Pose2D:
-    """Return the robot's pose in the corridor, with its fork towards a container in a recess, before it backs up."""
+    """Return the pose in the corridor from which the robot backs up to a container in a recess, its fork towards it."""
     return container.ahead(DEPTH_OF_PLACE_M + CORRIDOR_M / 2)
 
 
@@ -147,10 +147,6 @@ DOCK = Pose2D(1.0, 1.0, pi)
 """Where the robot charges."""
 
 
-def _rows() -> tuple[Box, ...]:
-    return tuple(box for row in range(len(ROWS_WEST_M)) for box in _row(row))
-
-
 def _row(row: int) -> list[Box]:
     west_m, east_m = ROWS_WEST_M[row], ROWS_WEST_M[row] + ROW_WIDTH_M
     boxes, reached_m = [], ROW_SOUTH_M
@@ -171,7 +167,7 @@ def _walls() -> tuple[Box, ...]:
     )
 
 
-SHELVES = _rows()
+SHELVES = tuple(box for row in range(len(ROWS_WEST_M)) for box in _row(row))
 WALLS = _walls()
 FIXED = (*SHELVES, *WALLS)
 """All fixed objects."""

@@ -1,4 +1,4 @@
-"""Routes through the shop for a round body, over a grid on the map, by networkx's A*."""
+"""Finds routes through the shop by networkx's A* on a grid over the map; the robot is treated as round."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from codra_papers.store.layout import DEPTH_M, FIXED, LENGTH_M
 
 GRID_M = 0.2
 TURNING_ROOM_M = 0.9
-"""Distance of the axle from all shelves where the robot may turn: its farthest corner is 0.83 m away."""
+"""Where the robot turns, its axle is at least this far from shelves and walls: its farthest corner is 0.83 m away."""
 
 LANE_M = 0.38
 """Half the width that the robot needs to drive straight on."""
 
 _ROUNDING_M = 1e-6
 _OFF_M = 0.01
-"""Largest distance of the robot from a point of the grid where it has room to turn."""
+"""A place has room to turn even if its clearance is this much less: the robot may be a little off the grid's points."""
 
 _REACH_M = 0.3
 """Largest distance from the grid at which a route may begin and end."""
@@ -42,7 +42,7 @@ def clearance_m(point_m: Point) -> float:
 
 
 def clearances_m(points_m: Floats) -> Floats:
-    """Return the same for many points of shape (points, 2); shape (points,)."""
+    """Return the same for many points. The points have the shape (points, 2), the result has the shape (points,)."""
     outside_m = np.maximum(np.abs(points_m[:, None, :] - _MIDDLES_M) - _HALVES_M, 0.0)
     distances_m: Floats = np.hypot(outside_m[..., 0], outside_m[..., 1]).min(axis=1)
     return distances_m
@@ -57,19 +57,19 @@ def has_room(start_m: Point, end_m: Point, room_m: float) -> bool:
 
 
 def route(start: Pose2D, goal: Pose2D, avoid: Sequence[Disc] = ()) -> tuple[Point, ...]:
-    """Return the points to drive through, from beside the start to the goal.
+    """Return the points to drive through after the start, up to and including the goal.
 
     If the robot has no room to turn, as in a recess, it first goes straight on, or straight back.
 
     Args:
         start: the pose of the robot.
         goal: the goal of the robot.
-        avoid: further places to keep away from, by the room that turning takes.
+        avoid: further places to keep away from, as far as turning requires.
 
     Raises:
         NoRouteError: no route leads to the goal.
     """
-    grid = _grid() if not avoid else _without(avoid)
+    grid = _grid() if not avoid else _grid_without(avoid)
     out_m, first = _turning_place(start, grid, avoid)
     last = _nearest(grid, goal.point_m)
     if last is None:
@@ -84,12 +84,15 @@ def route(start: Pose2D, goal: Pose2D, avoid: Sequence[Disc] = ()) -> tuple[Poin
 
 
 def _turning_place(start: Pose2D, grid: nx.Graph[Point], avoid: Sequence[Disc]) -> tuple[Point, Point]:
-    """Return a place with room to turn, here, straight ahead or straight behind, and the grid's point there.
+    """Return the first place with room to turn, and the nearest point of the grid.
+
+    The place is the start itself, or straight ahead of it, or straight behind it, in this order.
 
     Raises:
         NoRouteError: no such place is near.
     """
-    room_m = min(LANE_M, clearance_m(start.point_m))  # if the robot is nearer to a shelf, it must not get even nearer
+    # a robot that is already nearer to a shelf or wall than `LANE_M` must not get even nearer
+    room_m = min(LANE_M, clearance_m(start.point_m))
     for sign in (1.0, -1.0):
         for step in range(31):
             end_m = start.out(sign * step * 0.1)
@@ -132,7 +135,7 @@ def _grid_point(column: int, row: int) -> Point:
     return (round(column * GRID_M, 3), round(row * GRID_M, 3))
 
 
-def _without(avoid: Sequence[Disc]) -> nx.Graph[Point]:
+def _grid_without(avoid: Sequence[Disc]) -> nx.Graph[Point]:
     grid = _grid()
     return grid.subgraph([point for point in grid if not _is_near(point, avoid)])
 
@@ -151,7 +154,7 @@ def _nearest(grid: nx.Graph[Point], point_m: Point) -> Point | None:
 
 
 def _straightened(start_m: Point, points_m: Sequence[Point], avoid: Sequence[Disc]) -> list[Point]:
-    """Return the corners of a route: after each corner the farthest point that can be reached straight on."""
+    """Return the corners of a route: each is the farthest point that can be reached straight on from the one before."""
     corners, at, index = list[Point](), start_m, 0
     while index < len(points_m):
         farthest = index
@@ -165,7 +168,7 @@ def _straightened(start_m: Point, points_m: Sequence[Point], avoid: Sequence[Dis
 
 
 def _passes(start_m: Point, end_m: Point, avoid: Sequence[Disc]) -> bool:
-    """Return whether a straight way passes a place to avoid with less room than turning takes."""
+    """Return whether a straight way passes a place to avoid with less room than turning requires."""
     length_m = _distance_m(start_m, end_m) or 1.0
     along = ((end_m[0] - start_m[0]) / length_m, (end_m[1] - start_m[1]) / length_m)
     for disc in avoid:

@@ -1,6 +1,7 @@
-"""Points of the lasers that are not on the robot's map, and the people who may be there.
+"""Laser points that are not on the robot's map, and the people who may be there.
 
-Lasers hit only the near side of a person, and beside the fork little of it. The body is behind the points.
+A laser hits only the near side of a person, and beside the fork only a little of this side. The body is behind the
+points.
 """
 
 from __future__ import annotations
@@ -29,14 +30,14 @@ PERSON_M = 0.25
 """The radius of a person's body."""
 
 CORE_M = 0.2
-"""No ray passes nearer than this to the middle of a body, with the noise of a laser."""
+"""No ray passes nearer than this to the middle of a body, even with the noise of a laser."""
 
 PLACES_M = tuple(place.point_m for area in AREAS.values() for place in area.places)
 """The places for containers."""
 
 
 def is_strange(points_m: Floats, robot: Pose2D, containers_m: Sequence[Point]) -> npt.NDArray[np.bool_]:
-    """Return a mask of points, in the robot's frame, that neither the map nor a container explains; shape (points,)."""
+    """Return for each point in the robot's frame whether neither map nor container explains it; shape (points,)."""
     if not len(points_m):
         return np.zeros(0, dtype=bool)
     east, north = cos(robot.heading_rad), sin(robot.heading_rad)
@@ -49,7 +50,7 @@ def is_strange(points_m: Floats, robot: Pose2D, containers_m: Sequence[Point]) -
 
 
 def bodies_m(scan: Scan) -> Floats:
-    """Return, per laser point, the middle of a body with its near side at the point; shape (points, 2)."""
+    """Return for each laser point the middle of a body whose near side is at this point; shape (points, 2)."""
     points = scan.points_m()
     ways = points - (scan.mount.x_m, scan.mount.y_m)
     middles: Floats = points + PERSON_M * ways / np.maximum(np.linalg.norm(ways, axis=1, keepdims=True), 1e-9)
@@ -57,7 +58,7 @@ def bodies_m(scan: Scan) -> Floats:
 
 
 def is_seen_through(scan: Scan, bodies: Floats) -> npt.NDArray[np.bool_]:
-    """Return a mask of bodies that are impossible, because a ray passes through their core; shape (bodies,)."""
+    """Return for each body whether it is impossible because a ray passes through its core; shape (bodies,)."""
     turns = scan.bearings_rad + scan.mount.heading_rad
     to_body = bodies - (scan.mount.x_m, scan.mount.y_m)
     along_m = np.stack((np.cos(turns), np.sin(turns)), axis=1) @ to_body.T
@@ -69,7 +70,7 @@ def is_seen_through(scan: Scan, bodies: Floats) -> npt.NDArray[np.bool_]:
 
 
 def gaps_m(bodies: Floats, *, is_loaded: bool) -> Floats:
-    """Return the distances of bodies from the robot and its load: negative inside; shape (bodies,)."""
+    """Return the distances of bodies from the robot and its load: negative if they overlap; shape (bodies,)."""
     x_m, y_m = bodies[:, 0], np.abs(bodies[:, 1])
     fork_half_m = (BODY_WIDTH_M if is_loaded else FORK_WIDTH_M) / 2
     body = np.hypot(np.maximum(np.maximum(BODY_BACK_M - x_m, x_m - BODY_FRONT_M), 0.0),

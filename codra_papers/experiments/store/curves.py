@@ -19,8 +19,8 @@ def draw_adaptation(path: Path, events: Iterable[Event], metrics: Iterable[str],
     """Draw metrics, weights, and the instants at which an action was chosen.
 
     Args:
-        path: of the picture; its suffix (`.png`, `.svg`) selects the format.
-        events: of a run, in order.
+        path: the file of the picture; its suffix (`.png`, `.svg`) selects the format.
+        events: the events of a run, in order.
         metrics: the context-variables that the upper half shows.
         weights: the context-variables that the lower half shows.
     """
@@ -40,7 +40,7 @@ def draw_adaptation(path: Path, events: Iterable[Event], metrics: Iterable[str],
 
 
 def curves(events: Iterable[Event], names: Iterable[str]) -> Mapping[str, Curve]:
-    """Return the values of variables as pairs of instant and value; the value of an unknown variable is nan."""
+    """Return the values of variables, as pairs of an instant and a value; an unknown value is nan."""
     values: dict[str, Curve] = {name: [] for name in names}
     for event in events:
         if event.kind is Kind.VARIABLE and event.name in values:

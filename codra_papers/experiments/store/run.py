@@ -17,7 +17,7 @@ from codra_dsl.runtime.loops import Mape
 from codra_papers.experiments.limited_time import LimitedClock, TimeIsUp
 from codra_papers.experiments.pacing import Beat, Pace
 from codra_papers.store.mission.agent import Mission
-from codra_papers.store.mission.orders import SequentialOrders
+from codra_papers.store.mission.orders import SequentialMission
 from codra_papers.store.mission.picking import Picking
 from codra_papers.store.simulator.situations import StoreSettings
 from codra_papers.store.simulator.store import Store
@@ -29,10 +29,10 @@ Loops = Callable[..., Mape]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PageSettings:
-    """A run with the picker's page.
+    """The settings of the picker's page in a run.
 
     Attributes:
-        port: of the page; 0 for a free one.
+        port: the port of the page; 0 for a free one.
         opened: called with the URL of the page.
     """
 
@@ -45,12 +45,12 @@ class StoreRunSettings:
     """The settings of a run.
 
     Attributes:
-        shop: its situation and seed.
-        duration_s: how long the run lasts; infinite until it is interrupted.
-        progress: called with the present instant now and then.
+        shop: the situation and the seed of the shop.
+        duration_s: how long the run lasts; infinite for a run that lasts until it is interrupted.
+        progress: called repeatedly with the present instant.
         journal: the file of the journal; None for no journal.
-        page: None for no page.
-        opened: called with the shop before anything happens in it, e.g. to observe it or to schedule more events.
+        page: the settings of the picker's page; None for no page.
+        opened: called with the shop before anything happens there, e.g. to observe the shop or to schedule more events.
     """
 
     shop: StoreSettings = field(default_factory=StoreSettings)
@@ -68,7 +68,7 @@ class StoreRun:
 
     Attributes:
         orders: how many orders ended in each state.
-        record: the events of the run; in a very long run the latest of them.
+        record: the events of the run; of a very long run, only the latest.
     """
 
     duration_s: float
@@ -82,7 +82,7 @@ class Compiled:
     """The compiled form of a spec with declarations for everything that the shop's agents write.
 
     Attributes:
-        loops: None if the spec has none; orders are then served in the fixed sequence.
+        loops: starts the loops; None if the spec has no loops, so that orders are served in the fixed sequence.
     """
 
     start: Start
@@ -90,7 +90,7 @@ class Compiled:
 
     @classmethod
     def of(cls, package: ModuleType) -> Compiled:
-        """Return it from the generated package."""
+        """Return the compiled form that is in a generated package."""
         return cls(start=package.start, loops=getattr(package, "loops", None))
 
 
@@ -112,27 +112,30 @@ def run_store(compiled: Compiled, settings: StoreRunSettings) -> StoreRun:
         codra = stack.enter_context(compiled.start(clock=clock, resources={}, seed=settings.shop.seed, record=record))
         store = Store(clock, settings.shop, codra.knowledge)
         settings.opened(store)
-        serve = _serving(compiled, codra, clock, stack)
-        act = _page(store, codra, settings.page, stack)
-        Beat(clock, _real(settings.pace, stack), lambda: _beat(act, settings.progress, clock))
+        serve = _make_serve(compiled, codra, clock, stack)
+        act = _open_page(store, codra, settings.page, stack)
+        real_clock = stack.enter_context(WallClock(start_s=0.0)) if settings.pace is Pace.REAL else None
+        Beat(clock, real_clock, lambda: _beat(act, settings.progress, clock))
         with suppress(TimeIsUp):
             serve()
-        return StoreRun(duration_s=clock.now_s(), score=store.judge.score, orders=_outcomes(store), record=record)
+        return StoreRun(duration_s=clock.now_s(), score=store.judge.score, orders=_order_counts(store), record=record)
 
 
-def _serving(compiled: Compiled, codra: ContextManager[Any, Any], clock: Clock, stack: ExitStack) -> Callable[[], None]:
-    """Return a function that serves orders for ever."""
+def _make_serve(
+    compiled: Compiled, codra: ContextManager[Any, Any], clock: Clock, stack: ExitStack
+) -> Callable[[], None]:
+    """Return a function that serves orders until the time of the clock is up."""
     if compiled.loops is None:
-        return SequentialOrders(codra.knowledge, clock).serve
+        return SequentialMission(codra.knowledge, clock).serve
     robot = {"mission": Mission(codra.knowledge).leaves(), "picking": Picking(codra.knowledge).leaves()}
     stack.enter_context(compiled.loops(codra, clock=clock, robot=robot))
     return lambda: clock.sleep(math.inf)
 
 
-def _page(
+def _open_page(
     store: Store, codra: ContextManager[Any, Any], settings: PageSettings | None, stack: ExitStack
 ) -> Callable[[], None]:
-    """Open the page, if there is one; return a function that serves it."""
+    """Open the page if there are settings for it, and return a function that serves the page."""
     if settings is None:
         return lambda: None
     from codra_papers.store.page.server import PageServer  # noqa: PLC0415 - its libraries are an optional extra
@@ -142,16 +145,12 @@ def _page(
     return server.desk.serve
 
 
-def _real(pace: Pace, stack: ExitStack) -> WallClock | None:
-    return stack.enter_context(WallClock(start_s=0.0)) if pace is Pace.REAL else None
-
-
 def _beat(act: Callable[[], None], progress: Callable[[float], None], clock: LimitedClock) -> None:
     act()
     progress(clock.now_s())
 
 
-def _outcomes(store: Store) -> Mapping[str, int]:
+def _order_counts(store: Store) -> Mapping[str, int]:
     snapshot = store.knowledge.snapshot()
     states = (snapshot.get(node.name, "state") for node in snapshot.nodes("order"))
     return dict(sorted(Counter(state.value if state.known else "waiting" for state in states).items()))

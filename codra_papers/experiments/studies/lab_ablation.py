@@ -31,29 +31,29 @@ from codra_papers.experiments.studies.robustness.findings import vision_algorith
 from codra_papers.experiments.studies.robustness.tables import arms_table
 
 _LEAST = 0.001
-"""The smallest difference of ratios that the summary reports; tables contain all of them."""
+"""The smallest difference of ratios that the summary reports. The tables contain all differences."""
 
 _MACHINES = ("centrifuge", "pcr_cycler")
 
 _NOTE = (
-    "Each arm lacks one condition, wherever the spec requires it: of observable_when (a precondition) or of "
-    "accept_when (a refinement). All of them observe everything while the other conditions hold, on the "
+    "Each arm lacks one condition, wherever the spec requires it: one of observable_when (a precondition) or of "
+    "accept_when (a refinement). All arms observe everything while the other conditions hold, on the "
     "same frames; naive observers lack all conditions. The main execution tends the centrifuge, the PCR-cycler and the "
-    "centrifuge again, which is shorter than a loop: no tray is carried and no rotor turned."
+    "centrifuge again, which is shorter than a loop: no tray is carried and no rotor is turned."
 )
 
 
 def conditions(spec: Spec) -> Sequence[Without]:
     """Return the removable conditions; a condition that algorithms of several machines share is listed once."""
     removable = (
-        Without(algorithm=_alike(algorithm), condition=_without_machine(condition.text))
+        Without(algorithm=_name_end(algorithm), condition=_without_machine(condition.text))
         for algorithm in spec.perception
         for condition in (*algorithm.observable_when, *algorithm.accept_when)
     )
     return tuple(dict.fromkeys(removable))
 
 
-def _alike(algorithm: Algorithm) -> str:
+def _name_end(algorithm: Algorithm) -> str:
     """Return the end of the names of all algorithms that do the same for another machine."""
     for machine in _MACHINES:
         _, separator, end = algorithm.name.partition(machine)
@@ -68,11 +68,11 @@ def _without_machine(text: str) -> str:
 
 def arms(settings: Settings) -> tuple[Arm, ...]:
     """Return the spec with all conditions, without each of them, and without all of them."""
-    removed = (
+    ablated_arms = (
         PRECONDITIONS.edited(f"*{edit.algorithm} without *{edit.condition}", edit)
         for edit in conditions(read_spec(settings.spec))
     )
-    return (PRECONDITIONS, *removed, NAIVE)
+    return (PRECONDITIONS, *ablated_arms, NAIVE)
 
 
 def trials(settings: Settings) -> Sequence[Trial]:
@@ -89,8 +89,8 @@ def judge(settings: Settings, outcomes: Mapping[str, Outcome]) -> Document:
     runs, vision = list(outcomes.values()), vision_algorithms(read_spec(settings.spec))
     lids, views = (arm_comparisons(runs, names, PRECONDITIONS.name, vision) for names in (LIDS_AND_LATCHES, IN_VIEW))
     caption = (
-        "{}, over all runs. Differences are to all conditions, with 95 % intervals over paired runs: below zero, the "
-        "removed condition was worth something."
+        "{}, over all runs. Differences are to the arm with all conditions, with 95 % intervals over paired runs. "
+        "Below zero, the removed condition was useful."
     )
     sections = (
         Section(title="Arms", parts=(Words(text=_NOTE), arms_table(arms(settings)))),
@@ -108,25 +108,31 @@ def judge(settings: Settings, outcomes: Mapping[str, Outcome]) -> Document:
 
 
 def _summary(group: str, comparisons: Sequence[ArmComparison]) -> Iterator[str]:
-    """Yield sentences: which conditions certainly help or harm, and for how many the effect is unclear."""
-    ablated = [comparison for comparison in comparisons if comparison.arm not in (PRECONDITIONS.name, NAIVE.name)]
-    relevant = [
+    """Yield sentences: which conditions certainly help or harm, and for how many conditions the effect is unclear."""
+    ablated_comparisons = [
+        comparison for comparison in comparisons if comparison.arm not in (PRECONDITIONS.name, NAIVE.name)
+    ]
+    relevant_comparisons = [
         comparison
-        for comparison in ablated
+        for comparison in ablated_comparisons
         if comparison.paper_difference is not None and _matters(comparison.paper_difference)
     ]
-    missed = [
-        comparison for comparison in relevant if comparison.paper_difference and comparison.paper_difference.is_negative
+    worse_comparisons = [
+        comparison
+        for comparison in relevant_comparisons
+        if comparison.paper_difference and comparison.paper_difference.is_negative
     ]
-    better = [
-        comparison for comparison in relevant if comparison.paper_difference and comparison.paper_difference.is_positive
+    better_comparisons = [
+        comparison
+        for comparison in relevant_comparisons
+        if comparison.paper_difference and comparison.paper_difference.is_positive
     ]
-    yield f"{group}: the ratio falls, with the interval below zero, in {_differences(missed)}."
-    yield f"{group}: the ratio rises, with the interval above zero, in {_differences(better)}."
-    unsure = len(ablated) - len(missed) - len(better)
+    yield f"{group}: the ratio falls, with the interval below zero, in {_differences_text(worse_comparisons)}."
+    yield f"{group}: the ratio rises, with the interval above zero, in {_differences_text(better_comparisons)}."
+    unclear_count = len(ablated_comparisons) - len(worse_comparisons) - len(better_comparisons)
     yield (
-        f"{group}: for {unsure} of {len(ablated)} conditions the interval contains zero or is missing, "
-        f"or the difference is below {_LEAST}."
+        f"{group}: for {unclear_count} of {len(ablated_comparisons)} conditions the interval contains zero or is "
+        f"missing, or the difference is below {_LEAST}."
     )
 
 
@@ -134,7 +140,7 @@ def _matters(difference: Estimate) -> bool:
     return difference.value is not None and abs(difference.value) >= _LEAST
 
 
-def _differences(comparisons: Sequence[ArmComparison]) -> str:
+def _differences_text(comparisons: Sequence[ArmComparison]) -> str:
     return (
         "; ".join(
             f"{comparison.arm} ({interval(comparison.paper_difference)})"

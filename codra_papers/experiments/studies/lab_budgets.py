@@ -36,8 +36,8 @@ MACHINES = (2, 4, 8)
 
 _NOTE = (
     "Two machines are those of the protocol; the others are in free places of the same room, each added to the "
-    "spec by one line under use. The robot always tends the PCR-cycler and the centrifuge, and looks at each of its "
-    "decisions by itself; all observers of an arm share its one vision slot."
+    "spec by one line under 'use'. The robot always tends the PCR-cycler and the centrifuge, and looks by itself for "
+    "each of its decisions. All observers of an arm share the one vision slot of the arm."
 )
 
 
@@ -99,49 +99,50 @@ def _summary(lids: _ByCount) -> Iterator[str]:
     for count, comparisons in lids.items():
         for comparison in comparisons:
             if comparison.paper_difference is not None and comparison.strict_difference is not None:
-                lag = comparison.lags.quantile_s(0.5)
-                naive = comparisons[0].lags.quantile_s(0.5)
+                lag_s = comparison.lags.quantile_s(0.5)
+                naive_lag_s = comparisons[0].lags.quantile_s(0.5)
                 yield (
-                    f"With {count} machines, {comparison.arm} less naive: ratio "
+                    f"With {count} machines, {comparison.arm} minus naive: ratio "
                     f"{interval(comparison.paper_difference)}, strict ratio {interval(comparison.strict_difference)}; "
-                    f"median lag {_seconds(lag)} (naive {_seconds(naive)})."
+                    f"median lag {_seconds_text(lag_s)} (naive {_seconds_text(naive_lag_s)})."
                 )
 
 
-def _seconds(lag_s: float | None) -> str:
+def _seconds_text(lag_s: float | None) -> str:
     return "none" if lag_s is None else f"{lag_s:.1f} s"
 
 
 def _sections(lids: _ByCount, views: _ByCount) -> Iterator[Section]:
-    lines = Words(text="The lines, in order: " + "; ".join(use_line(machine) for machine in FURTHER) + ".")
-    yield Section(title="Arms", parts=(Words(text=_NOTE), lines, arms_table(ARMS)))
-    yield Section(title="Over the number of machines", parts=(_drawn(lids),))
+    use_lines = Words(text="The lines, in order: " + "; ".join(use_line(machine) for machine in FURTHER) + ".")
+    yield Section(title="Arms", parts=(Words(text=_NOTE), use_lines, arms_table(ARMS)))
+    yield Section(title="Over the number of machines", parts=(_strict_ratio_drawing(lids),))
     caption = (
         "{}, {} machines, over all runs. Differences are to naive observers, with 95 % intervals over paired runs."
     )
     for count in lids:
         parts = (
-            *arm_comparison_tables(lids[count], caption.format("Lids and latches of the two machines tended", count)),
+            *arm_comparison_tables(lids[count], caption.format("Lids and latches of the two tended machines", count)),
             *arm_comparison_tables(views[count], caption.format("Their bases and lids in view", count)),
         )
         yield Section(title=f"{count} machines", parts=parts)
 
 
-def _drawn(lids: _ByCount) -> Drawing:
+def _strict_ratio_drawing(lids: _ByCount) -> Drawing:
     strict_ratios = [
         Curve(
             name=arm.name,
             points=tuple(
-                Point(x=count, y=_of(comparisons, arm.name).strict_ratio) for count, comparisons in lids.items()
+                Point(x=count, y=_comparison_of(comparisons, arm.name).strict_ratio)
+                for count, comparisons in lids.items()
             ),
         )
         for arm in ARMS
     ]
-    caption = "Strict ratio of lids and latches of the two machines tended: right of all seconds."
+    caption = "Strict ratio of lids and latches of the two tended machines: right seconds in all seconds."
     return curves(strict_ratios, "machines that share one vision slot", "strict ratio", caption)
 
 
-def _of(comparisons: Sequence[ArmComparison], arm: str) -> ArmComparison:
+def _comparison_of(comparisons: Sequence[ArmComparison], arm: str) -> ArmComparison:
     return next(comparison for comparison in comparisons if comparison.arm == arm)
 
 

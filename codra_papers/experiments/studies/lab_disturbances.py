@@ -35,9 +35,9 @@ class Episode:
     """A disturbance and the quiet time after it.
 
     Attributes:
-        start_s: when it begins.
-        over_s: when it is over.
-        until_s: the end of the time in which beliefs after it are judged.
+        start_s: when the disturbance begins.
+        over_s: when the disturbance is over.
+        until_s: the end of the quiet time, in which beliefs are still judged.
     """
 
     name: str
@@ -87,13 +87,14 @@ EPISODES = (
         ),
     ),
 )
-"""The events of each run, at the same instants: late enough to repair one or two failed actions before."""
+"""The episodes of each run, at the same instants: late enough that one or two failed actions are repaired before."""
 
 _NOTE = (
-    "The robot opens the PCR-cycler, draws its arm back, and waits beside it, where its camera sees the complete "
-    "machine. Then all arms see the same disturbances, and at the end the robot closes the machine if it is open. It "
-    "looks at each of its own decisions by itself. No arm is informed of a disturbance. Disturbances follow one "
-    "another: an arm that never noticed the lid being closed is right again by itself once somebody opens it."
+    "The robot opens the PCR-cycler, draws its arm back, and waits beside the machine, where its camera sees the "
+    "complete machine. Then all arms of the experiment see the same disturbances, and at the end the robot closes the "
+    "machine if it is open. The robot looks by itself for each of its own decisions. No arm is informed of a "
+    "disturbance. Disturbances follow one another: an arm that never noticed that the lid was closed is right again by "
+    "itself once somebody opens the lid."
 )
 
 
@@ -122,8 +123,8 @@ class Belief:
     Attributes:
         during: while the disturbance lasted.
         after: from its end on.
-        right_again_s: by run, from the beginning of the disturbance to the instant from which on the arm was right;
-            None if it was not right at the end.
+        right_again_s: for each run, the time from the beginning of the disturbance until the arm was right and stayed
+            right; None if the arm was not right at the end.
     """
 
     episode: Episode
@@ -134,7 +135,7 @@ class Belief:
     right_again_s: Sequence[float | None]
 
 
-def believed(outcomes: Sequence[Outcome], episode: Episode, variable: str, arm: str) -> Belief:
+def belief_in(outcomes: Sequence[Outcome], episode: Episode, variable: str, arm: str) -> Belief:
     """Return the values that an arm held in the runs that lasted through an episode."""
     pairs = [
         (outcome.arms[arm].held[variable], outcome.truth[variable])
@@ -145,13 +146,13 @@ def believed(outcomes: Sequence[Outcome], episode: Episode, variable: str, arm: 
         episode=episode,
         variable=variable,
         arm=arm,
-        during=total(_within(held, truth, episode.start_s, episode.over_s) for held, truth in pairs),
-        after=total(_within(held, truth, episode.over_s, episode.until_s) for held, truth in pairs),
+        during=total(_seconds_within(held, truth, episode.start_s, episode.over_s) for held, truth in pairs),
+        after=total(_seconds_within(held, truth, episode.over_s, episode.until_s) for held, truth in pairs),
         right_again_s=[right_again_s(held, truth, episode.start_s, episode.until_s) for held, truth in pairs],
     )
 
 
-def _within(held: Sequence[Piece], truth: Sequence[Piece], start_s: float, end_s: float) -> Seconds:
+def _seconds_within(held: Sequence[Piece], truth: Sequence[Piece], start_s: float, end_s: float) -> Seconds:
     truth_until_end = [
         Piece(piece.start_s, min(piece.end_s, end_s), piece.value) for piece in truth if piece.start_s < end_s
     ]
@@ -159,7 +160,7 @@ def _within(held: Sequence[Piece], truth: Sequence[Piece], start_s: float, end_s
 
 
 def right_again_s(held: Sequence[Piece], truth: Sequence[Piece], start_s: float, end_s: float) -> float | None:
-    """Return how long after an instant a held value became right and stayed so until another; None if it did not.
+    """Return how long after `start_s` a held value became right and stayed right until `end_s`; None if it did not.
 
     An unknown value is not right.
     """
@@ -175,7 +176,7 @@ def judge(settings: Settings, outcomes: Mapping[str, Outcome]) -> Document:
     """Return the report on the outcomes of `trials`."""
     del settings
     runs = list(outcomes.values())
-    beliefs = [believed(runs, episode, name, arm.name) for episode in EPISODES for name in WATCHED for arm in ARMS]
+    beliefs = [belief_in(runs, episode, name, arm.name) for episode in EPISODES for name in WATCHED for arm in ARMS]
     return Document(
         title="lab-disturbances: what observers believe when somebody else interferes",
         summary=(*_summary(beliefs), runs_sentence(runs)),
@@ -188,7 +189,7 @@ def judge(settings: Settings, outcomes: Mapping[str, Outcome]) -> Document:
                     drawings.timeline(
                         runs[0],
                         name,
-                        "The true value and the value that each arm held; wrong values have a red background.",
+                        "The true value and the value of each arm. The background is red while the value is wrong.",
                     )
                     for name in (LID, WATCHED[2])
                 ),
@@ -208,14 +209,14 @@ def _section(episode: Episode, beliefs: Sequence[Belief]) -> Section:
     rows = [_believed_row(belief) for belief in beliefs]
     header = ("variable", "arm", "during: right s", "wrong s", "unknown s", "after: right s", "wrong s", "unknown s")
     marked = frozenset((row, column) for row, cells in enumerate(rows) for column in (3, 6) if cells[column])
-    again = plain_table(
-        "Right again: mean time from the beginning until the arm was right and stayed so, over the runs in which this "
-        "was before the next disturbance; unknown is not right. Less naive: with 95 % intervals over the runs in which "
-        "both were.",
-        ("variable", "arm", "right again s", "less naive s", "runs never"),
-        [_again_row(belief, _naive(beliefs, belief.variable)) for belief in beliefs],
+    right_again_table = plain_table(
+        "Right again: mean time from the beginning until the arm was right and stayed right, over the runs in which "
+        "this was before the next disturbance; unknown is not right. Minus naive: the difference to naive observers, "
+        "with 95 % intervals over the runs in which both were right again.",
+        ("variable", "arm", "right again s", "minus naive s", "runs never"),
+        [_again_row(belief, _naive_belief(beliefs, belief.variable)) for belief in beliefs],
     )
-    parts = (Table(caption=caption, header=header, rows=rows, marked=marked), again)
+    parts = (Table(caption=caption, header=header, rows=rows, marked=marked), right_again_table)
     return Section(title=episode.name.capitalize(), parts=parts)
 
 
@@ -235,17 +236,17 @@ def _again_row(belief: Belief, naive: Belief) -> Sequence[Cell]:
         label(belief.variable),
         belief.arm,
         rounded(math.fsum(durations_s) / len(durations_s), 1) if durations_s else None,
-        None if belief.arm == naive.arm else interval(_less(belief, naive), 1),
+        None if belief.arm == naive.arm else interval(_delay_against(belief, naive), 1),
         len(belief.right_again_s) - len(durations_s),
     )
 
 
-def _naive(beliefs: Sequence[Belief], variable: str) -> Belief:
+def _naive_belief(beliefs: Sequence[Belief], variable: str) -> Belief:
     return next(belief for belief in beliefs if belief.variable == variable and belief.arm == NAIVE.name)
 
 
-def _less(belief: Belief, other: Belief) -> Estimate:
-    """Return how much later one arm was right again than another, over the runs in which both were."""
+def _delay_against(belief: Belief, other: Belief) -> Estimate:
+    """Return how much later one arm was right again than another, over the runs in which both were right again."""
     pairs = zip(belief.right_again_s, other.right_again_s, strict=True)
     both = [left - right for left, right in pairs if left is not None and right is not None]
     return mean_interval(both) if both else Estimate(value=None, low=None, high=None)
@@ -254,19 +255,21 @@ def _less(belief: Belief, other: Belief) -> Estimate:
 def _summary(beliefs: Sequence[Belief]) -> Iterator[str]:
     for episode in EPISODES:
         lids = [belief for belief in beliefs if belief.episode is episode and belief.variable == LID]
-        what = f"{episode.name.capitalize()}, {len(lids[0].right_again_s)} runs"
+        episode_text = f"{episode.name.capitalize()}, {len(lids[0].right_again_s)} runs"
         if not any(_wrong_s(belief) for belief in lids):
-            yield f"{what}: no arm was wrong about {label(LID)} for any time."
+            yield f"{episode_text}: no arm was wrong about {label(LID)} for any time."
         else:
-            beliefs_text = "; ".join(f"{lid.arm}, {_wrong_s(lid):.0f} s wrong, {_again(lid)}" for lid in lids)
-            yield f"{what}: {beliefs_text}."
+            beliefs_text = "; ".join(
+                f"{lid.arm}, {_wrong_s(lid):.0f} s wrong, {_right_again_text(lid)}" for lid in lids
+            )
+            yield f"{episode_text}: {beliefs_text}."
 
 
 def _wrong_s(belief: Belief) -> float:
     return belief.during.wrong_s + belief.after.wrong_s
 
 
-def _again(belief: Belief) -> str:
+def _right_again_text(belief: Belief) -> str:
     durations_s = [duration_s for duration_s in belief.right_again_s if duration_s is not None]
     never = len(belief.right_again_s) - len(durations_s)
     mean = f"right again after {math.fsum(durations_s) / len(durations_s):.1f} s" if durations_s else "not right again"

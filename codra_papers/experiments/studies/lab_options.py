@@ -45,21 +45,21 @@ OPTIONS: Mapping[str, SpecEdit] = {
     "periodic": Refreshed(refresh=Refresh.PERIODIC),
     "on event": Refreshed(refresh=Refresh.ON_EVENT),
 }
-"""The options, each changed alone: switched on if the spec has it off, and off if the spec has it on."""
+"""The options, each changed alone: an option is switched on if it is off in the spec, and off if it is on."""
 
 _NOTE = (
     "Each arm changes one option of the spec and nothing else; an option that would not change the spec is left "
-    "out. All of them look only while a skill needs the variable, on the same frames. The main execution looks at each "
-    "of its decisions by itself. It tends the centrifuge, the PCR-cycler and the centrifuge again, which is shorter "
-    "than a loop: no tray is carried and no rotor turned."
+    "out. All arms look only while a skill needs the variable, on the same frames. The main execution looks by itself "
+    "for each of its decisions. It tends the centrifuge, the PCR-cycler and the centrifuge again, which is shorter "
+    "than a loop: no tray is carried and no rotor is turned."
 )
 
 
 def arms(settings: Settings) -> tuple[Arm, ...]:
     """Return the unchanged spec, the spec with each option changed if that changes it, and naive observers."""
     spec = read_spec(settings.spec)
-    changed = [UNCHANGED.edited(name, edit) for name, edit in OPTIONS.items() if edit(spec) != spec]
-    return (UNCHANGED, *changed, NAIVE)
+    changed_arms = [UNCHANGED.edited(name, edit) for name, edit in OPTIONS.items() if edit(spec) != spec]
+    return (UNCHANGED, *changed_arms, NAIVE)
 
 
 def trials(settings: Settings) -> Sequence[Trial]:
@@ -99,14 +99,14 @@ def _summary(comparisons: Sequence[ArmComparison]) -> Iterator[str]:
     for comparison in comparisons[1:]:
         if comparison.paper_difference is None or comparison.strict_difference is None:
             continue
-        fewer = (
+        triggers_text = (
             "no triggers to compare"
             if not base.triggers
             else f"{comparison.triggers / base.triggers:.2f} times the triggers"
         )
         yield (
             f"{comparison.arm}: ratio {interval(comparison.paper_difference)}, strict ratio "
-            f"{interval(comparison.strict_difference)} against the unchanged spec; {fewer}, "
+            f"{interval(comparison.strict_difference)} against the unchanged spec; {triggers_text}, "
             f"{comparison.answers.wrong} wrong values at decisions (unchanged: {base.answers.wrong})."
         )
 

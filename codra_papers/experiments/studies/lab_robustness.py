@@ -1,7 +1,7 @@
 """`lab-robustness`: does context make observers more stable, and what does it save (P1, section 4.1)?
 
-Runs store frames together with the poses that the robot believed. The report detects tags in these frames again with
-the spec's functions and without a simulator, so reported detections can be verified.
+Runs store frames together with the poses that the robot believed. For the report, tags are detected in these frames
+again with the spec's functions and without a simulator. So reported detections can be verified.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from codra_papers.experiments.studies.robustness.mistakes import Mistake, mistak
 ARMS = (NAIVE, NAIVE_PACED, PRECONDITIONS, NEED, NEED_ON_EVENT)
 
 FURTHER_ARMS = tuple(arm for arm in ARMS if arm is not NAIVE_PACED)
-"""The arms of the runs for intervals; the effect of P1's pace on naive observers is shown by the runs of the tables."""
+"""The arms of the runs for intervals. The runs of the tables show the effect of P1's pace on naive observers."""
 
 RUNS = 10
 """The number of runs in the tables, as in P1's Table 2."""
@@ -49,13 +49,13 @@ COMPARED = (
     (NEED.name, PRECONDITIONS.name),
     (NEED_ON_EVENT.name, NEED.name),
 )
-"""The pairs of arms with reported differences: each arm, less the one with which it is compared."""
+"""The pairs of arms with reported differences: each arm, and the arm whose value is subtracted."""
 
 _NOTE = (
-    "All arms watch the same frames of a run, each with a vision slot of its own; the same work started at the same "
-    "instant takes the same time in each. The main execution looks at each of its decisions by itself and uses none of "
-    "the arms, so a run does not depend on any arm. Right, wrong and unknown seconds add up to the run. Ratios over "
-    "runs are ratios of sums, as in P1's Total."
+    "All arms watch the same frames of a run, each with a vision slot of its own. The same work started at the same "
+    "instant takes the same time in each arm. The main execution looks by itself for each of its decisions and uses "
+    "none of the arms, so a run does not depend on any arm. Right, wrong and unknown seconds add up to the run. "
+    "Ratios over runs are ratios of sums, as in P1's Total."
 )
 
 
@@ -94,18 +94,18 @@ class _Findings:
     """The content of the report.
 
     Attributes:
-        runs: those of the tables.
-        further: those of the intervals.
+        runs: the runs of the tables.
+        further_runs: the runs of the intervals.
         vision: the algorithms that need the vision slot.
-        wrong: wrong values at decisions, in the runs of the tables.
+        wrong_values: wrong values at decisions, in the runs of the tables.
     """
 
     runs: Runs
-    further: Runs
+    further_runs: Runs
     vision: Sequence[str]
     comparisons: Sequence[Comparison]
-    wrong: Sequence[Mistake]
-    again: Sequence[DetectedAgain]
+    wrong_values: Sequence[Mistake]
+    detected_again: Sequence[DetectedAgain]
 
 
 def _findings(settings: Settings, outcomes: Mapping[str, Outcome]) -> _Findings:
@@ -114,11 +114,11 @@ def _findings(settings: Settings, outcomes: Mapping[str, Outcome]) -> _Findings:
     further = Runs([outcome for outcome in outcomes.values() if outcome.seed >= FIRST_FURTHER_SEED])
     return _Findings(
         runs=runs,
-        further=further,
+        further_runs=further,
         vision=vision_algorithms(spec),
         comparisons=[compare(further, name, arm, against) for name in VARIABLES for arm, against in COMPARED],
-        wrong=mistakes(runs),
-        again=detect_again(spec, runs.outcomes, settings.folder),
+        wrong_values=mistakes(runs),
+        detected_again=detect_again(spec, runs.outcomes, settings.folder),
     )
 
 
@@ -126,8 +126,8 @@ def _summary(findings: _Findings) -> Iterator[str]:
     yield from summary.ratio_sentences(findings.runs, findings.comparisons)
     yield from summary.cause_sentences(findings.runs)
     yield from summary.trigger_sentences(findings.runs, findings.vision)
-    yield from summary.decision_sentences(findings.runs, findings.wrong)
-    yield from summary.frame_sentences(findings.runs, findings.again)
+    yield from summary.decision_sentences(findings.runs, findings.wrong_values)
+    yield from summary.frame_sentences(findings.runs, findings.detected_again)
 
 
 def _sections(settings: Settings, findings: _Findings) -> Iterator[Section]:
@@ -142,28 +142,30 @@ def _sections(settings: Settings, findings: _Findings) -> Iterator[Section]:
         title="Triggers",
         parts=(
             tables.triggers_table(runs, findings.vision),
-            tables.reduction_table(runs, findings.further, (NAIVE.name, NAIVE_PACED.name), findings.vision),
+            tables.reduction_table(runs, findings.further_runs, (NAIVE.name, NAIVE_PACED.name), findings.vision),
         ),
     )
     yield Section(title="First knowledge and lag", parts=(tables.knowledge_table(runs),))
     yield _over_time(runs)
     yield Section(
-        title="When decisions needed a value", parts=(tables.answers_table(runs), *_rings(runs, findings.wrong))
+        title="When decisions needed a value", parts=(tables.answers_table(runs), *_rings(runs, findings.wrong_values))
     )
     yield Section(
         title="Decisions on wrong values",
-        parts=(mistakes_table(findings.wrong), *photographs(findings.wrong, settings.folder)),
+        parts=(mistakes_table(findings.wrong_values), *photographs(findings.wrong_values, settings.folder)),
     )
     yield Section(title="Why values were wrong", parts=(tables.causes_table(runs),))
-    yield Section(title="Frames", parts=(Words(text=" ".join(summary.frame_sentences(runs, findings.again))),))
+    yield Section(title="Frames", parts=(Words(text=" ".join(summary.frame_sentences(runs, findings.detected_again))),))
 
 
 def _all_variables(runs: Runs) -> Section:
     return Section(
         title="All fourteen variables",
         parts=(
-            tables.ratio_table(runs, paper, "Ratio: right of held seconds in the common window, over all runs."),
-            tables.ratio_table(runs, strict, "Strict ratio: right of all seconds in the same window."),
+            tables.ratio_table(
+                runs, paper, "Ratio: right seconds in held seconds, in the common window, over all runs."
+            ),
+            tables.ratio_table(runs, strict, "Strict ratio: right seconds in all seconds, in the same window."),
             tables.seconds_table(runs),
         ),
     )
@@ -171,7 +173,7 @@ def _all_variables(runs: Runs) -> Section:
 
 def _intervals(findings: _Findings) -> Section:
     table = tables.comparison_table(findings.comparisons)
-    if not findings.further.outcomes:
+    if not findings.further_runs.outcomes:
         return Section(title="How sure differences are", parts=(Words(text="No further seeds were run."),))
     caption = "Differences between arms with their 95 % intervals; to the right of zero the first arm is better."
     return Section(title="How sure differences are", parts=(drawings.forest(findings.comparisons, caption), table))
@@ -179,8 +181,8 @@ def _intervals(findings: _Findings) -> Section:
 
 def _over_time(runs: Runs) -> Section:
     caption = (
-        "The true value and the value that each arm held over one run, as in P1's Figure 6; wrong values have a red "
-        "background."
+        "The true value and the value that each arm held over one run, as in P1's Figure 6. The background is "
+        "red while the value is wrong."
     )
     return Section(
         title="One run over time",
@@ -188,17 +190,17 @@ def _over_time(runs: Runs) -> Section:
     )
 
 
-def _rings(runs: Runs, wrong: Sequence[Mistake]) -> Iterator[Drawing]:
+def _rings(runs: Runs, wrong_values: Sequence[Mistake]) -> Iterator[Drawing]:
     """Draw decisions, as P1's Figure 7 does, for each lid in the run with the most wrong values."""
     for name in LIDS:
         counts = [
-            sum(mistake.outcome is outcome and mistake.decision.variable == name for mistake in wrong)
+            sum(mistake.outcome is outcome and mistake.decision.variable == name for mistake in wrong_values)
             for outcome in runs.outcomes
         ]
         outcome = runs.outcomes[counts.index(max(counts))]
         caption = (
             f"The decisions on {label(name)}, as in P1's Figure 7, in the run with the most wrong values at decisions; "
-            "wrong values are magenta. A ring in the middle: the value was unknown to the arm."
+            "wrong values are magenta. A ring half-way between false and true: the value was unknown to the arm."
         )
         yield drawings.decisions(outcome, name, caption)
 
@@ -206,10 +208,10 @@ def _rings(runs: Runs, wrong: Sequence[Mistake]) -> Iterator[Drawing]:
 def _results(findings: _Findings) -> Mapping[str, object]:
     return {
         "tables": results.runs_as_data(findings.runs),
-        "further": results.runs_as_data(findings.further),
+        "further": results.runs_as_data(findings.further_runs),
         "intervals": results.comparisons_as_data(findings.comparisons),
-        "decisions_on_wrong_values": results.mistakes_as_data(findings.wrong),
-        "frames_detected_again": results.detected_as_data(findings.again),
+        "decisions_on_wrong_values": results.mistakes_as_data(findings.wrong_values),
+        "frames_detected_again": results.detected_as_data(findings.detected_again),
         "paper": results.paper_as_data(),
     }
 

@@ -27,7 +27,7 @@ from codra_papers.experiments.studies.beyond.arm_comparison import (
     reported_seeds,
     runs_sentence,
 )
-from codra_papers.experiments.studies.beyond.curves import Curve, Panel, at, differences, panels
+from codra_papers.experiments.studies.beyond.curves import Curve, Panel, differences, panels, point_at
 from codra_papers.experiments.studies.beyond.parameters import Parameter, parameters
 from codra_papers.experiments.studies.beyond.workloads import Tending
 from codra_papers.experiments.studies.robustness.findings import vision_algorithms
@@ -37,7 +37,7 @@ from codra_papers.lab.simulator.laboratory import LABORATORY, Laboratory
 WORK = Tending(machines=(CENTRIFUGE, PCR_CYCLER))
 
 STRONGEST = 8
-"""How many numbers of the spec are drawn: those that change the difference to naive observers most."""
+"""How many numbers of the spec the picture shows: those that change the difference to naive observers most."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,7 +46,7 @@ class Variation:
 
     Attributes:
         axis: the property.
-        value: of the property, as it is drawn.
+        value: the value of the property in pictures.
     """
 
     axis: str
@@ -55,7 +55,7 @@ class Variation:
 
     @property
     def name(self) -> str:
-        """Return the beginning of the names of its trials."""
+        """Return the beginning of the names of the trials in this laboratory."""
         return f"{self.axis} {self.value:g}"
 
 
@@ -87,10 +87,11 @@ _ROTOR = "_rotor"
 """The end of the names of rotor variables, which are left out: no rotor is turned here."""
 
 _NOTE = (
-    "The robot tends the centrifuge and the PCR-cycler, and looks at each of its decisions by itself. Each laboratory "
-    "differs from the protocol's in one property; in it, observers with preconditions and naive ones watch the same "
-    "frames. In the unchanged laboratory, each number of the spec is also halved and made one and a half times as "
-    "large, with one arm each; counts are rounded up. No rotor is turned, so its numbers are left out."
+    "The robot tends the centrifuge and the PCR-cycler, and looks by itself for each of its decisions. Each laboratory "
+    "differs from the protocol's laboratory in one property. In each, observers with preconditions and naive observers "
+    "watch the same frames. In the unchanged laboratory, each number of the spec is also halved, and made one and a "
+    "half times as large, each in an arm of its own; counts are rounded up. No rotor is turned, so the numbers for "
+    "rotors are left out."
 )
 
 
@@ -135,10 +136,11 @@ def trials(settings: Settings) -> Sequence[Trial]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Findings:
-    """The content of the report: comparisons of the arms with naive ones in each laboratory, naive first.
+    """The content of the report.
 
     Attributes:
-        by_name: by the name of a variation, or of the unchanged laboratory.
+        by_name: the comparisons of the arms with naive observers in each laboratory, naive first. The key is the name
+            of a variation, or of the unchanged laboratory.
         strongest: the numbers that change the advantage most, the strongest first.
     """
 
@@ -146,7 +148,7 @@ class _Findings:
     strongest: Sequence[Parameter]
 
     def of(self, name: str, arm: str) -> ArmComparison | None:
-        """Return the comparison of an arm in a laboratory; None if the arm is not in it."""
+        """Return the comparison of an arm in a laboratory; None if the laboratory was run without this arm."""
         return next((comparison for comparison in self.by_name[name] if comparison.arm == arm), None)
 
     def advantage(self, name: str, arm: str = PRECONDITIONS.name) -> Estimate | None:
@@ -178,12 +180,14 @@ def _findings(settings: Settings, outcomes: Mapping[str, Outcome]) -> _Findings:
         runs = [outcome for key, outcome in outcomes.items() if key.rpartition(" ")[0] == name]
         by_name[name] = [arm_comparison(runs, LIDS_AND_LATCHES, arm, NAIVE.name, vision) for arm in runs[0].arms]
     all_findings = _Findings(by_name=by_name, strongest=())
-    ordered = sorted(parameters(spec, besides=_ROTOR), key=lambda parameter: -_strength(all_findings, parameter))
-    return replace(all_findings, strongest=ordered[:STRONGEST])
+    ordered_parameters = sorted(
+        parameters(spec, besides=_ROTOR), key=lambda parameter: -_strength(all_findings, parameter)
+    )
+    return replace(all_findings, strongest=ordered_parameters[:STRONGEST])
 
 
 def _strength(findings: _Findings, parameter: Parameter) -> float:
-    """Return the largest change of the advantage by a number."""
+    """Return the largest change of the advantage that a parameter causes."""
     nominal = _value(findings.advantage(_AS_IT_IS))
     advantages = (findings.advantage(_AS_IT_IS, f"{parameter.name} {times}") for times, _ in _changes(parameter))
     return max((abs(_value(advantage) - nominal) for advantage in advantages if advantage is not None), default=0.0)
@@ -196,21 +200,24 @@ def _value(estimate: Estimate | None) -> float:
 def _summary(findings: _Findings) -> Iterator[str]:
     nominal = findings.advantage(_AS_IT_IS)
     if nominal is not None:
-        yield f"In the unchanged laboratory, preconditions less naive: ratio {interval(nominal)} of lids and latches."
-    for kind, estimates in (("laboratories", _laboratories(findings)), ("numbers of the spec", _numbers(findings))):
-        gone = [f"{name} ({interval(estimate)})" for name, estimate in estimates if not estimate.is_positive]
+        yield f"In the unchanged laboratory, preconditions minus naive, ratio of lids and latches: {interval(nominal)}."
+    for kind, estimates in (
+        ("laboratories", _laboratory_advantages(findings)),
+        ("numbers of the spec", _number_advantages(findings)),
+    ):
+        vanished = [f"{name} ({interval(estimate)})" for name, estimate in estimates if not estimate.is_positive]
         yield (
-            f"Of {len(estimates)} {kind}, the interval of the advantage is not completely above zero in {len(gone)}"
-            f"{': ' if gone else ''}{'; '.join(gone)}."
+            f"Of {len(estimates)} {kind}, the interval of the advantage is not completely above zero in {len(vanished)}"
+            f"{': ' if vanished else ''}{'; '.join(vanished)}."
         )
 
 
-def _laboratories(findings: _Findings) -> Sequence[tuple[str, Estimate]]:
+def _laboratory_advantages(findings: _Findings) -> Sequence[tuple[str, Estimate]]:
     advantages = ((variation.name, findings.advantage(variation.name)) for variation in VARIATIONS)
     return [(name, estimate) for name, estimate in advantages if estimate is not None]
 
 
-def _numbers(findings: _Findings) -> Sequence[tuple[str, Estimate]]:
+def _number_advantages(findings: _Findings) -> Sequence[tuple[str, Estimate]]:
     names = (f"{parameter.name} {times}" for parameter in findings.strongest for times, _ in _changes(parameter))
     advantages = ((name, findings.advantage(_AS_IT_IS, name)) for name in names)
     return [(name, estimate) for name, estimate in advantages if estimate is not None]
@@ -221,10 +228,10 @@ def _sections(findings: _Findings) -> Iterator[Section]:
     yield Section(title="Laboratories", parts=(_curves(findings), _laboratory_table(findings)))
     caption = (
         f"The {len(findings.strongest)} numbers of the spec that change the advantage most, at half and one and a "
-        "half: ratio of lids and latches, less that of naive observers, with 95 % intervals over paired runs."
+        "half: ratio of lids and latches, minus that of naive observers, with 95 % intervals over paired runs."
     )
-    drawn = differences(_numbers(findings), "ratio, less naive", caption)
-    yield Section(title="Numbers of the spec", parts=(drawn, _number_table(findings)))
+    number_drawing = differences(_number_advantages(findings), "ratio, minus naive", caption)
+    yield Section(title="Numbers of the spec", parts=(number_drawing, _number_table(findings)))
 
 
 def _curves(findings: _Findings) -> Drawing:
@@ -235,18 +242,18 @@ def _curves(findings: _Findings) -> Drawing:
             nominal=_NOMINAL[axis],
             curves=[
                 Curve(
-                    name="preconditions less naive",
-                    points=[at(value, findings.advantage(name)) for value, name in _along(axis)],
+                    name="preconditions minus naive",
+                    points=[point_at(value, findings.advantage(name)) for value, name in _laboratories_on_axis(axis)],
                 )
             ],
         )
         for axis in _ACROSS
     ]
-    caption = "The ratio of lids and latches less that of naive observers. The grey line: the unchanged laboratory."
-    return panels(axis_panels, "ratio, less naive", caption)
+    caption = "The ratio of lids and latches minus that of naive observers. The grey line: the unchanged laboratory."
+    return panels(axis_panels, "ratio, minus naive", caption)
 
 
-def _along(axis: str) -> Sequence[tuple[float, str]]:
+def _laboratories_on_axis(axis: str) -> Sequence[tuple[float, str]]:
     """Return the laboratories of an axis, including that of the protocol, in order."""
     return sorted(
         [
@@ -256,7 +263,7 @@ def _along(axis: str) -> Sequence[tuple[float, str]]:
     )
 
 
-_HEADER = ("", "arm", "ratio", "strict ratio", "ratio, less naive", "strict, less naive", "wrong at decisions")
+_HEADER = ("", "arm", "ratio", "strict ratio", "ratio, minus naive", "strict, minus naive", "wrong at decisions")
 
 
 def _laboratory_table(findings: _Findings) -> Table:

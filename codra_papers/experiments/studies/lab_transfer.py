@@ -37,12 +37,12 @@ _WHAT = ("in_observable_distance", "in_manipulation_distance", "base_in_FOV", "l
 _MACHINES = (THIRD.name, PCR_CYCLER)
 
 
-def extended(settings: Settings) -> Path:
+def write_extended_spec(settings: Settings) -> Path:
     """Write the spec under test with one additional line.
 
     Raises:
-        SpecError: if it has errors, or no block for the line.
-        OSError: if it cannot be written.
+        SpecError: if the spec has errors, or no block for the line.
+        OSError: if a file cannot be written.
     """
     return spec_with(settings.spec, [THIRD], settings.folder / "spec")
 
@@ -52,9 +52,9 @@ def trials(settings: Settings) -> Sequence[Trial]:
 
     Raises:
         SpecError: if the spec has errors, or no block for the line.
-        OSError: if it cannot be written.
+        OSError: if a file cannot be written.
     """
-    spec = extended(settings)
+    spec = write_extended_spec(settings)
     return [
         Trial(
             name=f"run-{seed}",
@@ -73,9 +73,9 @@ def judge(settings: Settings, outcomes: Mapping[str, Outcome]) -> Document:
 
     Raises:
         SpecError: if the spec has errors, or no block for the line.
-        OSError: if it cannot be written.
+        OSError: if a file cannot be written.
     """
-    runs, vision = list(outcomes.values()), vision_algorithms(read_spec(extended(settings)))
+    runs, vision = list(outcomes.values()), vision_algorithms(read_spec(write_extended_spec(settings)))
     comparisons = {
         machine: arm_comparisons(runs, (f"{machine}_open", f"{machine}_locked"), NAIVE.name, vision)
         for machine in _MACHINES
@@ -100,7 +100,7 @@ def _summary(machine: str, comparisons: Sequence[ArmComparison]) -> Iterator[str
             and comparison.strict_difference
         ):
             yield (
-                f"Lid and latch of the {machine}, {comparison.arm} less naive: ratio "
+                f"Lid and latch of the {machine}, {comparison.arm} minus naive: ratio "
                 f"{interval(comparison.paper_difference)}, strict ratio {interval(comparison.strict_difference)}; "
                 f"{comparison.answers.wrong} wrong values at decisions."
             )
@@ -110,7 +110,7 @@ def _sections(outcomes: Sequence[Outcome], comparisons: Mapping[str, Sequence[Ar
     note = (
         f"One line is added to the spec under test: “{use_line(THIRD)}”. No threshold was chosen for the "
         "shaker: parameters of the template have their defaults. The robot tends the shaker, the PCR-cycler and the "
-        "shaker again, and looks at each of its decisions by itself."
+        "shaker again, and looks by itself for each of its decisions."
     )
     yield Section(title="Arms", parts=(Words(text=note), arms_table(ARMS)))
     caption = (
@@ -120,7 +120,7 @@ def _sections(outcomes: Sequence[Outcome], comparisons: Mapping[str, Sequence[Ar
     for machine in _MACHINES:
         parts = (*arm_comparison_tables(comparisons[machine], caption.format(machine)), _variables(outcomes, machine))
         yield Section(title=f"The {machine}", parts=parts)
-    caption = "The true value and the value that each arm held; wrong values have a red background."
+    caption = "The true value and the value that each arm held. The background is red while the value is wrong."
     yield Section(title="One run over time", parts=(drawings.timeline(outcomes[0], f"{THIRD.name}_open", caption),))
 
 

@@ -39,5 +39,5 @@ AGENTS: tuple[type[Agent], ...] = (
 
 
 def start_agents(knowledge: Knowledge, body: Body, clock: Clock) -> tuple[Agent, ...]:
-    """Start all agents of the robot's body under their names."""
+    """Start all agents of the robot's body, each under its own name."""
     return tuple(agent(knowledge, body, clock) for agent in AGENTS)

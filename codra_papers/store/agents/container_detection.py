@@ -17,14 +17,14 @@ PERIOD_S = 0.2
 PICTURES = 12
 """Number of sharp pictures in one detection."""
 
-FOUND_IN = 4
-"""Number of these pictures in which a container must be seen."""
+MIN_SIGHTINGS = 4
+"""Smallest number of these pictures in which a container must be seen."""
 
 SAME_M = 0.5
 """Two sightings nearer than this belong to one container."""
 
 SURE_WITHIN_M = 4.0
-"""A known container nearer than this and in view that was not seen is gone."""
+"""A known container is gone if it is nearer than this and in view, but was not seen."""
 
 
 @dataclass(slots=True)
@@ -76,7 +76,7 @@ class ContainerDetection:
                 self._add(Pose2D(x_m, y_m, robot.heading_rad + sighting.at.heading_rad))
         if self._pictures == PICTURES:
             self._end()
-            poses = [candidate.mean() for candidate in self._candidates if len(candidate.poses) >= FOUND_IN]
+            poses = [candidate.mean() for candidate in self._candidates if len(candidate.poses) >= MIN_SIGHTINGS]
             self._write_containers(poses)
             self._task.finish("found" if poses else "lost")
 
@@ -103,9 +103,9 @@ class ContainerDetection:
                     change.insert_node(name, "roll_container")
                 known.pop(name, None)
                 change.place("world", "container_pose", name, pose_of(pose))
-            self._drop(change, snapshot, known)
+            self._delete_unseen(change, snapshot, known)
 
-    def _drop(self, change: Transaction, snapshot: Snapshot, unseen: dict[str, Pose2D]) -> None:
+    def _delete_unseen(self, change: Transaction, snapshot: Snapshot, unseen: dict[str, Pose2D]) -> None:
         robot = self._body.believed()
         for name, pose in unseen.items():
             is_close = hypot(pose.x_m - robot.x_m, pose.y_m - robot.y_m) < SURE_WITHIN_M

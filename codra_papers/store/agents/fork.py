@@ -1,4 +1,4 @@
-"""P2's PickUpAgent and DeliverAgent: they move the fork, and record its load in the graph."""
+"""P2's PickUpAgent and DeliverAgent as one agent: it moves the fork, and records the load of the fork in the graph."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from codra_papers.store.knowledge import floor_pose_of
 from codra_papers.store.layout import FORK_M
 
 REACH_M = 0.5
-"""Largest known distance of a lifted container from the middle of the fork."""
+"""The known pose of a lifted container is nearer than this to the middle of the fork."""
 
 
 class Fork:
@@ -28,20 +28,20 @@ class Fork:
         self._lowering = Executor(knowledge, self._handle, "lowering", self._lower, self._stop)
 
     def _raise(self, _: Snapshot) -> None:
-        self._halt = self._body.lift(Lift.UP, self._raised)
+        self._halt = self._body.lift(Lift.UP, self._on_raised)
 
     def _lower(self, _: Snapshot) -> None:
-        self._halt = self._body.lift(Lift.DOWN, self._lowered)
+        self._halt = self._body.lift(Lift.DOWN, self._on_lowered)
 
     def _stop(self) -> None:
         if self._halt is not None:
             self._halt()
 
-    def _raised(self, outcome: Outcome) -> None:
+    def _on_raised(self, outcome: Outcome) -> None:
         if outcome is not Outcome.DONE:
             return
         is_loaded, snapshot = self._body.has_load(), self._knowledge.snapshot()
-        name = _on_fork(snapshot) if is_loaded else None
+        name = _lifted_container(snapshot) if is_loaded else None
         with self._handle.transaction() as change:
             change.set("robot", "loaded", is_loaded)
             if name is not None:
@@ -49,7 +49,7 @@ class Fork:
                 change.insert_edge("robot", "carries", name)
         self._lifting.finish("lifted" if is_loaded else "empty")
 
-    def _lowered(self, outcome: Outcome) -> None:
+    def _on_lowered(self, outcome: Outcome) -> None:
         if outcome is not Outcome.DONE:
             return
         snapshot = self._knowledge.snapshot()
@@ -61,13 +61,13 @@ class Fork:
         self._lowering.finish("lowered")
 
 
-def _on_fork(snapshot: Snapshot) -> str | None:
+def _lifted_container(snapshot: Snapshot) -> str | None:
     """Return the known container that the fork must have lifted."""
     middle = Pose2D(-FORK_M, 0.0)
-    near = {
+    distances_m = {
         node.name: floor_pose_of(snapshot.transform("robot", node.name).pose).distance_m(middle)
         for node in snapshot.nodes("roll_container")
         if snapshot.parent(node.name) == "world"
     }
-    name = min(near, key=lambda container: (near[container], container), default=None)
-    return name if name is not None and near[name] < REACH_M else None
+    name = min(distances_m, key=lambda container: (distances_m[container], container), default=None)
+    return name if name is not None and distances_m[name] < REACH_M else None

@@ -19,9 +19,9 @@ class Localisation:
         """Start to record five times a second."""
         self._handle = knowledge.as_agent("localisation")
         self._body = body
-        self._rounds = Rounds(clock, PERIOD_S, self._record)
+        self._rounds = Rounds(clock, PERIOD_S, self._record_pose)
 
-    def _record(self) -> None:
+    def _record_pose(self) -> None:
         with self._handle.transaction() as change:
             change.place("world", "robot_pose", "robot", pose_of(self._body.believed()))
             change.set("robot", "pose_spread", self._body.localisation_spread_m())
@@ -34,23 +34,23 @@ class CameraAgent:
         """Start to record five times a second."""
         self._handle = knowledge.as_agent("camera_agent")
         self._body = body
-        self._rounds = Rounds(clock, PERIOD_S, self._record)
+        self._rounds = Rounds(clock, PERIOD_S, self._record_steadiness)
 
-    def _record(self) -> None:
+    def _record_steadiness(self) -> None:
         self._handle.set("camera", "camera_steady", self._body.look().is_steady)
 
 
 class Lasers:
-    """Records the distances of the nearest objects in front and behind, and of the nearest one not on the map."""
+    """Records how near objects are: in front, behind, and, all around, the nearest one that is not on the map."""
 
     def __init__(self, knowledge: Knowledge, body: Body, clock: Clock) -> None:
         """Start to record five times a second."""
         self._knowledge = knowledge
         self._handle = knowledge.as_agent("lasers")
         self._body = body
-        self._rounds = Rounds(clock, PERIOD_S, self._record)
+        self._rounds = Rounds(clock, PERIOD_S, self._record_gaps)
 
-    def _record(self) -> None:
+    def _record_gaps(self) -> None:
         strange_m = gap_m(moving_points(self._body, containers_m(self._knowledge.snapshot())))
         with self._handle.transaction() as change:
             change.set("robot", "strange_gap", min(strange_m, FARTHEST_M))

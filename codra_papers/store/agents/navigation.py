@@ -1,7 +1,7 @@
 """P2's NavigationAgent: it drives to the goal in the graph, and records the state of the robot's body.
 
-It plans on the map, with the known containers. If the way stays blocked, it plans again, around the obstacles that the
-lasers see. After a bump it first draws back. If all tries fail, the task ends with the reason.
+The agent plans on the map, with the known containers. If the way stays blocked, it plans again, around the obstacles
+that the lasers see. After a bump the robot first draws back. If all tries fail, the result of the task is the reason.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from codra_papers.store.routes import NoRouteError, route
 
 PERIOD_S = 0.5
 TRIES = 8
-"""Number of tries before the result is `blocked`. In a try the motion layer waits for a free way."""
+"""Number of tries before the result is `blocked`. In each try the motion layer waits for a free way."""
 
 TRIES_BACKWARD = 3
-"""The same for driving backwards, where no other way exists."""
+"""Number of tries for driving backwards, where no other way exists."""
 
 MOST_BUMPS = 3
-"""After more bumps than this on one way the result is `bumped`."""
+"""If the robot bumps more often than this on one way, the result is `bumped`."""
 
 SETTLE_S = 1.0
 """How long the robot waits after a bump."""
@@ -50,13 +50,13 @@ class Navigation:
         self._goal = Pose2D(0.0, 0.0)
         self._tries, self._bumps = 0, 0
         self._way: Way | None = None
-        self._recovered: Callable[[], None] | None = None
+        self._after_recovery: Callable[[], None] | None = None
         self._halt: Stop | None = None
         self._task = Executor(knowledge, self._handle, "navigating", self._begin, self._stop)
-        self._follower = knowledge.follow("robot", "max_speed", self._limit)
-        self._rounds = Rounds(clock, PERIOD_S, self._record)
+        self._follower = knowledge.follow("robot", "max_speed", self._limit_speed)
+        self._rounds = Rounds(clock, PERIOD_S, self._record_body)
 
-    def _record(self) -> None:
+    def _record_body(self) -> None:
         body = self._body
         with self._handle.transaction() as change:
             change.set("battery", "battery_level", body.battery_percent())
@@ -64,14 +64,14 @@ class Navigation:
             change.set("robot", "bumped", body.is_bumped())
             change.set("robot", "speed", max(-1.5, min(1.5, body.speed_m_s())))
 
-    def _limit(self, reading: Reading[float]) -> None:
+    def _limit_speed(self, reading: Reading[float]) -> None:
         if reading.known:
             self._body.set_max_speed(reading.value)
 
     def _begin(self, snapshot: Snapshot) -> None:
-        """Start to drive; if the robot is drawing back after a bump, start afterwards."""
-        if self._recovered is not None:
-            self._recovered = partial(self._set_off, snapshot)
+        """Start to drive. If the robot is drawing back after a bump, it starts afterwards."""
+        if self._after_recovery is not None:
+            self._after_recovery = partial(self._set_off, snapshot)
         else:
             self._set_off(snapshot)
 
@@ -80,14 +80,14 @@ class Navigation:
         self._tries, self._bumps = 0, 0
         way = snapshot.get("goal", "goal_way")
         if way.known and way.value == Way.BACKWARD:
-            self._back()
+            self._back_up()
         else:
             self._go(())
 
     def _stop(self) -> None:
-        """Stop; but if the robot is drawing back after a bump, it continues that, even if the next request comes."""
-        if self._recovered is not None:
-            self._recovered = _no_next_step
+        """Stop driving; but a robot that draws back after a bump finishes this, whatever is requested next."""
+        if self._after_recovery is not None:
+            self._after_recovery = _do_nothing
         elif self._halt is not None:
             self._halt()
 
@@ -103,23 +103,23 @@ class Navigation:
                 return
             self._go(())
             return
-        self._drive(points, Way.FORWARD, self._ending(self._face, self._go_round, self._go_round))
+        self._drive(points, Way.FORWARD, self._end_callback(self._turn_to_goal, self._go_round, self._go_round))
 
-    def _face(self) -> None:
+    def _turn_to_goal(self) -> None:
         angle_rad = wrapped(self._goal.heading_rad - self._body.believed().heading_rad)
         if abs(angle_rad) < FACING_RAD:
-            self._arrived()
+            self._finish_arrived()
             return
-        self._turn(angle_rad, self._ending(self._arrived, self._go_round, self._go_round))
+        self._turn(angle_rad, self._end_callback(self._finish_arrived, self._go_round, self._go_round))
 
-    def _back(self) -> None:
-        """Back up to the goal, straight. After a bump the task ends: the requester must measure the goal again."""
-        again = partial(self._try_again, self._back, TRIES_BACKWARD)
-        bumped = partial(self._task.finish, "bumped")
-        self._drive((self._goal.point_m,), Way.BACKWARD, self._ending(self._arrived, again, bumped))
+    def _back_up(self) -> None:
+        """Back up straight to the goal. A bump ends the task: the requester must then measure the goal again."""
+        again = partial(self._try_again, self._back_up, TRIES_BACKWARD)
+        finish_bumped = partial(self._task.finish, "bumped")
+        self._drive((self._goal.point_m,), Way.BACKWARD, self._end_callback(self._finish_arrived, again, finish_bumped))
 
     def _go_round(self) -> None:
-        """Draw back, to get room for turning, and go another way."""
+        """Draw back to get room for turning, and go another way."""
         self._try_again(partial(self._draw_back, self._go_another_way), TRIES)
 
     def _go_another_way(self) -> None:
@@ -133,22 +133,22 @@ class Navigation:
         if self._bumps:
             go_on()
             return
-        self._draw(away(self._body, self._people(), DRAW_BACK_M), self._ending(go_on, go_on, go_on))
+        self._draw(away(self._body, self._people(), DRAW_BACK_M), self._end_callback(go_on, go_on, go_on))
 
-    def _return(self) -> None:
-        """Drive back a little the way that it came: the lasers do not see the obstacle that it bumped into."""
+    def _drive_back(self) -> None:
+        """Drive back a little the way that the robot came, because no laser sees the obstacle that it bumped into."""
         back = Way.FORWARD if self._way is Way.BACKWARD else Way.BACKWARD
         people = self._people()
         length_m = min(room_m(self._body, people, back), DRAW_BACK_M)
         step = (back, length_m) if self._way and length_m > 0.0 else away(self._body, people, DRAW_BACK_M)
-        self._draw(step, self._returned)
+        self._draw(step, self._on_returned)
 
-    def _returned(self, outcome: Outcome) -> None:
-        """Continue with the stored next step. A command that another one replaced counts as drawn back as well."""
+    def _on_returned(self, outcome: Outcome) -> None:
+        """Continue with the stored next step, even if another command has replaced the drawing back."""
         if outcome is Outcome.BUMPED:
-            self._bumped(_no_next_step)
+            self._on_bump(_do_nothing)
             return
-        go_on, self._recovered = self._recovered, None
+        go_on, self._after_recovery = self._after_recovery, None
         if go_on is not None:
             go_on()
 
@@ -170,28 +170,28 @@ class Navigation:
 
     # Ends
 
-    def _ending(
-        self, arrived: Callable[[], None], blocked: Callable[[], None], drawn_back: Callable[[], None]
+    def _end_callback(
+        self, on_done: Callable[[], None], on_blocked: Callable[[], None], on_bumped: Callable[[], None]
     ) -> Callable[[Outcome], None]:
-        """Return the callback for the end of a command of the body. For a stopped command it does nothing.
+        """Return the callback for the end of a command of the body. After a stopped command it does nothing.
 
         Args:
-            arrived: called when the command was done.
-            blocked: called when an obstacle was in the way for long.
-            drawn_back: called when the robot bumped into an obstacle and has drawn back from it.
+            on_done: called when the command was done.
+            on_blocked: called when an obstacle was in the way for long.
+            on_bumped: called when the robot bumped into an obstacle and has drawn back from it.
         """
 
-        def done(outcome: Outcome) -> None:
+        def on_end(outcome: Outcome) -> None:
             if outcome is Outcome.DONE:
-                arrived()
+                on_done()
             elif outcome is Outcome.BLOCKED:
-                blocked()
+                on_blocked()
             elif outcome is Outcome.BUMPED:
-                self._bumped(drawn_back)
+                self._on_bump(on_bumped)
 
-        return done
+        return on_end
 
-    def _arrived(self) -> None:
+    def _finish_arrived(self) -> None:
         self._task.finish("arrived")
 
     def _try_again(self, again: Callable[[], None], tries: int) -> None:
@@ -201,16 +201,16 @@ class Navigation:
         else:
             self._task.finish("blocked")
 
-    def _bumped(self, go_on: Callable[[], None]) -> None:
+    def _on_bump(self, go_on: Callable[[], None]) -> None:
         """Wait for a moment, draw back, and continue."""
         self._bumps += 1
         if self._bumps > MOST_BUMPS:
-            self._recovered = None
+            self._after_recovery = None
             self._task.finish("bumped")
             return
-        if self._recovered is None:
-            self._recovered = go_on
-        self._clock.call_at(self._clock.now_s() + SETTLE_S, self._return)
+        if self._after_recovery is None:
+            self._after_recovery = go_on
+        self._clock.call_at(self._clock.now_s() + SETTLE_S, self._drive_back)
 
     # Knowledge
 
@@ -221,5 +221,5 @@ class Navigation:
         return people_m(self._knowledge.snapshot())
 
 
-def _no_next_step() -> None:
+def _do_nothing() -> None:
     """Do nothing: no step follows."""

@@ -1,4 +1,4 @@
-"""P2's PersonDetectionAgent: the people in the camera's view, their places, and the nodes that they are near to.
+"""P2's PersonDetectionAgent: it records the people in the camera's view, their places, and the nodes near them.
 
 The lasers follow people whom the camera has seen: beside the robot, behind it, and while it turns. Lasers show that an
 object is not on the map, but not that it is a person.
@@ -37,20 +37,20 @@ BREADTH_M = 0.3
 """Laser points nearer than this to a point of a person belong to the same person."""
 
 LASERS_FARTHEST_M = 2.5
-"""A person nearer than this and not hit by a laser is gone."""
+"""A person who is nearer than this, and whom no laser hits, is gone."""
 
 FORGET_S = 1.5
-"""A person not seen for this long, where the camera or a laser looks, is gone."""
+"""A person who was not seen for this long at a place where the camera or a laser looks is gone."""
 
 EDGE_M = 0.6
-"""A person last seen this near to the edge of the camera's view may have left it."""
+"""A person last seen nearer than this to the edge of the camera's view may have left the view."""
 
 REMEMBER_S = 5.0
 """A person outside the views of camera and lasers is assumed to be there for this long."""
 
 
 class PersonDetection:
-    """Keeps a node per person in view."""
+    """Keeps a node for each person in view."""
 
     def __init__(self, knowledge: Knowledge, body: Body, clock: Clock) -> None:
         """Start to look periodically."""
@@ -79,15 +79,17 @@ class PersonDetection:
 
     def _follow(self, change: Transaction, people: Iterable[Sighting]) -> None:
         robot = self._body.believed()
-        free = dict(self._seen)
+        unmatched_people = dict(self._seen)
         for sighting in people:
             at_m = robot.out(sighting.at.x_m, sighting.at.y_m)
-            name = min(free, key=lambda known: (_distance_m(free[known][0], at_m), known), default=None)
-            if name is None or _distance_m(free[name][0], at_m) > SAME_M:
+            name = min(
+                unmatched_people, key=lambda known: (_distance_m(unmatched_people[known][0], at_m), known), default=None
+            )
+            if name is None or _distance_m(unmatched_people[name][0], at_m) > SAME_M:
                 self._count += 1
                 name = f"person_{self._count}"
                 change.insert_node(name, "person")
-            free.pop(name, None)
+            unmatched_people.pop(name, None)
             self._place(change, name, at_m)
 
     def _follow_by_lasers(self, change: Transaction) -> None:
@@ -96,8 +98,8 @@ class PersonDetection:
         lost = [name for name, (_, seen_s) in self._seen.items() if seen_s < now_s]
         if not lost:
             return
-        strange = moving_points(self._body, containers_m(self._knowledge.snapshot())).tolist()
-        points = [robot.out(*point) for point in strange]
+        unmapped_points = moving_points(self._body, containers_m(self._knowledge.snapshot())).tolist()
+        points = [robot.out(*point) for point in unmapped_points]
         for name in lost:
             was_m = self._seen[name][0]
             nearest = min(points, key=lambda point: _distance_m(point, was_m), default=None)

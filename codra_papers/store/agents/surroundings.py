@@ -1,4 +1,4 @@
-"""Obstacles around the robot that are not on its map, from its lasers, and the free room between them."""
+"""The obstacles that the lasers see and the map does not have, and the room that they leave around the robot."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def containers_m(snapshot: Snapshot) -> list[Point]:
 
 
 def strange_points(body: Body, sides: Sequence[Side], known_m: Sequence[Point]) -> Floats:
-    """Return the points near the robot that neither the map nor the graph explains, in its frame: people, mostly.
+    """Return the points near the robot, in its frame, that neither the map nor the graph explains: people, mostly.
 
     Args:
         body: the body with the lasers.
@@ -53,7 +53,7 @@ def strange_points(body: Body, sides: Sequence[Side], known_m: Sequence[Point]) 
 
 
 def moving_points(body: Body, known_m: Sequence[Point]) -> Floats:
-    """Return the same for all lasers, without points at places for containers, where an unknown one may be."""
+    """Return these points for all lasers, without those at places for containers: an unknown container may be there."""
     return strange_points(body, tuple(Side), (*known_m, *PLACES_M))
 
 
@@ -68,7 +68,7 @@ def obstacles(body: Body, known_m: Sequence[Point]) -> tuple[Disc, ...]:
     """Return the obstacles in front of the robot that neither the map nor the graph contains.
 
     Args:
-        body: the body with the lasers, of which the front ones are used.
+        body: the body with the lasers; only the front ones are used.
         known_m: the places of the known containers.
     """
     robot = body.believed()
@@ -91,7 +91,7 @@ def away(body: Body, known_m: Sequence[Point], longest_m: float) -> tuple[Way, f
 
     Args:
         body: the body with the lasers.
-        known_m: the places of the known people, because no laser sees them beside the fork.
+        known_m: the places of the known people; they are needed because no laser sees people beside the fork.
         longest_m: the largest length to return.
     """
     points = np.concatenate([*(body.scan(side).points_m() for side in Side), _rims(body, known_m)])
@@ -106,7 +106,7 @@ def away(body: Body, known_m: Sequence[Point], longest_m: float) -> tuple[Way, f
 
 
 def room_m(body: Body, known_m: Sequence[Point], way: Way) -> float:
-    """Return how far the robot may go straight on, or straight back, and still keep a distance; at least 0.
+    """Return how far the robot may go straight on, or straight back, so that a gap stays free; at least 0.
 
     A person beside the fork is in the way of the body when the robot goes back.
 

@@ -14,7 +14,7 @@ _RESULTS = {Outcome.DONE: "turned", Outcome.BLOCKED: "blocked", Outcome.BUMPED: 
 
 
 TRIES = 3
-"""Number of tries before the result is `blocked`. In a try the motion layer waits for free room."""
+"""Number of tries before the result is `blocked`. In each try the motion layer waits for free room."""
 
 
 class Turning:
@@ -34,14 +34,14 @@ class Turning:
 
     def _turn(self, angle_rad: float) -> None:
         self._tries += 1
-        self._halt = self._body.turn(angle_rad, self._done)
+        self._halt = self._body.turn(angle_rad, self._on_end)
 
     def _stop(self) -> None:
         if self._halt is not None:
             self._halt()
 
-    def _done(self, outcome: Outcome) -> None:
-        """Try again after a blocked turn: the remaining angle, or the shorter way to the goal by the other side."""
+    def _on_end(self, outcome: Outcome) -> None:
+        """After a blocked turn, try again by the remaining angle, or by the other side if that is shorter."""
         if outcome is Outcome.BLOCKED and self._tries < TRIES:
             self._turn(wrapped(self._goal_rad - self._body.believed().heading_rad))
         elif outcome in _RESULTS:

@@ -1,7 +1,7 @@
 """The check of a container's wheels by the laser at the tip of the fork (P2, sections 3.2 and 5.1).
 
-A wheel is a short run of points. Two wheels form a pair if their distance is that of one side of a container. The
-container is behind the middle of the pair, and faces the robot.
+A wheel is a short run of points. Two wheels form a pair if they are as far apart as the wheels on one side of a
+container. The container is behind the middle of the pair, and faces the robot.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from codra_papers.store.layout import WHEEL_OFFSET_M, WHEEL_RADIUS_M
 
 PERIOD_S = 0.2
 SCANS = 5
-FOUND_IN = 3
+MIN_MEASUREMENTS = 3
 GAP_M = 0.12
-"""Points of two neighbouring rays that are farther apart belong to two objects."""
+"""If the points of two neighbouring rays are farther apart than this, they belong to two objects."""
 
 WIDEST_M = 0.16
 """Largest width of a wheel, noise included."""
@@ -44,13 +44,13 @@ class WheelCheck:
         self._handle = knowledge.as_agent("wheel_check")
         self._body = body
         self._clock = clock
-        self._measured: list[Pose2D] = []
+        self._measured_poses: list[Pose2D] = []
         self._scans = 0
         self._rounds: Rounds | None = None
         self._task = Executor(knowledge, self._handle, "checking", self._begin, self._end)
 
     def _begin(self, _: Snapshot) -> None:
-        self._measured, self._scans = [], 0
+        self._measured_poses, self._scans = [], 0
         self._rounds = Rounds(self._clock, PERIOD_S, self._look)
 
     def _end(self) -> None:
@@ -61,35 +61,35 @@ class WheelCheck:
         self._scans += 1
         pose = container_behind(self._body.scan(Side.BACK))
         if pose is not None:
-            self._measured.append(pose)
+            self._measured_poses.append(pose)
         if self._scans == SCANS:
             self._end()
             self._task.finish("found" if self._write_pose() else "lost")
 
     def _write_pose(self) -> bool:
-        """Write the pose of the container, and return whether one was measured."""
-        if len(self._measured) < FOUND_IN:
+        """Write the measured pose of the known container nearest to it, and return whether there is one near enough."""
+        if len(self._measured_poses) < MIN_MEASUREMENTS:
             return False
-        x_m, y_m = (median(getattr(pose, axis) for pose in self._measured) for axis in ("x_m", "y_m"))
+        x_m, y_m = (median(getattr(pose, axis) for pose in self._measured_poses) for axis in ("x_m", "y_m"))
         robot = self._body.believed()
-        heading_rad = wrapped(robot.heading_rad + median(pose.heading_rad for pose in self._measured))
-        measured = Pose2D(*robot.out(x_m, y_m), heading_rad)
+        heading_rad = wrapped(robot.heading_rad + median(pose.heading_rad for pose in self._measured_poses))
+        measured_pose = Pose2D(*robot.out(x_m, y_m), heading_rad)
         snapshot = self._knowledge.snapshot()
         known = {
-            node.name: floor_pose_of(snapshot.transform("world", node.name).pose).distance_m(measured)
+            node.name: floor_pose_of(snapshot.transform("world", node.name).pose).distance_m(measured_pose)
             for node in snapshot.nodes("roll_container")
             if snapshot.parent(node.name) == "world"
         }
         name = min(known, key=lambda known_name: (known[known_name], known_name), default=None)
         if name is None or known[name] > SAME_M:
             return False
-        self._handle.place("world", "container_pose", name, pose_of(measured))
+        self._handle.place("world", "container_pose", name, pose_of(measured_pose))
         return True
 
 
 def container_behind(scan: Scan) -> Pose2D | None:
-    """Return the pose of a container in the robot's frame, from two of its wheels; None if they are not seen."""
-    wheels = [wheel for run in _runs(scan) for wheel in _wheel(scan, run)]
+    """Return the pose of a container in the robot's frame, from two of its wheels; None if no pair is seen."""
+    wheels = [wheel for run in _runs(scan) for wheel in _wheel_middle(scan, run)]
     pairs = [
         (one, other)
         for one, other in combinations(wheels, 2)
@@ -117,8 +117,8 @@ def _runs(scan: Scan) -> list[list[Point]]:
     return runs
 
 
-def _wheel(scan: Scan, run: Sequence[Point]) -> Sequence[Point]:
-    """Return the middle of the wheel in a run of points, or () if it cannot be a wheel."""
+def _wheel_middle(scan: Scan, run: Sequence[Point]) -> Sequence[Point]:
+    """Return the middle of the wheel that a run of points shows, as a sequence: it is empty if the run is no wheel."""
     x_m, y_m = (sum(point[axis] for point in run) / len(run) for axis in (0, 1))
     eye = scan.mount
     distance_m = hypot(x_m - eye.x_m, y_m - eye.y_m)

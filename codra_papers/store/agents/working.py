@@ -33,7 +33,7 @@ class Rounds:
 
 
 class Executor:
-    """The executor's side of one task: it acknowledges, begins, and stops when the request is no longer its own."""
+    """The executor of one task. It acknowledges a request, begins, and stops when the request is no longer its own."""
 
     def __init__(
         self,
@@ -49,7 +49,7 @@ class Executor:
             knowledge: the graph with the requests.
             handle: the handle of the agent that executes the task.
             task: the name of the task.
-            begin: called when a request was acknowledged, with a snapshot of the graph.
+            begin: called with a snapshot of the graph when a request was acknowledged.
             stop: called when the current request was aborted, by its requester or by a deadline.
         """
         self._knowledge = knowledge
@@ -65,13 +65,13 @@ class Executor:
         )
 
     def finish(self, result: str) -> None:
-        """End the current request with a result. If it has already ended, do nothing."""
+        """End the current request with a result. If the request has already ended, do nothing."""
         request, self._request = self._request, None
         if request is not None:
             try:
                 self._handle.finish(request, result)
             except ConflictError:
-                return  # its deadline passed at the same instant
+                return  # the deadline of the request passed at the same instant
 
     def _look(self) -> None:
         handover = self._knowledge.snapshot().handover(self._task)
@@ -83,6 +83,6 @@ class Executor:
             try:
                 self._handle.acknowledge(handover.request)
             except ConflictError:
-                return  # it was taken back at the same instant
+                return  # the request was taken back at the same instant
             self._request = handover.request
             self._begin(self._knowledge.snapshot())

@@ -1,4 +1,4 @@
-"""The agent `mission`: it chooses the order to serve, and has the leaves of its tree (P2, section 5.2, Figure 7)."""
+"""The agent `mission`: it chooses the order to serve, and runs the leaves of its tree (P2, section 5.2, Figure 7)."""
 
 from __future__ import annotations
 
@@ -13,29 +13,29 @@ from codra_papers.store.layout import DELIVERY
 from codra_papers.store.mission.move_to import MoveTo
 
 _NOTICES = {"mission aborted": "mission_aborted"}
-"""The notices to the base by message."""
+"""For a message of the tree, the notice that the base gets."""
 
 
 class Mission:
-    """Takes orders in the order of arrival, and closes them.
+    """Takes orders, the oldest first, and closes them.
 
-    An order stays open until its container was set down, until no container was found, until it has failed too often,
-    or until the picker takes it back. An order that a course has left is set aside. Once the robot was back at the
-    start, it waits again, behind the orders that were left less often. The agent records in the graph whether an order
-    can be served now, so that the loops know whether the robot has work.
+    An order stays open until one of these happens: its container is set down; no container is found; the order has
+    failed too often; the picker takes the order back. An order that a course abandons without closing it is set aside.
+    When the robot has been back at the start, the order waits again, behind the orders that were abandoned less often.
+    The agent records in the graph whether an order can be served now, so that the loops know whether there is work.
     """
 
     def __init__(self, knowledge: Knowledge) -> None:
-        """Take the agent `mission`, without an order."""
+        """Open the handle of the agent `mission`; no order is taken yet."""
         self._knowledge = knowledge
         self._handle = knowledge.as_agent("mission")
-        self._taken = ""
-        self._aside: set[str] = set()
-        self._left: Counter[str] = Counter()
-        self._failed: Counter[str] = Counter()
+        self._taken_order = ""
+        self._orders_aside: set[str] = set()
+        self._abandon_counts: Counter[str] = Counter()
+        self._failure_counts: Counter[str] = Counter()
         self._handle.set("robot", "order_open", False)
         self._subscription = knowledge.subscribe(
-            self._ordered, path(some("order", called="order"), "to_area", anything())
+            self._on_orders, path(some("order", called="order"), "to_area", anything())
         )
 
     def leaves(self) -> Robot:
@@ -60,114 +60,123 @@ class Mission:
         robot.can("LowerFork", lambda: Task("lowering", handle, knowledge))
         return robot
 
-    def _ordered(self, change: Change) -> None:
+    def _on_orders(self, change: Change) -> None:
         for match in change.new:
             name = match.node("order")
-            self._knowledge.follow(name, "cancelled", partial(self._cancelled, name))
+            self._knowledge.follow(name, "cancelled", partial(self._on_cancelled, name))
         if change.new:
             self._record_open_order()
 
-    def _cancelled(self, name: str, reading: Reading[bool]) -> None:
-        """Close an order that is taken back, also while it is served."""
-        if reading.known and reading.value and name in self._open():
+    def _on_cancelled(self, name: str, reading: Reading[bool]) -> None:
+        """Close an order that the picker takes back, even if it is being served."""
+        if reading.known and reading.value and name in self._open_orders():
             self._close(name, "cancelled")
 
     def _record_open_order(self) -> None:
         """Record whether an order can be served. While the fork is loaded, only the taken order counts."""
-        is_waiting = not self._is_loaded() and bool(self._waiting())
-        self._handle.set("robot", "order_open", bool(self._taken) or is_waiting)
+        is_waiting = not self._is_loaded() and bool(self._waiting_orders())
+        self._handle.set("robot", "order_open", bool(self._taken_order) or is_waiting)
 
     def _is_loaded(self) -> bool:
         loaded = self._knowledge.get("robot", "loaded")
         return loaded.known and bool(loaded.value)
 
-    def _open(self) -> list[str]:
+    def _open_orders(self) -> list[str]:
         """Return the orders that are not closed, the oldest first."""
         snapshot = self._knowledge.snapshot()
         states = ((node.name, snapshot.get(node.name, "state")) for node in snapshot.nodes("order"))
         return [name for name, state in states if not state.known or state.value == "open"]
 
-    def _waiting(self) -> list[str]:
-        """Return the open orders that are not set aside, sorted by how often they were left, then by age."""
-        return sorted((name for name in self._open() if name not in self._aside), key=lambda name: self._left[name])
+    def _waiting_orders(self) -> list[str]:
+        """Return the open orders that are not set aside, sorted by how often they were abandoned, then by age."""
+        return sorted(
+            (name for name in self._open_orders() if name not in self._orders_aside),
+            key=lambda name: self._abandon_counts[name],
+        )
 
     def _take(self, ports: Ports) -> Result:
-        """Continue the taken order, or take the first waiting one. Wait while no order is waiting."""
-        if not self._taken:
-            waiting = self._waiting()
+        """Continue the taken order, or take the first waiting one. The leaf runs on while no order is waiting."""
+        if not self._taken_order:
+            waiting = self._waiting_orders()
             if not waiting:
                 return Result.RUNNING
-            self._taken = waiting[0]
+            self._taken_order = waiting[0]
             with self._handle.transaction() as change:
-                change.set(self._taken, "state", "open")
+                change.set(self._taken_order, "state", "open")
                 change.set("base", "base_notice", "none")
         ports.set("observation_pose", f"{self._area('of_area')}_pose_1")
         ports.set("delivery_pose", f"{self._area('to_area')}_delivery")
         return Result.SUCCESS
 
     def _area(self, edge: str) -> str:
-        return next(match.target for match in self._knowledge.snapshot().edges(edge, origin=self._taken))
+        return next(match.target for match in self._knowledge.snapshot().edges(edge, origin=self._taken_order))
 
     def _set_aside(self) -> bool:
-        """Set the order aside. Fail if no order is taken, or if its container is already on the fork."""
-        if not self._taken or self._is_loaded():
+        """Set the order aside. The leaf fails if no order is taken, or if its container is already on the fork."""
+        if not self._taken_order or self._is_loaded():
             return False
-        self._aside.add(self._taken)
-        self._left[self._taken] += 1
-        self._taken = ""
+        self._orders_aside.add(self._taken_order)
+        self._abandon_counts[self._taken_order] += 1
+        self._taken_order = ""
         self._record_open_order()
         return True
 
     def _give_up(self, ports: Ports) -> bool:
-        """Close an order that has failed too often, so that others need not wait for it; else fail."""
-        if not self._taken or self._is_loaded():
+        """Count a failed attempt. Close the order if it has failed too often; otherwise the leaf fails.
+
+        Other orders then need not wait for the closed one.
+        """
+        if not self._taken_order or self._is_loaded():
             return False
-        self._failed[self._taken] += 1
-        if self._failed[self._taken] < ports.number("tries"):
+        self._failure_counts[self._taken_order] += 1
+        if self._failure_counts[self._taken_order] < ports.number("tries"):
             return False
-        self._close(self._taken, "failed")
+        self._close(self._taken_order, "failed")
         return True
 
     def _resume(self) -> bool:
         """Let the orders that were set aside wait again."""
-        if self._aside:
-            self._aside.clear()
+        if self._orders_aside:
+            self._orders_aside.clear()
             self._record_open_order()
         return True
 
     def _complete(self, ports: Ports) -> bool:
-        """Close the order when its container was set down. It is done if that is its target."""
-        if self._taken:
+        """Close the order after its container was set down: as `done` if this was at its target, else as `aborted`."""
+        if self._taken_order:
             is_there = ports.text("at") == f"{self._area('to_area')}_delivery"
-            self._close(self._taken, "done" if is_there else "aborted")
+            self._close(self._taken_order, "done" if is_there else "aborted")
         self._record_open_order()
         return True
 
     def _redirect(self) -> bool:
-        """Abort an order whose container cannot be set down at its target. Fail for the general delivery."""
-        if not self._taken or self._area("to_area") == DELIVERY.name:
+        """Abort an order whose container cannot be set down at its target.
+
+        The leaf fails if no order is taken, or if the target is already the general delivery.
+        """
+        if not self._taken_order or self._area("to_area") == DELIVERY.name:
             return False
-        self._close(self._taken, "aborted")
+        self._close(self._taken_order, "aborted")
         return True
 
     def _close_as(self, ports: Ports) -> bool:
-        """Close the order with the outcome of the port. Fail if no order is taken."""
-        if not self._taken:
+        """Close the order with the outcome that the port `outcome` gives. The leaf fails if no order is taken."""
+        if not self._taken_order:
             return False
-        self._close(self._taken, ports.text("outcome"))
+        self._close(self._taken_order, ports.text("outcome"))
         return True
 
     def _close(self, name: str, state: str) -> None:
         self._handle.set(name, "state", state)
-        self._aside.discard(name)
-        if name == self._taken:
-            self._taken = ""
+        self._orders_aside.discard(name)
+        if name == self._taken_order:
+            self._taken_order = ""
         self._record_open_order()
 
     def _inform(self, ports: Ports) -> bool:
-        """Set the notice to the base, unless it already has one with the reason."""
+        """Write a notice for the base, unless the base already has a notice, which then gives the reason."""
         notice = _NOTICES.get(ports.text("message"))
-        current = self._knowledge.get("base", "base_notice")
-        if notice is not None and not (current.known and current.value != "none"):
+        current_notice = self._knowledge.get("base", "base_notice")
+        if notice is not None and not (current_notice.known and current_notice.value != "none"):
             self._handle.set("base", "base_notice", notice)
         return True

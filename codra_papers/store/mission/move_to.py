@@ -13,7 +13,7 @@ from codra_papers.store.knowledge import floor_pose_of, pose_of
 
 THERE_M = 0.3
 THERE_RAD = 0.2
-"""The robot is at a named pose within these limits, because its localisation is some centimetres off."""
+"""Within these limits the robot counts as at a named pose, because its localisation is some centimetres off."""
 
 _DELIVERY = "_delivery"
 _APPROACH = "_approach"
@@ -30,21 +30,21 @@ class Goal:
 class MoveTo(Action):
     """Drives to the value of the port `pose`: a `Goal`, or the name of a pose in the graph.
 
-    A delivery pose lies in a recess, with the container behind the robot. So the robot backs up to it from its approach
-    pose. If the robot is already at a named pose, it does not drive.
+    A delivery pose lies in a recess, with the container behind the robot. So the robot backs up to a delivery pose from
+    the approach pose that belongs to it. If the robot is already at another named pose, it does not drive.
     """
 
     def __init__(self, agent: AgentHandle, knowledge: Knowledge) -> None:
-        """Drive for an agent, which must be a requester of `navigating`."""
+        """Create the leaf for an agent, which must be a requester of `navigating`."""
         self._agent = agent
         self._knowledge = knowledge
         self._task = Task("navigating", agent, knowledge, succeeds_with=("arrived",))
-        self._ahead: list[Goal] = []
+        self._next_goals: list[Goal] = []
         self._is_asked = False
 
     def start(self, ports: Ports) -> Result:
         """Drive to the first goal, as soon as no other request for `navigating` is open."""
-        self._ahead, self._is_asked = list(self._goals(ports.value("pose"))), False
+        self._next_goals, self._is_asked = list(self._goals(ports.value("pose"))), False
         return self.go_on(ports)
 
     def go_on(self, ports: Ports) -> Result:
@@ -54,17 +54,17 @@ class MoveTo(Action):
             if result is not Result.SUCCESS:
                 return result
             self._is_asked = False
-        if not self._ahead:
+        if not self._next_goals:
             return Result.SUCCESS
         if not self._knowledge.snapshot().handover("navigating").is_open:
-            self._ask(self._ahead.pop(0), ports)
+            self._ask(self._next_goals.pop(0), ports)
         return Result.RUNNING
 
     def halt(self, ports: Ports) -> None:
         """Stop driving."""
         if self._is_asked:
             self._task.halt(ports)
-        self._ahead, self._is_asked = [], False
+        self._next_goals, self._is_asked = [], False
 
     def _ask(self, goal: Goal, ports: Ports) -> None:
         with self._agent.transaction() as change:
@@ -77,13 +77,13 @@ class MoveTo(Action):
         if isinstance(pose, Goal):
             return (pose,)
         name = str(pose)
-        last = Goal(pose=self._named(name))
+        last = Goal(pose=self._named_pose(name))
         if name.endswith(_DELIVERY):
-            approach = self._named(name.removesuffix(_DELIVERY) + _APPROACH)
+            approach = self._named_pose(name.removesuffix(_DELIVERY) + _APPROACH)
             return Goal(pose=approach), Goal(pose=last.pose, way=Way.BACKWARD)
         return () if self._is_at(last.pose) else (last,)
 
-    def _named(self, name: str) -> Pose2D:
+    def _named_pose(self, name: str) -> Pose2D:
         return floor_pose_of(self._knowledge.transform("world", name).pose)
 
     def _is_at(self, pose: Pose2D) -> bool:

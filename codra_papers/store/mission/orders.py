@@ -1,7 +1,7 @@
 """Orders served strictly one after the other, without a reaction to other events.
 
-This is P2's nominal course (section 5.1: pick up, deliver, back to the start) without its loops. Only a deadline of a
-task aborts it.
+This is P2's nominal course (section 5.1: pick up, deliver, back to the start) without its loops. The course is
+aborted only by a deadline of a task.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from codra_papers.store.layout import DELIVERY
 from codra_papers.store.mission.trip import AbortedError, Trip, TripError
 
 
-class SequentialOrders:
+class SequentialMission:
     """The agent `mission`: it serves the orders in the graph in the order of arrival."""
 
     def __init__(self, knowledge: Knowledge, clock: Clock) -> None:
-        """Take the agents `mission` and `picking`. `serve` starts the work."""
+        """Open the handles of the agents `mission` and `picking`. `serve` starts the work."""
         self._knowledge = knowledge
         self._clock = clock
         self._handle = knowledge.as_agent("mission")
@@ -28,14 +28,14 @@ class SequentialOrders:
     def serve(self) -> None:
         """Serve orders until the clock ends the run."""
         while True:
-            self._clock.wait_until(lambda: self._next() is not None, inf)
-            while (order := self._next()) is not None:
+            self._clock.wait_until(lambda: self._next_order() is not None, inf)
+            while (order := self._next_order()) is not None:
                 self._handle.set(order, "state", "open")
                 self._handle.set("base", "base_notice", "none")
                 self._handle.set(order, "state", self._outcome(order))
             self._try_to(lambda: self._trip.go_to("start"))
 
-    def _next(self) -> str | None:
+    def _next_order(self) -> str | None:
         """Return the oldest order that has no state yet."""
         snapshot = self._knowledge.snapshot()
         waiting = (node for node in snapshot.nodes("order") if not snapshot.get(node.name, "state").known)

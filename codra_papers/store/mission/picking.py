@@ -1,6 +1,6 @@
-"""The agent `picking`: it fetches a container while the mission asks for one (P2, sections 3.2 and 5.2).
+"""The agent `picking`: it fetches a container when the mission requests one (P2, sections 3.2 and 5.2).
 
-It communicates with the mission only by the task `fetching`.
+The agent communicates with the mission only by the task `fetching`.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ class Picking:
     """Executes requests for containers."""
 
     def __init__(self, knowledge: Knowledge) -> None:
-        """Take the agent `picking`, without a request."""
+        """Open the handle of the agent `picking`; no request is accepted yet."""
         self._knowledge = knowledge
         self._handle = knowledge.as_agent("picking")
         self._request: Request | None = None
@@ -39,8 +39,10 @@ class Picking:
         robot.does("Report", self._report)
         robot.does("Inform", self._inform)
         robot.can("MoveTo", lambda: MoveTo(handle, knowledge))
-        robot.can("DetectContainer", lambda: _Then(self._task("detecting", "found"), self._seen))
-        robot.can("CheckWheels", lambda: _Then(self._task("checking", "found"), self._measured))
+        robot.can(
+            "DetectContainer", lambda: _TaskWithCallback(self._task("detecting", "found"), self._set_approach_goals)
+        )
+        robot.can("CheckWheels", lambda: _TaskWithCallback(self._task("checking", "found"), self._set_fork_goal))
         robot.can("Rotate", lambda: self._task("rotating", "turned"))
         robot.can("RaiseFork", lambda: self._task("lifting", "lifted"))
         return robot
@@ -49,7 +51,7 @@ class Picking:
         return Task(name, self._handle, self._knowledge, succeeds_with=(success,))
 
     def _is_requested(self, ports: Ports) -> bool:
-        """Accept a new request, and return whether a request is active."""
+        """Accept a request if there is a new one, and return whether a request is active."""
         handover = self._knowledge.snapshot().handover("fetching")
         if handover.stage is Stage.WANTS:
             self._take_up(handover.request)
@@ -63,17 +65,17 @@ class Picking:
     def _take_up(self, request: Request) -> None:
         try:
             self._handle.acknowledge(request)
-        except ConflictError:  # it was taken back at the same instant
+        except ConflictError:  # the request was taken back at the same instant
             return
         self._request = request
         self._area = self._nearest_area()
         self._handle.set("robot", "picking_up", True)
 
     def _report(self, ports: Ports) -> bool:
-        """Finish the request with the result of the port, unless it has already ended."""
+        """Finish the request with the result that the port `result` gives, unless the request has already ended."""
         request = self._request
         if request is not None:
-            with suppress(ConflictError):  # it has already ended
+            with suppress(ConflictError):  # the request has already ended
                 self._handle.finish(request, ports.text("result"))
             self._end()
         return True
@@ -88,16 +90,16 @@ class Picking:
             self._handle.set("base", "base_notice", notice)
         return True
 
-    def _seen(self, ports: Ports) -> None:
-        before = approach_to(self._container())
-        ports.set("container_pose", Goal(pose=before.turned(pi)))
-        ports.set("fork_towards", Goal(pose=before))
+    def _set_approach_goals(self, ports: Ports) -> None:
+        approach = approach_to(self._container_pose())
+        ports.set("container_pose", Goal(pose=approach.turned(pi)))
+        ports.set("fork_towards", Goal(pose=approach))
 
-    def _measured(self, ports: Ports) -> None:
-        ports.set("fork_pose", Goal(pose=robot_at(self._container()), way=Way.BACKWARD))
+    def _set_fork_goal(self, ports: Ports) -> None:
+        ports.set("fork_pose", Goal(pose=robot_at(self._container_pose()), way=Way.BACKWARD))
 
     def _second_pose(self) -> str:
-        """Return the last observation pose. Areas without hidden places have only one."""
+        """Return the name of the last observation pose. Areas without hidden places have only one pose."""
         return f"{self._area}_pose_{len(AREAS[self._area].observation)}"
 
     def _nearest_area(self) -> str:
@@ -105,35 +107,35 @@ class Picking:
         robot = floor_pose_of(self._knowledge.transform("world", "robot").pose)
         return min(AREAS, key=lambda name: (robot.distance_m(AREAS[name].observation[0]), name))
 
-    def _container(self) -> Pose2D:
+    def _container_pose(self) -> Pose2D:
         """Return the pose of the known container that is nearest to the delivery pose of the area."""
         snapshot = self._knowledge.snapshot()
-        middle = AREAS[self._area].delivery
+        delivery = AREAS[self._area].delivery
         poses = [
             floor_pose_of(snapshot.transform("world", node.name).pose)
             for node in snapshot.nodes("roll_container")
             if snapshot.parent(node.name) == "world"
         ]
-        return min(poses, key=lambda pose: (pose.distance_m(middle), pose.x_m, pose.y_m))
+        return min(poses, key=lambda pose: (pose.distance_m(delivery), pose.x_m, pose.y_m))
 
 
-class _Then(Action):
-    """A task with a function that is called after its success."""
+class _TaskWithCallback(Action):
+    """A task, and a function that is called if the task succeeds."""
 
-    def __init__(self, task: Task, then: Callable[[Ports], None]) -> None:
+    def __init__(self, task: Task, on_success: Callable[[Ports], None]) -> None:
         self._task = task
-        self._then = then
+        self._on_success = on_success
 
     def start(self, ports: Ports) -> Result:
-        return self._followed(self._task.start(ports), ports)
+        return self._call_on_success(self._task.start(ports), ports)
 
     def go_on(self, ports: Ports) -> Result:
-        return self._followed(self._task.go_on(ports), ports)
+        return self._call_on_success(self._task.go_on(ports), ports)
 
     def halt(self, ports: Ports) -> None:
         self._task.halt(ports)
 
-    def _followed(self, result: Result, ports: Ports) -> Result:
+    def _call_on_success(self, result: Result, ports: Ports) -> Result:
         if result is Result.SUCCESS:
-            self._then(ports)
+            self._on_success(ports)
         return result

@@ -1,6 +1,6 @@
 """A nominal trip: P2's pick-up and delivery, step by step, as one blocking program (P2, section 3.2 and Figure 2).
 
-It has only this course. To take another course, abort it. All its requests go through the knowledge graph.
+A trip has only this course. To take another course, abort the trip. All its requests go through the knowledge graph.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class Trip:
     """Drives, looks, fetches and delivers as the agent `picking`."""
 
     def __init__(self, knowledge: Knowledge, clock: Clock) -> None:
-        """Take the agent `picking`. The trip begins with the first call."""
+        """Open the handle of the agent `picking`. The trip begins with the first call of a method."""
         self._knowledge = knowledge
         self._clock = clock
         self._handle = knowledge.as_agent("picking")
@@ -38,11 +38,11 @@ class Trip:
         self._is_aborted = False
 
     def close(self) -> None:
-        """Release the agent."""
+        """Close the handle of the agent."""
         self._handle.close()
 
     def abort(self) -> None:
-        """Abort the current task, and with it the trip. Events may call this."""
+        """Abort the current task, and with it the trip. This may be called in events."""
         self._is_aborted = True
         request = self._request
         if request is not None and self._knowledge.snapshot().handover(request.task).is_open:
@@ -60,13 +60,13 @@ class Trip:
         if not self._find(area):
             self._handle.set("base", "base_notice", "container_not_found")
             return False
-        front = approach_to(self._container(area))
+        front = approach_to(self._container_pose(area))
         self.go(front.turned(pi))
-        self._must("detecting", "found")
-        self._must("rotating", "turned")
-        self._must("checking", "found")
-        self.go(robot_at(self._container(area)), Way.BACKWARD)
-        self._must("lifting", "lifted")
+        self._require_result("detecting", "found")
+        self._require_result("rotating", "turned")
+        self._require_result("checking", "found")
+        self.go(robot_at(self._container_pose(area)), Way.BACKWARD)
+        self._require_result("lifting", "lifted")
         return True
 
     def deliver(self, area: str) -> None:
@@ -76,13 +76,13 @@ class Trip:
             TripError: a step fails.
             AbortedError: the trip is aborted.
         """
-        self.go(self._named(f"{area}_approach"))
-        self.go(self._named(f"{area}_delivery"), Way.BACKWARD)
-        self._must("lowering", "lowered")
+        self.go(self._named_pose(f"{area}_approach"))
+        self.go(self._named_pose(f"{area}_delivery"), Way.BACKWARD)
+        self._require_result("lowering", "lowered")
 
     def go_to(self, name: str) -> None:
         """Drive to a named pose."""
-        self.go(self._named(name))
+        self.go(self._named_pose(name))
 
     def go(self, goal: Pose2D, way: Way = Way.FORWARD) -> None:
         """Drive to a pose.
@@ -94,21 +94,21 @@ class Trip:
         with self._handle.transaction() as change:
             change.place("world", "goal_pose", "goal", pose_of(goal))
             change.set("goal", "goal_way", way)
-        self._must("navigating", "arrived")
+        self._require_result("navigating", "arrived")
 
     def _find(self, area: str) -> bool:
         for number in range(1, len(AREAS[area].observation) + 1):
-            self.go(self._named(f"{area}_pose_{number}"))
-            if self._do("detecting") == "found":
+            self.go(self._named_pose(f"{area}_pose_{number}"))
+            if self._run_task("detecting") == "found":
                 return True
         return False
 
-    def _must(self, task: str, wanted: str) -> None:
-        result = self._do(task)
+    def _require_result(self, task: str, wanted: str) -> None:
+        result = self._run_task(task)
         if result != wanted:
             raise TripError(f"the result of {task} is {result!r} instead of {wanted!r}")
 
-    def _do(self, task: str) -> str:
+    def _run_task(self, task: str) -> str:
         if self._is_aborted:
             raise AbortedError(f"the trip was aborted before {task}")
         self._request = self._handle.request(task)
@@ -119,13 +119,13 @@ class Trip:
             raise AbortedError(f"{task} was aborted: {handover.reason}")
         return handover.result
 
-    def _named(self, name: str) -> Pose2D:
+    def _named_pose(self, name: str) -> Pose2D:
         return floor_pose_of(self._knowledge.transform("world", name).pose)
 
-    def _container(self, area: str) -> Pose2D:
+    def _container_pose(self, area: str) -> Pose2D:
         """Return the pose of the known container that is nearest to an area."""
         snapshot: Snapshot = self._knowledge.snapshot()
-        middle = self._named(f"{area}_delivery")
+        delivery = self._named_pose(f"{area}_delivery")
         poses = [
             floor_pose_of(snapshot.transform("world", node.name).pose)
             for node in snapshot.nodes("roll_container")
@@ -133,4 +133,4 @@ class Trip:
         ]
         if not poses:
             raise TripError(f"no container is known near {area}")
-        return min(poses, key=lambda pose: (pose.distance_m(middle), pose.x_m, pose.y_m))
+        return min(poses, key=lambda pose: (pose.distance_m(delivery), pose.x_m, pose.y_m))

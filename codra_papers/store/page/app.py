@@ -1,4 +1,4 @@
-"""The web application: it serves the page and its views, and takes requests of people."""
+"""The web application: it serves the page and its views, and accepts the requests of people."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ from codra_papers.store.page.document import page_html, static_text
 from codra_papers.store.page.feed import Feed
 from codra_papers.store.page.guard import Guard
 from codra_papers.store.page.requests import MOST_BYTES, BadRequestError, read_load, read_name, read_order
-from codra_papers.store.page.streaming import MEDIA_TYPE, Streams, TooManyError
+from codra_papers.store.page.streaming import MEDIA_TYPE, Streams, TooManyStreamsError
 from codra_papers.store.simulator.store import PickerPage
 
 AGENT = "picker_page"
 MOST_WAITING_ORDERS = 20
 """The largest number of orders that may wait for the robot at once."""
 
-ENDED = ("done", "aborted", "failed", "cancelled")
+FINAL_STATES = ("done", "aborted", "failed", "cancelled")
 """The final states of orders."""
 
 BODY_S = 5.0
 """The longest time to receive the body of a request."""
 
 DONE_S = 10.0
-"""The longest time until a request is answered, if only with an error that the result is unknown."""
+"""The longest time until a request is answered. The answer may be an error: the result is not known yet."""
 
 
 class TooManyOrdersError(PermissionError):
@@ -58,7 +58,7 @@ class PageApp:
 
         Args:
             knowledge: the graph that is shown.
-            pickers: the agent that writes.
+            pickers: the agent that writes into the graph.
             feed: the source of the newest view.
             desk: the queue that brings writes to the thread of the simulation.
             port: the port of the page.
@@ -81,10 +81,10 @@ class PageApp:
                 Route("/load", self._load, methods=["POST"]),
             ],
             lifespan=self._lifespan,
-            exception_handlers={HTTPException: _failed, BadRequestError: _failed, BusyError: _failed,
-                                TooManyError: _failed, PermissionError: _failed, LookupError: _failed},
+            exception_handlers={HTTPException: _refuse, BadRequestError: _refuse, BusyError: _refuse,
+                                TooManyStreamsError: _refuse, PermissionError: _refuse, LookupError: _refuse},
         )  # fmt: skip
-        self.asgi: ASGIApp = _WithLifespan(app, Guard(app, port))
+        self.asgi: ASGIApp = _LifespanRouter(app, Guard(app, port))
 
     def end(self) -> None:
         """End all streams, so that the server can end. Call it in the server's event loop."""
@@ -92,9 +92,9 @@ class PageApp:
 
     @asynccontextmanager
     async def _lifespan(self, _: Starlette) -> AsyncIterator[None]:
-        publishing = asyncio.create_task(self._feed.publish())
+        publish_task = asyncio.create_task(self._feed.publish())
         yield
-        publishing.cancel()
+        publish_task.cancel()
 
     async def _page(self, _: Request) -> Response:
         return Response(page_html(), media_type="text/html")
@@ -112,7 +112,7 @@ class PageApp:
         return JSONResponse(self._feed.view())
 
     async def _events(self, request: Request) -> Response:
-        return self._streams.another() if request.method == "GET" else Response(media_type=MEDIA_TYPE)
+        return self._streams.new_stream() if request.method == "GET" else Response(media_type=MEDIA_TYPE)
 
     async def _order(self, request: Request) -> Response:
         order = read_order(await _body(request))
@@ -120,13 +120,13 @@ class PageApp:
         def write() -> str:
             snapshot = self._knowledge.snapshot()
             states = (snapshot.get(node.name, "state") for node in snapshot.nodes("order"))
-            if sum(not (state.known and state.value in ENDED) for state in states) >= MOST_WAITING_ORDERS:
+            if sum(not (state.known and state.value in FINAL_STATES) for state in states) >= MOST_WAITING_ORDERS:
                 raise TooManyOrdersError(
                     f"{MOST_WAITING_ORDERS} orders are already waiting; order again when one has ended"
                 )
             return self._pickers.order(order.kind, order.area, order.to)
 
-        return await self._written(write)
+        return await self._write(write)
 
     async def _cancel(self, request: Request) -> Response:
         name = read_name(await _body(request))
@@ -136,12 +136,12 @@ class PageApp:
             if name not in [node.name for node in snapshot.nodes("order")]:
                 raise NoSuchOrderError(f"there is no order {name!r}")
             state = snapshot.get(name, "state")
-            if state.known and state.value in ENDED:
+            if state.known and state.value in FINAL_STATES:
                 raise NoSuchOrderError(f"{name} is {state.value} already")
             self._pickers.cancel(name)
             return f"{name}.cancelled"
 
-        return await self._written(write)
+        return await self._write(write)
 
     async def _load(self, request: Request) -> Response:
         load = read_load(await _body(request))
@@ -150,14 +150,14 @@ class PageApp:
             self._pickers.set_load(load)
             return "robot.container_load"
 
-        return await self._written(write)
+        return await self._write(write)
 
-    async def _written(self, write: Callable[[], str]) -> Response:
+    async def _write(self, write: Callable[[], str]) -> Response:
         """Call `write` in the thread of the simulation, and return a response with its result."""
-        writing: Future[str] = self._desk.ask(write)
+        pending_write: Future[str] = self._desk.ask(write)
         try:
             async with asyncio.timeout(DONE_S):
-                written = await asyncio.wrap_future(writing)
+                written = await asyncio.wrap_future(pending_write)
         except TimeoutError:
             raise BusyError(
                 "the robot's program does not answer; check below whether the request was executed"
@@ -165,8 +165,8 @@ class PageApp:
         return JSONResponse({"written": written, "by": AGENT}, 201)
 
 
-class _WithLifespan:
-    """Sends lifespan events to the application itself, and all requests to its guard."""
+class _LifespanRouter:
+    """Sends lifespan events to the application itself, and all requests to the guard of the application."""
 
     def __init__(self, app: ASGIApp, guarded: ASGIApp) -> None:
         self._app = app
@@ -196,14 +196,14 @@ async def _body(request: Request) -> bytes:
     return bytes(body)
 
 
-async def _failed(_: Request, error: Exception) -> Response:
-    """Return a response with the reason of an error: a missing permission, or an invalid request."""
+async def _refuse(_: Request, error: Exception) -> Response:
+    """Return a response with the reason of an error, such as a missing permission or an invalid request."""
     match error:
         case HTTPException():
             return JSONResponse({"error": error.detail}, error.status_code, error.headers)
         case BadRequestError():
             return JSONResponse({"error": str(error)}, 400)
-        case BusyError() | TooManyError():
+        case BusyError() | TooManyStreamsError():
             return JSONResponse({"error": str(error)}, 503, {"retry-after": "5"})
         case _:
             return JSONResponse({"error": str(error), "by": AGENT}, 409)

@@ -1,7 +1,7 @@
 """A queue of calls from other threads to the thread of the simulation.
 
-The simulation runs the calls between two of its events, and browsers wait for that. So simulated time passes in only
-one thread, and a run with a page replays like any other run.
+The simulation runs the calls between two of its events, and browsers wait for the results. So simulated time passes in
+only one thread, and a run with a page replays like any other run.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class Desk:
         self._is_open = True
 
     def ask(self, act: Callable[[], ResultT]) -> Future[ResultT]:
-        """Add a call to the queue. The future gets its result or its exception. Any thread may call this.
+        """Add a call to the queue. The future gets the result or the exception of the call. Any thread may use this.
 
         Raises:
             BusyError: too many calls are waiting, or the desk is closed.

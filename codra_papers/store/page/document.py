@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import cache
 from importlib.resources import files
 from math import degrees
@@ -36,7 +35,7 @@ LABEL_M = 0.63
 
 @cache
 def static_text(name: str) -> str:
-    """Return a static file of the page."""
+    """Return the text of a static file of the page."""
     return files(PACKAGE).joinpath("files", name).read_text("utf-8")
 
 
@@ -52,7 +51,7 @@ def page_html() -> str:
     )
     template = environment.get_template("page.html.j2")
     return template.render(
-        areas={name: spoken(name) for name in PICKING_AREAS},
+        areas={name: display_name(name) for name in PICKING_AREAS},
         loads=[load.value for load in Load],
         box=f"{-MARGIN_M} {-DEPTH_M - MARGIN_M} {LENGTH_M + 2 * MARGIN_M} {DEPTH_M + 2 * MARGIN_M}",
         shelves=[_points(box) for box in FIXED],
@@ -60,7 +59,7 @@ def page_html() -> str:
         poses=[
             _pose_mark(name, pose) for name, pose in named_floor_poses().items() if "_pose_" in name or "_" not in name
         ],
-        names=[(spoken(area.name), *_at(_label(area))) for area in AREAS.values()],
+        names=[(display_name(area.name), *_at(_label(area))) for area in AREAS.values()],
         body=(BODY_BACK_M, -BODY_WIDTH_M / 2, BODY_FRONT_M - BODY_BACK_M, BODY_WIDTH_M),
         fork=(FORK_TIP_M, -FORK_WIDTH_M / 2, BODY_BACK_M - FORK_TIP_M, FORK_WIDTH_M),
         container=(-CONTAINER_M / 2, CONTAINER_M),
@@ -68,7 +67,7 @@ def page_html() -> str:
     )
 
 
-def spoken(name: str) -> str:
+def display_name(name: str) -> str:
     """Return a name of the map as text for people."""
     return name.replace("_", " ").capitalize()
 
@@ -81,11 +80,7 @@ def _label(area: Area) -> Pose2D:
 
 
 def _points(box: Box) -> str:
-    return _joined([(x_m, -y_m) for x_m, y_m in box.corners()])
-
-
-def _joined(points: Sequence[tuple[float, float]]) -> str:
-    return " ".join(f"{x:.3f},{y:.3f}" for x, y in points)
+    return " ".join(f"{x_m:.3f},{-y_m:.3f}" for x_m, y_m in box.corners())
 
 
 def _at(pose: Pose2D) -> tuple[float, float]:
@@ -94,5 +89,5 @@ def _at(pose: Pose2D) -> tuple[float, float]:
 
 def _pose_mark(name: str, pose: Pose2D) -> tuple[str, float, float, float]:
     """Return the label, place and angle of a named pose."""
-    label = name.rpartition("_")[2] if "_pose_" in name else spoken(name)
+    label = name.rpartition("_")[2] if "_pose_" in name else display_name(name)
     return (label, *_at(pose), round(-degrees(pose.heading_rad), 1))

@@ -1,7 +1,7 @@
 """Views of the graph for all browsers, triggered by subscriptions.
 
-There is only one newest view, made from a snapshot at most ten times a second, and no queue. So a slow browser gets
-fewer views and delays neither the simulation nor other browsers.
+Only the newest view is kept. A view is made from a snapshot, at most ten times a second. There is no queue, so a slow
+browser gets fewer views, and delays neither the simulation nor other browsers.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from contextlib import ExitStack
 
 from codra_dsl.runtime.knowledge import Knowledge, KnowledgeModel, Path, Stage, anything, path, some
 from codra_dsl.runtime.values.conditions import value
-from codra_papers.store.page.view import Shown, View, view_of
+from codra_papers.store.page.view import ShownAttribute, View, view_of
 
 PERIOD_S = 0.1
 """The shortest time between two views. Changes in between appear in the next view."""
@@ -22,11 +22,11 @@ PERIOD_S = 0.1
 class Feed:
     """The newest view, as text.
 
-    The thread of the simulation creates and closes it, because subscriptions begin and end there. An event loop reads
-    it.
+    The thread of the simulation creates and closes the feed, because subscriptions begin and end there. An event loop
+    reads the feed.
     """
 
-    def __init__(self, knowledge: Knowledge, shown: tuple[Shown, ...]) -> None:
+    def __init__(self, knowledge: Knowledge, shown: tuple[ShownAttribute, ...]) -> None:
         """Subscribe to everything that the page shows."""
         self._knowledge = knowledge
         self._shown = shown
@@ -34,8 +34,8 @@ class Feed:
         self._text = ""
         self._loop: asyncio.AbstractEventLoop | None = None
         self._is_notified = False
-        self._dirty = asyncio.Event()
-        self._fresh = asyncio.Condition()
+        self._change_event = asyncio.Event()
+        self._view_condition = asyncio.Condition()
         self._subscriptions = ExitStack()
         for attribute in shown:
             self._subscriptions.enter_context(
@@ -43,10 +43,10 @@ class Feed:
             )
         for pattern in _patterns(knowledge.model):
             self._subscriptions.enter_context(knowledge.subscribe(self._request_publishing, pattern))
-        for state in _states(knowledge.model):
+        for state in _order_states(knowledge.model):
             order = path(some("order", called="order"), "of_area", anything())
-            is_in_state = value("order.state") == state
-            self._subscriptions.enter_context(knowledge.subscribe(self._request_publishing, order, is_in_state))
+            state_condition = value("order.state") == state
+            self._subscriptions.enter_context(knowledge.subscribe(self._request_publishing, order, state_condition))
 
     def close(self) -> None:
         """End the subscriptions, in the thread in which they began."""
@@ -60,26 +60,26 @@ class Feed:
         """Publish a new view after changes, until cancelled."""
         self._loop = asyncio.get_running_loop()
         while True:
-            self._dirty.clear()
+            self._change_event.clear()
             self._is_notified = False
             text = json.dumps(self.view(), allow_nan=False, separators=(",", ":"))
-            async with self._fresh:
+            async with self._view_condition:
                 self._number, self._text = self._number + 1, text
-                self._fresh.notify_all()
+                self._view_condition.notify_all()
             await asyncio.sleep(PERIOD_S)
-            await self._dirty.wait()
+            await self._change_event.wait()
 
     async def after(self, number: int) -> tuple[int, str]:
         """Wait for a view that is newer than the one with a number, and return its number and its text."""
-        async with self._fresh:
-            await self._fresh.wait_for(lambda: self._number > number)
+        async with self._view_condition:
+            await self._view_condition.wait_for(lambda: self._number > number)
             return self._number, self._text
 
     def _request_publishing(self, _: object) -> None:
         loop = self._loop
         if not self._is_notified and loop is not None and not loop.is_closed():
             self._is_notified = True
-            _call(loop, self._dirty.set)
+            _call(loop, self._change_event.set)
 
 
 def _call(loop: asyncio.AbstractEventLoop, act: Callable[[], None]) -> None:
@@ -92,16 +92,16 @@ def _call(loop: asyncio.AbstractEventLoop, act: Callable[[], None]) -> None:
 def _patterns(model: KnowledgeModel) -> list[Path]:
     """Return the patterns that match when nodes or edges appear or disappear, or when a task changes its stage."""
     tasks = [path(task.origin, stage, task.name) for task in model.tasks for stage in Stage]
-    starting = {node.name for node in model.nodes}
-    moving = [
+    initial_nodes = {node.name for node in model.nodes}
+    changing_edge_types = [
         edge_type
         for edge_type in model.edge_types
-        if not (edge_type.targets and starting.issuperset(edge_type.targets))
+        if not (edge_type.targets and initial_nodes.issuperset(edge_type.targets))
     ]
-    return [*tasks, *(path(anything(), edge_type.name, anything()) for edge_type in moving)]
+    return [*tasks, *(path(anything(), edge_type.name, anything()) for edge_type in changing_edge_types)]
 
 
-def _states(model: KnowledgeModel) -> tuple[str, ...]:
+def _order_states(model: KnowledgeModel) -> tuple[str, ...]:
     orders = (node_type for node_type in model.node_types if node_type.name == "order")
     return tuple(
         state

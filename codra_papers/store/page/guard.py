@@ -1,9 +1,9 @@
 """The page's protection against requests from other sites.
 
-The page has no password, because it is served to this computer only. So other sites must not be able to order through
-somebody's browser: the host name of a request must be this computer's (against DNS rebinding, where a name controlled
-by an outsider resolves to this computer), and writing requests must come from the page itself (against cross-site
-request forgery).
+The page has no password, because it is served to this computer only. But other sites must not be able to send orders
+through somebody's browser. So the host name of a request must be this computer's: this protects against DNS rebinding,
+where a name controlled by an outsider resolves to this computer. And a request that writes must come from the page
+itself: this protects against cross-site request forgery.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ HEADERS: Mapping[str, str] = {
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Refused:
+class Rejection:
     """The reason why a request is rejected."""
 
     status: int
@@ -58,21 +58,21 @@ class Guard:
                 message = {**message, "headers": [*message["headers"], *own]}
             await send(message)
 
-        refused = self._refused(scope["method"], Headers(scope=scope))
-        if refused is None:
+        rejection = self._rejection(scope["method"], Headers(scope=scope))
+        if rejection is None:
             await self._app(scope, receive, send_guarded)
         else:
-            answer = JSONResponse({"error": refused.error}, refused.status, {"connection": "close"})
+            answer = JSONResponse({"error": rejection.error}, rejection.status, {"connection": "close"})
             await answer(scope, receive, send_guarded)
 
-    def _refused(self, method: str, headers: Headers) -> Refused | None:
+    def _rejection(self, method: str, headers: Headers) -> Rejection | None:
         hosts = headers.getlist("host")
         if len(hosts) != 1 or hosts[0] not in self._hosts:
-            return Refused(status=421, error=f"unknown host; open this page at {' or '.join(sorted(self._hosts))}")
+            return Rejection(status=421, error=f"unknown host; open this page at {' or '.join(sorted(self._hosts))}")
         if method in ("GET", "HEAD"):
             return None
         if headers.getlist("origin") != [f"http://{hosts[0]}"]:
-            return Refused(status=403, error="only the page itself may send this request")
+            return Rejection(status=403, error="only the page itself may send this request")
         if headers.get("content-type", "").partition(";")[0].strip().lower() != "application/json":
-            return Refused(status=415, error="the content type must be application/json")
+            return Rejection(status=415, error="the content type must be application/json")
         return None

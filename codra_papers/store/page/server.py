@@ -14,7 +14,7 @@ from codra_dsl.runtime import VariableModel
 from codra_papers.store.page.app import PageApp
 from codra_papers.store.page.desk import Desk
 from codra_papers.store.page.feed import Feed
-from codra_papers.store.page.view import shown_of
+from codra_papers.store.page.view import shown_attributes
 from codra_papers.store.simulator.store import Store
 
 HOST = "127.0.0.1"
@@ -47,7 +47,7 @@ class PageServer:
         self.port: int = self._socket.getsockname()[1]
         self.url = f"http://{HOST}:{self.port}/"
         self.desk = Desk()
-        self._feed = Feed(store.knowledge, shown_of(store.knowledge.model, variables))
+        self._feed = Feed(store.knowledge, shown_attributes(store.knowledge.model, variables))
         self._app = PageApp(store.knowledge, store.page, self._feed, self.desk, self.port)
         self._server = uvicorn.Server(_settings(self._app))
         self._thread = Thread(target=self._run, name="codra-page", daemon=True)

@@ -24,7 +24,7 @@ SEND_TIMEOUT_S = 30.0
 """A browser that has not received an event after this time is disconnected; it may connect again."""
 
 
-class TooManyError(RuntimeError):
+class TooManyStreamsError(RuntimeError):
     """Too many browsers follow the page."""
 
 
@@ -34,28 +34,28 @@ class Streams:
     def __init__(self, feed: Feed) -> None:
         """Begin without streams."""
         self._feed = feed
-        self._open: set[_Stream] = set()
-        self._ended = asyncio.Event()
+        self._open_streams: set[_Stream] = set()
+        self._end_event = asyncio.Event()
 
-    def another(self) -> Response:
+    def new_stream(self) -> Response:
         """Return a response that streams views.
 
         Raises:
-            TooManyError: `MOST_STREAMS` browsers already follow the page.
+            TooManyStreamsError: `MOST_STREAMS` browsers already follow the page.
         """
-        if len(self._open) >= MOST_STREAMS:
-            raise TooManyError(f"{MOST_STREAMS} browsers already follow this page; close one of them")
-        return _Stream(_views(self._feed, self._ended), self._open)
+        if len(self._open_streams) >= MOST_STREAMS:
+            raise TooManyStreamsError(f"{MOST_STREAMS} browsers already follow this page; close one of them")
+        return _Stream(_views(self._feed, self._end_event), self._open_streams)
 
     def end(self) -> None:
         """End all streams."""
-        self._ended.set()
+        self._end_event.set()
 
 
 class _Stream(EventSourceResponse):
     """The stream of one browser; it ends when the browser disconnects, is too slow, or the run is over."""
 
-    def __init__(self, views: AsyncIterator[ServerSentEvent], opened: set[_Stream]) -> None:
+    def __init__(self, views: AsyncIterator[ServerSentEvent], open_streams: set[_Stream]) -> None:
         super().__init__(
             views,
             sep="\n",
@@ -65,30 +65,30 @@ class _Stream(EventSourceResponse):
         )
         for name in ("cache-control", "connection"):  # the guard and the server add their own
             del self.headers[name]
-        self._opened = opened
+        self._open_streams = open_streams
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        self._opened.add(self)
+        self._open_streams.add(self)
         try:
             with suppress(SendTimeoutError):
                 await super().__call__(scope, receive, send)
         finally:
-            self._opened.discard(self)
+            self._open_streams.discard(self)
 
 
-async def _views(feed: Feed, ended: asyncio.Event) -> AsyncIterator[ServerSentEvent]:
+async def _views(feed: Feed, end_event: asyncio.Event) -> AsyncIterator[ServerSentEvent]:
     """Yield newer and newer views until the streams end."""
     number = 0
-    end = asyncio.ensure_future(ended.wait())
-    newer = asyncio.ensure_future(feed.after(number))
+    end_task = asyncio.ensure_future(end_event.wait())
+    newer_view = asyncio.ensure_future(feed.after(number))
     try:
         while True:
-            await asyncio.wait((newer, end), return_when=asyncio.FIRST_COMPLETED)
-            if end.done():
+            await asyncio.wait((newer_view, end_task), return_when=asyncio.FIRST_COMPLETED)
+            if end_task.done():
                 return
-            number, text = newer.result()
+            number, text = newer_view.result()
             yield ServerSentEvent(data=text, id=str(number))
-            newer = asyncio.ensure_future(feed.after(number))
+            newer_view = asyncio.ensure_future(feed.after(number))
     finally:
-        end.cancel()
-        newer.cancel()
+        end_task.cancel()
+        newer_view.cancel()

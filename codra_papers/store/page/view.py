@@ -1,6 +1,6 @@
 """Views of the graph for people: a snapshot as plain JSON values.
 
-Metrics, weights and courses are recognised by the agents that may write them, so the page names no rule base.
+Metrics, weights and courses are recognised by the agents that may write them. So the page works with any rule base.
 """
 
 from __future__ import annotations
@@ -42,12 +42,12 @@ class Part(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Shown:
+class ShownAttribute:
     """An attribute of a node that exists from the start.
 
     Attributes:
-        label: its name for people.
-        sources: the agents that may write it.
+        label: the name that people read.
+        sources: the agents that may write the attribute.
     """
 
     node: str
@@ -66,18 +66,18 @@ class Shown:
         return Part.READING
 
 
-def shown_of(model: KnowledgeModel, variables: Sequence[VariableModel] = ()) -> tuple[Shown, ...]:
-    """Return the shown attributes: all of the nodes that exist from the start, and all context-variables.
+def shown_attributes(model: KnowledgeModel, variables: Sequence[VariableModel] = ()) -> tuple[ShownAttribute, ...]:
+    """Return the shown attributes: all attributes of nodes that exist from the start, and all context-variables.
 
     Args:
         model: the model of the graph.
         variables: the variables of the graph's context manager, if it has one.
     """
-    shown: dict[tuple[str, str], Shown] = {}
+    shown: dict[tuple[str, str], ShownAttribute] = {}
     types = {node_type.name: node_type.attributes for node_type in model.node_types}
     for node in model.nodes:
         for attribute in (*types.get(node.type, ()), *node.attributes):
-            shown[node.name, attribute.name] = Shown(
+            shown[node.name, attribute.name] = ShownAttribute(
                 node=node.name,
                 name=attribute.name,
                 label=_label(attribute.name, attribute.label),
@@ -86,7 +86,7 @@ def shown_of(model: KnowledgeModel, variables: Sequence[VariableModel] = ()) -> 
             )
     nodes = nodes_of_variables(model, variables)
     for variable in variables:
-        shown[nodes[variable.name], variable.name] = Shown(
+        shown[nodes[variable.name], variable.name] = ShownAttribute(
             node=nodes[variable.name],
             name=variable.name,
             label=_label(variable.name, variable.label),
@@ -96,20 +96,20 @@ def shown_of(model: KnowledgeModel, variables: Sequence[VariableModel] = ()) -> 
     return tuple(shown.values())
 
 
-def view_of(knowledge: Knowledge, shown: Sequence[Shown]) -> View:
+def view_of(knowledge: Knowledge, shown: Sequence[ShownAttribute]) -> View:
     """Return the current view."""
     snapshot = knowledge.snapshot()
     readings = [(attribute, snapshot.get(attribute.node, attribute.name)) for attribute in shown]
     parts: dict[str, Any] = {
-        part.value: [_value(attribute, reading) for attribute, reading in readings if attribute.part is part]
+        part.value: [_attribute_view(attribute, reading) for attribute, reading in readings if attribute.part is part]
         for part in Part
     }
     return {
         "instant_s": _number(snapshot.instant_s),
         "version": snapshot.version,
-        "robot": _placed(snapshot, "robot"),
-        "goal": _placed(snapshot, "goal"),
-        "people": [_placed(snapshot, node.name) for node in snapshot.nodes("person")],
+        "robot": _node_place(snapshot, "robot"),
+        "goal": _node_place(snapshot, "goal"),
+        "people": [_node_place(snapshot, node.name) for node in snapshot.nodes("person")],
         "containers": [_container(snapshot, node.name) for node in snapshot.nodes("roll_container")],
         "orders": [_order(snapshot, node.name) for node in snapshot.nodes("order")[-MOST_ORDERS:]],
         "tasks": [_task(knowledge, snapshot, task.name) for task in knowledge.model.tasks],
@@ -120,41 +120,41 @@ def view_of(knowledge: Knowledge, shown: Sequence[Shown]) -> View:
 
 
 def _label(name: str, label: str) -> str:
-    return label if label not in ("", name) else _spoken(name.removeprefix(WEIGHT))
+    return label if label not in ("", name) else _display_name(name.removeprefix(WEIGHT))
 
 
-def _value(shown: Shown, reading: Reading[Any]) -> View:
+def _attribute_view(shown: ShownAttribute, reading: Reading[Any]) -> View:
     value = reading.value if reading.known else None
     return {
         "name": f"{shown.node}.{shown.name}",
         "label": shown.label,
         "value": _number(value) if isinstance(value, float) else value,
         "unit": shown.type.unit or "",
-        "reason": "" if reading.reason is None else _spoken(reading.reason),
+        "reason": "" if reading.reason is None else _display_name(reading.reason),
         "source": reading.source,
         "sources": list(shown.sources),
     }
 
 
-def _placed(snapshot: Snapshot, name: str) -> View | None:
+def _node_place(snapshot: Snapshot, name: str) -> View | None:
     """Return the place of a node on the floor; None if it was never placed."""
     try:
         transform = snapshot.transform("world", name)
     except FrameError:
         return None
-    place = floor_pose_of(transform.pose)
+    floor_pose = floor_pose_of(transform.pose)
     return {
         "name": name,
-        "x_m": _number(place.x_m),
-        "y_m": _number(place.y_m),
-        "heading_rad": _number(place.heading_rad),
+        "x_m": _number(floor_pose.x_m),
+        "y_m": _number(floor_pose.y_m),
+        "heading_rad": _number(floor_pose.heading_rad),
         "outcome": transform.outcome.name.lower(),
     }
 
 
 def _container(snapshot: Snapshot, name: str) -> View | None:
-    placed = _placed(snapshot, name)
-    return None if placed is None else {**placed, "is_carried": snapshot.has_edge("robot", "carries", name)}
+    place = _node_place(snapshot, name)
+    return None if place is None else {**place, "is_carried": snapshot.has_edge("robot", "carries", name)}
 
 
 def _order(snapshot: Snapshot, name: str) -> View:
@@ -187,7 +187,7 @@ def _task(knowledge: Knowledge, snapshot: Snapshot, name: str) -> View:
 
 
 def _loop(model: KnowledgeModel, readings: Iterable[Reading[Any]]) -> Iterator[View]:
-    """Yield per phase of the loop its agents and the evidence time of their newest value (P2, Figure 4)."""
+    """Yield for each phase of the loop its agents, and the evidence time of their newest value (P2, Figure 4)."""
     newest: dict[str, float] = {}
     for reading in readings:
         newest[reading.source] = max(newest.get(reading.source, reading.evidence_s), reading.evidence_s)
@@ -202,9 +202,9 @@ def _refusal(refusal: Refusal) -> View:
 
 
 def _number(value: float) -> float | None:
-    """Return a number as JSON allows it."""
+    """Return a rounded number for JSON, or None if the number is not finite, which JSON does not allow."""
     return round(value, 3) if isfinite(value) else None
 
 
-def _spoken(name: str) -> str:
+def _display_name(name: str) -> str:
     return name.replace("_", " ").capitalize()

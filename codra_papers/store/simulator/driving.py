@@ -1,6 +1,6 @@
 """The robot's own motion layer: it follows commands, and its safety lasers slow and stop it during every command.
 
-It drives by its believed pose, as a real one does. The world determines where it truly goes.
+The layer drives by the believed pose of the robot, as a real one does. The world determines where the robot truly goes.
 """
 
 from __future__ import annotations
@@ -31,19 +31,19 @@ KEEP_FREE_M = 0.35
 """Distance at which the robot stops before an obstacle in its lane."""
 
 KEEP_FREE_BEHIND_M = 0.05
-"""The same backwards, where the robot is slow: a shelf may be behind a container that it fetches."""
+"""The same when driving backwards, which is slow: there may be a shelf close behind a container to fetch."""
 
 LANE_M = 0.42
-"""Half the lane that must be free for the body, or for a container on the fork."""
+"""Half the width of the lane that must be free for the body, or for a container on the fork."""
 
 FORK_LANE_M = 0.15
-"""Half the lane that must be free for the empty fork: a container's wheels are beside it."""
+"""Half the width of the lane that must be free for the empty fork: a container's wheels are beside the fork."""
 
 TOUCH_M = 0.03
-"""No motion brings the robot nearer than this to a body in a laser's view, unless it leads away from the body."""
+"""No motion brings the robot nearer than this to a body that a laser hits, unless the motion leads away from it."""
 
 FORESEEN_S = 0.5
-"""How far ahead in time a motion is checked for that. Stopping takes less time."""
+"""How far ahead in time it is checked whether a motion touches a body. Stopping takes less time."""
 
 PATIENCE_S = 8.0
 """How long the robot waits for a free way before it gives up."""
@@ -118,7 +118,7 @@ class Drive:
 
 @dataclass(slots=True)
 class Turn:
-    """Turn on the spot by an angle, in its direction."""
+    """Turn on the spot by an angle, in the direction of its sign."""
 
     angle_rad: float
     done: Done
@@ -165,14 +165,14 @@ class Driving:
     """Follows one command at a time.
 
     Attributes:
-        max_speed_m_s: no point of the robot goes faster than this, also no corner in a turn.
-        ended: ended commands with their results, until these are reported.
+        max_speed_m_s: no point of the robot goes faster than this, not even a corner in a turn.
+        ended_commands: ended commands with their results, until these are reported.
     """
 
     def __init__(self) -> None:
         """Begin without a command."""
         self.max_speed_m_s = DEFAULT_MAX_SPEED_M_S
-        self.ended: list[tuple[Command, Outcome]] = []
+        self.ended_commands: list[tuple[Command, Outcome]] = []
         self._command: Command | None = None
         self._blocked_s = 0.0
 
@@ -194,13 +194,13 @@ class Driving:
     def end(self, outcome: Outcome) -> None:
         """End the running command, if any."""
         if self._command is not None:
-            self.ended.append((self._command, outcome))
+            self.ended_commands.append((self._command, outcome))
             self._command = None
 
     def step(self, senses: Senses) -> Wish:
         """Return the speeds for the next step."""
         wish = self._wish(senses)
-        free = _limited(_freed(wish, senses), self.max_speed_m_s)
+        free = _limited_wish(_safe_wish(wish, senses), self.max_speed_m_s)
         if wish != Wish() and free == Wish():
             self._blocked_s += STEP_S
             if self._blocked_s >= PATIENCE_S:
@@ -208,8 +208,8 @@ class Driving:
         else:  # with noise, an obstacle that is slightly too near sometimes seems far enough
             self._blocked_s = max(self._blocked_s - FREED * STEP_S, 0.0)
         return Wish(
-            speed_m_s=_nearer(senses.speed_m_s, free.speed_m_s, SPEED_UP_M_S2, BRAKE_M_S2),
-            turn_rate_rad_s=_nearer(senses.turn_rate_rad_s, free.turn_rate_rad_s, TURN_UP_RAD_S2, 4.0),
+            speed_m_s=_next_speed(senses.speed_m_s, free.speed_m_s, SPEED_UP_M_S2, BRAKE_M_S2),
+            turn_rate_rad_s=_next_speed(senses.turn_rate_rad_s, free.turn_rate_rad_s, TURN_UP_RAD_S2, 4.0),
         )
 
     def _wish(self, senses: Senses) -> Wish:
@@ -227,15 +227,15 @@ def _turn_towards(angle_rad: float) -> float:
     return limit if angle_rad > 0 else -limit
 
 
-def _nearer(now: float, wish: float, faster: float, slower: float) -> float:
+def _next_speed(now: float, wish: float, faster: float, slower: float) -> float:
     """Return the speed after one step from `now` towards `wish`."""
     rate = faster if abs(wish) > abs(now) and wish * now >= 0.0 else slower
     change = max(-rate * STEP_S, min(rate * STEP_S, wish - now))
     return now + change
 
 
-def _freed(wish: Wish, senses: Senses) -> Wish:
-    """Return as much of a wish as the safety lasers allow: the lane must be free, without a touch of a person."""
+def _safe_wish(wish: Wish, senses: Senses) -> Wish:
+    """Return as much of a wish as the safety lasers allow: the lane must be free, and no person may be touched."""
     free = _in_lane(wish, senses)
     return Wish() if free != Wish() and _touches(free, senses) else free
 
@@ -254,7 +254,7 @@ def _in_lane(wish: Wish, senses: Senses) -> Wish:
 
 
 def _touches(wish: Wish, senses: Senses) -> bool:
-    """Return whether a motion brings any part of the robot too near to a person, and nearer than it is.
+    """Return whether a motion brings any part of the robot too near to a person, and nearer than the robot is now.
 
     The fork and its load swing out in a turn, and the body is wider than the fork when the robot backs up.
     """
@@ -262,20 +262,20 @@ def _touches(wish: Wish, senses: Senses) -> bool:
 
 
 def _touches_before(scan: Scan, wish: Wish, senses: Senses) -> bool:
-    """Return the same for the bodies that one laser hits."""
+    """Return the same for only the bodies that one laser hits."""
     bodies, met = bodies_m(scan), scan.points_m()
     now_m = gaps_m(bodies, is_loaded=senses.is_loaded)
     is_near = now_m < TOUCH_M + FORESEEN_S * _fastest_m_s(wish)
     bodies, met, now_m = bodies[is_near], met[is_near], now_m[is_near]
     is_touched = np.zeros(len(bodies), dtype=bool)
     for step in range(1, round(FORESEEN_S / STEP_S) + 1):
-        then_m = gaps_m(_seen_from(_moved(wish, step * STEP_S), bodies), is_loaded=senses.is_loaded)
+        then_m = gaps_m(_seen_from(_pose_after(wish, step * STEP_S), bodies), is_loaded=senses.is_loaded)
         is_touched |= (then_m < TOUCH_M) & (then_m < now_m - _ROUNDING)
     is_touched[is_touched] = is_strange(met[is_touched], senses.believed, PLACES_M)
     return bool(is_touched.any()) and not is_seen_through(scan, bodies[is_touched]).all()
 
 
-def _moved(wish: Wish, duration_s: float) -> Pose2D:
+def _pose_after(wish: Wish, duration_s: float) -> Pose2D:
     """Return the pose after a motion, relative to the robot."""
     turn_rad, length_m = wish.turn_rate_rad_s * duration_s, wish.speed_m_s * duration_s
     return Pose2D(length_m * cos(turn_rad / 2), length_m * sin(turn_rad / 2), turn_rad)
@@ -287,8 +287,8 @@ def _seen_from(there: Pose2D, points_m: Floats) -> Floats:
     return seen
 
 
-def _limited(wish: Wish, max_speed_m_s: float) -> Wish:
-    """Return a wish on the same curve in which no point of the robot exceeds the maximum speed."""
+def _limited_wish(wish: Wish, max_speed_m_s: float) -> Wish:
+    """Return a wish for the same curve with which no point of the robot exceeds the maximum speed."""
     fastest_m_s = _fastest_m_s(wish)
     if fastest_m_s < max_speed_m_s:
         return wish

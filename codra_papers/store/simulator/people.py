@@ -1,4 +1,4 @@
-"""People in the shop: they walk along the corridors, stop before shelves, and step around the robot only.
+"""People in the shop: they walk along the corridors, stop before shelves, and step around nothing but the robot.
 
 Each person has a separate random source, so one more person does not change the others.
 """
@@ -31,7 +31,7 @@ ASIDE_RAD = (-0.5, 0.5, -1.0, 1.0, -1.4, 1.4)
 """Directions of a step aside to get past the robot, to the right first."""
 
 AVOID_M = 2.5
-"""After turning back, distance to keep from the place where the robot was in the way, if another way exists."""
+"""A person who turns back keeps this far from the place where the robot was in the way, if another way exists."""
 
 Plan = Iterator[tuple[Point, float]]
 """Points to walk to, and the time to stay there, in seconds."""
@@ -42,7 +42,7 @@ class Person:
 
     Attributes:
         at_m: the middle of the body.
-        speed_m_s: while walking.
+        speed_m_s: the walking speed.
     """
 
     def __init__(self, name: str, at_m: Point, speed_m_s: float, plan: Callable[[Point, Point | None], Plan]) -> None:
@@ -52,8 +52,8 @@ class Person:
             name: the name of the person.
             at_m: the place of the person.
             speed_m_s: the walking speed of the person.
-            plan: returns a plan from a point. It is called again when the person turns back, with the point where the
-                robot is in the way.
+            plan: returns a plan that begins at a point. When the person turns back, it is called again with the point
+                where the robot is in the way.
         """
         self.name = name
         self.at_m = at_m
@@ -68,7 +68,7 @@ class Person:
         return Disc(self.at_m, PERSON_RADIUS_M)
 
     def step(self, duration_s: float, distance_to_robot_m: Callable[[Point], float]) -> None:
-        """Walk on. If the robot is in the way, walk around it if there is room, else wait."""
+        """Walk on. If the robot is in the way, walk around the robot if there is room, otherwise wait."""
         left_m = _distance_m(self.at_m, self._goal)
         if left_m < 1e-9:
             self._stay(duration_s)
@@ -88,7 +88,7 @@ class Person:
         return gap_m >= KEEP_OFF_M or gap_m >= distance_to_robot_m(self.at_m)
 
     def _aside(self, step_m: float, distance_to_robot_m: Callable[[Point], float]) -> Point | None:
-        """Return a step past the robot that leads nearer to the goal, and not into a shelf."""
+        """Return a step past the robot that leads nearer to the goal, and not into a shelf; None if there is none."""
         along_rad = atan2(self._goal[1] - self.at_m[1], self._goal[0] - self.at_m[0])
         for turn_rad in ASIDE_RAD:
             there = (
@@ -142,9 +142,9 @@ class _Shopping:
         self._random = random
 
     def __call__(self, at_m: Point, blocked_m: Point | None) -> Plan:
-        graph = _corridors() if blocked_m is None else _without(blocked_m)
+        graph = _corridors() if blocked_m is None else _graph_without(blocked_m)
         node = min(graph, key=lambda point: (_is_beyond(at_m, blocked_m, point), _distance_m(point, at_m), point))
-        yield _beside(node, at_m), 0.0
+        yield _kept_right(at_m, node, node), 0.0  # beside the node, so that the person walks straight on
         while True:
             goal = (self._random.choice(CORRIDORS_X_M), self._random.choice((6.5, 8.5, 10.5)))
             way: list[Point] = nx.shortest_path(_corridors(), node, goal, weight="length_m")
@@ -158,7 +158,7 @@ class _Shopping:
                 yield (goal[0] + KEEP_RIGHT_M, goal[1]), self._random.uniform(3.0, 25.0)
 
 
-def _without(blocked_m: Point) -> nx.Graph[Point]:
+def _graph_without(blocked_m: Point) -> nx.Graph[Point]:
     graph = _corridors()
     return graph.subgraph([node for node in graph if _distance_m(node, blocked_m) > AVOID_M])
 
@@ -171,15 +171,9 @@ def _is_beyond(at_m: Point, blocked_m: Point | None, node: Point) -> bool:
     return ahead[0] * (node[0] - at_m[0]) + ahead[1] * (node[1] - at_m[1]) > 0.0
 
 
-def _beside(node: Point, at_m: Point) -> Point:
-    """Return the point beside a node that the person reaches straight on."""
-    along_rad = atan2(node[1] - at_m[1], node[0] - at_m[0])
-    return (node[0] + sin(along_rad) * KEEP_RIGHT_M, node[1] - cos(along_rad) * KEEP_RIGHT_M)
-
-
 @cache
 def _corridors() -> nx.Graph[Point]:
-    """Return the crossings of corridors, and points in them, joined along their middles."""
+    """Return the graph of the crossings of corridors and of points in the corridors, joined along their middles."""
     graph: nx.Graph[Point] = nx.Graph()
     for x_m in CORRIDORS_X_M:
         nx.add_path(graph, [(x_m, y_m) for y_m in (FRONT_Y_M, 6.5, 8.5, 10.5, BACK_Y_M)])
@@ -191,7 +185,7 @@ def _corridors() -> nx.Graph[Point]:
 
 
 def _kept_right(start: Point, end: Point, point: Point) -> Point:
-    """Return a point to the right of one that lies on the middle of a corridor."""
+    """Return the point at which a person walks, to the right of a point on the middle of a corridor."""
     along_rad = atan2(end[1] - start[1], end[0] - start[0])
     return (point[0] + sin(along_rad) * KEEP_RIGHT_M, point[1] - cos(along_rad) * KEEP_RIGHT_M)
 

@@ -40,7 +40,7 @@ SMALLEST_SHARE = 0.35
 RAYS_PER_OBJECT = 9
 
 LOCALISATION_M = 0.015
-"""Amplitude of the two slow waves of the localisation's error, along both axes."""
+"""Amplitude of each of the two slow waves of the localisation's error, along each axis."""
 
 
 def scan(seed: int, state: StoreState, side: Side) -> Scan:
@@ -48,7 +48,7 @@ def scan(seed: int, state: StoreState, side: Side) -> Scan:
     mount = LASERS_AT[side]
     eye = Pose2D(*state.robot.at.out(mount.x_m, mount.y_m), state.robot.at.heading_rad + mount.heading_rad)
     rays, bearings = LASER_RAYS[side], _BEARINGS_RAD[side]
-    ranges = _ranges_m(_moving(state, side), eye, bearings, LASER_FARTHEST_M)
+    ranges = _ranges_m(_moving_obstacles(state, side), eye, bearings, LASER_FARTHEST_M)
     entropy = (abs(seed), list(Side).index(side), state.step)
     chance = default_rng(entropy if seed >= 0 else (*entropy, 1))  # `default_rng` takes no negative numbers
     noise = chance.normal(0.0, LASER_NOISE_M, rays)
@@ -66,8 +66,8 @@ def picture(seed: int, state: StoreState) -> Picture:
 
 
 def visible_share(state: StoreState, shape: Box | Disc) -> float:
-    """Return the share of an object's breadth that the camera sees: inside its view, and not hidden."""
-    eye = _camera(state)
+    """Return the share of an object's breadth that is inside the camera's view and not hidden."""
+    eye = _camera_pose(state)
     centre = shape.centre_m if isinstance(shape, Disc) else shape.centre.point_m
     if not CAMERA_NEAREST_M < hypot(centre[0] - eye.x_m, centre[1] - eye.y_m) < CAMERA_FARTHEST_M:
         return 0.0
@@ -76,7 +76,7 @@ def visible_share(state: StoreState, shape: Box | Disc) -> float:
     rays = bearings + eye.heading_rad
     own = Scene((), (shape,)) if isinstance(shape, Disc) else Scene((shape,))
     own_m = own.ranges_m(eye.point_m, rays, CAMERA_FARTHEST_M + 1.0)
-    others_m = _ranges_m(_others(state, shape), eye, bearings, CAMERA_FARTHEST_M + 2.0)
+    others_m = _ranges_m(_other_objects(state, shape), eye, bearings, CAMERA_FARTHEST_M + 2.0)
     return float((is_inside & (own_m < others_m)).mean())
 
 
@@ -95,8 +95,8 @@ def _waves(seed: int) -> list[list[tuple[float, float, float]]]:
     return [[(random.uniform(60.0, 400.0), random.uniform(0.0, 2 * pi), size) for _ in range(2)] for size in sizes]
 
 
-def _moving(state: StoreState, side: Side) -> Scene:
-    """Return the moving obstacles of a laser: frames of containers in front, their wheels near the floor behind."""
+def _moving_obstacles(state: StoreState, side: Side) -> Scene:
+    """Return the moving obstacles of a laser: people, and containers: in front their frames, behind their wheels."""
     discs = [Disc(at_m, PERSON_RADIUS_M) for _, at_m in state.people_m]
     containers = state.containers_on_floor()
     if side is not Side.BACK:
@@ -104,16 +104,16 @@ def _moving(state: StoreState, side: Side) -> Scene:
     return Scene([], [*discs, *(wheel for container in containers for wheel in container.wheels())])
 
 
-def _ranges_m(moving: Scene, eye: Pose2D, bearings_rad: Floats, farthest_m: float) -> Floats:
+def _ranges_m(moving_obstacles: Scene, eye: Pose2D, bearings_rad: Floats, farthest_m: float) -> Floats:
     """Return the lengths of rays until they hit a shelf, a wall, or a moving obstacle; shape (rays,)."""
     rays = bearings_rad + eye.heading_rad
     ranges_m: Floats = np.minimum(
-        SHELL.ranges_m(eye.point_m, rays, farthest_m), moving.ranges_m(eye.point_m, rays, farthest_m)
+        SHELL.ranges_m(eye.point_m, rays, farthest_m), moving_obstacles.ranges_m(eye.point_m, rays, farthest_m)
     )
     return ranges_m
 
 
-def _camera(state: StoreState) -> Pose2D:
+def _camera_pose(state: StoreState) -> Pose2D:
     at = state.robot.at
     return Pose2D(*at.out(CAMERA_AT.x_m, CAMERA_AT.y_m), at.heading_rad)
 
@@ -131,7 +131,7 @@ def _bearings(eye: Pose2D, shape: Box | Disc) -> list[float]:
     return [low + (high - low) * (index + 0.5) / RAYS_PER_OBJECT for index in range(RAYS_PER_OBJECT)]
 
 
-def _others(state: StoreState, shape: Box | Disc) -> Scene:
+def _other_objects(state: StoreState, shape: Box | Disc) -> Scene:
     boxes = [box for box in (container.box() for container in state.containers_on_floor()) if box != shape]
     discs = [disc for disc in (Disc(at_m, PERSON_RADIUS_M) for _, at_m in state.people_m) if disc != shape]
     return Scene(boxes, discs)
@@ -147,10 +147,10 @@ def _sightings(seed: int, state: StoreState) -> Iterator[Sighting]:
         share = visible_share(state, shape)
         if share >= SMALLEST_SHARE:
             random = Random(f"{seed} camera {state.step} {name}")
-            yield from _detected(random, kind, _inside(state.robot.at, at), share)
+            yield from _detected(random, kind, _pose_from(state.robot.at, at), share)
 
 
-def _inside(robot: Pose2D, at: Pose2D) -> Pose2D:
+def _pose_from(robot: Pose2D, at: Pose2D) -> Pose2D:
     return Pose2D(*robot.seen_from_here(at.point_m), wrapped(at.heading_rad - robot.heading_rad))
 
 
@@ -160,8 +160,8 @@ def _detected(random: Random, kind: Seen, at: Pose2D, share: float) -> Iterator[
     Args:
         random: the random source for this object in this picture.
         kind: the kind of the object.
-        at: its true pose in the robot's frame.
-        share: the share of it that is in sight.
+        at: the true pose of the object in the robot's frame.
+        share: the share of the object that is in sight.
     """
     range_m = hypot(at.x_m, at.y_m)
     if random.random() < 0.03 + 0.25 * (range_m / CAMERA_FARTHEST_M) ** 2 + 0.3 * (1.0 - share):

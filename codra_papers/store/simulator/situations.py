@@ -21,7 +21,7 @@ class Situation(StrEnum):
     """A picker orders to collect a full container from the first picking area. It is in sight from the first pose."""
 
     SECOND_ORDER = "second order"
-    """P2's first: a container is provided, ordered elsewhere while it is loaded, and full on the way there."""
+    """P2's first: a container is provided, ordered elsewhere while people fill it, and full on the way there."""
 
     PEOPLE_CLOSE = "people close"
     """P2's second: a person crosses in front of the container while the robot is about to fetch it."""
@@ -79,7 +79,7 @@ class StoreSettings:
 
 
 def beginning(settings: StoreSettings) -> Beginning:
-    """Return the shop when it opens: beside the container to collect, one at the supply and one in the back room."""
+    """Return the shop when it opens. Besides a container to collect, one is at the supply and one in the back room."""
     places = PICKING_AREAS[settings.area].places
     first_places = {
         Situation.ORDINARY: places[0],

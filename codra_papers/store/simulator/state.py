@@ -41,7 +41,7 @@ class Container:
     """A roll container.
 
     Attributes:
-        at: pose in the map, also on the fork; without meaning in the back room.
+        at: the pose in the map, even on the fork; in the back room it has no meaning.
     """
 
     name: str
@@ -50,11 +50,11 @@ class Container:
     where: Whereabouts = Whereabouts.FLOOR
 
     def box(self) -> Box:
-        """Return its space on the floor."""
+        """Return the space of the container on the floor."""
         return Box(self.at, CONTAINER_M, CONTAINER_M)
 
     def wheels(self) -> tuple[Disc, ...]:
-        """Return its wheels, the only parts near the floor."""
+        """Return the wheels of the container, its only parts near the floor."""
         offsets = [(a * WHEEL_OFFSET_M, b * WHEEL_OFFSET_M) for a in (1, -1) for b in (1, -1)]
         return tuple(Disc(self.at.out(*offset), WHEEL_RADIUS_M) for offset in offsets)
 
@@ -87,7 +87,7 @@ class RobotState:
         return _part(self.at, FORK_TIP_M, BODY_BACK_M, FORK_WIDTH_M)
 
     def surface_speed_m_s(self) -> float:
-        """Return an upper bound for the speed of its points: its speed plus its turn rate times its reach."""
+        """Return an upper bound for the speed of the robot's points: its speed plus its turn rate times its reach."""
         return abs(self.speed_m_s) + abs(self.turn_rate_rad_s) * REACH_M
 
 

@@ -1,4 +1,4 @@
-"""A complete run of the shop: the world, the knowledge of its robot, its agents, and their judge."""
+"""A complete run of the shop: the world, the robot's knowledge and agents, and the judge that scores them."""
 
 from __future__ import annotations
 
@@ -20,24 +20,24 @@ class PickerPage:
     """The agent `picker_page`: it writes the requests of pickers into the graph (P2's PickerWebInterface)."""
 
     def __init__(self, knowledge: Knowledge) -> None:
-        """Take the agent `picker_page`; the graph has no orders yet."""
+        """Open the handle of the agent `picker_page`; the graph has no orders yet."""
         self._knowledge = knowledge
         self._handle = knowledge.as_agent("picker_page")
         self._count = 0
 
     def order(self, kind: OrderKind, area: str, to: str) -> str:
-        """Insert an order, from one area to another; return its name."""
+        """Insert an order to bring a container from one area to another, and return the name of the order."""
         self._count += 1
         name = f"order_{self._count}"
         with self._handle.transaction() as change:
             change.insert_node(name, "order", kind=kind)
             change.insert_edge(name, "of_area", area)
             change.insert_edge(name, "to_area", to)
-        if kind is OrderKind.PROVIDE:  # a provided container is empty, independent of the last one on the fork
-            self._knowledge.follow(name, "state", self._taken_up)
+        if kind is OrderKind.PROVIDE:  # a provided container is empty, whatever was on the fork before
+            self._knowledge.follow(name, "state", self._on_state)
         return name
 
-    def _taken_up(self, state: Reading[str]) -> None:
+    def _on_state(self, state: Reading[str]) -> None:
         if state.known and state.value == "open":
             self.set_load(Load.EMPTY)
 
@@ -84,18 +84,16 @@ class Store:
             self.world.watch(see)
         self.world.watch(lambda _: self._sample())
         for task in self.knowledge.model.tasks:
-            self._follow(task.name)
+            for stage in Stage:
+                on_stage = partial(self._on_stage, task.name, stage)
+                self.knowledge.subscribe(on_stage, path("robot", stage, task.name))
 
     def record(self) -> str:
         """Return the true states once a second, the events, and the stages of tasks, as lines of text."""
         lines = [*self._lines(self.world.events), *self._lines(self._handovers)]
         return "\n".join((*self._samples, *lines, repr(self.judge.score))) + "\n"
 
-    def _follow(self, task: str) -> None:
-        for stage in Stage:
-            self.knowledge.subscribe(partial(self._handed_over, task, stage), path("robot", stage, task))
-
-    def _handed_over(self, task: str, stage: Stage, change: Change) -> None:
+    def _on_stage(self, task: str, stage: Stage, change: Change) -> None:
         handover = change.snapshot.handover(task)
         if handover.stage is stage:
             line = f"{task} {handover.number} {stage} {handover.result or handover.reason}".rstrip()

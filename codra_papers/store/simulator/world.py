@@ -1,8 +1,8 @@
 """The shop over time: people walk, the robot drives, containers rest or are carried.
 
-Time passes in steps of a tenth of a second, which are events of the clock. Reading changes nothing: the state of a step
-is a frozen value, a sensor value is a function of the seed and of the state, and every purpose has its own random
-source.
+Time passes in steps of a tenth of a second, which are events of the clock. Reading a state or a sensor changes nothing:
+the state of a step is a frozen value, a sensor value is a function of the seed and of the state, and every purpose has
+its own random source.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ from codra_papers.store.simulator.state import (
 )
 
 UNDER_M, UNDER_RAD = 0.1, 0.15
-"""Largest errors of the fork's pose under a container for lifting it."""
+"""Largest errors of the fork's pose under a container with which the fork still lifts the container."""
 
 DOCKED_M = 0.15
-"""Largest distance of the robot from the dock for charging."""
+"""Largest distance from the dock at which the robot still charges."""
 
 BUMPED_FOR_S = 2.0
 
@@ -77,12 +77,12 @@ class StoreWorld:
         self._seed, self._drain = beginning.seed, beginning.drain
         self._people = list(beginning.people)
         self._driving = Driving()
-        self._held: Pose2D | None = None
+        self._load_pose: Pose2D | None = None
         self._watchers: list[Callable[[StoreState], None]] = []
         self._scans: dict[Side, Scan] = {}
         self._picture: Picture | None = None
         robot = RobotState(at=beginning.robot, battery_percent=beginning.battery_percent)
-        self._state = self._seen(StoreState(
+        self._state = self._refreshed(StoreState(
             step=0, instant_s=self._begun_s, robot=robot, containers=beginning.containers, people_m=()))  # fmt: skip
         clock.call_at(self._begun_s + STEP_S, self._step)
 
@@ -118,10 +118,10 @@ class StoreWorld:
         """Return the motion layer."""
         return self._driving
 
-    def report_ended(self) -> None:
+    def report_ended_commands(self) -> None:
         """Report the results of ended commands to their callers."""
-        while self._driving.ended:
-            command, outcome = self._driving.ended.pop(0)
+        while self._driving.ended_commands:
+            command, outcome = self._driving.ended_commands.pop(0)
             command.done(outcome)
 
     def scan(self, side: Side) -> Scan:
@@ -156,7 +156,7 @@ class StoreWorld:
         self._clock.call_at(self._begun_s + (step + 1) / STEPS_PER_S, self._step)
         for watcher in tuple(self._watchers):
             watcher(self._state)
-        self.report_ended()
+        self.report_ended_commands()
 
     def _moves(self) -> bool:
         robot = self._state.robot
@@ -166,9 +166,9 @@ class StoreWorld:
         boxes = self._state.footprint()
         for person in self._people:
             person.step(STEP_S, lambda point: min(box.distance_m(point) for box in boxes))
-        self._state = self._seen(self._state)
+        self._state = self._refreshed(self._state)
 
-    def _seen(self, state: StoreState) -> StoreState:
+    def _refreshed(self, state: StoreState) -> StoreState:
         self._scans, self._picture = {}, None
         return replace(state, people_m=tuple((person.name, person.at_m) for person in self._people))
 
@@ -178,12 +178,12 @@ class StoreWorld:
             believed=self.believed(),
             speed_m_s=robot.speed_m_s,
             turn_rate_rad_s=robot.turn_rate_rad_s,
-            is_loaded=self._held is not None,
+            is_loaded=self._load_pose is not None,
             scan=self.scan,
         )
 
     def _moved(self, wish: Wish) -> tuple[RobotState, str]:
-        """Return the robot after a step, and the object that it bumped into. After a bump it is where it was."""
+        """Return the robot after a step, and what it bumped into, if anything. After a bump it is where it was."""
         robot = self._state.robot
         middle_rad = robot.at.heading_rad + wish.turn_rate_rad_s * STEP_S / 2
         length_m = wish.speed_m_s * STEP_S
@@ -200,9 +200,13 @@ class StoreWorld:
 
     def _hit(self, robot: RobotState) -> str:
         carried = self._state.carried()
-        held = None if carried is None or self._held is None else replace(carried, at=_outer(robot.at, self._held))
-        parts = footprint(robot, held)
-        solid = parts if held is not None else parts[:1]  # an empty fork goes under containers
+        carried_there = (
+            None
+            if carried is None or self._load_pose is None
+            else replace(carried, at=_outer(robot.at, self._load_pose))
+        )
+        parts = footprint(robot, carried_there)
+        solid = parts if carried_there is not None else parts[:1]  # an empty fork goes under containers
         for box in FIXED:
             if box.distance_m(robot.at.point_m) < REACH_M + 0.1 and any(part.overlaps(box) for part in parts):
                 return "a shelf"
@@ -218,14 +222,14 @@ class StoreWorld:
         is_docked = robot.at.distance_m(DOCK) < DOCKED_M and robot.surface_speed_m_s() == 0.0
         robot = replace(robot, is_charging=is_docked, battery_percent=self._charged(robot, is_docked))
         containers = self._state.containers
-        if self._held is not None:
-            at = _outer(robot.at, self._held)
+        if self._load_pose is not None:
+            at = _outer(robot.at, self._load_pose)
             containers = tuple(
                 replace(container, at=at) if container.where is Whereabouts.FORK else container
                 for container in containers
             )
         instant_s = self._begun_s + step / STEPS_PER_S
-        self._state = self._seen(
+        self._state = self._refreshed(
             replace(self._state, step=step, instant_s=instant_s, robot=robot, containers=containers)
         )
 
@@ -233,11 +237,11 @@ class StoreWorld:
         if is_docked:
             return min(100.0, robot.battery_percent + CHARGE_PERCENT_PER_MIN / 60 * STEP_S)
         moved = abs(robot.speed_m_s) * DRIVE_PERCENT_PER_M + abs(robot.turn_rate_rad_s) * TURN_PERCENT_PER_RAD
-        used = IDLE_PERCENT_PER_MIN / 60 + moved * (LOADED_FACTOR if self._held is not None else 1.0)
+        used = IDLE_PERCENT_PER_MIN / 60 + moved * (LOADED_FACTOR if self._load_pose is not None else 1.0)
         return max(0.0, robot.battery_percent - used * self._drain * STEP_S)
 
     def _finish_lifts(self) -> None:
-        for command, outcome in self._driving.ended:
+        for command, outcome in self._driving.ended_commands:
             if isinstance(command, Raise) and outcome is Outcome.DONE:
                 self._raise() if command.lift is Lift.UP else self._lower()
 
@@ -247,30 +251,32 @@ class StoreWorld:
             (container for container in self._state.containers_on_floor() if _is_under(robot.at, container)), None
         )
         if under is not None and not robot.is_fork_up:
-            self._held = _inner(robot.at, under.at)
+            self._load_pose = _inner(robot.at, under.at)
             self._change(under.name, where=Whereabouts.FORK)
             self.events.append((self._state.instant_s, f"{under.name} is on the fork"))
-        self._lifted(is_up=True)
+        self._finish_lift(is_up=True)
 
     def _lower(self) -> None:
         carried = self._state.carried()
         if carried is not None:
-            self._held = None
+            self._load_pose = None
             self._change(carried.name, where=Whereabouts.FLOOR)
             self.events.append((self._state.instant_s, f"{carried.name} is on the floor"))
-        self._lifted(is_up=False)
+        self._finish_lift(is_up=False)
 
-    def _lifted(self, *, is_up: bool) -> None:
+    def _finish_lift(self, *, is_up: bool) -> None:
         robot = self._state.robot
         level = max(0.0, robot.battery_percent - LIFT_PERCENT * self._drain)
-        self._state = self._seen(replace(self._state, robot=replace(robot, is_fork_up=is_up, battery_percent=level)))
+        self._state = self._refreshed(
+            replace(self._state, robot=replace(robot, is_fork_up=is_up, battery_percent=level))
+        )
 
     def _change(self, name: str, **values: object) -> None:
         changed = tuple(
             replace(container, **values) if container.name == name else container  # type: ignore[arg-type]
             for container in self._state.containers
         )
-        self._state = self._seen(replace(self._state, containers=changed))
+        self._state = self._refreshed(replace(self._state, containers=changed))
 
 
 class Cary:
@@ -305,7 +311,7 @@ class Cary:
         return self._world.state().robot.is_charging
 
     def has_load(self) -> bool:
-        """Return whether the fork carries a load, by its weight."""
+        """Return whether the fork carries a load, measured by the weight on it."""
         return self._world.state().carried() is not None
 
     def is_bumped(self) -> bool:
@@ -314,7 +320,7 @@ class Cary:
         return state.instant_s - state.robot.bumped_s < BUMPED_FOR_S
 
     def speed_m_s(self) -> float:
-        """Return the speed of the robot; negative backwards."""
+        """Return the speed of the robot: negative when it drives backwards."""
         return self._world.state().robot.speed_m_s
 
     def set_max_speed(self, speed_m_s: float) -> None:
@@ -322,7 +328,7 @@ class Cary:
         self._world.driving().max_speed_m_s = speed_m_s
 
     def drive(self, points_m: Sequence[Point], way: Way, done: Done) -> Stop:
-        """Drive from point to point, in the believed map."""
+        """Drive from point to point by the believed pose."""
         return self._begin(Drive(points_m, way, done))
 
     def turn(self, angle_rad: float, done: Done) -> Stop:
@@ -339,7 +345,7 @@ class Cary:
 
     def _stop(self, command: Drive | Turn | Raise) -> None:
         self._world.driving().stop(command)
-        self._world.report_ended()
+        self._world.report_ended_commands()
 
 
 def _outer(frame: Pose2D, inner: Pose2D) -> Pose2D:
@@ -351,7 +357,7 @@ def _inner(frame: Pose2D, outer: Pose2D) -> Pose2D:
 
 
 def _is_under(robot: Pose2D, container: Container) -> bool:
-    """Return whether the fork is under a container well enough to lift it, from any of its sides."""
+    """Return whether the fork, from any side of a container, is well enough under the container to lift it."""
     fork = robot.ahead(-FORK_M)
     aside_rad = abs(remainder(container.at.heading_rad - robot.heading_rad, pi / 2))
     return hypot(fork.x_m - container.at.x_m, fork.y_m - container.at.y_m) < UNDER_M and aside_rad < UNDER_RAD

@@ -37,5 +37,5 @@ class Exits:
 
 
 def wanders(mission: Mission) -> None:
-    """Do nothing. It is a function, so its `repr` contains an address that differs between processes."""
+    """Do nothing. Because this is a function, its `repr` contains an address that differs between processes."""
     del mission

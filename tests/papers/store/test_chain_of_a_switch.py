@@ -1,4 +1,4 @@
-"""The chain of one adaptation in the store, computed again from its journal and the rules of the spec.
+"""The chain of one adaptation in the store, computed again from the journal of the run and the rules of the spec.
 
 The test does not use the runtime's arithmetic: it parses the rule texts, and copies the terms from specs/store.yaml.
 """
@@ -28,7 +28,7 @@ DRAINS = [step / 10.0 for step in range(51)]
 """The possible values of an unknown drain."""
 
 POINTS = 1000
-"""FuzzyLite's default resolution: the number of points in an output's range."""
+"""FuzzyLite's default resolution, which is the number of points in an output's range."""
 
 Values = Mapping[str, object]
 
@@ -63,11 +63,11 @@ def strength(rule: str, values: Values) -> float:
     )
 
 
-def inferred(rules: list[str], values: Values) -> float:
+def infer(rules: list[str], values: Values) -> float:
     """Mamdani's method: conclusions cut off at their rules' strengths, and the centre of gravity of all of them."""
-    conclusions = [(rule.split()[-1], strength(rule, values)) for rule in rules]
+    clipped_conclusions = [(rule.split()[-1], strength(rule, values)) for rule in rules]
     xs = [(index + 0.5) / POINTS for index in range(POINTS)]
-    ys = [max(min(strong, share_is(term, x)) for term, strong in conclusions) for x in xs]
+    ys = [max(min(strong, share_is(term, x)) for term, strong in clipped_conclusions) for x in xs]
     return sum(x * y for x, y in zip(xs, ys, strict=True)) / sum(ys)
 
 
@@ -78,7 +78,7 @@ def events() -> list[Event]:
 
 @pytest.fixture(scope="module")
 def switch(events: list[Event]) -> Event:
-    """The switch with which the robot gives up the pick-up because a person is close."""
+    """The switch by which the robot gives up the pick-up because a person is close."""
     (*_, last) = [event for event in events if (event.name, event.what) == ("course", "chosen")]
     assert (last.details["before"], last.details["action"]) == ("pick", "start")
     return last
@@ -111,27 +111,31 @@ def test_the_readings_of_the_chain_are_those_that_were_written(events: list[Even
 
 def computed_metrics(switch: Event) -> dict[str, float]:
     """The metrics: the smallest values for all possible values of an unknown drain."""
-    known = readings(switch)
-    scenes = [known] if "battery_drain" in known else [{**known, "battery_drain": drain} for drain in DRAINS]
+    values_by_name = readings(switch)
+    scenes = (
+        [values_by_name]
+        if "battery_drain" in values_by_name
+        else [{**values_by_name, "battery_drain": drain} for drain in DRAINS]
+    )
     return {
-        name: min(inferred(rules_about(switch, name), scene) for scene in scenes)
+        name: min(infer(rules_about(switch, name), scene) for scene in scenes)
         for name in ("safety", "mission_completion", "power_autonomy")
     }
 
 
 def test_metrics_weights_and_strengths_follow_from_the_readings(switch: Event) -> None:
     metrics = computed_metrics(switch)
-    known: dict[str, object] = {**readings(switch), **metrics}
+    values_by_name: dict[str, object] = {**readings(switch), **metrics}
     for metric in switch.details["metrics"]:
         is_certain = metric["low"] == metric["high"]
         assert metric["value"] == pytest.approx(metrics[metric["name"]], abs=1e-6 if is_certain else 1e-3)
         assert metric["value"] <= metrics[metric["name"]] + 1e-6  # bounds may be too wide, never too narrow
     for weight in switch.details["weights"]:
-        expected = inferred(rules_about(switch, weight["name"]), known)
+        expected = infer(rules_about(switch, weight["name"]), values_by_name)
         assert weight["value"] == pytest.approx(expected, abs=1e-3)  # a tiny change of a metric counts much for dock
     for rule in switch.details["rules"]:
         if "battery_drain" not in rule["text"]:
-            assert rule["low"] == rule["high"] == pytest.approx(strength(rule["text"], known), abs=1e-3)
+            assert rule["low"] == rule["high"] == pytest.approx(strength(rule["text"], values_by_name), abs=1e-3)
 
 
 def changes(events: list[Event], action: str) -> Iterator[tuple[float, float]]:
@@ -141,12 +145,14 @@ def changes(events: list[Event], action: str) -> Iterator[tuple[float, float]]:
             yield event.instant_s, event.details["value"]
 
 
-def smoothed(written: list[tuple[float, float]], instant_s: float) -> float:
-    level = written[0][1]
+def smoothed_weight(written: list[tuple[float, float]], instant_s: float) -> float:
+    smoothed_value = written[0][1]
     for (since_s, weight), (until_s, _) in pairwise([*written, (math.inf, 0.0)]):
         if since_s <= instant_s:
-            level = weight + (level - weight) * math.exp((since_s - min(until_s, instant_s)) / SMOOTH_S)
-    return level
+            smoothed_value = weight + (smoothed_value - weight) * math.exp(
+                (since_s - min(until_s, instant_s)) / SMOOTH_S
+            )
+    return smoothed_value
 
 
 def test_the_state_of_the_filter_follows_from_the_weights_that_were_written(events: list[Event], switch: Event) -> None:
@@ -155,32 +161,36 @@ def test_the_state_of_the_filter_follows_from_the_weights_that_were_written(even
     weights = {record["name"]: record for record in switch.details["weights"]}
 
     def lead(instant_s: float) -> float:
-        return smoothed(written["start"], instant_s) - smoothed(written["pick"], instant_s)
+        return smoothed_weight(written["start"], instant_s) - smoothed_weight(written["pick"], instant_s)
 
     for action in ACTIONS:
-        assert weights[action]["smoothed"] == pytest.approx(smoothed(written[action], switch.instant_s), abs=1e-9)
+        assert weights[action]["smoothed"] == pytest.approx(
+            smoothed_weight(written[action], switch.instant_s), abs=1e-9
+        )
     since_s = weights["start"]["leads_since_s"]
     assert lead(since_s) == pytest.approx(LEAD, abs=1e-6)
     assert all(lead(since_s + share * HOLD_S) >= LEAD - 1e-6 for share in (0.0, 0.2, 0.4, 0.6, 0.8, 1.0))
     assert switch.instant_s == pytest.approx(since_s + HOLD_S, abs=1e-5)
-    earlier = [record for record in before if (record.name, record.what) == ("course", "chosen")]
-    assert switch.details["since_s"] == earlier[-1].instant_s
-    assert switch.details["dwell_until_s"] == earlier[-1].instant_s + DWELL_S
+    earlier_choices = [record for record in before if (record.name, record.what) == ("course", "chosen")]
+    assert switch.details["since_s"] == earlier_choices[-1].instant_s
+    assert switch.details["dwell_until_s"] == earlier_choices[-1].instant_s + DWELL_S
 
 
 def test_the_counterfactual_keeps_the_pick_up_and_a_slightly_smaller_change_does_not(
     events: list[Event], switch: Event
 ) -> None:
     after = events[events.index(switch) :]
-    explained = next(event for event in after if (event.name, event.what) == ("course", "explained"))
-    (change,) = [counterfactual for counterfactual in explained.details["kept_by"] if counterfactual["kind"] == "input"]
-    power = computed_metrics(switch)["power_autonomy"]  # it does not depend on a person's distance
+    explanation = next(event for event in after if (event.name, event.what) == ("course", "explained"))
+    (change,) = [
+        counterfactual for counterfactual in explanation.details["kept_by"] if counterfactual["kind"] == "input"
+    ]
+    power = computed_metrics(switch)["power_autonomy"]  # power autonomy does not depend on a person's distance
 
     def start_leads_by(distance: float) -> float:
-        known: dict[str, object] = {**readings(switch), change["name"]: distance, "power_autonomy": power}
+        values_by_name: dict[str, object] = {**readings(switch), change["name"]: distance, "power_autonomy": power}
         for name in ("safety", "mission_completion"):
-            known[name] = inferred(rules_about(switch, name), known)
-        start, pick = (inferred(rules_about(switch, action), known) for action in ("start", "pick"))
+            values_by_name[name] = infer(rules_about(switch, name), values_by_name)
+        start, pick = (infer(rules_about(switch, action), values_by_name) for action in ("start", "pick"))
         return start - pick
 
     kept = json.loads(change["other"])

@@ -13,10 +13,10 @@ from codra_papers.store.geometry import Box, Disc, Point, Pose2D, Scene, wrapped
 STEP_M = 0.01
 FARTHEST_M = 5.0
 
-places = st.floats(-4, 4)
-poses = st.builds(Pose2D, places, places, st.floats(-pi, pi))
+coordinates = st.floats(-4, 4)
+poses = st.builds(Pose2D, coordinates, coordinates, st.floats(-pi, pi))
 boxes = st.builds(Box, poses, st.floats(0.3, 2), st.floats(0.3, 2))
-discs = st.builds(Disc, st.tuples(places, places), st.floats(0.1, 1))
+discs = st.builds(Disc, st.tuples(coordinates, coordinates), st.floats(0.1, 1))
 
 
 def holds(shape: Box | Disc, point: Point) -> bool:
@@ -33,15 +33,17 @@ def holds(shape: Box | Disc, point: Point) -> bool:
 
 def marched_m(shapes: list[Box | Disc], eye: Point, bearing_rad: float) -> float:
     for step in range(round(FARTHEST_M / STEP_M) + 1):
-        far = step * STEP_M
-        point = (eye[0] + far * cos(bearing_rad), eye[1] + far * sin(bearing_rad))
+        distance_m = step * STEP_M
+        point = (eye[0] + distance_m * cos(bearing_rad), eye[1] + distance_m * sin(bearing_rad))
         if any(holds(shape, point) for shape in shapes):
-            return far
+            return distance_m
     return FARTHEST_M
 
 
 @settings(max_examples=150, deadline=None)
-@given(st.lists(boxes, max_size=3), st.lists(discs, max_size=3), st.tuples(places, places), st.floats(-pi, pi))
+@given(
+    st.lists(boxes, max_size=3), st.lists(discs, max_size=3), st.tuples(coordinates, coordinates), st.floats(-pi, pi)
+)
 def test_a_ray_ends_where_a_point_that_marches_along_it_first_hits_a_shape(
     some_boxes: list[Box], some_discs: list[Disc], eye: Point, bearing_rad: float
 ) -> None:
@@ -54,7 +56,8 @@ def test_a_ray_ends_where_a_point_that_marches_along_it_first_hits_a_shape(
     assert ray_m <= walk_m + 1e-9
     if walk_m - ray_m > STEP_M + 1e-9:  # a corner or a rim that the march steps over
         before, after = (
-            (eye[0] + far * cos(bearing_rad), eye[1] + far * sin(bearing_rad)) for far in (ray_m - 1e-6, ray_m + 1e-6)
+            (eye[0] + distance_m * cos(bearing_rad), eye[1] + distance_m * sin(bearing_rad))
+            for distance_m in (ray_m - 1e-6, ray_m + 1e-6)
         )
         assert not any(holds(shape, before) for shape in shapes)
         assert any(holds(shape, after) for shape in shapes) or touches(shapes, after)
@@ -79,7 +82,7 @@ def test_rectangles_overlap_if_a_point_of_a_fine_grid_lies_in_both(one: Box, oth
         assert not any(other.distance_m(point) == 0.0 for point in grid)
 
 
-@given(boxes, st.tuples(places, places))
+@given(boxes, st.tuples(coordinates, coordinates))
 def test_the_distance_to_a_rectangle_is_that_to_the_nearest_point_of_its_edges(box: Box, point: Point) -> None:
     corners = box.corners()
     shares = np.linspace(0, 1, 400)
@@ -93,7 +96,7 @@ def test_the_distance_to_a_rectangle_is_that_to_the_nearest_point_of_its_edges(b
     assert box.distance_m(point) == 0.0 if holds(box, point) else abs(box.distance_m(point) - nearest) < 0.02
 
 
-@given(poses, st.tuples(places, places))
+@given(poses, st.tuples(coordinates, coordinates))
 def test_seen_from_here_is_the_inverse_of_out(pose: Pose2D, point: Point) -> None:
     back = pose.out(*pose.seen_from_here(point))
 

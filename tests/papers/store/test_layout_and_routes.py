@@ -1,4 +1,4 @@
-"""The map: corridors of two metres, recesses hidden from the first pose, and routes that keep off the shelves."""
+"""The map: corridors of two metres, recesses hidden from the first pose, and routes that avoid the shelves."""
 
 from __future__ import annotations
 

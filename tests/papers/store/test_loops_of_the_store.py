@@ -42,7 +42,7 @@ class RecordedRun:
     def courses(self) -> list[str]:
         return [event.details["action"] for event in self.events if (event.name, event.what) == ("course", "chosen")]
 
-    def tasks(self) -> list[str]:
+    def task_results(self) -> list[str]:
         """The results of tasks, in order."""
         ends = [event for event in self.events if event.name in TASKS and event.what in ("finished", "aborted")]
         return [f"{event.name} {event.details.get('result') or event.what}" for event in ends]
@@ -52,8 +52,8 @@ class RecordedRun:
 
     def values(self, variable: str) -> list[object]:
         """The values of a context-variable, in order."""
-        of_it = [event for event in self.events if event.kind is Kind.VARIABLE and event.name == variable]
-        return [event.details["value"] for event in of_it if "value" in event.details]
+        variable_events = [event for event in self.events if event.kind is Kind.VARIABLE and event.name == variable]
+        return [event.details["value"] for event in variable_events if "value" in event.details]
 
     def instant_s(self, name: str, what: str, **details: object) -> float:
         """The instant of the first matching event."""
@@ -71,7 +71,7 @@ SEEDS = {
     Situation.HIDDEN: 6,
     Situation.ABSENT: 3,
 }
-"""The seed of tests that use only one."""
+"""For each situation, the seed of tests that use only one seed."""
 
 
 @cache
@@ -85,7 +85,7 @@ def recorded_run(situation: Situation) -> RecordedRun:
 
 @pytest.mark.parametrize("seed", [3, 4])
 def test_an_ordinary_order_is_delivered(seed: int) -> None:
-    """With seed 3 a person is for a while where the robot must turn."""
+    """With seed 3, a person stands for a while at the place where the robot must turn."""
     run = recorded_run_of(Situation.ORDINARY, seed)
 
     assert run.written("order_1.state") == ["open", "done"]
@@ -94,7 +94,7 @@ def test_an_ordinary_order_is_delivered(seed: int) -> None:
 
 
 def test_a_container_that_is_full_is_brought_to_the_general_delivery_pose_instead() -> None:
-    """P2's first situation: provided, ordered elsewhere while it is loaded, and full on the way there."""
+    """P2's first situation: a container is provided, ordered elsewhere while people fill it, and full on the way."""
     run = recorded_run(Situation.SECOND_ORDER)
 
     assert run.written("order_1.state")[-1] == "done"
@@ -112,46 +112,50 @@ def test_people_close_make_safety_fall_to_a_half_and_the_pick_up_is_aborted(seed
     run = recorded_run_of(Situation.PEOPLE_CLOSE, seed)
     values = curves(run.events, ["safety", *(f"weight_of_{action}" for action in ("pick", "deliver", "start", "dock"))])
     switched_s = [event.instant_s for event in run.events if (event.name, event.what) == ("course", "chosen")][-1]
-    then = {name: [value for at_s, value in curve if at_s < switched_s][-1] for name, curve in values.items()}
+    last_values = {name: [value for at_s, value in curve if at_s < switched_s][-1] for name, curve in values.items()}
 
     assert run.courses() == ["start", "pick", "start"]
-    assert abs(then.pop("safety") - 0.5) < 0.01
-    assert max(then, key=lambda name: then[name]) == "weight_of_start"
-    assert "fetching aborted" in run.tasks()
+    assert abs(last_values.pop("safety") - 0.5) < 0.01
+    assert max(last_values, key=lambda name: last_values[name]) == "weight_of_start"
+    assert "fetching aborted" in run.task_results()
     assert run.written("order_1.state") == ["open"]
     assert "mission_aborted" in run.values("base_notice")
 
 
 def test_an_aborted_pick_up_is_tried_again_from_the_start_and_delivered_once_the_people_have_gone() -> None:
     run = RecordedRun(Situation.PEOPLE_CLOSE, 6, 293.0)
-    tasks = run.tasks()
+    task_results = run.task_results()
 
     assert run.written("order_1.state")[-1] == "done"
     assert run.run.score.deliveries == ("delivery",)
-    assert tasks.count("fetching aborted") == tasks[: tasks.index("fetching fetched")].count("fetching aborted") > 0
+    assert (
+        task_results.count("fetching aborted")
+        == task_results[: task_results.index("fetching fetched")].count("fetching aborted")
+        > 0
+    )
     assert run.courses()[:4] == ["start", "pick", "start", "pick"]
 
 
 @pytest.mark.parametrize("seed", [6, 8])
 def test_a_container_that_is_hidden_from_the_first_pose_is_fetched_from_the_second(seed: int) -> None:
-    tasks = recorded_run_of(Situation.HIDDEN, seed).tasks()
+    task_results = recorded_run_of(Situation.HIDDEN, seed).task_results()
 
-    assert [task for task in tasks if task.startswith("detecting")] == [
+    assert [task_result for task_result in task_results if task_result.startswith("detecting")] == [
         *("detecting lost", "detecting found", "detecting found"),
     ]
-    assert "fetching fetched" in tasks
+    assert "fetching fetched" in task_results
 
 
 @pytest.mark.parametrize("seed", [3, 4])
 def test_without_a_container_the_base_gets_a_notice_and_the_robot_returns(seed: int) -> None:
     run = recorded_run_of(Situation.ABSENT, seed)
 
-    assert [task for task in run.tasks() if task.startswith(("detecting", "fetching"))] == [
+    assert [task_result for task_result in run.task_results() if task_result.startswith(("detecting", "fetching"))] == [
         *("detecting lost", "detecting lost", "fetching not_found"),
     ]
     assert run.values("base_notice")[-1] == "container_not_found"
     assert run.written("order_1.state") == ["open", "failed"]
-    assert run.tasks()[-1] == "navigating arrived"
+    assert run.task_results()[-1] == "navigating arrived"
     assert run.courses()[-1] == "start"
 
 
@@ -183,7 +187,7 @@ def test_the_command_gives_the_same_journal_as_the_program(tmp_path: Path) -> No
 
 
 def test_why_prints_the_chain_from_the_person_to_the_branch_and_the_counterfactual() -> None:
-    """Each link has the place of its rule in the spec."""
+    """Each link leads to the place of the rule in the spec."""
     journal = str(recorded_run(Situation.PEOPLE_CLOSE).journal)
     why = codra("why", "course", "--journal", journal, cwd=ROOT).stdout
 

@@ -107,11 +107,11 @@ def test_every_agent_has_a_handle_and_the_graph_opens() -> None:
 
 @pytest.mark.parametrize("name", named_floor_poses())
 def test_a_floor_pose_survives_the_conversion_to_a_pose_and_back(name: str) -> None:
-    place = named_floor_poses()[name]
-    back = floor_pose_of(pose_of(place))
+    floor_pose = named_floor_poses()[name]
+    converted_pose = floor_pose_of(pose_of(floor_pose))
 
-    assert back.distance_m(place) < 1e-9
-    assert abs(back.turned(-place.heading_rad).heading_rad) < 1e-9
+    assert converted_pose.distance_m(floor_pose) < 1e-9
+    assert abs(converted_pose.turned(-floor_pose.heading_rad).heading_rad) < 1e-9
 
 
 def test_declarations_are_frozen() -> None:

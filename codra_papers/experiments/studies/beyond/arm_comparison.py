@@ -12,13 +12,13 @@ from codra_papers.experiments.campaign.experiment import FIRST_REPORTED_SEED, Se
 from codra_papers.experiments.campaign.statistics import Estimate, ratio_difference, ratio_of_sums
 from codra_papers.experiments.lab.metrics import Answers, Lags, Seconds, answers, in_window, lags, total, window
 from codra_papers.experiments.lab.outcomes import Outcome
-from codra_papers.experiments.studies.robustness.findings import Counted, Runs, paper, plain, strict
+from codra_papers.experiments.studies.robustness.findings import Counted, Runs, estimate_as_data, paper, strict
 
 LIDS_AND_LATCHES = ("centrifuge_open", "centrifuge_locked", "pcr_cycler_open", "pcr_cycler_locked")
-"""The visible variables on which decisions are based."""
+"""The variables on which decisions are based, and which a camera can see."""
 
 IN_VIEW = tuple(f"{machine}_{part}_in_FOV" for machine in ("centrifuge", "pcr_cycler") for part in ("base", "lid"))
-"""The variables that show when the others are visible."""
+"""The variables that tell when the camera can see `LIDS_AND_LATCHES`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,12 +26,13 @@ class ArmComparison:
     """How much one arm knew of some variables over runs, and at which cost.
 
     Attributes:
-        seconds: in the common windows, over all variables and runs; variables that it never identified add none.
-        left_out: how many times it never identified a variable in a run.
-        paper_difference: of the ratio, minus that of the arm it is compared with; None if it is that arm.
-        strict_difference: of the strict ratio, likewise.
+        seconds: the seconds in the common windows, over all variables and runs. A variable that the arm never
+            identified in a run adds no seconds.
+        left_out: how many times the arm never identified a variable in a run.
+        paper_difference: the arm's ratio minus the ratio of the other arm; None if the arm is compared with itself.
+        strict_difference: the same for the strict ratio.
         triggers: the number of jobs of all algorithms that need the vision slot.
-        slot_share: the share of the runs' time in which its observers held the slot.
+        slot_share: the share of the runs' time in which the arm's observers held the slot.
     """
 
     arm: str
@@ -46,12 +47,12 @@ class ArmComparison:
 
     @property
     def paper_ratio(self) -> float | None:
-        """Return right seconds of held seconds."""
+        """Return the share of right seconds in the seconds with a held value."""
         return ratio_of_sums([self.seconds.paper])
 
     @property
     def strict_ratio(self) -> float | None:
-        """Return right seconds of all seconds."""
+        """Return the share of right seconds in all seconds."""
         return ratio_of_sums([self.seconds.strict])
 
 
@@ -66,7 +67,7 @@ def arm_comparisons(
     """Return the comparisons of all arms of some runs.
 
     Args:
-        outcomes: at least one, all with the same arms.
+        outcomes: the outcomes of at least one run, all with the same arms.
         variables: the variables over which seconds, changes and decisions are added up.
         against: the arm with which the others are compared.
         vision: the algorithms that need the vision slot.
@@ -85,7 +86,7 @@ def arm_comparison(
     ]
     return ArmComparison(
         arm=arm,
-        seconds=total(pooled(outcome, variables, arm) for outcome in outcomes),
+        seconds=total(pooled_seconds(outcome, variables, arm) for outcome in outcomes),
         left_out=sum(runs.left_out(name, arm) for name in variables),
         paper_difference=None if arm == against else difference(outcomes, variables, arm, against, paper),
         strict_difference=None if arm == against else difference(outcomes, variables, arm, against, strict),
@@ -96,29 +97,32 @@ def arm_comparison(
     )
 
 
-def pooled(outcome: Outcome, variables: Sequence[str], arm: str) -> Seconds:
-    """Return an arm's seconds in the common windows of several variables, added up."""
+def pooled_seconds(outcome: Outcome, variables: Sequence[str], arm: str) -> Seconds:
+    """Return the sum of an arm's seconds in the common windows of several variables."""
     return total(in_window(outcome, name, arm) for name in variables)
 
 
 def difference(
     outcomes: Sequence[Outcome], variables: Sequence[str], arm: str, against: str, counted: Counted
 ) -> Estimate:
-    """Return how much better one arm knew some variables than another, with its interval over paired runs.
+    """Return how much better one arm knew some variables than another, with the interval over paired runs.
 
-    If one of the two never identified a variable in a run, that variable is left out of that run for both.
+    If one of the two arms never identified a variable in a run, the variable is left out of this run for both arms.
     """
-    shared = [
+    variables_by_run = [
         (outcome, [name for name in variables if not window(outcome, name).left_out & {arm, against}])
         for outcome in outcomes
     ]
-    left, right = ([counted(pooled(outcome, names, side)) for outcome, names in shared] for side in (arm, against))
+    left, right = (
+        [counted(pooled_seconds(outcome, names, side)) for outcome, names in variables_by_run]
+        for side in (arm, against)
+    )
     return ratio_difference(left, right)
 
 
 def arm_comparison_tables(comparisons: Sequence[ArmComparison], caption: str) -> tuple[Table, Table]:
-    """Return two tables with one line per arm: its knowledge, and its decisions and costs."""
-    knew = (
+    """Return two tables with one line per arm: the knowledge of the arms; their decisions and costs."""
+    knowledge_header = (
         "arm",
         "ratio",
         "strict ratio",
@@ -128,22 +132,38 @@ def arm_comparison_tables(comparisons: Sequence[ArmComparison], caption: str) ->
         "unknown s",
         "left out",
     )
-    used = ("arm", "asked: right", "wrong", "fell back", "lag median s", "never seen", "triggers", "slot share")
-    cost = (
-        "Asked: the values at decisions; wrong values are marked. Lag: after changes of the truth; "
-        "some were never seen before the next. Triggers: all jobs that need the vision slot."
+    decision_header = (
+        "arm",
+        "asked: right",
+        "wrong",
+        "fell back",
+        "lag median s",
+        "never seen",
+        "triggers",
+        "slot share",
     )
-    wrong = frozenset((row, 2) for row, comparison in enumerate(comparisons) if comparison.answers.wrong)
-    used_table = Table(caption=cost, header=used, rows=[_used(comparison) for comparison in comparisons], marked=wrong)
+    decision_caption = (
+        "Asked: the values at decisions; wrong values are marked. Lag: after changes of the truth; some changes "
+        "were never seen before the next change. Triggers: all jobs that need the vision slot."
+    )
+    wrong_cells = frozenset((row, 2) for row, comparison in enumerate(comparisons) if comparison.answers.wrong)
+    decision_table = Table(
+        caption=decision_caption,
+        header=decision_header,
+        rows=[_decision_cells(comparison) for comparison in comparisons],
+        marked=wrong_cells,
+    )
     caption = (
-        f"{caption} Left out: variables that the arm never identified in a run; they do not count in its numbers or in "
-        "differences to it."
+        f"{caption} Left out: variables that the arm never identified in a run; they do not count in the numbers "
+        "of the arm or in differences to this arm."
     )
-    return plain_table(caption, knew, [_knew(comparison) for comparison in comparisons]), used_table
+    return plain_table(
+        caption, knowledge_header, [_knowledge_cells(comparison) for comparison in comparisons]
+    ), decision_table
 
 
 def ratios(comparison: ArmComparison) -> Sequence[Cell]:
-    """Return an arm, both of its ratios, and their differences, as cells of a table."""
+    """Return the cells of a table for an arm: its name, both ratios, and the differences of both ratios."""
     return (
         comparison.arm,
         ratio(comparison.seconds.paper),
@@ -153,7 +173,7 @@ def ratios(comparison: ArmComparison) -> Sequence[Cell]:
     )
 
 
-def _knew(comparison: ArmComparison) -> Sequence[Cell]:
+def _knowledge_cells(comparison: ArmComparison) -> Sequence[Cell]:
     return (
         *ratios(comparison),
         round(comparison.seconds.wrong_s, 1),
@@ -162,7 +182,7 @@ def _knew(comparison: ArmComparison) -> Sequence[Cell]:
     )
 
 
-def _used(comparison: ArmComparison) -> Sequence[Cell]:
+def _decision_cells(comparison: ArmComparison) -> Sequence[Cell]:
     return (
         comparison.arm,
         comparison.answers.right,
@@ -176,7 +196,7 @@ def _used(comparison: ArmComparison) -> Sequence[Cell]:
 
 
 def arm_comparisons_as_data(comparisons: Sequence[ArmComparison]) -> Mapping[str, Any]:
-    """Return comparisons as plain data, by arm."""
+    """Return comparisons as plain data. The keys are the names of the arms."""
     return {
         comparison.arm: {
             "window_s": asdict(comparison.seconds),
@@ -185,10 +205,10 @@ def arm_comparisons_as_data(comparisons: Sequence[ArmComparison]) -> Mapping[str
             "strict_ratio": comparison.strict_ratio,
             "paper_ratio_difference": None
             if comparison.paper_difference is None
-            else plain(comparison.paper_difference),
+            else estimate_as_data(comparison.paper_difference),
             "strict_ratio_difference": None
             if comparison.strict_difference is None
-            else plain(comparison.strict_difference),
+            else estimate_as_data(comparison.strict_difference),
             "asked": asdict(comparison.answers),
             "lag_median_s": comparison.lags.quantile_s(0.5),
             "changes_never_seen": comparison.lags.unseen,
@@ -204,5 +224,6 @@ def runs_sentence(outcomes: Sequence[Outcome]) -> str:
     seeds = sorted({outcome.seed for outcome in outcomes})
     minutes = sum(outcome.duration_s for outcome in outcomes) / 60
     failed = sum(outcome.error is not None for outcome in outcomes)
-    ended = f"; {failed} ended with an unrecoverable error" if failed else ""
-    return f"{len(outcomes)} runs of seeds {seeds[0]} to {seeds[-1]}, {minutes:.0f} simulated minutes together{ended}."
+    errors_text = f"; {failed} ended with an unrecoverable error" if failed else ""
+    seeds_text = f"{len(outcomes)} runs of seeds {seeds[0]} to {seeds[-1]}"
+    return f"{seeds_text}, {minutes:.0f} simulated minutes together{errors_text}."

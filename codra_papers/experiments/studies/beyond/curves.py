@@ -1,4 +1,4 @@
-"""Line plots over a number: one line for each arm, with intervals if there are any."""
+"""Plots of values over a varied number: one line for each arm, with intervals if there are any."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _COLOURS = ("#d1352b", "#1f5fa8", "#2e9e5b", "#8a5fb0")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Point:
-    """A point of a curve; without a value it is not drawn."""
+    """A point of a curve. A point without a value is not drawn."""
 
     x: float
     y: float | None
@@ -37,11 +37,11 @@ class Curve:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Panel:
-    """Curves with axes of their own.
+    """Curves in a coordinate system of their own.
 
     Attributes:
         across: the label of the horizontal axis.
-        nominal: the number of the unchanged laboratory, or None.
+        nominal: the number for the unchanged laboratory, which is marked; None for no mark.
     """
 
     title: str
@@ -57,7 +57,7 @@ def _style() -> AbstractContextManager[None]:
 
 
 def curves(plotted: Sequence[Curve], across: str, up: str, caption: str) -> Drawing:
-    """Draw curves over the same numbers."""
+    """Draw curves in one panel."""
     return panels([Panel(title="", across=across, curves=plotted)], up, caption)
 
 
@@ -84,17 +84,19 @@ def _draw(panel: Panel, axes: Axes) -> None:
     if panel.nominal is not None:
         axes.axvline(panel.nominal, color="#cccccc", linewidth=1.0)
     for curve, colour in zip(panel.curves, _COLOURS, strict=False):
-        shown = [(point, point.y) for point in curve.points if point.y is not None]
-        axes.plot([point.x for point, _ in shown], [y for _, y in shown], "o-", color=colour, label=curve.name)
-        for point, _ in shown:
+        drawn_points = [(point, point.y) for point in curve.points if point.y is not None]
+        axes.plot(
+            [point.x for point, _ in drawn_points], [y for _, y in drawn_points], "o-", color=colour, label=curve.name
+        )
+        for point, _ in drawn_points:
             if point.low is not None and point.high is not None:
                 axes.plot([point.x, point.x], [point.low, point.high], color=colour, linewidth=2.0, alpha=0.5)
     axes.set_title(panel.title, fontsize=10)
     axes.set_xlabel(panel.across)
 
 
-def at(x: float, estimate: Estimate | None) -> Point:
-    """Return the point of an estimate at a number."""
+def point_at(x: float, estimate: Estimate | None) -> Point:
+    """Return the point of an estimate at a horizontal position."""
     return (
         Point(x=x, y=None) if estimate is None else Point(x=x, y=estimate.value, low=estimate.low, high=estimate.high)
     )

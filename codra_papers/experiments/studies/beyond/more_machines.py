@@ -27,7 +27,7 @@ FURTHER: tuple[Machine, ...] = (
     _PCR_CYCLER.named("third_cycler", 70).at_place(5.8, 3.3, pi),
     shaker(0.7, 1.5, 0.0).named("door_shaker", 80),
 )
-"""Machines for free places of the protocol's laboratory, besides its own two."""
+"""Machines at free places of the protocol's laboratory, which itself has two machines."""
 
 
 def use_line(machine: Machine) -> str:
@@ -40,11 +40,11 @@ def spec_with(spec: Path, machines: Sequence[Machine], folder: Path) -> Path:
 
     Args:
         spec: the spec under test.
-        machines: to be added.
-        folder: for the new spec, under its own name; it is created.
+        machines: the machines to add.
+        folder: the folder for the new spec, which keeps its file name. The folder is created.
 
     Raises:
-        SpecError: if the spec has errors, or no block of lines under `use`.
+        SpecError: if the spec has errors, or has no block of lines under `use`.
         OSError: if a file cannot be written.
     """
     home = spec.absolute().parent

@@ -9,7 +9,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from codra_dsl.language.expression import Node, Number, SyntaxProblem, parse, walk
+from codra_dsl.language.expression import Number, SyntaxProblem, parse, walk
 from codra_dsl.language.model import FOREVER_S, Algorithm, Condition, Hysteresis, Identification, Spec
 from codra_papers.experiments.lab.spec_variants import SpecEdit
 
@@ -24,8 +24,9 @@ class ScaledNumber:
     """Scale the numbers of a condition, wherever a spec has that condition.
 
     Attributes:
-        condition: its text, e.g. `distance < 1.6 m`.
-        variables: the end of the names of the variables that it identifies; empty for a condition of `accept_when`.
+        condition: the text of the condition, e.g. `distance < 1.6 m`.
+        variables: the end of the names of the variables that the condition identifies; empty for a condition of
+            `accept_when`.
     """
 
     condition: str
@@ -33,34 +34,38 @@ class ScaledNumber:
     factor: float
 
     def __str__(self) -> str:
-        """Return its description in a report."""
+        """Return the description of the variant in a report."""
         return f"'{self.condition}' with {self.factor:g} times its numbers"
 
     def __call__(self, spec: Spec) -> Spec:
         """Return the spec with scaled numbers."""
-        return replace(spec, perception=tuple(map(self._scaled, spec.perception)))
+        return replace(spec, perception=tuple(map(self._scale_algorithm, spec.perception)))
 
-    def _scaled(self, algorithm: Algorithm) -> Algorithm:
+    def _scale_algorithm(self, algorithm: Algorithm) -> Algorithm:
         if not self.variables:
-            return replace(algorithm, accept_when=tuple(map(self._of, algorithm.accept_when)))
-        return replace(algorithm, identifies=tuple(map(self._identified, algorithm.identifies)))
+            return replace(algorithm, accept_when=tuple(map(self._scale_if_meant, algorithm.accept_when)))
+        return replace(algorithm, identifies=tuple(map(self._scale_identification, algorithm.identifies)))
 
-    def _identified(self, entry: Identification) -> Identification:
+    def _scale_identification(self, entry: Identification) -> Identification:
         if not entry.variable.name.endswith(self.variables):
             return entry
         match entry.by:
             case Condition():
-                return replace(entry, by=self._of(entry.by))
+                return replace(entry, by=self._scale_if_meant(entry.by))
             case Hysteresis(enter=enter, leave=leave):
                 return replace(
                     entry,
-                    by=replace(entry.by, enter=self._of(enter), leave=None if leave is None else self._of(leave)),
+                    by=replace(
+                        entry.by,
+                        enter=self._scale_if_meant(enter),
+                        leave=None if leave is None else self._scale_if_meant(leave),
+                    ),
                 )
             case _:
                 return entry
 
-    def _of(self, condition: Condition) -> Condition:
-        return _with_numbers(condition, self.factor) if condition.text == self.condition else condition
+    def _scale_if_meant(self, condition: Condition) -> Condition:
+        return _scale_numbers(condition, self.factor) if condition.text == self.condition else condition
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,7 +75,7 @@ class ScaledValidity:
     factor: float
 
     def __str__(self) -> str:
-        """Return its description in a report."""
+        """Return the description of the variant in a report."""
         return f"{self.factor:g} times each valid_for"
 
     def __call__(self, spec: Spec) -> Spec:
@@ -85,12 +90,12 @@ class ScaledValidity:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScaledPeriod:
-    """Scale the periods of all observers that the spec names."""
+    """Scale the periods of all observers that the spec lists under `observers`."""
 
     factor: float
 
     def __str__(self) -> str:
-        """Return its description in a report."""
+        """Return the description of the variant in a report."""
         return f"{self.factor:g} times each period"
 
     def __call__(self, spec: Spec) -> Spec:
@@ -106,9 +111,9 @@ class Parameter:
     """A number of the spec, or numbers that belong together.
 
     Attributes:
-        name: as shown in reports.
-        smaller: the edit to half of it; counts are rounded up.
-        larger: the edit to one and a half times of it; counts are rounded up.
+        name: the name in reports.
+        smaller: the edit that halves the numbers; counts are rounded up.
+        larger: the edit that makes the numbers one and a half times as large; counts are rounded up.
     """
 
     name: str
@@ -120,18 +125,18 @@ HALF, ONE_AND_A_HALF = 0.5, 1.5
 
 
 def parameters(spec: Spec, besides: str) -> Sequence[Parameter]:
-    """Return all numbers of a spec's conditions, each text once, its validities and its periods.
+    """Return the parameters of a spec: the numbers of its conditions (each text once), its validities and its periods.
 
     Args:
-        spec: with one or more machines.
-        besides: the end of the names of algorithms whose conditions are left out.
+        spec: a spec with one or more machines.
+        besides: conditions of algorithms whose names end with this are left out.
     """
     conditions: dict[tuple[str, str], None] = {}
     for algorithm in (algorithm for algorithm in spec.perception if not algorithm.name.endswith(besides)):
         conditions |= {(condition.text, ""): None for condition in algorithm.accept_when if _numbers(condition)}
         for entry in algorithm.identifies:
             conditions |= {
-                (condition.text, _end(entry)): None for condition in _conditions(entry) if _numbers(condition)
+                (condition.text, _variable_end(entry)): None for condition in _conditions(entry) if _numbers(condition)
             }
     numbers = [
         Parameter(
@@ -160,7 +165,7 @@ def _conditions(entry: Identification) -> Sequence[Condition]:
             return ()
 
 
-def _end(entry: Identification) -> str:
+def _variable_end(entry: Identification) -> str:
     """Return a variable's name without the name of its machine."""
     name = entry.variable.name
     return next((name.removeprefix(machine) for machine in _MACHINES if name.startswith(machine)), name)
@@ -171,23 +176,19 @@ def _numbers(condition: Condition) -> Sequence[Number]:
     return () if tree is None else [node for node in walk(tree) if isinstance(node, Number)]
 
 
-def _with_numbers(condition: Condition, factor: float) -> Condition:
+def _scale_numbers(condition: Condition, factor: float) -> Condition:
     """Return a condition with all literals scaled."""
     text = condition.text
     for number in reversed(_numbers(condition)):
-        written = text[number.start : number.end]
-        _, blank, unit = written.partition(" ")
-        text = f"{text[: number.start]}{_scaled(number.value, factor)}{blank}{unit}{text[number.end :]}"
+        literal_text = text[number.start : number.end]
+        _, blank, unit = literal_text.partition(" ")
+        text = f"{text[: number.start]}{_scaled_literal(number.value, factor)}{blank}{unit}{text[number.end :]}"
     tree = parse(text)
     assert not isinstance(tree, SyntaxProblem), text
-    return _replaced(condition, text, tree)
-
-
-def _replaced(condition: Condition, text: str, tree: Node) -> Condition:
     return replace(condition, text=text, tree=tree, letters=None)
 
 
-def _scaled(value: float, factor: float) -> str:
+def _scaled_literal(value: float, factor: float) -> str:
     """Return a scaled literal; a count stays an integer."""
     if isinstance(value, int) and value < _FEW:
         return str(max(math.ceil(value * factor), 1))

@@ -14,10 +14,10 @@ from codra_papers.lab.mission import CENTRIFUGE, PCR_CYCLER, Mission
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tending:
-    """Drive to machines, one after the other, and open and close each.
+    """Drive to machines, one after the other, and open and close each of them.
 
     Attributes:
-        machines: by name; a machine can be listed several times.
+        machines: the names of the machines; a machine can be listed several times.
     """
 
     machines: tuple[str, ...]
@@ -33,7 +33,7 @@ class Waiting:
     """Open a machine, wait beside it, and close it.
 
     Attributes:
-        until_s: when the robot begins to close it.
+        until_s: when the robot begins to close the machine.
     """
 
     machine: str
@@ -45,9 +45,10 @@ class Waiting:
 
 
 def both_and_back(settings: Settings, arms: tuple[Arm, ...]) -> Sequence[Trial]:
-    """Return one run per seed, with all arms in it: 35 minutes.
+    """Return one run of 35 minutes per seed, with all arms in it.
 
-    The robot tends the centrifuge, the PCR-cycler, and the centrifuge again, for which it must use earlier knowledge.
+    The robot tends the centrifuge, the PCR-cycler, and the centrifuge again. For the last
+    machine, knowledge from the first visit must be used.
     """
     work = Tending(machines=(CENTRIFUGE, PCR_CYCLER, CENTRIFUGE))
     return [

@@ -1,7 +1,7 @@
 """P1, section 4.2: the time that the main execution saves with observers.
 
-Each seed is run without and with observers. Looking uses random numbers of its own, so acting takes the same time in
-both runs, and they differ by perception only.
+Each seed is run without and with observers. Looks draw from a random source of their own, so acting takes the same
+time in both runs, and the runs differ only in perception.
 """
 
 from __future__ import annotations

@@ -13,11 +13,11 @@ from codra_papers.experiments.studies.lab_runtime.finding import Finding, mean, 
 from codra_papers.experiments.studies.lab_runtime.paper import DAY_CHECKS, DAY_S, DAY_SAVED_MIN, DAY_SAVED_PER_CHECK_S
 from codra_papers.experiments.studies.lab_runtime.runs import OBSERVED, REPAIR_S, WITHOUT, Pair
 from codra_papers.experiments.studies.lab_runtime.savings import Saving, saving
-from codra_papers.experiments.studies.lab_runtime.sources import answered_share, parts_table, plain, reasons
+from codra_papers.experiments.studies.lab_runtime.sources import answered_share, parts_table, reasons, saving_as_data
 
 _PARTS = (
-    "Seconds of perception saved, in parts that add up. The values without observers are computed from as many mean"
-    " looks of the day without them."
+    "Seconds of perception saved, in parts that add up. The values without observers are computed: as many looks as"
+    " there were perception tasks, each a mean look of the day without observers."
 )
 
 
@@ -26,9 +26,9 @@ class Day:
     """The result of a day.
 
     Attributes:
-        saving: the perception time of the checks with observers, against as many mean looks of the day without.
+        saving: the perception time of the checks with observers, compared with as many mean looks of the day without.
         answered_s: the mean time of a check that context answered; None if it answered no check.
-        fell_back: the checks that it did not answer.
+        fell_back: the checks that context did not answer.
     """
 
     saving: Saving
@@ -42,13 +42,13 @@ class Day:
 
     @property
     def replaced_s(self) -> float:
-        """Return the time saved by all checks that context answered, as P1 counts it: each by the mean."""
+        """Return the time saved by all checks that context answered, as P1 counts it: the mean saving for each."""
         return self.saving.answered * (self.per_check_s or 0.0)
 
 
 def judge_day(pair: Pair) -> Finding:
     """Report the result of a day."""
-    result = a_day(pair)
+    result = day_result(pair)
     return Finding(
         section=Section(
             title="A day of seven hours",
@@ -57,7 +57,8 @@ def judge_day(pair: Pair) -> Finding:
                     text="The robot processes samples for seven hours, once with and once without observers, with the"
                     f" same seed. After an unrecoverable error someone repairs the situation in {REPAIR_S:g} s and the"
                     " work starts again. The amount of work differs: a robot that saves time gets more done. So savings"
-                    " are counted on the perception tasks of the day with observers, each against a mean look without."
+                    " are counted on the perception tasks of the day with observers: each is compared with a mean look"
+                    " of the day without."
                 ),
                 _comparison(pair, result),
                 parts_table({"the day with observers": result.saving}, _PARTS),
@@ -70,14 +71,14 @@ def judge_day(pair: Pair) -> Finding:
     )
 
 
-def a_day(pair: Pair) -> Day:
+def day_result(pair: Pair) -> Day:
     """Return the result of a day."""
     without, observed = _checks(pair.without), _checks(pair.observed)
     checks_saving = saving(without, observed)
-    answered = [decision for decision in observed if not decision.has_looked]
+    answered_checks = [decision for decision in observed if not decision.has_looked]
     return Day(
         saving=replace(checks_saving, without=checks_saving.checks),
-        answered_s=mean([spent_s([decision]) for decision in answered]),
+        answered_s=mean([spent_s([decision]) for decision in answered_checks]),
         fell_back=[decision for decision in observed if decision.has_looked],
     )
 
@@ -96,14 +97,14 @@ def _comparison(pair: Pair, result: Day) -> Table:
         ("perception tasks", None, looks, parts.checks),
         ("answered by context", DAY_CHECKS, 0, parts.answered),
         ("mean seconds of a perception task by looking", None, rounded(parts.look_s), _own_look_s(parts)),
-        ("mean seconds of one that context answered", None, None, rounded(result.answered_s)),
-        ("saved per answered one in s", DAY_SAVED_PER_CHECK_S, None, rounded(result.per_check_s)),
-        ("saved by those in min, as P1 counts", DAY_SAVED_MIN, None, rounded(result.replaced_s / 60, 1)),
-        ("saved by all in min, including unsuccessful waiting", None, None, rounded(parts.saved_s / 60, 1)),
+        ("mean seconds of a task that context answered", None, None, rounded(result.answered_s)),
+        ("saved per answered task in s", DAY_SAVED_PER_CHECK_S, None, rounded(result.per_check_s)),
+        ("saved by answered tasks in min, as P1 counts", DAY_SAVED_MIN, None, rounded(result.replaced_s / 60, 1)),
+        ("saved by all tasks in min, including unsuccessful waiting", None, None, rounded(parts.saved_s / 60, 1)),
         (f"the same for P1's {DAY_CHECKS} tasks in min", DAY_SAVED_MIN, None, _for_as_many_as_p1_min(result)),
     ]
     return Table(
-        caption="The day beside P1's. This robot only processes samples, so it makes more decisions than P1's.",
+        caption="The day, and P1's. This robot only processes samples, so it makes more decisions than P1's robot.",
         header=("", "P1", "without observers", "with observers"),
         rows=rows,
     )
@@ -157,8 +158,11 @@ def _results(pair: Pair, result: Day) -> Mapping[str, Any]:
     return {
         "p1": {"checks": DAY_CHECKS, "saved_min": DAY_SAVED_MIN, "saved_per_check_s": DAY_SAVED_PER_CHECK_S},
         "repair_s": REPAIR_S,
-        **{condition: _of(outcome) for condition, outcome in ((WITHOUT, pair.without), (OBSERVED, pair.observed))},
-        "saving": plain(result.saving),
+        **{
+            condition: _outcome_as_data(outcome)
+            for condition, outcome in ((WITHOUT, pair.without), (OBSERVED, pair.observed))
+        },
+        "saving": saving_as_data(result.saving),
         "answered_check_s": result.answered_s,
         "saved_per_check_s": result.per_check_s,
         "saved_as_p1_counts_min": result.replaced_s / 60,
@@ -166,7 +170,7 @@ def _results(pair: Pair, result: Day) -> Mapping[str, Any]:
     }
 
 
-def _of(outcome: Outcome) -> Mapping[str, Any]:
+def _outcome_as_data(outcome: Outcome) -> Mapping[str, Any]:
     return {
         "seed": outcome.seed,
         "duration_s": outcome.duration_s,

@@ -23,8 +23,10 @@ class Bars:
     """The bars of one task.
 
     Attributes:
-        task_s: durations of each execution, without observers and with them; `perception_s`: of its perception.
-        task_share: by which share it is shorter with observers; `perception_share`: the same for perception.
+        task_s: the durations of all executions, without observers and with them.
+        perception_s: the same for the perception in each execution.
+        task_share: by which share of its duration the task is shorter with observers.
+        perception_share: the same for its perception.
     """
 
     task: str
@@ -41,27 +43,33 @@ def figure_8(bars: Sequence[Bars]) -> str:
     """
     figure = Figure(figsize=(9, 4.6), layout="constrained")
     axes = figure.subplots(1, 2, width_ratios=(1, 1))
-    _panel(axes[0], "whole task", [(bar.task, bar.task_s, bar.task_share) for bar in bars], _WITHOUT, _OBSERVED)
-    _panel(
+    _draw_panel(
+        axes[0],
+        "whole task",
+        [(task_bars.task, task_bars.task_s, task_bars.task_share) for task_bars in bars],
+        _WITHOUT,
+        _OBSERVED,
+    )
+    _draw_panel(
         axes[1],
         "perception",
-        [(bar.task, bar.perception_s, bar.perception_share) for bar in bars],
+        [(task_bars.task, task_bars.perception_s, task_bars.perception_share) for task_bars in bars],
         _WITHOUT_PERCEPTION,
         _OBSERVED_PERCEPTION,
     )
     axes[0].set_ylabel("duration in s")
     with mpl.rc_context({"svg.hashsalt": "codra", "svg.fonttype": "none"}):
-        written = StringIO()
-        figure.savefig(written, format="svg", metadata={"Date": None})
-    return written.getvalue()
+        svg_text = StringIO()
+        figure.savefig(svg_text, format="svg", metadata={"Date": None})
+    return svg_text.getvalue()
 
 
 _Rows = Sequence[tuple[str, tuple[Sequence[float], Sequence[float]], float | None]]
 
 
-def _panel(axes: Axes, title: str, rows: _Rows, without: str, observed: str) -> None:
-    """Draw one pair of bars for each task, and above it by how much the second bar is less."""
-    tops = [_pair(axes, place, durations_s, (without, observed)) for place, (_, durations_s, _) in enumerate(rows)]
+def _draw_panel(axes: Axes, title: str, rows: _Rows, without: str, observed: str) -> None:
+    """Draw a pair of bars for each task, and above the pair by how much the second bar is shorter."""
+    tops = [_draw_pair(axes, place, durations_s, (without, observed)) for place, (_, durations_s, _) in enumerate(rows)]
     for place, (top_s, (_, _, share)) in enumerate(zip(tops, rows, strict=True)):
         if share is not None:
             axes.annotate(f"{-100 * share:+.0f} %", (place, top_s), (0, 6), textcoords="offset points", ha="center")
@@ -78,18 +86,18 @@ def _panel(axes: Axes, title: str, rows: _Rows, without: str, observed: str) -> 
     )
 
 
-def _pair(
+def _draw_pair(
     axes: Axes, place: float, durations_s: tuple[Sequence[float], Sequence[float]], colours: tuple[str, str]
 ) -> float:
-    """Draw two bars with whiskers; return the end of the higher one."""
+    """Draw two bars with whiskers, and return the highest end of a whisker."""
     tops = [0.0]
     for side, durations, colour in zip((-0.5, 0.5), durations_s, colours, strict=True):
         middle_s, around_s = mean(durations) or 0.0, deviation(durations) or 0.0
-        where = place + side * (_WIDTH + 0.02)
-        axes.bar(where, middle_s, _WIDTH, color=colour, yerr=around_s, capsize=4, ecolor="#333333")
+        x = place + side * (_WIDTH + 0.02)
+        axes.bar(x, middle_s, _WIDTH, color=colour, yerr=around_s, capsize=4, ecolor="#333333")
         axes.annotate(
             f"{middle_s:.0f}",
-            (where, 0),
+            (x, 0),
             (0, 4),
             textcoords="offset points",
             ha="center",

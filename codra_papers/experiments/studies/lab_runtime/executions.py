@@ -32,8 +32,9 @@ class Execution:
     """One opening or closing.
 
     Attributes:
-        previews: the perception tasks before an action; `monitors`: those after an action.
-        others: decisions that need no camera: on the robot's distance from the machine.
+        previews: the perception tasks before an action.
+        monitors: the perception tasks after an action.
+        others: the decisions that need no camera, because they are on the robot's distance from the machine.
     """
 
     task: Task
@@ -45,7 +46,7 @@ class Execution:
 
     @property
     def checks(self) -> Sequence[Decision]:
-        """Return its perception tasks."""
+        """Return all perception tasks of the execution."""
         return (*self.previews, *self.monitors)
 
     @property
@@ -55,12 +56,12 @@ class Execution:
 
     @property
     def perception_s(self) -> float:
-        """Return how long its perception tasks took."""
+        """Return how long the perception tasks of the execution took."""
         return spent_s(self.checks)
 
     @property
     def acting_s(self) -> float:
-        """Return how long it took to plan and to move."""
+        """Return how long planning and moving took."""
         return self.duration_s - self.perception_s - spent_s(self.others)
 
 
@@ -70,7 +71,7 @@ def needs_the_camera(decision: Decision) -> bool:
 
 
 def spent_s(decisions: Iterable[Decision]) -> float:
-    """Return the time from the request to the answer, over all decisions: asking, waiting and looking."""
+    """Return the sum over decisions of the time from the request to the answer: asking, waiting and looking."""
     return sum(decision.answered_s - decision.instant_s for decision in decisions)
 
 
@@ -88,18 +89,18 @@ def executions(outcome: Outcome) -> Sequence[Execution]:
 def _execution(
     task: Task, first: tuple[str, float, float], second: tuple[str, float, float], decisions: Sequence[Decision]
 ) -> Execution:
-    made = [
+    made_decisions = [
         decision
         for decision in decisions
         for name, start_s, end_s in (first, second)
         if decision.skill == name and start_s <= decision.instant_s <= end_s
     ]
-    checks = [decision for decision in made if needs_the_camera(decision)]
+    checks = [decision for decision in made_decisions if needs_the_camera(decision)]
     return Execution(
         task=task,
         start_s=first[1],
         end_s=second[2],
         previews=[decision for decision in checks if decision.is_preview],
         monitors=[decision for decision in checks if not decision.is_preview],
-        others=[decision for decision in made if not needs_the_camera(decision)],
+        others=[decision for decision in made_decisions if not needs_the_camera(decision)],
     )

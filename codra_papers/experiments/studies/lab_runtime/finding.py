@@ -1,4 +1,4 @@
-"""One part of the results: as a section, as sentences, and as data."""
+"""One part of a report: a section, sentences for the summary, and data."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class Finding:
     """One part of a report.
 
     Attributes:
-        results: by keys that are unique in the report, with units in them.
+        results: the data of this part. Each key is unique in the report, and includes the unit of its value.
     """
 
     section: Section
@@ -44,13 +44,13 @@ def percent(share: float | None) -> float | None:
     return None if share is None else round(100.0 * share, 1)
 
 
-def spread(values: Sequence[float]) -> str:
+def spread_text(values: Sequence[float]) -> str:
     """Return mean and standard deviation as text."""
     middle, around = rounded(mean(values)), rounded(deviation(values))
     return "none" if middle is None else f"{middle}" if around is None else f"{middle} ± {around}"
 
 
-def between(estimate: Estimate, *, scale: float = 1.0, digits: int = 2) -> str:
+def interval_text(estimate: Estimate, *, scale: float = 1.0, digits: int = 2) -> str:
     """Return an estimate with its interval as text."""
     if estimate.value is None:
         return "none"
@@ -60,6 +60,6 @@ def between(estimate: Estimate, *, scale: float = 1.0, digits: int = 2) -> str:
     return f"{value_text} [{scale * estimate.low:.{digits}f}, {scale * estimate.high:.{digits}f}]"
 
 
-def plain(estimate: Estimate) -> Mapping[str, float | None]:
+def estimate_as_data(estimate: Estimate) -> Mapping[str, float | None]:
     """Return an estimate as plain data."""
     return {**asdict(estimate), "level": LEVEL}

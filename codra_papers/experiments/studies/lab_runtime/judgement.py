@@ -49,15 +49,15 @@ def _protocol(settings: Settings) -> Section:
                 text=f"The robot drives to the PCR-cycler, unlocks and opens it, and closes and locks it, {EXECUTIONS}"
                 f" times, on a first seed as in P1 and on {settings.seeds} further seeds. Without observers it looks"
                 f" for each decision. With observers it asks those of the arm '{NEED_ON_EVENT.name}',"
-                " and looks if they have no answer. The same seed gives the same world and the same durations and slips"
-                " of the robot's actions, in both."
+                " and looks if they have no answer. With the same seed, the world and the durations and slips of the"
+                " robot's actions are the same in both runs."
             ),
             Words(
                 text=f"Each request to the observers is charged with {DECISION_S:g} s, more than 99 of 100 measured"
                 " requests took (docs/papers/lab-runtime.md), and"
-                f" after an action the robot waits for them up to {WAIT_S:g} s before it looks; all of this counts as"
-                " perception. Jobs of observers take as long as the robot's own processing and share one vision slot"
-                " with it."
+                f" after an action the robot waits up to {WAIT_S:g} s for the observers before it looks; all of this"
+                " counts as perception. Jobs of observers take as long as the robot's own processing, and share one"
+                " vision slot with this processing."
             ),
         ],
     )
@@ -73,7 +73,7 @@ def _ended_early(outcomes: Sequence[Outcome]) -> Section:
         title="Runs that ended early",
         parts=[
             Table(
-                caption="Unrecoverable errors; executions that were cut off by them are not counted.",
+                caption="Unrecoverable errors. Executions that such an error cut off are not counted.",
                 header=("run", "at s", "error"),
                 rows=rows,
             )

@@ -20,11 +20,11 @@ class PaperTask:
     """One task in P1, averaged over five executions.
 
     Attributes:
-        preview_s: of its two previews, without and with observers (Table 3).
-        monitoring_s: of its two monitored conditions, without and with observers (Table 3).
+        preview_s: the time of the task's two previews, without and with observers (Table 3).
+        monitoring_s: the time of the task's two monitored conditions, without and with observers (Table 3).
         perception_share: by which share perception was shorter with observers (Figure 8).
-        task_share: by which share the task was shorter (Figure 8).
-        saved_per_check_s: on average (section 4.2).
+        task_share: by which share the whole task was shorter with observers (Figure 8).
+        saved_per_check_s: the time saved per perception task, on average (section 4.2).
     """
 
     preview_s: tuple[float, float]

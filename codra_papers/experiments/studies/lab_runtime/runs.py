@@ -19,7 +19,7 @@ DECISION_S = 0.02
 another process (docs/papers/lab-runtime.md)."""
 
 REPAIR_S = 120.0
-"""The time of a repair after an unrecoverable error; P1's day had minor interruptions."""
+"""How long a repair after an unrecoverable error takes. P1's day had minor interruptions, too."""
 
 WITHOUT, OBSERVED = "without-observers", "with-observers"
 
@@ -66,7 +66,7 @@ def tending(settings: Settings, seed: int, times: int = EXECUTIONS) -> Sequence[
 
 
 def day(settings: Settings, duration_s: float = DAY_S) -> Sequence[Trial]:
-    """Return the two runs of a day at the fair: sample after sample, continuing after interruptions."""
+    """Return the two runs of a day at the fair: the robot processes sample after sample, and continues after errors."""
     return list(_both(settings, "day", FIRST_REPORTED_SEED, Loops(), duration_s=duration_s, repair_s=REPAIR_S))
 
 
@@ -98,7 +98,7 @@ def _both(
     duration_s: float | None = None,
     repair_s: float | None = None,
 ) -> Iterator[Trial]:
-    """Yield a run without observers and without arms, and one with an arm that answers the decisions."""
+    """Yield a run without observers, which has no arms, and a run with an arm that answers the decisions."""
     for condition, arms, answering in ((WITHOUT, (), None), (OBSERVED, (NEED_ON_EVENT,), NEED_ON_EVENT.name)):
         yield Trial(
             name=f"{name}-{condition}",

@@ -1,4 +1,4 @@
-"""The sources of the time that observers save: the duration of looks, and the answers that were ready in time."""
+"""Where the time that observers save comes from: the duration of looks, and answers that were ready in time."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ WITHOUT_KNOWLEDGE = "observers know nothing"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Saving:
-    """The perception time of the same work without observers, minus that with them, in parts that add up to it.
+    """The saved perception time: that without observers minus that with observers. The parts add up to it.
 
     Attributes:
         without: the number of perception tasks without observers.
         answered: the number of perception tasks with observers that context answered.
-        fell_back: the number of those that it did not answer, so that the robot looked.
-        monitors: the number of those after an action.
-        look_s: the mean duration of a perception task without observers, as the world's durations determine it.
-        own_looks_s: the total duration of looks with observers.
+        fell_back: the number of perception tasks with observers that context did not answer, so that the robot looked.
+        monitors: the number of perception tasks with observers that came after an action.
+        look_s: the mean duration of a perception task without observers; it follows from the world's durations.
+        own_looks_s: the total duration of the looks that the robot made although it had observers.
         waiting_s: the total time of waiting for observers.
         asking_s: the total time of asking.
     """
@@ -56,7 +56,7 @@ class Saving:
 
     @property
     def other_looks_s(self) -> float:
-        """Return by how much the remaining looks took less than as many mean ones without observers."""
+        """Return by how much the remaining looks took less time than as many mean looks without observers."""
         return self.fell_back * self.look_s - self.own_looks_s
 
     @property
@@ -66,7 +66,7 @@ class Saving:
 
     @property
     def saved_s(self) -> float:
-        """Return the saved time: `spared_s`, minus its costs, and two random differences."""
+        """Return the saved time: `spared_s`, minus waiting and asking, plus two random differences."""
         return self.spared_s - self.waiting_s - self.asking_s + self.other_looks_s + self.fewer_s
 
     @property
@@ -80,7 +80,7 @@ def saving(without: Sequence[Decision], observed: Sequence[Decision]) -> Saving:
 
     Args:
         without: the perception tasks of a run without observers.
-        observed: those of the same work with observers.
+        observed: the perception tasks of the same work with observers.
     """
     fell_back = [decision for decision in observed if decision.has_looked]
     looked_s = sum(decision.looked_s for decision in observed)
@@ -102,7 +102,8 @@ class Scenario:
     """The saving under one changed assumption, with everything else the same.
 
     Attributes:
-        perception_s: the assumed perception time with observers, against `without_s` without them.
+        without_s: the assumed perception time without observers.
+        perception_s: the assumed perception time with observers.
     """
 
     name: str

@@ -26,20 +26,20 @@ _Part = Callable[[Execution], Sequence[Decision]]
 
 _TERMS: Mapping[str, Callable[[Saving], float]] = {
     "perception without observers": lambda parts: parts.without_s,
-    "+ looks in whose place context answered, each a mean look": lambda parts: parts.spared_s,
+    "+ looks that context replaced, each counted as a mean look": lambda parts: parts.spared_s,
     "- waiting for observers": lambda parts: -parts.waiting_s,
     "- asking": lambda parts: -parts.asking_s,
-    "+ looks still done, against mean ones": lambda parts: parts.other_looks_s,
+    "+ looks still done, compared with mean looks": lambda parts: parts.other_looks_s,
     "+ perception tasks that did not come up": lambda parts: parts.fewer_s,
     "= saved": lambda parts: parts.saved_s,
 }
 
 WHAT_IT_SHOWS = (
-    "The duration of a look is one of the world's durations, which are fitted to P1's Table 3: that context is faster"
-    " than a look is an input from P1 and not our finding. Whether context has the right answer in time is our finding:"
-    " it depends on frames, perception and the spec. The saved share is the share of answers in time, which does not"
-    " depend on the duration of looks, minus the time of asking and waiting as a share of the looks, which depends on"
-    " it."
+    "The duration of a look is one of the world's durations, which are fitted to P1's Table 3. So it is an input from"
+    " P1, not our finding, that context is faster than a look. Whether context has the right answer in time is our"
+    " finding: it depends on frames, perception and the spec. The saved share is the difference of two shares. The"
+    " first is the share of answers in time, which does not depend on the duration of looks. The second is the time"
+    " of asking and waiting as a share of the looks, which depends on their duration."
 )
 
 
@@ -56,14 +56,16 @@ def sources(pairs: Sequence[Pair]) -> Finding:
                     columns, "Seconds of perception saved, in parts that add up, over all executions and seeds."
                 ),
                 _scenario_table(columns),
-                _reasons_table(_fell_back(pairs)),
+                _reasons_table(_unanswered_checks(pairs)),
             ],
         ),
         summary=[_sentence(total)],
         results={
-            "saving": {name: plain(parts) for name, parts in columns.items()},
-            "scenarios": {name: _plain_scenarios(parts) for name, parts in columns.items()},
-            "unanswered": {" ".join(reason): count for reason, count in sorted(reasons(_fell_back(pairs)).items())},
+            "saving": {name: saving_as_data(parts) for name, parts in columns.items()},
+            "scenarios": {name: _scenarios_as_data(parts) for name, parts in columns.items()},
+            "unanswered": {
+                " ".join(reason): count for reason, count in sorted(reasons(_unanswered_checks(pairs)).items())
+            },
         },
     )
 
@@ -95,7 +97,7 @@ def reasons(fell_back: Sequence[Decision]) -> Counter[tuple[str, str, str]]:
     )
 
 
-def plain(parts: Saving) -> Mapping[str, Any]:
+def saving_as_data(parts: Saving) -> Mapping[str, Any]:
     """Return a saving and its parts as plain data."""
     terms = ("without_s", "spared_s", "other_looks_s", "fewer_s", "saved_s", "share")
     return {**asdict(parts), **{name: getattr(parts, name) for name in terms}}
@@ -113,29 +115,33 @@ def _columns(pairs: Sequence[Pair]) -> Mapping[str, Saving]:
 
 def _decisions(pairs: Sequence[Pair], tasks: Sequence[Task], part: _Part) -> tuple[list[Decision], list[Decision]]:
     """Return the perception tasks without observers, and those with observers."""
-    made = [pair.of(task) for pair in pairs for task in tasks]
+    executions_by_pair = [pair.of(task) for pair in pairs for task in tasks]
     return (
-        [decision for without, _ in made for execution in without for decision in part(execution)],
-        [decision for _, observed in made for execution in observed for decision in part(execution)],
+        [decision for without, _ in executions_by_pair for execution in without for decision in part(execution)],
+        [decision for _, observed in executions_by_pair for execution in observed for decision in part(execution)],
     )
 
 
-def _fell_back(pairs: Sequence[Pair]) -> Sequence[Decision]:
+def _unanswered_checks(pairs: Sequence[Pair]) -> Sequence[Decision]:
     _, observed = _decisions(pairs, list(Task), lambda execution: execution.checks)
     return [decision for decision in observed if decision.has_looked]
 
 
 def _scenario_table(columns: Mapping[str, Saving]) -> Table:
-    shown = {name: scenarios(columns[name]) for name in (*Task, "all")}
+    scenarios_by_column = {name: scenarios(columns[name]) for name in (*Task, "all")}
     return Table(
         caption=(
             "The saving of perception in %, if one assumption were different and everything else the same. The answers"
-            f" that observers have in time are kept. P1's time of a check with observers is {CONTEXT_CHECK_S:.2f} s"
-            f" (its Table 3); ours is {DECISION_S:g} s to ask, and at most {WAIT_S:g} s of waiting after an action."
-            " Observers that know nothing cost asking and unsuccessful waiting."
+            f" that observers have in time stay as measured. In P1, a check with observers takes"
+            f" {CONTEXT_CHECK_S:.2f} s (Table 3); here it takes {DECISION_S:g} s to ask, and at most {WAIT_S:g} s"
+            " of waiting after an action."
+            " With observers that know nothing, the robot asks and waits in vain."
         ),
-        header=("", *(f"{name}: saved in %" for name in shown)),
-        rows=[(cases[0].name, *(percent(case.share) for case in cases)) for cases in zip(*shown.values(), strict=True)],
+        header=("", *(f"{name}: saved in %" for name in scenarios_by_column)),
+        rows=[
+            (cases[0].name, *(percent(case.share) for case in cases))
+            for cases in zip(*scenarios_by_column.values(), strict=True)
+        ],
     )
 
 
@@ -150,13 +156,13 @@ def _reasons_table(fell_back: Sequence[Decision]) -> Table:
     )
 
 
-def _plain_scenarios(measured: Saving) -> Sequence[Mapping[str, Any]]:
+def _scenarios_as_data(measured: Saving) -> Sequence[Mapping[str, Any]]:
     return [{**asdict(case), "saved_s": case.saved_s, "share": case.share} for case in scenarios(measured)]
 
 
 def _sentence(total: Saving) -> str:
     if not total.without_s or not total.checks:
-        return "No perception task was completed, so the source of a saving is unknown."
+        return "No perception task was completed, so no saving can be attributed."
     shares = {case.name: percent(case.share) for case in scenarios(total)}
     cost = percent((total.waiting_s + total.asking_s) / total.without_s)
     return (

@@ -1,4 +1,4 @@
-"""Opening and closing the PCR-cycler: Table 3, Figure 8 and its footnote (P1, section 4.2)."""
+"""Opening and closing the PCR-cycler, compared with P1: Table 3, Figure 8 and its footnote (section 4.2)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,15 @@ from codra_papers.experiments.campaign.document import Cell, Drawing, Part, Sect
 from codra_papers.experiments.campaign.statistics import Share, Welch, ratio_interval, welch
 from codra_papers.experiments.studies.lab_runtime.drawing import Bars, figure_8
 from codra_papers.experiments.studies.lab_runtime.executions import Execution, Task, spent_s
-from codra_papers.experiments.studies.lab_runtime.finding import Finding, between, mean, percent, plain, rounded, spread
+from codra_papers.experiments.studies.lab_runtime.finding import (
+    Finding,
+    estimate_as_data,
+    interval_text,
+    mean,
+    percent,
+    rounded,
+    spread_text,
+)
 from codra_papers.experiments.studies.lab_runtime.paper import CHECKS, PAPER, PaperTask
 from codra_papers.experiments.studies.lab_runtime.runs import OBSERVED, WITHOUT, Pair
 
@@ -34,13 +42,13 @@ def tending(pairs: Sequence[Pair]) -> Finding:
     """Compare opening and closing with and without observers.
 
     Args:
-        pairs: P1's sample first, then further seeds.
+        pairs: first the pair for P1's sample, then those of the further seeds.
     """
     first, further = pairs[:1], pairs[1:]
     bars = [_bars(task, first) for task in Task]
     parts: list[Part] = [
         Words(text=_slips_sentence(pairs)),
-        _table_3(first, "Table 3 of P1 beside this run's: mean seconds of each execution (n = 5), first seed."),
+        _table_3(first, "Table 3 of P1 and of this run: mean seconds of an execution (n = 5), first seed."),
         Drawing(caption="Figure 8 of P1: mean durations with standard deviation, first seed.", svg=figure_8(bars)),
         _figure_8_table(first, "Figure 8 in numbers, first seed."),
         _welch_table(pairs),
@@ -59,26 +67,36 @@ def tending(pairs: Sequence[Pair]) -> Finding:
 
 
 def reduction(task: Task, pairs: Sequence[Pair], seconds: Seconds) -> float | None:
-    """Return by which share the mean duration is less with observers; None if one of them was never executed."""
+    """Return by which share the mean duration is shorter with observers; None without executions on either side."""
     without, observed = (mean(durations) for durations in _durations(task, pairs, seconds))
     return None if without is None or observed is None or not without else (without - observed) / without
 
 
 def _durations(task: Task, pairs: Sequence[Pair], seconds: Seconds) -> tuple[list[float], list[float]]:
-    """Return the durations of all executions without observers, and of those with them."""
-    made = [pair.of(task) for pair in pairs]
+    """Return the durations of all executions without observers, and of all executions with observers."""
+    completed_executions = [pair.of(task) for pair in pairs]
     return (
-        [seconds(execution) for without, _ in made for execution in without],
-        [seconds(execution) for _, observed in made for execution in observed],
+        [seconds(execution) for without, _ in completed_executions for execution in without],
+        [seconds(execution) for _, observed in completed_executions for execution in observed],
     )
 
 
 def _checks(task: Task, pairs: Sequence[Pair]) -> tuple[list[float], list[float]]:
-    """Return the durations of all perception tasks without observers, and of those with them."""
-    made = [pair.of(task) for pair in pairs]
+    """Return the durations of all perception tasks without observers, and of all perception tasks with observers."""
+    completed_executions = [pair.of(task) for pair in pairs]
     return (
-        [spent_s([check]) for without, _ in made for execution in without for check in execution.checks],
-        [spent_s([check]) for _, observed in made for execution in observed for check in execution.checks],
+        [
+            spent_s([check])
+            for without, _ in completed_executions
+            for execution in without
+            for check in execution.checks
+        ],
+        [
+            spent_s([check])
+            for _, observed in completed_executions
+            for execution in observed
+            for check in execution.checks
+        ],
     )
 
 
@@ -91,15 +109,21 @@ def _saved_per_check_s(task: Task, pairs: Sequence[Pair]) -> float | None:
 
 
 def _slips_sentence(pairs: Sequence[Pair]) -> str:
-    made = [execution for pair in pairs for task in Task for executed in pair.of(task) for execution in executed]
-    checks = [len(execution.checks) for execution in made]
-    more, fewer = sum(count > CHECKS for count in checks), sum(count < CHECKS for count in checks)
+    completed_executions = [
+        execution
+        for pair in pairs
+        for task in Task
+        for task_executions in pair.of(task)
+        for execution in task_executions
+    ]
+    checks = [len(execution.checks) for execution in completed_executions]
+    more_count, fewer_count = sum(count > CHECKS for count in checks), sum(count < CHECKS for count in checks)
     return (
-        f"{len(made)} executions were completed, each task with and without observers. A task consists of its"
-        " perception tasks, the decisions that need no camera, and acting, which is all the rest. The same seed"
+        f"{len(completed_executions)} executions were completed, each task with and without observers. A task consists"
+        " of its perception tasks, the decisions that need no camera, and acting, which is all the rest. The same seed"
         " draws the same durations of acting, with and without observers."
-        f" {more} executions have more than {CHECKS} perception tasks, since a lever or lid slipped and was tried"
-        f" again; {fewer} have fewer, since a condition was already true."
+        f" {more_count} executions have more than {CHECKS} perception tasks, since a lever or lid slipped and was tried"
+        f" again; {fewer_count} have fewer, since a condition was already true."
     )
 
 
@@ -119,7 +143,7 @@ def _over_seeds(task: Task, pairs: Sequence[Pair]) -> str:
     if not pairs:
         return ""
     perception, task_share = (
-        between(ratio_interval(_shares(task, pairs, LEVELS[level])), scale=100, digits=1)
+        interval_text(ratio_interval(_shares(task, pairs, LEVELS[level])), scale=100, digits=1)
         for level in (PERCEPTION, TASK)
     )
     return f" Over {len(pairs)} further seeds perception takes {perception} % less, and the whole task {task_share} %."
@@ -157,11 +181,11 @@ def _figure_8_table(pairs: Sequence[Pair], caption: str) -> Table:
         for level, seconds in LEVELS.items():
             without, observed = _durations(task, pairs, seconds)
             share = percent(reduction(task, pairs, seconds))
-            rows.append((task, level, spread(without), spread(observed), share, percent(paper_shares[level])))
-    saved = [f"{task}: {rounded(_saved_per_check_s(task, pairs))} s" for task in Task]
-    paper_saved = [f"{task}: {PAPER[task].saved_per_check_s} s" for task in Task]
+            rows.append((task, level, spread_text(without), spread_text(observed), share, percent(paper_shares[level])))
+    saved_texts = [f"{task}: {rounded(_saved_per_check_s(task, pairs))} s" for task in Task]
+    paper_saved_texts = [f"{task}: {PAPER[task].saved_per_check_s} s" for task in Task]
     return Table(
-        caption=f"{caption} Saved per perception task: {', '.join(saved)} (P1: {', '.join(paper_saved)}).",
+        caption=f"{caption} Saved per perception task: {', '.join(saved_texts)} (P1: {', '.join(paper_saved_texts)}).",
         header=("task", "part", "without in s", "with observers in s", "less in %", "P1: less in %"),
         rows=rows,
     )
@@ -169,19 +193,19 @@ def _figure_8_table(pairs: Sequence[Pair], caption: str) -> Table:
 
 def _welch_table(pairs: Sequence[Pair]) -> Table:
     rows: list[Sequence[Cell]] = []
-    for sample, chosen in _samples(pairs).items():
+    for sample, sample_pairs in _samples(pairs).items():
         for task in Task:
             for level, seconds in LEVELS.items():
-                without, observed = _durations(task, chosen, seconds)
-                result = _tested(without, observed)
+                without, observed = _durations(task, sample_pairs, seconds)
+                result = _welch_result(without, observed)
                 cells = ("none", None, None, "none", "none") if result is None else _welch_cells(result)
                 rows.append((sample, task, level, len(without) + len(observed), *cells))
     return Table(
         caption=(
             "Two-sided Welch's t-test, without against with observers (P1, footnote 4: p < 0.01, n = 10), with 95 %"
-            " intervals by Welch and Satterthwaite and Hedges' g. It treats the samples as independent; here the same"
-            " seeds act alike in both, which makes the test of the whole task conservative, and each of the five"
-            " executions of a seed counts."
+            " intervals by Welch and Satterthwaite and Hedges' g. The test treats the samples as independent. Here"
+            " actions with the same seed are alike in both samples, which makes the test of the whole task"
+            " conservative. Each of the five executions of a seed counts."
         ),
         header=("sample", "task", "part", "n", "difference in s", "t", "degrees of freedom", "p", "Hedges' g"),
         rows=rows,
@@ -190,20 +214,20 @@ def _welch_table(pairs: Sequence[Pair]) -> Table:
 
 def _samples(pairs: Sequence[Pair]) -> Mapping[str, Sequence[Pair]]:
     samples = {"first seed": pairs[:1], "further seeds": pairs[1:]}
-    return {name: chosen for name, chosen in samples.items() if chosen}
+    return {name: sample_pairs for name, sample_pairs in samples.items() if sample_pairs}
 
 
-def _tested(without: Sequence[float], observed: Sequence[float]) -> Welch | None:
+def _welch_result(without: Sequence[float], observed: Sequence[float]) -> Welch | None:
     return welch(without, observed) if min(len(without), len(observed)) > 1 else None
 
 
 def _welch_cells(result: Welch) -> tuple[Cell, ...]:
     return (
-        between(result.difference),
+        interval_text(result.difference),
         rounded(result.t),
         rounded(result.degrees, 1),
         f"{result.p:.1e}",
-        between(result.hedges_g),
+        interval_text(result.hedges_g),
     )
 
 
@@ -218,7 +242,7 @@ def _intervals(pairs: Sequence[Pair]) -> Table:
             (
                 task,
                 *(
-                    between(ratio_interval(_shares(task, pairs, LEVELS[level])), scale=100, digits=1)
+                    interval_text(ratio_interval(_shares(task, pairs, LEVELS[level])), scale=100, digits=1)
                     for level in LEVELS
                 ),
                 percent(PAPER[task].task_share),
@@ -230,7 +254,7 @@ def _intervals(pairs: Sequence[Pair]) -> Table:
 
 
 def _shares(task: Task, pairs: Sequence[Pair], seconds: Seconds) -> list[Share]:
-    """Return, by seed, the mean saved time and the mean time without observers, if both were executed."""
+    """Return for each seed with executions on both sides the mean saved time, and the mean time without observers."""
     means = [tuple(map(mean, _durations(task, [pair], seconds))) for pair in pairs]
     return [
         Share(without_s - observed_s, without_s)
@@ -260,36 +284,36 @@ def _bars(task: Task, pairs: Sequence[Pair]) -> Bars:
 def _results(task: Task, pairs: Sequence[Pair]) -> Mapping[str, Any]:
     return {
         "p1": asdict(PAPER[task]),
-        **{sample.replace(" ", "_"): _sample(task, chosen) for sample, chosen in _samples(pairs).items()},
+        **{sample.replace(" ", "_"): _sample(task, sample_pairs) for sample, sample_pairs in _samples(pairs).items()},
         "executions": [
             _execution(pair.seed, condition, execution)
             for pair in pairs
-            for condition, executed in zip((WITHOUT, OBSERVED), pair.of(task), strict=True)
-            for execution in executed
+            for condition, task_executions in zip((WITHOUT, OBSERVED), pair.of(task), strict=True)
+            for execution in task_executions
         ],
     }
 
 
 def _sample(task: Task, pairs: Sequence[Pair]) -> Mapping[str, Any]:
     levels = {level.replace(" ", "_"): seconds for level, seconds in LEVELS.items()}
-    tested = {level: _tested(*_durations(task, pairs, seconds)) for level, seconds in levels.items()}
+    welch_results = {level: _welch_result(*_durations(task, pairs, seconds)) for level, seconds in levels.items()}
     return {
         "saved_per_check_s": _saved_per_check_s(task, pairs),
         "less_share": {level: reduction(task, pairs, seconds) for level, seconds in levels.items()},
         "less_share_over_seeds": {
-            level: plain(ratio_interval(_shares(task, pairs, seconds))) for level, seconds in levels.items()
+            level: estimate_as_data(ratio_interval(_shares(task, pairs, seconds))) for level, seconds in levels.items()
         },
-        "welch": {level: None if result is None else _plain_welch(result) for level, result in tested.items()},
+        "welch": {level: None if result is None else _welch_as_data(result) for level, result in welch_results.items()},
     }
 
 
-def _plain_welch(result: Welch) -> Mapping[str, Any]:
+def _welch_as_data(result: Welch) -> Mapping[str, Any]:
     return {
-        "difference_s": plain(result.difference),
+        "difference_s": estimate_as_data(result.difference),
         "t": result.t,
         "degrees_of_freedom": result.degrees,
         "p": result.p,
-        "hedges_g": plain(result.hedges_g),
+        "hedges_g": estimate_as_data(result.hedges_g),
     }
 
 

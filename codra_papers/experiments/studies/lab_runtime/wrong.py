@@ -33,11 +33,11 @@ class Mistake:
         if self.basis.algorithm == OWN_LOOK:
             return "the robot's own look was wrong"
         values = ", ".join(f"{name} {value}" for name, value in sorted(self.basis.values.items()))
-        return f"seen wrongly: {values}" if values else "nobody saw it: it was told"
+        return f"seen wrongly: {values}" if values else "not observed: the value was written"
 
 
 def mistakes(outcomes: Sequence[Outcome]) -> Sequence[Mistake]:
-    """Return all decisions made on a wrong value: the answer is compared with the truth at the time of the answer."""
+    """Return all decisions on a wrong value. An answer is wrong if it was not true at the time of the answer."""
     return [
         Mistake(trial=outcome.name, decision=decision, basis=decision.wrong_answer)
         for outcome in outcomes
@@ -50,37 +50,41 @@ def judge_wrong(outcomes: Sequence[Outcome], folder: Path) -> Finding:
     """Report decisions on wrong values.
 
     Args:
-        outcomes: of all runs.
-        folder: of the experiment, with the stored frames below it.
+        outcomes: the outcomes of all runs.
+        folder: the folder of the experiment; it contains the stored frames.
     """
     wrong_decisions = mistakes(outcomes)
-    decided = [decision for outcome in outcomes for decision in outcome.decisions]
-    looked = sum(decision.has_looked for decision in decided)
+    all_decisions = [decision for outcome in outcomes for decision in outcome.decisions]
+    look_count = sum(decision.has_looked for decision in all_decisions)
     wrong_looks = sum(mistake.decision.has_looked for mistake in wrong_decisions)
-    corrected = sum(
+    corrected_count = sum(
         NEED_ON_EVENT.name in decision.wrong and decision.wrong_answer is None
         for outcome in outcomes
         for decision in outcome.decisions
     )
     sentence = (
-        f"Of {len(decided)} decisions in all runs context answered {len(decided) - looked}, of these"
-        f" {len(wrong_decisions) - wrong_looks} with a value that was not true. The robot found out the other {looked}"
-        f" by itself, {wrong_looks} of them wrongly."
+        f"Of {len(all_decisions)} decisions in all runs context answered {len(all_decisions) - look_count}, of these"
+        f" {len(wrong_decisions) - wrong_looks} with a value that was not true. The robot found out the other"
+        f" {look_count} by itself, {wrong_looks} of them wrongly."
     )
     return Finding(
         section=Section(
             title="Decisions on wrong values",
             parts=[
                 Words(
-                    text=f"{sentence} An answer is judged when it is given, after waiting or looking. {corrected} times"
-                    " context held a wrong value when it was asked, and the decision was still made on a right value."
+                    text=f"{sentence} An answer is judged when it is given, after waiting or looking."
+                    f" {corrected_count} times context held a wrong value when it was asked,"
+                    " and the decision was still made on a right value."
                 ),
                 _table(wrong_decisions),
                 *_photographs(wrong_decisions, folder),
             ],
         ),
         summary=[sentence],
-        results={"decisions": len(decided), "wrong_decisions": [_plain(mistake) for mistake in wrong_decisions]},
+        results={
+            "decisions": len(all_decisions),
+            "wrong_decisions": [_mistake_as_data(mistake) for mistake in wrong_decisions],
+        },
     )
 
 
@@ -115,7 +119,7 @@ def _photographs(wrong_decisions: Sequence[Mistake], folder: Path) -> Iterator[P
         )
 
 
-def _plain(mistake: Mistake) -> Mapping[str, Any]:
+def _mistake_as_data(mistake: Mistake) -> Mapping[str, Any]:
     decision = mistake.decision
     return {
         "trial": mistake.trial,

@@ -26,7 +26,10 @@ _RING, _WRONG_RING = "#1f5fa8", "#d100b8"
 
 
 def timeline(outcome: Outcome, variable: str, caption: str) -> Drawing:
-    """Draw the true value of a variable over a run and the value that each arm held; wrong ones are red (Figure 6)."""
+    """Draw the true value of a variable over a run, and the value that each arm held (Figure 6).
+
+    The background of an arm is red while its value is wrong.
+    """
     with _style():
         figure, _ = _timelines(outcome, variable)
         _legend(figure, [Line2D([], [], color=_HELD, label="held")])
@@ -36,20 +39,20 @@ def timeline(outcome: Outcome, variable: str, caption: str) -> Drawing:
 def decisions(outcome: Outcome, variable: str, caption: str) -> Drawing:
     """Draw the same with rings at the decisions on the variable (Figure 7).
 
-    A ring is at the value that the arm held, in magenta if that was wrong; if the value was unknown it is in the
-    middle.
+    Each ring is drawn at the value that the arm held, and is magenta if the value was wrong. If the value was unknown,
+    the ring is half-way between false and true.
     """
     with _style():
         figure, rows = _timelines(outcome, variable)
-        asked = [decision for decision in outcome.decisions if decision.variable == variable]
+        variable_decisions = [decision for decision in outcome.decisions if decision.variable == variable]
         for arm, axes in rows:
-            _rings(axes, arm, asked)
-        _legend(figure, [_ring("needed, right or unknown", _RING), _ring("needed, wrong", _WRONG_RING)])
+            _rings(axes, arm, variable_decisions)
+        _legend(figure, [_ring("decision: value right or unknown", _RING), _ring("decision: value wrong", _WRONG_RING)])
         return Drawing(caption=caption, svg=_svg(figure))
 
 
 def _style() -> AbstractContextManager[None]:
-    """Use the same style in all pictures, and fixed identifiers, so that the same picture is always the same text."""
+    """Use one style in all pictures, and fixed SVG identifiers: the same picture then always gives the same text."""
     return mpl.rc_context(
         {"svg.hashsalt": "codra", "font.size": 9.5, "axes.spines.top": False, "axes.spines.right": False}
     )
@@ -87,8 +90,8 @@ def _row(axes: Axes, name: str, held: Sequence[Piece], colour: str) -> None:
     axes.yaxis.set_label_coords(-0.055, 0.5)
 
 
-def _rings(axes: Axes, arm: str, asked: Sequence[Decision]) -> None:
-    for decision in asked:
+def _rings(axes: Axes, arm: str, variable_decisions: Sequence[Decision]) -> None:
+    for decision in variable_decisions:
         held = decision.held[arm]
         is_wrong = held is not None and held != decision.truth
         axes.plot(
@@ -110,23 +113,25 @@ def _ring(name: str, colour: str) -> Line2D:
     )
 
 
-def _legend(figure: Figure, first: Sequence[Line2D]) -> None:
-    handles = [*first, Patch(color=_WRONG, label="wrong"), Patch(color=UNKNOWN, label="unknown")]
+def _legend(figure: Figure, first_handles: Sequence[Line2D]) -> None:
+    handles = [*first_handles, Patch(color=_WRONG, label="wrong"), Patch(color=UNKNOWN, label="unknown")]
     figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), frameon=False)
 
 
 def forest(comparisons: Sequence[Comparison], caption: str) -> Drawing:
-    """Draw the differences between arms on the two lids, with their intervals."""
-    shown = [comparison for variable in LIDS for comparison in comparisons if comparison.variable == variable]
-    names = [f"{label(comparison.variable)}: {comparison.arm} less {comparison.against}" for comparison in shown]
+    """Draw the differences between arms for the variables of the two lids, each with its confidence interval."""
+    lid_comparisons = [comparison for variable in LIDS for comparison in comparisons if comparison.variable == variable]
+    names = [
+        f"{label(comparison.variable)}: {comparison.arm} minus {comparison.against}" for comparison in lid_comparisons
+    ]
     with _style():
-        figure = Figure(figsize=(_WIDTH_IN, 1.2 + 0.3 * len(shown)), layout="constrained")
-        both = figure.subplots(1, 2, sharey=True)
-        for axes, counted, title in zip(both, (paper, strict), ("ratio", "strict ratio"), strict=True):
-            _differences(axes, [_estimate(comparison, counted) for comparison in shown])
+        figure = Figure(figsize=(_WIDTH_IN, 1.2 + 0.3 * len(lid_comparisons)), layout="constrained")
+        panels = figure.subplots(1, 2, sharey=True)
+        for axes, counted, title in zip(panels, (paper, strict), ("ratio", "strict ratio"), strict=True):
+            _differences(axes, [_estimate(comparison, counted) for comparison in lid_comparisons])
             axes.set_xlabel(f"difference in {title}")
-        both[0].set_yticks(range(len(shown)), names)
-        both[0].set_ylim(len(shown) - 0.5, -0.5)
+        panels[0].set_yticks(range(len(lid_comparisons)), names)
+        panels[0].set_ylim(len(lid_comparisons) - 0.5, -0.5)
         return Drawing(caption=caption, svg=_svg(figure))
 
 

@@ -52,12 +52,12 @@ Counted = Callable[[Seconds], Share]
 
 
 def paper(counted: Seconds) -> Share:
-    """Return right seconds of held seconds."""
+    """Return right seconds as a share of held seconds."""
     return counted.paper
 
 
 def strict(counted: Seconds) -> Share:
-    """Return right seconds of all seconds."""
+    """Return right seconds as a share of all seconds."""
     return counted.strict
 
 
@@ -85,7 +85,7 @@ class Runs:
         return tuple(self.outcomes[0].arms) if self.outcomes else ()
 
     def seconds(self, variable: str, arm: str) -> Sequence[Seconds | None]:
-        """Return an arm's seconds in the common window, by run; None for runs in which it is left out."""
+        """Return for each run an arm's seconds in the common window; None if the arm is left out of the window."""
         return [in_window(outcome, variable, arm) for outcome in self.outcomes]
 
     def total(self, variable: str, arm: str) -> Seconds:
@@ -111,11 +111,11 @@ class Runs:
         return sum(lags_by_run, Lags())
 
     def causes(self, variables: Sequence[str], arm: str) -> Causes:
-        """Return for how long an arm was wrong, by cause."""
+        """Return for how long an arm was wrong, for each cause."""
         return causes(span for outcome in self.outcomes for name in variables for span in outcome.arms[arm].wrong[name])
 
     def answers(self, variables: Sequence[str], arm: str, *, previews: bool) -> Answers:
-        """Return the values that an arm held at decisions: those before an action, or those that monitor one."""
+        """Return the values that an arm held at decisions: those before an action, or those that monitor an action."""
         decisions = (decision for outcome in self.outcomes for decision in outcome.decisions)
         return answers(
             [decision for decision in decisions if decision.variable in variables and decision.is_preview == previews],
@@ -123,7 +123,7 @@ class Runs:
         )
 
     def triggers(self, arm: str, algorithms: Sequence[str]) -> Sequence[int]:
-        """Return how many jobs of some algorithms an arm started, by run."""
+        """Return for each run how many jobs of some algorithms an arm started."""
         return [sum(outcome.arms[arm].triggers.get(name, 0) for name in algorithms) for outcome in self.outcomes]
 
     def slot_s(self, arm: str) -> float:
@@ -141,8 +141,9 @@ class Comparison:
     """How much better one arm knew a variable than another.
 
     Attributes:
-        runs: the number of runs in which neither was left out of the window.
-        paper, strict: the differences of the ratios of sums over these runs, `arm` minus `against`.
+        runs: the number of runs in which neither arm was left out of the window.
+        paper: the difference of the ratios of sums over these runs, `arm` minus `against`.
+        strict: the same for the strict ratio.
     """
 
     variable: str
@@ -172,11 +173,11 @@ def _difference(pairs: Sequence[tuple[Seconds, Seconds]], counted: Counted) -> E
 
 
 def fewer_triggers(runs: Runs, arm: str, against: str, algorithms: Sequence[str]) -> Estimate:
-    """Return the share of triggers that an arm saves against another (P1, section 4.1: 79.4 %), with its interval."""
+    """Return which share of another arm's triggers an arm saves (P1, section 4.1: 79.4 %), with its interval."""
     counts = zip(runs.triggers(arm, algorithms), runs.triggers(against, algorithms), strict=True)
     return ratio_interval([Share(float(other - own), float(other)) for own, other in counts])
 
 
-def plain(estimate: Estimate) -> Mapping[str, float | None]:
+def estimate_as_data(estimate: Estimate) -> Mapping[str, float | None]:
     """Return an estimate as plain data."""
     return {"value": estimate.value, "low": estimate.low, "high": estimate.high}

@@ -1,4 +1,4 @@
-"""Detect tags in stored frames again, from their files and with the functions of the spec, without a simulator."""
+"""Detect tags in stored frames again: from the frames' files, with the functions of the spec, without a simulator."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from codra_papers.lab.perception.poses import Pose
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DetectedAgain:
-    """A stored frame, and the result of detecting it again.
+    """A stored frame, and the result of a new detection in it.
 
     Attributes:
-        trial: the name of its trial.
-        values: the new result; None if its file cannot be read.
+        trial: the name of the frame's trial.
+        values: the new result; None if the frame's file cannot be read.
     """
 
     trial: str
@@ -40,26 +40,26 @@ class DetectedAgain:
 
 
 def detect_again(spec: Spec, outcomes: Sequence[Outcome], folder: Path) -> Sequence[DetectedAgain]:
-    """Detect all stored frames again.
+    """Repeat the detection in all stored frames.
 
     Args:
         spec: determines the function and the parameters of each algorithm.
-        outcomes: with the frames.
-        folder: of the experiment.
+        outcomes: the outcomes of runs that stored frames.
+        folder: the folder of the experiment.
     """
     algorithms = {algorithm.name: algorithm for algorithm in spec.perception}
     return [
         DetectedAgain(
             trial=outcome.name,
             kept=kept,
-            values=_perceived(algorithms[kept.algorithm], kept, folder / TRIALS / outcome.name / kept.file),
+            values=_detect(algorithms[kept.algorithm], kept, folder / TRIALS / outcome.name / kept.file),
         )
         for outcome in outcomes
         for kept in outcome.kept
     ]
 
 
-def _perceived(algorithm: Algorithm, kept: KeptFrame, path: Path) -> Mapping[str, Any] | None:
+def _detect(algorithm: Algorithm, kept: KeptFrame, path: Path) -> Mapping[str, Any] | None:
     pixels = cv2.imread(str(path), cv2.IMREAD_COLOR)
     if pixels is None:
         return None
@@ -70,11 +70,11 @@ def _perceived(algorithm: Algorithm, kept: KeptFrame, path: Path) -> Mapping[str
         believed_map_from_camera=Pose(np.array(rotation), np.array(translation_m)),
         stamp_s=kept.evidence_s,
     )
-    values = _function(algorithm.call)(**dict(algorithm.parameters), camera=StillCamera(frame), job=_PassingJob())
+    values = _load_function(algorithm.call)(**dict(algorithm.parameters), camera=StillCamera(frame), job=_PassingJob())
     return dict(values)
 
 
-def _function(call: str) -> Callable[..., Mapping[str, Any]]:
+def _load_function(call: str) -> Callable[..., Mapping[str, Any]]:
     module, _, name = call.partition(":")
     function: Callable[..., Mapping[str, Any]] = getattr(import_module(module), name)
     return function
@@ -82,7 +82,7 @@ def _function(call: str) -> Callable[..., Mapping[str, Any]]:
 
 @dataclass(slots=True)
 class _PassingJob:
-    """A job for which time passes at once: the result of an algorithm does not depend on its duration."""
+    """A job whose sleeping takes no real time: the result of an algorithm does not depend on its duration."""
 
     random: Random = field(default_factory=lambda: Random(0))
     index: int = 0

@@ -25,7 +25,7 @@ class Mistake:
 
     @property
     def cause(self) -> str:
-        """Return the reason why it was wrong."""
+        """Return the reason why the value was wrong."""
         return "has changed since" if self.basis.was_true else "seen wrongly"
 
     @property
@@ -54,8 +54,8 @@ def mistakes_table(wrong_values: Sequence[Mistake]) -> Table:
     """Return a table of wrong values with their evidence."""
     header = ("seed", "at s", "variable", "for", "skill", "arm", "held", "true", "cause", "fresh", "algorithm")
     caption = (
-        "Every decision at which an arm held a value that was not true, with the evidence for the value and its frame, "
-        "in the folder of this report. Fresh: the evidence is from after the action that is monitored."
+        "Every decision at which an arm held a value that was not true, with the evidence for the value, and the frame "
+        "of this evidence in the folder of this report. Fresh: the evidence was taken after the monitored action."
     )
     return plain_table(
         caption, (*header, "evidence at s", "measured", "frame"), [tuple(_cells(mistake)) for mistake in wrong_values]
@@ -66,11 +66,11 @@ def _cells(mistake: Mistake) -> Iterator[Cell]:
     decision, basis = mistake.decision, mistake.basis
     yield from (mistake.outcome.seed, round(decision.instant_s, 1), label(decision.variable), mistake.purpose)
     yield from (decision.skill, mistake.arm, decision.held[mistake.arm], decision.truth, mistake.cause)
-    yield from (decision.fresh[mistake.arm], basis.algorithm, round(basis.evidence_s, 1), measured(basis.values))
+    yield from (decision.fresh[mistake.arm], basis.algorithm, round(basis.evidence_s, 1), values_text(basis.values))
     yield mistake.frame or None
 
 
-def measured(values: Mapping[str, Any]) -> str:
+def values_text(values: Mapping[str, Any]) -> str:
     """Return the values that an algorithm returned, as text."""
     return ", ".join(
         f"{name} {value:.3f}" if isinstance(value, float) else f"{name} {str(value).lower()}"
@@ -82,8 +82,8 @@ def photographs(wrong_values: Sequence[Mistake], folder: Path) -> Sequence[Photo
     """Return the frame of the first mistake of each arm and cause.
 
     Args:
-        wrong_values: in order of runs and time.
-        folder: of the experiment.
+        wrong_values: the wrong values, in order of runs and time.
+        folder: the folder of the experiment.
     """
     first: dict[tuple[str, str], Mistake] = {}
     for mistake in wrong_values:
@@ -98,5 +98,5 @@ def _caption(mistake: Mistake) -> str:
     return (
         f"{mistake.arm}, seed {mistake.outcome.seed}: {label(decision.variable)} held as {held} when it was needed at "
         f"{decision.instant_s:.1f} s, {mistake.cause}. This frame is of {basis.evidence_s:.1f} s; {basis.algorithm} "
-        f"measured {measured(basis.values)}."
+        f"measured {values_text(basis.values)}."
     )

@@ -19,9 +19,9 @@ class Row:
     """An observer in Table 2.
 
     Attributes:
-        agreement_s, disagreement_s: of each of ten runs.
-        printed_total_s: the sums of both, as printed.
-        printed_ratio: of the totals, as printed.
+        agreement_s, disagreement_s: the seconds of each of ten runs.
+        printed_total_s: the printed sums of both.
+        printed_ratio: the printed ratio of the totals.
     """
 
     variable: str
@@ -33,10 +33,10 @@ class Row:
 
 
 PRINTED_RUN_4_RATIO = 0.920
-"""Misprint 1: of the context-driven observer on `centrifuge_open`. The seconds of this run give a ratio of 0.978."""
+"""Misprint 1, of the context-driven observer on `centrifuge_open`: the seconds of this run give a ratio of 0.978."""
 
 PRINTED_RUN_9_AGREEMENT_S = 3898.61
-"""Misprint 2: in the same row. The row adds up to its total with 3589.61 s: two digits were swapped."""
+"""Misprint 2, in the same row: with 3589.61 s the row adds up to its total, so two digits were swapped."""
 
 TABLE_2 = (
     Row(

@@ -13,8 +13,8 @@ from codra_papers.experiments.studies.robustness.findings import (
     VARIABLES,
     Comparison,
     Runs,
+    estimate_as_data,
     label,
-    plain,
 )
 from codra_papers.experiments.studies.robustness.frames import DetectedAgain
 from codra_papers.experiments.studies.robustness.mistakes import Mistake
@@ -42,7 +42,7 @@ def _run(outcome: Outcome) -> Mapping[str, Any]:
 
 
 def _variable(runs: Runs, name: str, arm: str) -> Mapping[str, Any]:
-    total, complete, lag, cause = (
+    window_seconds, complete_seconds, variable_lags, variable_causes = (
         runs.total(name, arm),
         runs.complete_runs(name, arm),
         runs.lags(name, arm),
@@ -52,15 +52,15 @@ def _variable(runs: Runs, name: str, arm: str) -> Mapping[str, Any]:
         "window_by_run": [
             None if run_seconds is None else asdict(run_seconds) for run_seconds in runs.seconds(name, arm)
         ],
-        "window_total": asdict(total),
-        "paper_ratio": ratio_of_sums([total.paper]),
-        "strict_ratio": ratio_of_sums([total.strict]),
+        "window_total": asdict(window_seconds),
+        "paper_ratio": ratio_of_sums([window_seconds.paper]),
+        "strict_ratio": ratio_of_sums([window_seconds.strict]),
         "runs_left_out": runs.left_out(name, arm),
-        "whole_runs": asdict(complete),
-        "wrong_by_cause": asdict(cause),
+        "whole_runs": asdict(complete_seconds),
+        "wrong_by_cause": asdict(variable_causes),
         "first_known_s": list(runs.first_s(name, arm)),
-        "lags_s": list(lag.seen_s),
-        "changes_never_seen": lag.unseen,
+        "lags_s": list(variable_lags.seen_s),
+        "changes_never_seen": variable_lags.unseen,
         "preview": asdict(runs.answers((name,), arm, previews=True)),
         "monitoring": asdict(runs.answers((name,), arm, previews=False)),
     }
@@ -85,8 +85,8 @@ def comparisons_as_data(comparisons: Sequence[Comparison]) -> Mapping[str, Any]:
             "arm": comparison.arm,
             "against": comparison.against,
             "runs": comparison.runs,
-            "paper_ratio_difference": plain(comparison.paper),
-            "strict_ratio_difference": plain(comparison.strict),
+            "paper_ratio_difference": estimate_as_data(comparison.paper),
+            "strict_ratio_difference": estimate_as_data(comparison.strict),
         }
         for comparison in comparisons
     ]
@@ -116,19 +116,23 @@ def mistakes_as_data(wrong_values: Sequence[Mistake]) -> Sequence[Mapping[str, A
     ]
 
 
-def detected_as_data(detected: Sequence[DetectedAgain]) -> Mapping[str, Any]:
-    """Return how many frames gave the recorded evidence again, and the frames that did not."""
-    different = [
+def detected_as_data(detected_frames: Sequence[DetectedAgain]) -> Mapping[str, Any]:
+    """Return how many frames gave the recorded evidence again, and which frames did not."""
+    different_frames = [
         {
-            "frame": f"{again.trial}/{again.kept.file}",
-            "algorithm": again.kept.algorithm,
-            "recorded": dict(again.kept.values),
+            "frame": f"{detected_frame.trial}/{detected_frame.kept.file}",
+            "algorithm": detected_frame.kept.algorithm,
+            "recorded": dict(detected_frame.kept.values),
         }
-        | {"again": None if again.values is None else dict(again.values)}
-        for again in detected
-        if not again.agrees
+        | {"again": None if detected_frame.values is None else dict(detected_frame.values)}
+        for detected_frame in detected_frames
+        if not detected_frame.agrees
     ]
-    return {"frames": len(detected), "agreed": len(detected) - len(different), "different": different}
+    return {
+        "frames": len(detected_frames),
+        "agreed": len(detected_frames) - len(different_frames),
+        "different": different_frames,
+    }
 
 
 def paper_as_data() -> Mapping[str, Any]:

@@ -35,38 +35,38 @@ def ratio_sentences(runs: Runs, comparisons: Sequence[Comparison]) -> Iterator[s
             if (comparison.variable, comparison.arm, comparison.against) == ("centrifuge_open", arm, NAIVE.name):
                 yield (
                     f"centrifuge_open, {arm} against {NAIVE.name} over {_count(comparison.runs, 'further run')}: ratio "
-                    f"{interval(comparison.paper)}, {_better(comparison.paper)}; strict ratio "
-                    f"{interval(comparison.strict)}, {_better(comparison.strict)}."
+                    f"{interval(comparison.paper)}, {_difference_text(comparison.paper)}; strict ratio "
+                    f"{interval(comparison.strict)}, {_difference_text(comparison.strict)}."
                 )
     for arm in CONTEXT_DRIVEN:
         for comparison in comparisons:
             if (comparison.variable, comparison.arm, comparison.against) == ("pcr_cycler_open", arm, NAIVE.name):
                 yield (
                     f"PCR-cycler_open, {arm} against {NAIVE.name} over {_count(comparison.runs, 'further run')}: ratio "
-                    f"{interval(comparison.paper)}, {_not_worse(comparison.paper)}; strict ratio "
-                    f"{interval(comparison.strict)}, {_not_worse(comparison.strict)}."
+                    f"{interval(comparison.paper)}, {_not_worse_text(comparison.paper)}; strict ratio "
+                    f"{interval(comparison.strict)}, {_not_worse_text(comparison.strict)}."
                 )
 
 
 def _hope_for_the_ratio(runs: Runs) -> str:
-    reached = {arm: runs.total("centrifuge_open", arm) for arm in runs.arms}
+    arm_totals = {arm: runs.total("centrifuge_open", arm) for arm in runs.arms}
     ratios = ", ".join(
         f"{_number(ratio_of_sums([arm_seconds.paper]))} (strict {_number(ratio_of_sums([arm_seconds.strict]))}) "
         f"with {arm}"
-        for arm, arm_seconds in reached.items()
+        for arm, arm_seconds in arm_totals.items()
     )
-    outcomes = "; ".join(f"{arm} {_hope(ratio_of_sums([reached[arm].paper]))}" for arm in CONTEXT_DRIVEN)
+    outcomes = "; ".join(f"{arm} {_hope_text(ratio_of_sums([arm_totals[arm].paper]))}" for arm in CONTEXT_DRIVEN)
     return (
         f"centrifuge_open over {_count(len(runs.outcomes), 'run')}: ratio {ratios}. "
         f"Hoped for: at least {HOPED_RATIO}; {outcomes}."
     )
 
 
-def _hope(ratio: float | None) -> str:
+def _hope_text(ratio: float | None) -> str:
     return "gives no ratio" if ratio is None else "reaches it" if ratio >= HOPED_RATIO else "does not reach it"
 
 
-def _better(difference: Estimate) -> str:
+def _difference_text(difference: Estimate) -> str:
     if difference.is_positive:
         return "better, with the interval above zero"
     if difference.is_negative:
@@ -74,14 +74,16 @@ def _better(difference: Estimate) -> str:
     return "not shown to differ"
 
 
-def _not_worse(difference: Estimate) -> str:
+def _not_worse_text(difference: Estimate) -> str:
     return (
-        _better(difference) if difference.is_positive or difference.is_negative else "not shown to be worse or better"
+        _difference_text(difference)
+        if difference.is_positive or difference.is_negative
+        else "not shown to be worse or better"
     )
 
 
 def trigger_sentences(runs: Runs, vision: Sequence[str]) -> Iterator[str]:
-    """Answer how many triggers need and events save, and which algorithm has most of the others."""
+    """Answer how many triggers need and events save, and which algorithm has most of the remaining triggers."""
     for arm in CONTEXT_DRIVEN:
         lid, vision_share = (fewer_triggers(runs, arm, NAIVE.name, names) for names in (PCR_CYCLER_LID, vision))
         yield (
@@ -117,16 +119,19 @@ def cause_sentences(runs: Runs) -> Iterator[str]:
 
 
 def _without_lag(runs: Runs, variable: str) -> str:
-    """Report the ratio as if only values that were seen wrongly counted as wrong: the errors of perception itself."""
+    """Report the ratio that would result if only values that were seen wrongly counted as wrong.
+
+    These are the errors of perception itself.
+    """
     ratios = []
     for arm in runs.arms:
         wrong_s, right_s = runs.causes((variable,), arm).seen_wrongly_s, runs.complete_runs(variable, arm).right_s
         ratios.append(f"{_number(ratio_of_sums([Share(right_s, right_s + wrong_s)]))} with {arm}")
     lag_s = {arm: runs.lags(variable, arm).quantile_s(0.5) for arm in runs.arms}
-    slow = ", ".join("never" if median_s is None else f"{median_s:.0f} s" for median_s in lag_s.values())
+    lags_text = ", ".join("never" if median_s is None else f"{median_s:.0f} s" for median_s in lag_s.values())
     return (
         f"If only values that were seen wrongly counted as wrong, the ratio of {label(variable)} over complete runs "
-        f"would be {', '.join(ratios)}; the median lag after a change is {slow}, in the same order."
+        f"would be {', '.join(ratios)}; the median lag after a change is {lags_text}, in the same order."
     )
 
 
@@ -139,20 +144,21 @@ def decision_sentences(runs: Runs, wrong_values: Sequence[Mistake]) -> Iterator[
         )
         for arm in runs.arms
     }
-    requested = sum(decision.variable in VARIABLES for outcome in runs.outcomes for decision in outcome.decisions)
+    decision_count = sum(decision.variable in VARIABLES for outcome in runs.outcomes for decision in outcome.decisions)
     counts_text = ", ".join(f"{arm} {sum(both)} ({both[0]} previews)" for arm, both in counts.items())
-    yield f"Of {requested} decisions on the fourteen variables, an arm held a wrong value at: {counts_text}."
+    yield f"Of {decision_count} decisions on the fourteen variables, an arm held a wrong value at: {counts_text}."
 
 
 def frame_sentences(runs: Runs, again: Sequence[DetectedAgain]) -> Iterator[str]:
     """Report whether the detections in stored frames can be reproduced."""
     counts = [(outcome.frames, outcome.perceived) for outcome in runs.outcomes]
     rendered, perceived = (sum(column) for column in zip(*counts, strict=True)) if counts else (0, 0)
-    equal = all(left == right for left, right in counts)
+    is_equal = all(left == right for left, right in counts)
     yield (
         f"{rendered} frames were rendered and {perceived} perceived, "
-        f"{'equal in each run' if equal else 'not equal in each run'}. {_count(len(again), 'stored frame')} detected "
-        f"again from the files alone: {sum(frame.agrees for frame in again)} gave exactly the recorded evidence."
+        f"{'equal in each run' if is_equal else 'not equal in each run'}. {_count(len(again), 'stored frame')} "
+        f"detected again from the files alone: {sum(frame.agrees for frame in again)} gave exactly the recorded "
+        "evidence."
     )
 
 

@@ -64,9 +64,9 @@ def table_2(runs: Runs, variable: str) -> Table:
     header = ("arm", "", *(f"Run {number}" for number in range(1, len(runs.outcomes) + 1)), "Total")
     rows = [row for arm in runs.arms for row in _arm_rows(runs, variable, arm)]
     caption = (
-        f"{label(variable)}, as P1's Table 2: seconds of agreement and disagreement with the truth from the instant "
-        f"when the last arm has first identified it. Ratio: agreement of held seconds; strict: of all seconds. "
-        f"{_MARKED} A dash: the arm never identified it in that run and is left out of its window."
+        f"{label(variable)}, as P1's Table 2: seconds of agreement and disagreement with the truth, from the instant "
+        f"at which the last arm has identified the variable. Ratio: agreement in held seconds; strict ratio: in all "
+        f"seconds. {_MARKED} A dash: the arm never identified the variable in this run, and is left out of its window."
     )
     ratios = [index for index, row in enumerate(rows) if row[1] in ("ratio", "strict ratio")]
     return marked_below(plain_table(caption, header, rows), paper.LOW_RATIO, ratios)
@@ -74,28 +74,44 @@ def table_2(runs: Runs, variable: str) -> Table:
 
 def _arm_rows(runs: Runs, variable: str, arm: str) -> Iterator[Sequence[Cell]]:
     columns = [*runs.seconds(variable, arm), runs.total(variable, arm)]
-    yield arm, "right s", *(_of(column, lambda run_seconds: round(run_seconds.right_s, 2)) for column in columns)
-    yield arm, "wrong s", *(_of(column, lambda run_seconds: round(run_seconds.wrong_s, 2)) for column in columns)
-    yield arm, "unknown s", *(_of(column, lambda run_seconds: round(run_seconds.unknown_s, 2)) for column in columns)
-    yield arm, "ratio", *(_of(column, lambda run_seconds: ratio(run_seconds.paper)) for column in columns)
-    yield arm, "strict ratio", *(_of(column, lambda run_seconds: ratio(run_seconds.strict)) for column in columns)
+    yield (
+        arm,
+        "right s",
+        *(_quantity_cell(column, lambda run_seconds: round(run_seconds.right_s, 2)) for column in columns),
+    )
+    yield (
+        arm,
+        "wrong s",
+        *(_quantity_cell(column, lambda run_seconds: round(run_seconds.wrong_s, 2)) for column in columns),
+    )
+    yield (
+        arm,
+        "unknown s",
+        *(_quantity_cell(column, lambda run_seconds: round(run_seconds.unknown_s, 2)) for column in columns),
+    )
+    yield arm, "ratio", *(_quantity_cell(column, lambda run_seconds: ratio(run_seconds.paper)) for column in columns)
+    yield (
+        arm,
+        "strict ratio",
+        *(_quantity_cell(column, lambda run_seconds: ratio(run_seconds.strict)) for column in columns),
+    )
 
 
-def _of(run_seconds: Seconds | None, quantity: Callable[[Seconds], float | None]) -> Cell:
+def _quantity_cell(run_seconds: Seconds | None, quantity: Callable[[Seconds], float | None]) -> Cell:
     return None if run_seconds is None else quantity(run_seconds)
 
 
 def table_2_of_the_paper(variable: str) -> Table:
-    """Return P1's own rows for a variable, corrected."""
+    """Return the rows of P1 for a variable, corrected."""
     printed_rows = [row for row in paper.TABLE_2 if row.variable == variable]
     rows = [line for row in printed_rows for line in _paper_rows(row)]
     header = ("arm", "", *(f"Run {number}" for number in range(1, 11)), "Total")
     caption = (
-        f"{label(variable)} in P1's Table 2: other runs, of a real robot; run 1 there is not run 1 here. {_MARKED}"
+        f"{label(variable)} in P1's Table 2: other runs, of a real robot. Run 1 there is not run 1 here. {_MARKED}"
     )
     if variable == "centrifuge_open":
         caption += (
-            " Two misprints of the context-driven row are corrected: the ratio of run 4 is 0.978 by its own seconds "
+            " Two misprints of the context-driven row are corrected: by the seconds of run 4 its ratio is 0.978 "
             f"(printed: {paper.PRINTED_RUN_4_RATIO:.3f}), and the row adds up to its total with 3589.61 s of agreement "
             f"in run 9 (printed: {paper.PRINTED_RUN_9_AGREEMENT_S})."
         )
@@ -122,7 +138,7 @@ def ratio_table(runs: Runs, counted: Counted, caption: str) -> Table:
 
 
 def seconds_table(runs: Runs) -> Table:
-    """Return how long each arm was right, wrong and without knowledge, over complete runs."""
+    """Return for how long each arm was right, wrong, or without a value, over complete runs."""
     header = ("variable", "arm", "right s", "wrong s", "unknown s", "all s", "runs left out of the window")
     rows: list[Sequence[Cell]] = [
         (
@@ -139,7 +155,9 @@ def seconds_table(runs: Runs) -> Table:
         for complete in [runs.complete_runs(name, arm)]
     ]
     marked = frozenset((index, 6) for index, row in enumerate(rows) if row[6])
-    caption = "Seconds over complete runs: right, wrong and unknown add up to them. Marked: arms left out of a window."
+    caption = (
+        "Seconds over complete runs: right, wrong and unknown add up to the runs. Marked: arms left out of a window."
+    )
     return Table(caption=caption, header=header, rows=rows, marked=marked)
 
 
@@ -160,8 +178,9 @@ def knowledge_table(runs: Runs) -> Table:
         for lag in [runs.lags(name, arm)]
     ]
     caption = (
-        "First known: median over the runs in which the arm identified it. Lag: from a change of the truth until the "
-        "arm held the new value; 0 if it held it already. Never seen: not before the next change or the run's end."
+        "First known: median over the runs in which the arm identified the variable. Lag: from a change of the truth "
+        "until the arm held the new value; 0 if it held this value already. Never seen: not before the next change or "
+        "the end of the run."
     )
     return plain_table(caption, header, rows)
 
@@ -174,7 +193,7 @@ def _median(values: Sequence[float]) -> float | None:
 
 
 def comparison_table(comparisons: Sequence[Comparison]) -> Table:
-    """Return the differences between arms on the two lids, with their intervals."""
+    """Return the differences between arms for the variables of the two lids, with their intervals."""
     rows = [
         (
             label(comparison.variable),
@@ -188,7 +207,7 @@ def comparison_table(comparisons: Sequence[Comparison]) -> Table:
         if comparison.variable in LIDS
     ]
     caption = (
-        "Differences of the ratios of sums, arm less the arm with which it is compared, over the further runs; in "
+        "Differences of the ratios of sums, arm minus the arm with which it is compared, over the further runs; in "
         "brackets the 95 % interval of a paired bootstrap over runs (10,000 resamples, bias-corrected and accelerated)."
     )
     return plain_table(caption, ("variable", "arm", "against", "runs", "ratio", "strict ratio"), rows)
@@ -198,7 +217,7 @@ def comparison_table(comparisons: Sequence[Comparison]) -> Table:
 
 
 def triggers_table(runs: Runs, vision: Sequence[str]) -> Table:
-    """Return how many jobs each arm started, by algorithm, and how long its slot was in use."""
+    """Return how many jobs of each algorithm each arm started, and how long the arm's slot was in use."""
     algorithms = sorted({name for outcome in runs.outcomes for arm in outcome.arms.values() for name in arm.triggers})
     rows: list[Sequence[Cell]] = [
         (name, *(sum(runs.triggers(arm, (name,))) for arm in runs.arms)) for name in algorithms
@@ -210,7 +229,7 @@ def triggers_table(runs: Runs, vision: Sequence[str]) -> Table:
 
 
 def reduction_table(runs: Runs, further: Runs, naive: Sequence[str], vision: Sequence[str]) -> Table:
-    """Return by how much each arm reduces the triggers of the naive ones, beside P1's 79.4 %."""
+    """Return by how much each arm reduces the triggers of the naive arms, and P1's 79.4 %."""
     counted = (("the PCR-cycler's lid, as P1 counts", PCR_CYCLER_LID), ("all that need the vision slot", vision))
     rows = [
         (
@@ -227,8 +246,15 @@ def reduction_table(runs: Runs, further: Runs, naive: Sequence[str], vision: Seq
         for arm in runs.arms
         if arm not in naive
     ]
-    fewer = 100 * (1 - paper.CONTEXT_DRIVEN_TRIGGERS / paper.NAIVE_TRIGGERS)
-    row = (paper.CONTEXT_DRIVEN, paper.NAIVE, paper.CONTEXT_DRIVEN_TRIGGERS, paper.NAIVE_TRIGGERS, f"{fewer:.1f}", None)
+    fewer_percent = 100 * (1 - paper.CONTEXT_DRIVEN_TRIGGERS / paper.NAIVE_TRIGGERS)
+    row = (
+        paper.CONTEXT_DRIVEN,
+        paper.NAIVE,
+        paper.CONTEXT_DRIVEN_TRIGGERS,
+        paper.NAIVE_TRIGGERS,
+        f"{fewer_percent:.1f}",
+        None,
+    )
     header = ("triggers of", "arm", "against", "arm's", "the other's", "fewer by %", "fewer by %, further runs")
     return plain_table(
         "How many triggers an arm saves, with 95 % intervals over runs.",
@@ -242,8 +268,8 @@ def reduction_table(runs: Runs, further: Runs, naive: Sequence[str], vision: Seq
 
 def answers_table(runs: Runs) -> Table:
     """Return the values that the arms held at decisions, for each variable on which decisions are made."""
-    decided = {decision.variable for outcome in runs.outcomes for decision in outcome.decisions}
-    groups = [(label(name), (name,)) for name in VARIABLES if name in decided]
+    decided_variables = {decision.variable for outcome in runs.outcomes for decision in outcome.decisions}
+    groups = [(label(name), (name,)) for name in VARIABLES if name in decided_variables]
     preview, monitoring = ("preview: right", "wrong", "fell back"), ("monitoring: right", "wrong", "fell back")
     header = ("variable", "arm", *preview, *monitoring, "on fresh evidence")
     rows: list[Sequence[Cell]] = [
@@ -255,8 +281,8 @@ def answers_table(runs: Runs) -> Table:
     caption = (
         "The value that each arm held at the instant when the main execution needed it. Fell back: the value was "
         "unknown, so a main execution would look by itself. A monitoring decision is requested when the action has "
-        "just ended: the value held then is mostly from before the action, and counts as fresh only if its evidence is "
-        "from after it; a main execution would wait for an arm that answered. Marked: wrong values."
+        "just ended. The value held then is mostly from before the action; it counts as fresh only if its evidence is "
+        "from after the action. A main execution would wait for an arm that answered. Marked: wrong values."
     )
     return Table(caption=caption, header=header, rows=rows, marked=marked)
 

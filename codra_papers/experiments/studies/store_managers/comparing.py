@@ -24,9 +24,9 @@ class Measure:
     """A number of each run.
 
     Attributes:
-        name: as shown in tables.
-        key: as used in data.
-        of: computes it from the outcome of a run.
+        name: the name in tables.
+        key: the key in data.
+        of: computes the number from the outcome of a run.
     """
 
     name: str
@@ -51,12 +51,12 @@ MEASURES = (
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Compared:
-    """A measure of a manager.
+class MeasureComparison:
+    """One measure of one manager, compared with ours.
 
     Attributes:
-        mean: over seeds.
-        difference: to ours, over the same seeds; None for ours.
+        mean: the mean over seeds.
+        difference: the mean difference to ours, over the same seeds; None for ours.
     """
 
     measure: Measure
@@ -70,10 +70,12 @@ class Reactions:
     """How soon a manager reacted.
 
     Attributes:
-        cause: None for all causes.
-        count: the number of causes; `answered` of them were answered.
-        share: of answered causes.
-        quantiles_s: by `QUANTILES`; infinite for never, without a value if no cause occurred.
+        cause: the kind of cause; None for all kinds.
+        count: the number of causes.
+        answered: how many of the causes were answered.
+        share: the share of answered causes.
+        quantiles_s: the time from a cause to its answer for each of `QUANTILES`: infinite for never; without a value if
+            no cause occurred.
     """
 
     manager: str
@@ -84,25 +86,27 @@ class Reactions:
     quantiles_s: Mapping[float, Estimate]
 
 
-def compared(runs: Mapping[str, Sequence[StoreOutcome]], ours: str) -> Sequence[Compared]:
+def compare_managers(runs: Mapping[str, Sequence[StoreOutcome]], ours: str) -> Sequence[MeasureComparison]:
     """Return all measures of all managers.
 
     Args:
-        runs: by manager, all with the same seeds in the same order.
+        runs: the runs of each manager, all with the same seeds in the same order.
         ours: the manager with which the others are compared.
     """
-    return [_compared(measure, name, runs, ours) for measure in MEASURES for name in runs]
+    return [_compare_measure(measure, name, runs, ours) for measure in MEASURES for name in runs]
 
 
-def _compared(measure: Measure, name: str, runs: Mapping[str, Sequence[StoreOutcome]], ours: str) -> Compared:
+def _compare_measure(
+    measure: Measure, name: str, runs: Mapping[str, Sequence[StoreOutcome]], ours: str
+) -> MeasureComparison:
     values = [measure.of(run) for run in runs[name]]
-    of_ours = [measure.of(run) for run in runs[ours]]
-    less = [value - other for value, other in zip(values, of_ours, strict=True)]
-    return Compared(
+    our_values = [measure.of(run) for run in runs[ours]]
+    differences = [value - other for value, other in zip(values, our_values, strict=True)]
+    return MeasureComparison(
         measure=measure,
         manager=name,
         mean=mean_interval(values),
-        difference=None if name == ours else mean_interval(less),
+        difference=None if name == ours else mean_interval(differences),
     )
 
 
@@ -112,14 +116,16 @@ def reactions(runs: Mapping[str, Sequence[StoreOutcome]]) -> Sequence[Reactions]
 
 
 def _reactions(name: str, cause: Cause | None, runs: Sequence[StoreOutcome]) -> Reactions:
-    by_seed = [[call for call in run.called if cause in (None, call.cause)] for run in runs]
-    took_s = [[math.inf if call.reaction_s is None else call.reaction_s for call in called] for called in by_seed]
-    shares = [Share(sum(map(math.isfinite, durations_s)), len(durations_s)) for durations_s in took_s]
+    calls_by_seed = [[call for call in run.called if cause in (None, call.cause)] for run in runs]
+    reactions_s = [
+        [math.inf if call.reaction_s is None else call.reaction_s for call in called] for called in calls_by_seed
+    ]
+    shares = [Share(sum(map(math.isfinite, durations_s)), len(durations_s)) for durations_s in reactions_s]
     return Reactions(
         manager=name,
         cause=cause,
-        count=sum(map(len, took_s)),
+        count=sum(map(len, reactions_s)),
         answered=int(sum(share.part for share in shares)),
         share=ratio_interval(shares),
-        quantiles_s={quantile: quantile_interval(took_s, quantile) for quantile in QUANTILES},
+        quantiles_s={quantile: quantile_interval(reactions_s, quantile) for quantile in QUANTILES},
     )

@@ -1,4 +1,4 @@
-"""The pictures of the report: one seed over time with all managers, and unsafe seconds by seed."""
+"""The pictures of the report: the runs of one seed over time, and the unsafe seconds of each seed."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def over_time(runs: Mapping[str, StoreOutcome]) -> Drawing:
     """Draw safety, weights, course and unsafe seconds of one seed, with a row for each manager.
 
     Args:
-        runs: by manager, all of one seed.
+        runs: the run of each manager, all with one seed.
     """
     with _style():
         figure = Figure(figsize=(11.0, 1.0 + 1.9 * len(runs)), layout="constrained")
@@ -44,9 +44,9 @@ def over_time(runs: Mapping[str, StoreOutcome]) -> Drawing:
         ]
         figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False)
         caption = (
-            f"Seed {seed}: safety and weights from the manager's own analysis, the course as a band below, and "
-            "in red the time in which the robot moved fast near a person. The weights of none and random are those "
-            "of the spec's loops, which they do not follow."
+            f"Seed {seed}: safety and weights from the manager's own analysis; the course as a band below; "
+            "in red the time in which the robot moved fast near a person. For the managers none and random, the "
+            "weights are those of the spec's loops, which these managers do not follow."
         )
         return Drawing(caption=caption, svg=_svg(figure))
 
@@ -78,7 +78,7 @@ def _step(axes: Axes, curve: Curve, end_s: float, colour: str, width: float) -> 
 
 
 def by_seed(runs: Mapping[str, Sequence[StoreOutcome]]) -> Drawing:
-    """Draw the unsafe seconds of each seed with all managers, and their means."""
+    """Draw the unsafe seconds of each seed for all managers, and the mean for each manager."""
     with _style():
         figure = Figure(figsize=(7.0, 3.6), layout="constrained")
         axes = figure.subplots()

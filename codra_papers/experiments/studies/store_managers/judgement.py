@@ -14,40 +14,51 @@ from codra_papers.experiments.campaign.statistics import Estimate
 from codra_papers.experiments.studies.store_managers.comparing import (
     MEASURES,
     QUANTILES,
-    Compared,
     Measure,
+    MeasureComparison,
     Reactions,
-    compared,
+    compare_managers,
     reactions,
 )
 from codra_papers.experiments.studies.store_managers.drawing import by_seed, over_time
-from codra_papers.experiments.studies.store_managers.managers import Chance, Manager, Nominal, Ours, Tuned
+from codra_papers.experiments.studies.store_managers.managers import (
+    LoopsManager,
+    Manager,
+    NominalManager,
+    RandomManager,
+    ThresholdManager,
+)
 from codra_papers.experiments.studies.store_managers.search import Cell, Design, best, cells
 from codra_papers.experiments.studies.store_managers.trial import StoreOutcome, StoreTrial
 
-OURS = Ours().name
+OURS = LoopsManager().name
 NEVER = "never"
 
 _NOTE = (
     "Runs of {:.0f} s. The actions of people and the orders are drawn from the seed before a run begins; everything is "
     "counted from the state of the world. docs/papers/store-experiment.md has all definitions. Means are over "
-    "seeds; differences to ours are over the same seeds, with 95 % intervals by the bootstrap. Marked differences have "
-    "an interval without zero."
+    "seeds. Differences are to the manager ours over the same seeds, with 95 % intervals by the bootstrap. The "
+    "intervals of marked differences do not contain zero."
 )
 
 
 def reported_seeds(design: Design, settings: Settings) -> range:
-    """Return the reported seeds."""
+    """Return the seeds of the report."""
     return range(design.first_seed, design.first_seed + settings.seeds)
 
 
 def managers(design: Design, outcomes: Mapping[str, StoreOutcome]) -> tuple[Manager, ...]:
-    """Return the compared managers, which depend on the result of the search."""
-    return (Nominal(), Chance(), Tuned(best(cells(design, outcomes)).thresholds), Ours())
+    """Return the compared managers; the thresholds of one of them are the result of the search."""
+    return (
+        NominalManager(),
+        RandomManager(),
+        ThresholdManager(best(cells(design, outcomes)).thresholds),
+        LoopsManager(),
+    )
 
 
 def reported_trials(design: Design, settings: Settings, outcomes: Mapping[str, StoreOutcome]) -> Sequence[StoreTrial]:
-    """Return the runs of all managers, which depend on the result of the search."""
+    """Return the runs of all managers; the thresholds of one of them are the result of the search."""
     return [
         StoreTrial(
             name=_name(manager.name, seed),
@@ -67,64 +78,67 @@ def _name(manager: str, seed: int) -> str:
 
 def judge(design: Design, settings: Settings, outcomes: Mapping[str, StoreOutcome]) -> Document:
     """Return the report on the outcomes of the search and of `reported_trials`."""
-    searched, seeds = cells(design, outcomes), reported_seeds(design, settings)
+    search_cells, seeds = cells(design, outcomes), reported_seeds(design, settings)
     runs = {
         manager.name: [outcomes[_name(manager.name, seed)] for seed in seeds]
         for manager in managers(design, outcomes)
         if len(seeds)
     }
     if not runs:
-        return _searched_only(design, searched)
-    table, answered = compared(runs, OURS), reactions(runs)
-    first = {name: manager_runs[0] for name, manager_runs in runs.items()}
+        return _searched_only(design, search_cells)
+    table, reaction_rows = compare_managers(runs, OURS), reactions(runs)
+    first_runs = {name: manager_runs[0] for name, manager_runs in runs.items()}
     return Document(
         title="store: the value of the loops",
-        summary=(*_summary(table, answered), f"{len(seeds)} seeds, {seeds[0]} to {seeds[-1]}."),
+        summary=(*_summary(table, reaction_rows), f"{len(seeds)} seeds, {seeds[0]} to {seeds[-1]}."),
         sections=(
             Section(
                 title="Managers",
                 parts=(Words(text=_NOTE.format(design.duration_s)), _means(table), _differences(table)),
             ),
-            Section(title="From cause to switch", parts=(_reactions_table(answered),)),
+            Section(title="From cause to switch", parts=(_reactions_table(reaction_rows),)),
             Section(title="Unsafe seconds", parts=(by_seed(runs),)),
-            Section(title="One seed", parts=(over_time(first),)),
-            Section(title="The search for thresholds", parts=(_grid(design, searched),)),
+            Section(title="One seed", parts=(over_time(first_runs),)),
+            Section(title="The search for thresholds", parts=(_grid(design, search_cells),)),
         ),
         results={
             "managers": _compared_as_data(table),
-            "reactions": [_reactions_as_data(manager_reactions) for manager_reactions in answered],
-            "grid": [_cell_as_data(cell) for cell in searched],
-            "thresholds": _cell_as_data(best(searched)),
+            "reactions": [_reactions_as_data(manager_reactions) for manager_reactions in reaction_rows],
+            "grid": [_cell_as_data(cell) for cell in search_cells],
+            "thresholds": _cell_as_data(best(search_cells)),
             "by_seed": _by_seed(runs),
         },
     )
 
 
-def _searched_only(design: Design, searched: Sequence[Cell]) -> Document:
+def _searched_only(design: Design, search_cells: Sequence[Cell]) -> Document:
     return Document(
         title="store: the search for thresholds",
         summary=("No seed is reported.",),
-        sections=(Section(title="The search for thresholds", parts=(_grid(design, searched),)),),
-        results={"grid": [_cell_as_data(cell) for cell in searched]},
+        sections=(Section(title="The search for thresholds", parts=(_grid(design, search_cells),)),),
+        results={"grid": [_cell_as_data(cell) for cell in search_cells]},
     )
 
 
 # Words and tables
 
 
-def _summary(table: Sequence[Compared], answered: Sequence[Reactions]) -> Iterator[str]:
-    """Yield sentences on the four measures of the question, and on reactions, for any results."""
+def _summary(table: Sequence[MeasureComparison], reaction_rows: Sequence[Reactions]) -> Iterator[str]:
+    """Yield sentences on the four measures that answer the question, and on reactions, whatever the results are."""
     for measure in MEASURES[:4]:
-        of_managers = _of(table, measure)
-        means = ", ".join(f"{row.manager} {_number(row.mean.value, 2)}" for row in of_managers)
-        sure = [row for row in of_managers if row.difference is not None and _is_sure(row.difference)]
-        less = ", ".join(f"{row.manager} {interval(row.difference, 2)}" for row in sure if row.difference)
-        yield f"{measure.name} of a run: {means}; different from ours with an interval without zero: {less or 'none'}."
-    of_all = [row for row in answered if row.cause is None]
+        manager_rows = _measure_rows(table, measure)
+        means = ", ".join(f"{row.manager} {_number_text(row.mean.value, 2)}" for row in manager_rows)
+        sure_rows = [row for row in manager_rows if row.difference is not None and _is_sure(row.difference)]
+        differences_text = ", ".join(
+            f"{row.manager} {interval(row.difference, 2)}" for row in sure_rows if row.difference
+        )
+        sure_text = f"different from ours with an interval without zero: {differences_text or 'none'}"
+        yield f"{measure.name} of a run: {means}; {sure_text}."
+    all_cause_rows = [row for row in reaction_rows if row.cause is None]
     reactions_text = ", ".join(
-        f"{row.manager} {' and '.join(_seconds(row.quantiles_s[q].value) for q in QUANTILES)} "
+        f"{row.manager} {' and '.join(_seconds_text(row.quantiles_s[q].value) for q in QUANTILES)} "
         f"({row.answered} of {row.count} answered)"
-        for row in of_all
+        for row in all_cause_rows
     )
     yield f"From cause to switch, median and 99th percentile: {reactions_text}."
 
@@ -133,18 +147,20 @@ def _is_sure(difference: Estimate) -> bool:
     return difference.is_positive or difference.is_negative
 
 
-def _means(table: Sequence[Compared]) -> Table:
+def _means(table: Sequence[MeasureComparison]) -> Table:
     rows = [
-        (measure.name, *(with_ends(row.mean, "{:.2f}".format, "-") for row in _of(table, measure)))
+        (measure.name, *(with_ends(row.mean, "{:.2f}".format, "-") for row in _measure_rows(table, measure)))
         for measure in MEASURES
     ]
     header = ("Of a run", *dict.fromkeys(row.manager for row in table))
     return plain_table("Means over seeds, with their intervals.", header, rows)
 
 
-def _differences(table: Sequence[Compared]) -> Table:
+def _differences(table: Sequence[MeasureComparison]) -> Table:
     differences = {
-        measure.name: {row.manager: row.difference for row in _of(table, measure) if row.difference is not None}
+        measure.name: {
+            row.manager: row.difference for row in _measure_rows(table, measure) if row.difference is not None
+        }
         for measure in MEASURES
     }
     marked = frozenset(
@@ -154,7 +170,7 @@ def _differences(table: Sequence[Compared]) -> Table:
         if _is_sure(difference)
     )
     return Table(
-        caption="Differences to ours, seed by seed: above zero, the manager has more of it than ours.",
+        caption="Differences to ours, seed by seed: above zero, the number of the manager is larger than that of ours.",
         header=("Of a run", *next(iter(differences.values()))),
         rows=[
             (name, *(interval(difference, 2) for difference in by_manager.values()))
@@ -164,12 +180,12 @@ def _differences(table: Sequence[Compared]) -> Table:
     )
 
 
-def _of(table: Sequence[Compared], measure: Measure) -> Sequence[Compared]:
+def _measure_rows(table: Sequence[MeasureComparison], measure: Measure) -> Sequence[MeasureComparison]:
     """Return the rows of a measure for all managers."""
     return [row for row in table if row.measure is measure]
 
 
-def _reactions_table(answered: Sequence[Reactions]) -> Table:
+def _reactions_table(reaction_rows: Sequence[Reactions]) -> Table:
     header = ("Cause", "Manager", "Causes", "Answered", "Answered, %", *(f"p{100 * q:.0f} in s" for q in QUANTILES))
     rows = [
         (
@@ -178,20 +194,20 @@ def _reactions_table(answered: Sequence[Reactions]) -> Table:
             row.count,
             row.answered,
             percent(row.share),
-            *(with_ends(row.quantiles_s[q], _shown, "-") for q in QUANTILES),
+            *(with_ends(row.quantiles_s[q], _quantile_text, "-") for q in QUANTILES),
         )
-        for row in answered
+        for row in reaction_rows
     ]
     caption = (
         "From the instant at which a cause begins in the world to the first instant at which the course is one for "
-        "which it calls. An unanswered cause counts as later than any answered one. The number of causes depends on "
-        "the actions of the robot."
+        "which the cause calls. An unanswered cause counts as later than any answered cause. The number of causes "
+        "depends on the actions of the robot."
     )
     return plain_table(caption, header, rows)
 
 
-def _grid(design: Design, searched: Sequence[Cell]) -> Table:
-    chosen = best(searched)
+def _grid(design: Design, search_cells: Sequence[Cell]) -> Table:
+    chosen_cell = best(search_cells)
     rows = [
         (
             f"{cell.thresholds.distance_m:g}",
@@ -200,34 +216,34 @@ def _grid(design: Design, searched: Sequence[Cell]) -> Table:
             f"{cell.missions:.2f}",
             f"{cell.unsafe_s:.2f}",
             f"{cell.score:.3f}",
-            "chosen" if cell is chosen else "",
+            "chosen" if cell is chosen_cell else "",
         )
-        for cell in searched
+        for cell in search_cells
     ]
     header = ("Person, m", "Battery, %", "Load", "Missions", "Unsafe s", "Score", "")
     seeds = ", ".join(map(str, design.tuning_seeds))
-    caption = f"Each cell of the grid on the seeds {seeds}: missions less a tenth of the unsafe seconds, as means."
+    caption = f"Each cell of the grid on the seeds {seeds}, means. The score: missions minus a tenth of unsafe seconds."
     return plain_table(caption, header, rows)
 
 
-def _shown(value: float) -> str:
+def _quantile_text(value: float) -> str:
     return f"{value:.1f}" if math.isfinite(value) else NEVER
 
 
-def _seconds(value: float | None) -> str:
+def _seconds_text(value: float | None) -> str:
     if value is None:
         return "nothing"
     return f"{value:.1f} s" if math.isfinite(value) else NEVER
 
 
-def _number(value: float | None, digits: int) -> str:
+def _number_text(value: float | None, digits: int) -> str:
     return "-" if value is None else f"{value:.{digits}f}"
 
 
 # Data
 
 
-def _compared_as_data(table: Sequence[Compared]) -> Mapping[str, Any]:
+def _compared_as_data(table: Sequence[MeasureComparison]) -> Mapping[str, Any]:
     return {
         name: {
             row.measure.key: {"mean": _as_data(row.mean), "difference_to_ours": _as_data(row.difference)}

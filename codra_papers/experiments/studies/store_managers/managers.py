@@ -1,6 +1,6 @@
 """The compared managers, which decide on the course and the speed (docs/papers/store-experiment.md).
 
-All of them use the same trees, agents and handshakes: each replaces only the planner of the spec's loops.
+All managers use the same trees, agents and handshakes. Each manager replaces only the planner of the spec's loops.
 """
 
 from __future__ import annotations
@@ -46,29 +46,29 @@ class Manager(Protocol):
 
     @property
     def name(self) -> str:
-        """Return the name in tables."""
+        """Return the name of the manager in tables."""
         ...
 
     def planners(self, seed: int) -> Planners:
-        """Return the factory of its planners for a run with a seed."""
+        """Return the factory of the manager's planners for a run with a seed."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
-class Ours:
-    """The spec's loops."""
+class LoopsManager:
+    """Manages by the spec's own loops."""
 
     name: str = "ours"
 
     def planners(self, seed: int) -> Planners:
         """Return the factory of its planners, which use no random numbers."""
         del seed
-        return lambda model, loop, types: _Overruled(Planning(model, loop, types), _as_it_is)
+        return lambda model, loop, types: _OverruledPlanner(Planning(model, loop, types), _keep_plan)
 
 
 @dataclass(frozen=True, slots=True)
-class Tuned:
-    """Comparisons with thresholds in place of both fuzzy stages."""
+class ThresholdManager:
+    """Manages by comparisons with thresholds in place of both fuzzy stages."""
 
     thresholds: Thresholds
     name: str = "threshold"
@@ -78,43 +78,45 @@ class Tuned:
         del seed
 
         def make(model: MapeModel, loop: LoopModel, types: Types) -> Planner:
-            return _Overruled(Planning(with_thresholds(model, self.thresholds), loop, types), _as_it_is)
+            return _OverruledPlanner(Planning(with_thresholds(model, self.thresholds), loop, types), _keep_plan)
 
         return make
 
 
 @dataclass(frozen=True, slots=True)
-class Chance:
-    """A random course at each instant at which the spec's loops would change theirs."""
+class RandomManager:
+    """Chooses a random course at each instant at which the spec's loops would change their course."""
 
     name: str = "random"
 
     def planners(self, seed: int) -> Planners:
-        """Return the factory of its planners."""
+        """Return the factory of the planners, which draw from the seed of the run."""
 
         def make(model: MapeModel, loop: LoopModel, types: Types) -> Planner:
-            drawing = _Drawing(Random(f"{seed} manager {loop.name}"), model.courses)
-            return _Overruled(Planning(model, loop, types), drawing)
+            overrule = _DrawAtRandom(Random(f"{seed} manager {loop.name}"), model.courses)
+            return _OverruledPlanner(Planning(model, loop, types), overrule)
 
         return make
 
 
 @dataclass(frozen=True, slots=True)
-class Nominal:
-    """Always the nominal course, at the normal speed."""
+class NominalManager:
+    """Always chooses the nominal course, at the normal speed."""
 
     name: str = "none"
 
     def planners(self, seed: int) -> Planners:
         """Return the factory of its planners, which use no random numbers."""
         del seed
-        return lambda model, loop, types: _Overruled(Planning(model, loop, types), _Staying(model.parameters))
+        return lambda model, loop, types: _OverruledPlanner(
+            Planning(model, loop, types), _StayNominal(model.parameters)
+        )
 
 
-class _Overruled:
+class _OverruledPlanner:
     """A planner whose decisions can be replaced by a function.
 
-    It does not explain its decisions: that takes long and does not influence them.
+    The planner does not explain its decisions, because explanations take long and have no influence on decisions.
     """
 
     def __init__(self, planning: Planning, overrule: Overrule) -> None:
@@ -144,11 +146,11 @@ class _Overruled:
         return ()
 
 
-def _as_it_is(plan: Plan) -> Plan:
+def _keep_plan(plan: Plan) -> Plan:
     return plan
 
 
-class _Staying:
+class _StayNominal:
     """Turns the first decision into one for the nominal course and the normal speed, and drops all later ones."""
 
     def __init__(self, parameters: Sequence[ParameterModel]) -> None:
@@ -160,11 +162,11 @@ class _Staying:
             return replace(plan, decisions=(), settings=())
         self._has_begun = True
         (first,) = plan.decisions
-        settings = tuple(_first(parameter, NORMAL_M_S, first) for parameter in self._parameters)
-        return replace(plan, decisions=(_instead(first, NOMINAL, ""),), settings=settings)
+        settings = tuple(_first_setting(parameter, NORMAL_M_S, first) for parameter in self._parameters)
+        return replace(plan, decisions=(_replace_decision(first, NOMINAL, ""),), settings=settings)
 
 
-class _Drawing:
+class _DrawAtRandom:
     """Replaces each decision by a random course or speed."""
 
     def __init__(self, random: Random, courses: Sequence[CourseModel]) -> None:
@@ -185,7 +187,7 @@ class _Drawing:
     def _decision(self, decision: Decision) -> Decision | None:
         before = self._actions.get(decision.course, "")
         action = self._actions[decision.course] = self._random.choice(self._choices[decision.course])
-        return None if action == before else _instead(decision, action, before)
+        return None if action == before else _replace_decision(decision, action, before)
 
     def _setting(self, setting: Setting) -> Setting | None:
         before = self._values.get(setting.parameter.name)
@@ -193,11 +195,11 @@ class _Drawing:
         return None if value == before else replace(setting, value=value, before=before)
 
 
-def _instead(decision: Decision, action: str, before: str) -> Decision:
+def _replace_decision(decision: Decision, action: str, before: str) -> Decision:
     return replace(decision, action=action, before=before, because=SwitchReason.PLANNER, rule=None)
 
 
-def _first(parameter: ParameterModel, value: Value, decision: Decision) -> Setting:
+def _first_setting(parameter: ParameterModel, value: Value, decision: Decision) -> Setting:
     return Setting(
         instant_s=decision.instant_s,
         parameter=parameter,

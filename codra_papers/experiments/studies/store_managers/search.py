@@ -8,13 +8,13 @@ from dataclasses import dataclass
 from statistics import fmean
 
 from codra_papers.experiments.campaign.experiment import Settings
-from codra_papers.experiments.studies.store_managers.managers import Tuned
+from codra_papers.experiments.studies.store_managers.managers import ThresholdManager
 from codra_papers.experiments.studies.store_managers.thresholds import Thresholds
 from codra_papers.experiments.studies.store_managers.trial import LASTS_S, StoreOutcome, StoreTrial
 
 TUNING_SEEDS = (1, 2, 3, 4, 5)
 FIRST_SEED = 201
-"""The first reported seed. Results for 101 and above are known: they were reported before the truck was fixed."""
+"""The first reported seed. Results for seeds from 101 on were reported before the truck was fixed: they are known."""
 
 GRID = tuple(
     Thresholds(distance_m=distance_m, battery_percent=battery_percent, load=load)
@@ -30,10 +30,10 @@ class Design:
     """The runs of an experiment.
 
     Attributes:
-        grid: the cells of the search; among equal ones the first wins.
-        tuning_seeds: on which they are tried.
+        grid: the cells of the search; of equally good cells the first wins.
+        tuning_seeds: the seeds on which the cells are tried.
         first_seed: the first reported seed.
-        duration_s: of each run.
+        duration_s: the duration of each run.
     """
 
     grid: tuple[Thresholds, ...] = GRID
@@ -63,7 +63,7 @@ def search_trials(design: Design, settings: Settings) -> Sequence[StoreTrial]:
             name=_name(cell, seed),
             spec=settings.spec,
             seed=seed,
-            manager=Tuned(cell),
+            manager=ThresholdManager(cell),
             duration_s=design.duration_s,
         )
         for cell in design.grid
@@ -79,9 +79,9 @@ def cells(design: Design, outcomes: Mapping[str, StoreOutcome]) -> Sequence[Cell
     ]
 
 
-def best(searched: Sequence[Cell]) -> Cell:
-    """Return the cell with the highest score; among equal ones the first."""
-    return max(searched, key=lambda cell: round(cell.score, 9))
+def best(search_cells: Sequence[Cell]) -> Cell:
+    """Return the cell with the highest score; of equally good cells the first."""
+    return max(search_cells, key=lambda cell: round(cell.score, 9))
 
 
 def _cell(thresholds: Thresholds, outcomes: Sequence[StoreOutcome]) -> Cell:

@@ -1,4 +1,4 @@
-"""The events of a run: drawn from its seed before it begins, at instants that depend on nothing in the run."""
+"""The events of a run, drawn from its seed before it begins. Their instants depend on nothing in the run."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ DRAIN = 4.0
 """The factor on the use of the battery."""
 
 _SPARE = "container_3"
-"""A container that begins in the back room; it is moved to the place from which it is to be collected."""
+"""A container that is in the back room at first; it is put at the place from which it is to be collected."""
 
 _FIRST = "container_1"
 
@@ -27,7 +27,7 @@ class Visit:
     """A person who walks back and forth before a container.
 
     Attributes:
-        area: with the container.
+        area: the area with the container.
         times: how often the person crosses.
     """
 
@@ -41,9 +41,10 @@ class Shift:
     """The planned events of a run.
 
     Attributes:
-        areas: a container is moved from the first to the second; one is collected from the third; one is provided to
-            the fourth.
-        move_s: when the first order is given; `full_s`: when its container is full.
+        areas: a container is moved from the first area to the second; one is collected from the third; one is provided
+            to the fourth.
+        move_s: when the order to move a container is given.
+        full_s: when this container is full.
         is_hidden: whether the container of the third area is at a place that the first observation pose does not show.
     """
 
@@ -58,7 +59,7 @@ class Shift:
     battery_percent: float
 
     def settings(self) -> StoreSettings:
-        """Return the settings of the shop for it."""
+        """Return the settings of the shop for this shift."""
         return StoreSettings(
             seed=self.seed,
             situation=Situation.QUIET,
@@ -97,17 +98,17 @@ class Staging:
     """Carries out the events of a shift in a shop."""
 
     def __init__(self, shift: Shift, store: Store) -> None:
-        """Put everything in its place, and wait for the instants of the events."""
+        """Put the container to collect in its place, set the first load, and wait for the instants of the events."""
         self._shift = shift
         self._store = store
-        self._acts = sorted(self._scheduled(), key=lambda act: act[0])
+        self._acts = sorted(self._schedule(), key=lambda act: act[0])
         place = AREAS[shift.areas[2]].places[1 if shift.is_hidden else 0]
         store.world.move_container(_SPARE, place, Whereabouts.FLOOR)
         store.world.set_load(_SPARE, Load.FULL)
         self._load(Load.LOADING)
         store.world.watch(self._see)
 
-    def _scheduled(self) -> Iterator[tuple[float, Callable[[], object]]]:
+    def _schedule(self) -> Iterator[tuple[float, Callable[[], object]]]:
         shift, order = self._shift, self._store.page.order
         moved_from, moved_to, collected, provided = shift.areas
         yield shift.move_s, lambda: order(OrderKind.MOVE, moved_from, moved_to)

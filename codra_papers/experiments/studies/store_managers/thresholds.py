@@ -1,4 +1,4 @@
-"""Comparisons in place of both fuzzy stages: lists of lines, in which the first line that holds decides."""
+"""Comparisons in place of both fuzzy stages: lists of lines. The first line of a list that holds decides."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from codra_dsl.runtime.loops import InputModel, MapeModel, OutputModel, StageMod
 from codra_dsl.runtime.loops.fuzzy import BoundedInference, Bounds, Inference
 
 Numbers = Mapping[str, float]
-"""Known values, by variable; NaN is unknown, and no comparison with it holds."""
+"""The value of each variable. NaN stands for unknown, and no comparison with NaN holds."""
 
 _SAFE, _HALF_SAFE, _UNSAFE = 1.0, 0.5, 0.0
 
@@ -35,8 +35,8 @@ class Line:
     """A line of a list.
 
     Attributes:
-        gives: the result of the list if this line decides: values of outputs; 0 for outputs that it omits.
-        holds: whether it decides, for given numbers.
+        gives: the values of outputs if this line decides; the value is 0 for outputs that are not in the mapping.
+        holds: returns whether the condition of the line is true for given numbers.
     """
 
     text: str
@@ -49,8 +49,8 @@ def with_thresholds(model: MapeModel, thresholds: Thresholds) -> MapeModel:
     """Return the loops of the store with comparisons in place of their stages; everything else is unchanged.
 
     Args:
-        model: of `specs/store.yaml`.
-        thresholds: of the comparisons.
+        model: the loops of `specs/store.yaml`.
+        thresholds: the thresholds of the comparisons.
     """
     assert model.metrics is not None
     assert model.actions is not None
@@ -60,12 +60,12 @@ def with_thresholds(model: MapeModel, thresholds: Thresholds) -> MapeModel:
     load = inputs["container_load"].members.index(thresholds.load)
     return replace(
         model,
-        metrics=_stage(inputs, model.metrics.outputs, _metrics(thresholds)),
-        actions=_stage(inputs, model.actions.outputs, (_actions(load),)),
+        metrics=_stage(inputs, model.metrics.outputs, _metric_lists(thresholds)),
+        actions=_stage(inputs, model.actions.outputs, (_action_lines(load),)),
     )
 
 
-def _metrics(thresholds: Thresholds) -> tuple[tuple[Line, ...], ...]:
+def _metric_lists(thresholds: Thresholds) -> tuple[tuple[Line, ...], ...]:
     near, low = thresholds.distance_m, thresholds.battery_percent
     return (
         (
@@ -105,7 +105,7 @@ def _metrics(thresholds: Thresholds) -> tuple[tuple[Line, ...], ...]:
     )
 
 
-def _actions(load: int) -> tuple[Line, ...]:
+def _action_lines(load: int) -> tuple[Line, ...]:
     return (
         Line(
             text="the battery is low",
@@ -153,30 +153,30 @@ def _otherwise(gives: Mapping[str, float]) -> Line:
 def _stage(
     inputs: Mapping[str, InputModel], outputs: Sequence[OutputModel], lists: Sequence[Sequence[Line]]
 ) -> StageModel:
-    read = sorted({name for lines in lists for line in lines for name in line.reads})
-    compared = _Compared(tuple(read), tuple(output.name for output in outputs), lists)
+    input_names = sorted({name for lines in lists for line in lines for name in line.reads})
+    engine = _ThresholdEngine(tuple(input_names), tuple(output.name for output in outputs), lists)
     return StageModel(
-        infer=compared.infer,
-        infer_bounds=compared.infer_bounds,
-        inputs=tuple(replace(inputs[name], terms={}) for name in read),
+        infer=engine.infer,
+        infer_bounds=engine.infer_bounds,
+        inputs=tuple(replace(inputs[name], terms={}) for name in input_names),
         outputs=tuple(outputs),
-        rules=tuple(_rules(lists, compared.outputs)),
+        rules=tuple(_rules(lists, engine.outputs)),
         pieces=1,
     )
 
 
 def _rules(lists: Sequence[Sequence[Line]], outputs: Sequence[str]) -> Sequence[StageRuleModel]:
-    """Return lines as rules. Each concludes on all outputs of its list, since it may keep later lines from deciding."""
+    """Return lines as rules. Each rule concludes on all outputs of its list: it may keep later lines from deciding."""
     rules = []
     for lines in lists:
-        concluded = {name for line in lines for name in line.gives}
-        concludes = tuple(name for name in outputs if name in concluded)
+        concluded_outputs = {name for line in lines for name in line.gives}
+        concludes = tuple(name for name in outputs if name in concluded_outputs)
         rules += [StageRuleModel(text=line.text, concludes=concludes, reads=line.reads) for line in lines]
     return rules
 
 
 @dataclass(frozen=True, slots=True)
-class _Compared:
+class _ThresholdEngine:
     """Lists of lines with the interface of a fuzzy engine."""
 
     inputs: tuple[str, ...]
@@ -185,16 +185,19 @@ class _Compared:
 
     def infer(self, *numbers: float) -> Inference:
         """Return the results of all lists; the strength of a line is 1 if it decides."""
-        known = dict(zip(self.inputs, numbers, strict=True))
+        values_by_name = dict(zip(self.inputs, numbers, strict=True))
         values, strengths = dict.fromkeys(self.outputs, 0.0), []
         for lines in self.lists:
-            deciding = next(line for line in lines if line.holds(known))
+            deciding = next(line for line in lines if line.holds(values_by_name))
             values |= deciding.gives
             strengths += [float(line is deciding) for line in lines]
         return Inference(tuple(values.values()), tuple(strengths))
 
     def infer_bounds(self, *bounds: Bounds) -> BoundedInference:
-        """Return the bounds of all results: a range contains at most two thresholds, with its middle between them."""
+        """Return the bounds of all results, from the ends and the middle of each range.
+
+        These are enough: a range contains at most two thresholds, and its middle is between them.
+        """
         ends = (
             dict.fromkeys((interval.low, (interval.low + interval.high) / 2.0, interval.high)) for interval in bounds
         )

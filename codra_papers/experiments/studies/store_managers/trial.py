@@ -18,7 +18,7 @@ from codra_papers.experiments.store.curves import curves
 from codra_papers.experiments.store.run import Compiled, StoreRun, StoreRunSettings, run_store
 from codra_papers.experiments.studies.store_managers.managers import Manager
 from codra_papers.experiments.studies.store_managers.shift import Staging, shift_of
-from codra_papers.experiments.studies.store_managers.watching import Called, Cause, Span, Watch, calls
+from codra_papers.experiments.studies.store_managers.watching import Cause, CauseCall, Span, Watch, calls
 from codra_papers.store.simulator.store import Store
 
 LASTS_S = 300.0
@@ -33,19 +33,20 @@ Curve = Sequence[tuple[float, float | None]]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StoreOutcome:
-    """The outcome of a run. All of it is plain data: `from_json` is the inverse of `to_json`.
+    """The outcome of a run, as plain data: `from_json` is the inverse of `to_json`.
 
     Attributes:
         loops: completed missions.
-        error: always None: no error ends a run of the shop early.
-        frames: always 0: the view of the camera is computed, not rendered.
+        error: always None, because no error ends a run of the shop early.
+        frames: always 0, because the camera's view is computed and not rendered.
         orders: how many orders ended in each state.
         aborts: pick-ups that were aborted.
         courses: the chosen actions, and when they were chosen.
         called: the causes that called for another course.
         unsafe: when the robot moved fast near a person.
         gaps_m: the distance to the nearest person, second by second.
-        curves: the drawn metrics and weights, from each change to the next; None is unknown.
+        curves: the metrics and weights for pictures, as pairs of an instant and the value from then on; None for
+            unknown.
     """
 
     name: str
@@ -59,7 +60,7 @@ class StoreOutcome:
     driven_m: float
     unsafe_s: float
     courses: Sequence[tuple[float, str]]
-    called: Sequence[Called]
+    called: Sequence[CauseCall]
     unsafe: Sequence[Span]
     gaps_m: Curve
     curves: Mapping[str, Curve]
@@ -76,7 +77,7 @@ class StoreOutcome:
         return ()
 
     def to_json(self) -> str:
-        """Return it as JSON."""
+        """Return the outcome as JSON."""
         return json.dumps(asdict(self), separators=(",", ":"), allow_nan=False)
 
     @classmethod
@@ -84,7 +85,7 @@ class StoreOutcome:
         """Return the outcome that `to_json` wrote as this text."""
         content = json.loads(text)
         content["courses"] = [(at_s, action) for at_s, action in content["courses"]]
-        content["called"] = [Called(**{**call, "cause": Cause(call["cause"])}) for call in content["called"]]
+        content["called"] = [CauseCall(**{**call, "cause": Cause(call["cause"])}) for call in content["called"]]
         content["unsafe"] = [Span(**span) for span in content["unsafe"]]
         content["gaps_m"] = _pairs(content["gaps_m"])
         content["curves"] = {name: _pairs(curve) for name, curve in content["curves"].items()}
@@ -100,8 +101,8 @@ class StoreTrial:
     """One run.
 
     Attributes:
-        manager: decides on the course and the speed.
-        duration_s: of the run.
+        manager: the manager that decides on the course and the speed.
+        duration_s: the duration of the run.
     """
 
     name: str
@@ -116,7 +117,7 @@ class StoreTrial:
         return False
 
     def run(self, folder: Path) -> StoreOutcome:
-        """Run it; only its outcome is stored.
+        """Run the shop, and return the outcome. Nothing else is stored.
 
         Raises:
             SpecError: if the spec has errors, or has no loops.
@@ -124,15 +125,17 @@ class StoreTrial:
         del folder
         watches: list[Watch] = []
 
-        def opened(store: Store) -> None:
+        def on_opened(store: Store) -> None:
             knowledge = store.knowledge
             Staging(shift_of(self.seed), store)
             watches.append(Watch(lambda: knowledge.snapshot().handover(FETCHING).is_open))
             store.world.watch(watches[0].see)
 
-        with tempfile.TemporaryDirectory(prefix="codra-") as made:
-            compiled = managed(compile_and_load(self.spec, Path(made)).package, self.manager, self.seed)
-            settings = StoreRunSettings(shop=shift_of(self.seed).settings(), duration_s=self.duration_s, opened=opened)
+        with tempfile.TemporaryDirectory(prefix="codra-") as build_folder:
+            compiled = managed_spec(compile_and_load(self.spec, Path(build_folder)).package, self.manager, self.seed)
+            settings = StoreRunSettings(
+                shop=shift_of(self.seed).settings(), duration_s=self.duration_s, opened=on_opened
+            )
             run = run_store(compiled, settings)
         return self._outcome(run, watches[0])
 
@@ -157,15 +160,15 @@ class StoreTrial:
             called=calls(watch.causes, courses, run.duration_s),
             unsafe=watch.unsafe,
             gaps_m=watch.gaps_m,
-            curves={name: _thinned(curve) for name, curve in curves(run.record, SHOWN).items()},
+            curves={name: _thin_curve(curve) for name, curve in curves(run.record, SHOWN).items()},
         )
 
 
-def managed(package: ModuleType, manager: Manager, seed: int) -> Compiled:
+def managed_spec(package: ModuleType, manager: Manager, seed: int) -> Compiled:
     """Return a compiled spec with a manager's planners in its loops.
 
     Raises:
-        SpecError: if it has no loops.
+        SpecError: if the spec has no loops.
     """
     if not hasattr(package, "MAPE"):
         raise SpecError("the spec has no loops whose managers could be compared")
@@ -178,15 +181,15 @@ def _loops(model: Any, manager: Manager, seed: int, codra: Any, **given: Any) ->
 
 def courses_of(record: EventLog) -> Sequence[tuple[float, str]]:
     """Return the chosen courses, and when they were chosen."""
-    chosen = [event for event in record.of(Kind.ADAPTATION, COURSE) if event.what == "chosen"]
-    return [(event.instant_s, str(event.details["action"])) for event in chosen]
+    chosen_events = [event for event in record.of(Kind.ADAPTATION, COURSE) if event.what == "chosen"]
+    return [(event.instant_s, str(event.details["action"])) for event in chosen_events]
 
 
-def _thinned(curve: Sequence[tuple[float, float]]) -> Curve:
-    """Return a curve without points that change nothing visible."""
-    kept: list[tuple[float, float | None]] = []
+def _thin_curve(curve: Sequence[tuple[float, float]]) -> Curve:
+    """Return a curve without points that make no visible change."""
+    points_kept: list[tuple[float, float | None]] = []
     for at_s, value in curve:
-        shown = None if value != value else round(value, 2)
-        if not kept or kept[-1][1] != shown:
-            kept.append((round(at_s, 2), shown))
-    return kept
+        rounded_value = None if value != value else round(value, 2)
+        if not points_kept or points_kept[-1][1] != rounded_value:
+            points_kept.append((round(at_s, 2), rounded_value))
+    return points_kept

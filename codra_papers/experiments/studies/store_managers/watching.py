@@ -1,4 +1,4 @@
-"""The truth of a run, and the courses that it calls for: from the world's own state, which managers cannot see."""
+"""The true state of a run, which managers cannot see, and the courses for which this state calls."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ COUNTS_S = 3.0
 """An unanswered cause that ends before this does not count."""
 
 SHOWN_EVERY = 10
-"""The distance to people is stored for one of this many steps, to be drawn."""
+"""For pictures, the distance to people is stored once in this many steps."""
 
 FAR_M = 10.0
 
 
 class Cause(StrEnum):
-    """The causes for a change of the course. If there are two at once, the first of this list counts."""
+    """The causes for a change of the course. If two causes hold at once, the one that is listed first counts."""
 
     BATTERY = "battery"
     FULL = "full"
@@ -51,11 +51,11 @@ class Span:
 
 
 @dataclass(frozen=True, slots=True)
-class Called:
+class CauseCall:
     """A cause that called for another course.
 
     Attributes:
-        answered_s: when the course became one for which it calls; None if the cause ended before.
+        answered_s: when the course became one for which the cause calls; None if the cause ended before.
     """
 
     cause: Cause
@@ -90,13 +90,13 @@ class Watch:
     """Follows the states of a shop.
 
     Attributes:
-        causes: the cause for another course, from each change to the next.
+        causes: the cause for another course, or None, and the instant from which it holds.
         unsafe: when the robot moved fast near a person.
         gaps_m: the distance to the nearest person, second by second.
     """
 
     def __init__(self, is_fetching: Callable[[], bool]) -> None:
-        """Start; `is_fetching` returns whether the robot fetches a container."""
+        """Start to follow. `is_fetching` returns whether the robot fetches a container."""
         self.causes: list[tuple[float, Cause | None]] = []
         self.unsafe: list[Span] = []
         self.gaps_m: list[tuple[float, float]] = []
@@ -122,19 +122,19 @@ class Watch:
 
 def calls(
     causes: Sequence[tuple[float, Cause | None]], courses: Sequence[tuple[float, str]], end_s: float
-) -> tuple[Called, ...]:
+) -> tuple[CauseCall, ...]:
     """Return the causes that called for another course, and when each was answered.
 
     Args:
-        causes: the cause, from each change to the next, in order.
-        courses: the course, from each change to the next, in order.
-        end_s: of the run.
+        causes: each cause and the instant from which it holds, in order.
+        courses: each course and the instant from which it holds, in order.
+        end_s: the end of the run.
     """
-    candidates = [_called(cause, span, courses) for cause, span in _joined(causes, end_s)]
-    return tuple(called for called in candidates if called is not None)
+    candidates = [_call_of_cause(cause, span, courses) for cause, span in _cause_spans(causes, end_s)]
+    return tuple(call for call in candidates if call is not None)
 
 
-def _joined(causes: Sequence[tuple[float, Cause | None]], end_s: float) -> Iterator[tuple[Cause, Span]]:
+def _cause_spans(causes: Sequence[tuple[float, Cause | None]], end_s: float) -> Iterator[tuple[Cause, Span]]:
     """Yield the spans of causes; spans of one cause with a short gap between them are merged."""
     last: dict[Cause, Span] = {}
     for (start_s, cause), (next_s, _) in pairwise((*causes, (end_s, None))):
@@ -150,13 +150,13 @@ def _joined(causes: Sequence[tuple[float, Cause | None]], end_s: float) -> Itera
     yield from last.items()
 
 
-def _called(cause: Cause, span: Span, courses: Sequence[tuple[float, str]]) -> Called | None:
+def _call_of_cause(cause: Cause, span: Span, courses: Sequence[tuple[float, str]]) -> CauseCall | None:
     answers = ANSWERS[cause]
-    present = [action for at_s, action in courses if at_s <= span.start_s]
-    if present and present[-1] in answers:
+    earlier_actions = [action for at_s, action in courses if at_s <= span.start_s]
+    if earlier_actions and earlier_actions[-1] in answers:
         return None
     later = (at_s for at_s, action in courses if span.start_s < at_s <= span.end_s and action in answers)
     answered_s = next(later, None)
     if answered_s is None and span.end_s - span.start_s < COUNTS_S:
         return None
-    return Called(cause, span.start_s, span.end_s, answered_s)
+    return CauseCall(cause, span.start_s, span.end_s, answered_s)

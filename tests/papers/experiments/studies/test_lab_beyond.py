@@ -1,4 +1,4 @@
-"""The experiments beyond the paper, on short runs: based on real frames, and correct by a recount."""
+"""Reports of the experiments beyond the paper on short runs, which use real frames: recounted numbers are equal."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from codra_papers.experiments.lab.scoring import Piece
 from codra_papers.experiments.lab.spec_variants import Without
 from codra_papers.experiments.lab.trials import Trial, run_trial
 from codra_papers.experiments.studies import lab_ablation, lab_budgets, lab_options, lab_sensitivity, lab_transfer
-from codra_papers.experiments.studies.beyond.arm_comparison import LIDS_AND_LATCHES, arm_comparisons, pooled
+from codra_papers.experiments.studies.beyond.arm_comparison import LIDS_AND_LATCHES, arm_comparisons, pooled_seconds
 from codra_papers.experiments.studies.beyond.more_machines import FURTHER, spec_with
 from codra_papers.experiments.studies.beyond.parameters import ScaledNumber
 from codra_papers.experiments.studies.beyond.workloads import Tending, Waiting
-from codra_papers.experiments.studies.lab_disturbances import EPISODES, LID, Belief, Episode, believed, right_again_s
+from codra_papers.experiments.studies.lab_disturbances import EPISODES, LID, Belief, Episode, belief_in, right_again_s
 from codra_papers.experiments.studies.lab_disturbances import EXPERIMENT as DISTURBANCES
 from codra_papers.experiments.studies.robustness.findings import Runs
 from codra_papers.lab.simulator.laboratory import LABORATORY, LidMoved, PersonBefore
@@ -147,22 +147,24 @@ def test_an_arm_comparison_equals_a_recount(ablation: Judged) -> None:
     right_s = sum(runs.total(name, first.arm).right_s for name in LIDS_AND_LATCHES)
     assert first.seconds.right_s == pytest.approx(right_s)
     assert first.seconds.right_s == pytest.approx(
-        sum(pooled(outcome, LIDS_AND_LATCHES, first.arm).right_s for outcome in outcomes)
+        sum(pooled_seconds(outcome, LIDS_AND_LATCHES, first.arm).right_s for outcome in outcomes)
     )
     assert first.triggers == sum(outcome.arms[first.arm].triggers["localize_centrifuge_lid"] for outcome in outcomes)
 
 
 def test_differences_use_the_variables_that_both_arms_identified(ablation: Judged) -> None:
     outcomes = list(ablation.outcomes.values())
-    by_arm = {
+    comparisons_by_arm = {
         comparison.arm: comparison for comparison in arm_comparisons(outcomes, LIDS_AND_LATCHES, PRECONDITIONS.name, ())
     }
     centrifuge = ("centrifuge_open", "centrifuge_locked")
-    known = {comparison.arm: comparison for comparison in arm_comparisons(outcomes, centrifuge, PRECONDITIONS.name, ())}
+    centrifuge_comparisons = {
+        comparison.arm: comparison for comparison in arm_comparisons(outcomes, centrifuge, PRECONDITIONS.name, ())
+    }
 
-    assert by_arm[PRECONDITIONS.name].left_out >= 2  # the robot has not yet driven to the PCR-cycler
-    assert by_arm[NAIVE.name].left_out < by_arm[PRECONDITIONS.name].left_out
-    assert by_arm[NAIVE.name].paper_difference == known[NAIVE.name].paper_difference
+    assert comparisons_by_arm[PRECONDITIONS.name].left_out >= 2  # the robot has not yet driven to the PCR-cycler
+    assert comparisons_by_arm[NAIVE.name].left_out < comparisons_by_arm[PRECONDITIONS.name].left_out
+    assert comparisons_by_arm[NAIVE.name].paper_difference == centrifuge_comparisons[NAIVE.name].paper_difference
 
 
 def test_without_its_precondition_an_algorithm_also_looks_from_afar(ablation: Judged) -> None:
@@ -182,7 +184,7 @@ TRUTH = (Piece(0.0, 10.0, True), Piece(10.0, 30.0, False))
 @pytest.mark.parametrize(
     ("held", "expected"),
     [
-        ((Piece(0.0, 30.0, False),), 0.0),  # from 10 s on it is right, as it was before
+        ((Piece(0.0, 30.0, False),), 0.0),  # from 10 s on the value is right, as it was before
         ((Piece(0.0, 14.0, True), Piece(14.0, 30.0, False)), 4.0),
         ((Piece(0.0, 12.0, True), Piece(12.0, 13.0, False), Piece(13.0, 17.0, None), Piece(17.0, 30.0, False)), 7.0),
         ((Piece(0.0, 30.0, True),), None),
@@ -202,7 +204,7 @@ def test_episodes_follow_one_another_and_hold_their_disturbances() -> None:
 
 @pytest.fixture(scope="module")
 def disturbed(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
-    """Return a robot beside the PCR-cycler with a lid that somebody opens, and closes while a person hides it."""
+    """Return a run beside the PCR-cycler: somebody opens its lid, and closes the lid while a person hides it."""
     disturbances = (
         LidMoved(at_s=27.0, machine="pcr_cycler", open_share=1.0),
         PersonBefore(at_s=46.0, lasts_s=14.0),
@@ -223,7 +225,7 @@ def disturbed(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
 def belief(outcome: Outcome, arm: str, *times_s: float) -> Belief:
     start_s, over_s, until_s = times_s
     episode = Episode(name="", start_s=start_s, over_s=over_s, until_s=until_s, disturbances=())
-    return believed([outcome], episode, LID, arm)
+    return belief_in([outcome], episode, LID, arm)
 
 
 def test_a_lid_that_somebody_opened_is_true_and_is_seen_by_both_arms(disturbed: Outcome) -> None:

@@ -1,4 +1,4 @@
-"""The report on short runs of all arms: based on real frames, and correct by a recount."""
+"""The report on short runs of all arms, which use real frames: recounted numbers are equal."""
 
 from __future__ import annotations
 
@@ -139,22 +139,22 @@ def test_kept_frames_detected_again_from_their_files_give_exactly_the_recorded_e
 def test_a_frame_that_was_changed_or_lost_is_reported(judged: Judged, tmp_path: Path) -> None:
     outcome = judged.outcomes["run-301"]
     with_tags = next(kept for kept in outcome.kept if kept.values.get("markers", 0) > 0)
-    lost = next(kept for kept in outcome.kept if kept.file != with_tags.file)
+    missing_frame = next(kept for kept in outcome.kept if kept.file != with_tags.file)
     source, copy = judged.settings.folder / TRIALS / "run-301", tmp_path / TRIALS / "run-301"
     copy.mkdir(parents=True)
     pixels = cv2.imread(str(source / with_tags.file))
     assert cv2.imwrite(str(copy / with_tags.file), pixels[:, ::-1])  # no tag looks the same in a mirror
 
-    detected = detect_again(read_spec(SPEC), [replace(outcome, kept=[with_tags, lost])], tmp_path)
+    detected_frames = detect_again(read_spec(SPEC), [replace(outcome, kept=[with_tags, missing_frame])], tmp_path)
 
-    assert [again.agrees for again in detected] == [False, False]
-    assert detected[0].values is not None
-    assert detected[1].values is None
+    assert [again.agrees for again in detected_frames] == [False, False]
+    assert detected_frames[0].values is not None
+    assert detected_frames[1].values is None
 
 
 def test_every_wrong_value_at_a_decision_is_listed_with_its_evidence_and_frame(judged: Judged) -> None:
     runs = Runs([with_a_wrong_value(judged.outcomes["run-301"]), judged.outcomes["run-302"]])
-    wrong = [
+    wrong_entries = [
         (outcome.seed, round(decision.instant_s, 1), arm)
         for outcome in runs.outcomes
         for decision in outcome.decisions
@@ -163,12 +163,14 @@ def test_every_wrong_value_at_a_decision_is_listed_with_its_evidence_and_frame(j
         if held is not None and held != decision.truth
     ]
     wrong_values = mistakes(runs)
-    shown = photographs(wrong_values, judged.settings.folder)
+    shown_photographs = photographs(wrong_values, judged.settings.folder)
 
-    assert [(row[0], row[1], row[5]) for row in mistakes_table(wrong_values).rows] == wrong
+    assert [(row[0], row[1], row[5]) for row in mistakes_table(wrong_values).rows] == wrong_entries
     assert all((judged.settings.folder / mistake.frame).is_file() for mistake in wrong_values if mistake.frame)
-    assert len(shown) == len({(mistake.arm, mistake.cause) for mistake in wrong_values if mistake.frame}) >= 1
-    assert "seen wrongly" in shown[0].caption
+    assert (
+        len(shown_photographs) == len({(mistake.arm, mistake.cause) for mistake in wrong_values if mistake.frame}) >= 1
+    )
+    assert "seen wrongly" in shown_photographs[0].caption
 
 
 def with_a_wrong_value(outcome: Outcome) -> Outcome:
@@ -178,24 +180,30 @@ def with_a_wrong_value(outcome: Outcome) -> Outcome:
     basis = Basis(
         algorithm=kept.algorithm, evidence_s=kept.evidence_s, values=kept.values, was_true=False, frame=kept.file
     )
-    wrong = {arm: basis for arm, held in last.held.items() if held is not None}
-    assert wrong
-    return replace(outcome, decisions=[*others, replace(last, truth=not last.truth, wrong=wrong)])
+    wrong_entries = {arm: basis for arm, held in last.held.items() if held is not None}
+    assert wrong_entries
+    return replace(outcome, decisions=[*others, replace(last, truth=not last.truth, wrong=wrong_entries)])
 
 
 def test_the_summary_answers_the_questions_of_the_protocol(judged: Judged) -> None:
     summary = " ".join(judged.document.summary)
 
-    for asked in ("Hoped for: at least 0.985", "Hoped for: 90 %", "P1: 79.4 %", "further runs", "detected again"):
-        assert asked in summary
+    for expected_text in (
+        "Hoped for: at least 0.985",
+        "Hoped for: 90 %",
+        "P1: 79.4 %",
+        "further runs",
+        "detected again",
+    ):
+        assert expected_text in summary
 
 
 def test_drawings_are_complete_svg_documents_and_photographs_are_files(judged: Judged) -> None:
     parts = [part for section in judged.document.sections for part in section.parts]
-    drawn = [part for part in parts if isinstance(part, Drawing)]
+    drawings_in_report = [part for part in parts if isinstance(part, Drawing)]
 
-    assert len(drawn) == 4
-    assert all(part.svg.rstrip().endswith("</svg>") for part in drawn)
+    assert len(drawings_in_report) == 4
+    assert all(part.svg.rstrip().endswith("</svg>") for part in drawings_in_report)
     assert all(part.path.is_file() for part in parts if isinstance(part, Photograph))
 
 

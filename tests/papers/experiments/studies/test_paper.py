@@ -1,4 +1,4 @@
-"""P1's Table 2 by its own arithmetic: the corrections are right, and no other number is wrong."""
+"""The arithmetic of P1's Table 2: the corrections are right, and no other number is wrong."""
 
 from __future__ import annotations
 

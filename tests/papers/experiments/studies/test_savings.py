@@ -1,4 +1,4 @@
-"""A saving is split into parts that add up to it, for all decisions."""
+"""A saving is split into parts, and for all decisions the parts add up to the saving."""
 
 from __future__ import annotations
 
@@ -43,18 +43,18 @@ asked = st.builds(decision, seconds, seconds, st.one_of(st.just(0.0), seconds), 
 def test_the_parts_of_a_saving_add_up_to_the_difference_of_perception_times(
     without: list[Decision], observed: list[Decision]
 ) -> None:
-    split = saving(without, observed)
+    split_saving = saving(without, observed)
 
-    assert isclose(split.saved_s, spent_s(without) - spent_s(observed), rel_tol=1e-9, abs_tol=1e-6)
-    assert split.answered + split.fell_back == split.checks == len(observed)
+    assert isclose(split_saving.saved_s, spent_s(without) - spent_s(observed), rel_tol=1e-9, abs_tol=1e-6)
+    assert split_saving.answered + split_saving.fell_back == split_saving.checks == len(observed)
 
 
 @given(st.lists(looks, min_size=1, max_size=12), st.lists(asked, max_size=12))
 def test_the_first_scenario_equals_the_measurement(without: list[Decision], observed: list[Decision]) -> None:
-    split = saving(without, observed)
-    measured = scenarios(split)[0]
+    split_saving = saving(without, observed)
+    measured_scenario = scenarios(split_saving)[0]
 
-    assert isclose(measured.saved_s, split.saved_s, rel_tol=1e-9, abs_tol=1e-6)
+    assert isclose(measured_scenario.saved_s, split_saving.saved_s, rel_tol=1e-9, abs_tol=1e-6)
 
 
 def test_two_answers_and_a_look_are_distinguished() -> None:
@@ -65,13 +65,18 @@ def test_two_answers_and_a_look_are_distinguished() -> None:
         decision(0.1, 8.0, 20.0, is_preview=False),
     ]
 
-    split = saving(without, observed)
+    split_saving = saving(without, observed)
 
-    assert (split.answered, split.fell_back, split.monitors, split.look_s) == (2, 1, 2, 16.0)
-    assert (split.spared_s, split.waiting_s, round(split.asking_s, 9)) == (32.0, 11.0, 0.3)
-    assert split.other_looks_s == -4.0
-    assert split.fewer_s == 0.0
-    assert round(split.saved_s, 9) == 32.0 - 11.0 - 0.3 - 4.0
+    assert (split_saving.answered, split_saving.fell_back, split_saving.monitors, split_saving.look_s) == (
+        2,
+        1,
+        2,
+        16.0,
+    )
+    assert (split_saving.spared_s, split_saving.waiting_s, round(split_saving.asking_s, 9)) == (32.0, 11.0, 0.3)
+    assert split_saving.other_looks_s == -4.0
+    assert split_saving.fewer_s == 0.0
+    assert round(split_saving.saved_s, 9) == 32.0 - 11.0 - 0.3 - 4.0
 
 
 def test_observers_without_knowledge_cost_time_and_those_with_all_knowledge_only_asking() -> None:
@@ -88,8 +93,8 @@ def test_observers_without_knowledge_cost_time_and_those_with_all_knowledge_only
 
 
 def test_without_any_perception_task_the_saving_is_zero_and_has_no_share() -> None:
-    split = saving([], [])
+    split_saving = saving([], [])
 
-    assert split.saved_s == 0.0
-    assert split.share is None
-    assert {case.share for case in scenarios(split)} == {None}
+    assert split_saving.saved_s == 0.0
+    assert split_saving.share is None
+    assert {case.share for case in scenarios(split_saving)} == {None}

@@ -20,21 +20,21 @@ from codra_dsl.runtime.loops.observations import Observation
 from codra_dsl.runtime.values.conditions import Value
 from codra_papers.experiments.campaign.statistics import quantile_interval
 from codra_papers.experiments.store.run import StoreRunSettings, run_store
-from codra_papers.experiments.studies.store_managers.comparing import compared, reactions
+from codra_papers.experiments.studies.store_managers.comparing import compare_managers, reactions
 from codra_papers.experiments.studies.store_managers.managers import (
     NORMAL_M_S,
     SLOW_M_S,
-    Chance,
+    LoopsManager,
     Manager,
-    Nominal,
-    Ours,
-    Tuned,
+    NominalManager,
+    RandomManager,
+    ThresholdManager,
 )
 from codra_papers.experiments.studies.store_managers.search import Design, best, cells
 from codra_papers.experiments.studies.store_managers.shift import Staging, shift_of
 from codra_papers.experiments.studies.store_managers.thresholds import Thresholds, with_thresholds
-from codra_papers.experiments.studies.store_managers.trial import LASTS_S, StoreOutcome, courses_of, managed
-from codra_papers.experiments.studies.store_managers.watching import Called, Cause, Span, Watch, calls
+from codra_papers.experiments.studies.store_managers.trial import LASTS_S, StoreOutcome, courses_of, managed_spec
+from codra_papers.experiments.studies.store_managers.watching import Cause, CauseCall, Span, Watch, calls
 from codra_papers.store.geometry import Point, Pose2D
 from codra_papers.store.simulator.state import Container, Load, RobotState, StoreState, Whereabouts
 from codra_papers.store.simulator.store import Store
@@ -42,7 +42,7 @@ from generated import lab, store
 
 THRESHOLDS = Thresholds(distance_m=1.5, battery_percent=20.0, load="full")
 TUNED = with_thresholds(store.MAPE, THRESHOLDS)
-MANAGERS: tuple[Manager, ...] = (Nominal(), Chance(), Tuned(THRESHOLDS), Ours())
+MANAGERS: tuple[Manager, ...] = (NominalManager(), RandomManager(), ThresholdManager(THRESHOLDS), LoopsManager())
 CALM: Mapping[str, Value | None] = {
     "bumped": False,
     "person_distance": 10.0,
@@ -87,64 +87,64 @@ def planner(manager: Manager, seed: int = 1) -> Planner:
 
 def plans(manager: Manager, seed: int = 1, cycles: int = 6) -> list[tuple[float, Plan]]:
     """Return the plans of a manager while a person is repeatedly close for 10 s and far away for 10 s."""
-    context, asked = WrittenContext({**CALM, "picking_up": True}), planner(manager, seed)
-    planned = []
+    context, asked_planner = WrittenContext({**CALM, "picking_up": True}), planner(manager, seed)
+    timed_plans = []
     for step in range(cycles * 200):
         context.values["person_distance"] = 1.0 if step // 100 % 2 else 10.0
-        planned.append((step * 0.1, asked.plan(context, step * 0.1)))
-    return planned
+        timed_plans.append((step * 0.1, asked_planner.plan(context, step * 0.1)))
+    return timed_plans
 
 
-def chosen(planned: list[tuple[float, Plan]]) -> list[tuple[float, str]]:
-    return [(at_s, decision.action) for at_s, plan in planned for decision in plan.decisions]
+def chosen_courses(timed_plans: list[tuple[float, Plan]]) -> list[tuple[float, str]]:
+    return [(at_s, decision.action) for at_s, plan in timed_plans for decision in plan.decisions]
 
 
-def speeds(planned: list[tuple[float, Plan]]) -> list[Value]:
-    return [setting.value for _, plan in planned for setting in plan.settings]
+def speeds(timed_plans: list[tuple[float, Plan]]) -> list[Value]:
+    return [setting.value for _, plan in timed_plans for setting in plan.settings]
 
 
 def test_ours_decides_as_the_declared_loops_do() -> None:
-    planned = plans(Ours())
+    timed_plans = plans(LoopsManager())
 
-    assert [action for _, action in chosen(planned)][:4] == ["pick", "start", "pick", "start"]
-    assert speeds(planned)[:3] == [NORMAL_M_S, SLOW_M_S, NORMAL_M_S]
-    assert {decision.because for _, plan in planned for decision in plan.decisions} == {
+    assert [action for _, action in chosen_courses(timed_plans)][:4] == ["pick", "start", "pick", "start"]
+    assert speeds(timed_plans)[:3] == [NORMAL_M_S, SLOW_M_S, NORMAL_M_S]
+    assert {decision.because for _, plan in timed_plans for decision in plan.decisions} == {
         SwitchReason.FIRST,
         SwitchReason.LEADS,
     }
 
 
 def test_no_adaptation_takes_the_nominal_course_and_speed_and_keeps_them() -> None:
-    planned = plans(Nominal())
+    timed_plans = plans(NominalManager())
 
-    assert chosen(planned) == [(0.0, "pick")]
-    assert speeds(planned) == [NORMAL_M_S]
-    assert planned[0][1].decisions[0].because is SwitchReason.PLANNER
+    assert chosen_courses(timed_plans) == [(0.0, "pick")]
+    assert speeds(timed_plans) == [NORMAL_M_S]
+    assert timed_plans[0][1].decisions[0].because is SwitchReason.PLANNER
 
 
 def test_chance_changes_the_course_only_where_ours_would() -> None:
-    of_chance, of_ours = plans(Chance(), cycles=20), plans(Ours(), cycles=20)
+    random_plans, our_plans = plans(RandomManager(), cycles=20), plans(LoopsManager(), cycles=20)
 
-    assert {at_s for at_s, _ in chosen(of_chance)} < {at_s for at_s, _ in chosen(of_ours)}
-    assert {action for _, action in chosen(of_chance)} == {"pick", "deliver", "start", "dock"}
-    assert set(speeds(of_chance)) == {SLOW_M_S, NORMAL_M_S}
+    assert {at_s for at_s, _ in chosen_courses(random_plans)} < {at_s for at_s, _ in chosen_courses(our_plans)}
+    assert {action for _, action in chosen_courses(random_plans)} == {"pick", "deliver", "start", "dock"}
+    assert set(speeds(random_plans)) == {SLOW_M_S, NORMAL_M_S}
 
 
 def test_chance_never_repeats_a_course_as_a_change() -> None:
-    actions = [action for _, action in chosen(plans(Chance(), cycles=20))]
+    actions = [action for _, action in chosen_courses(plans(RandomManager(), cycles=20))]
 
     assert all(one != other for one, other in pairwise(actions))
 
 
 def test_chance_depends_on_the_seed() -> None:
-    assert chosen(plans(Chance(), seed=7)) == chosen(plans(Chance(), seed=7))
-    assert len({str(chosen(plans(Chance(), seed=seed))) for seed in range(5)}) > 1
+    assert chosen_courses(plans(RandomManager(), seed=7)) == chosen_courses(plans(RandomManager(), seed=7))
+    assert len({str(chosen_courses(plans(RandomManager(), seed=seed))) for seed in range(5)}) > 1
 
 
 def test_replaced_decisions_keep_the_analysis_that_is_drawn() -> None:
-    for manager in (Nominal(), Chance()):
-        written = [analysed.variable for analysed in plans(manager, cycles=1)[0][1].analysed]
-        assert "safety" in written
+    for manager in (NominalManager(), RandomManager()):
+        written_names = [written_value.variable for written_value in plans(manager, cycles=1)[0][1].analysed]
+        assert "safety" in written_names
 
 
 def weights(**changes: Value | None) -> dict[str, float | None]:
@@ -213,12 +213,13 @@ def test_the_result_of_thresholds_lies_within_their_bounds(
         "loaded": truths[1],
         "container_load": load,
     }
-    complete = {name: Observation(variable=name, value=value) for name, value in values.items()}
-    partial = {
-        name: Observation(variable=name) if name in unknown else observation for name, observation in complete.items()
+    complete_scene = {name: Observation(variable=name, value=value) for name, value in values.items()}
+    partial_scene = {
+        name: Observation(variable=name) if name in unknown else observation
+        for name, observation in complete_scene.items()
     }
 
-    known, bounded = assess(TUNED, complete).metrics.outputs, assess(TUNED, partial).metrics.outputs
+    known, bounded = assess(TUNED, complete_scene).metrics.outputs, assess(TUNED, partial_scene).metrics.outputs
     for one, other in zip(known, bounded, strict=True):
         assert one.value is not None
         assert other.bounds.holds(one.value)
@@ -226,14 +227,14 @@ def test_the_result_of_thresholds_lies_within_their_bounds(
 
 def test_a_spec_without_loops_has_no_managers_to_compare() -> None:
     with pytest.raises(SpecError, match="no loops"):
-        managed(lab, Ours(), 1)
+        managed_spec(lab, LoopsManager(), 1)
 
 
 # The same shop
 
 
 @dataclass
-class SeenRun:
+class ObservedRun:
     """The states and events of a run, step by step."""
 
     robot: list[RobotState] = field(default_factory=list)
@@ -243,26 +244,28 @@ class SeenRun:
 
 
 @cache
-def seen(manager: Manager, seed: int, lasts_s: float) -> SeenRun:
-    run, shift = SeenRun(), shift_of(seed)
+def observe_run(manager: Manager, seed: int, lasts_s: float) -> ObservedRun:
+    run, shift = ObservedRun(), shift_of(seed)
 
     def see(state: StoreState) -> None:
         run.robot.append(state.robot)
         run.people_m.append(state.people_m)
 
-    def opened(shop: Store) -> None:
+    def on_opened(shop: Store) -> None:
         Staging(shift, shop)
         shop.world.watch(see)
         run.events = shop.world.events
 
-    settings_ = StoreRunSettings(shop=shift.settings(), duration_s=lasts_s, opened=opened)
-    run.courses += courses_of(run_store(managed(store, manager, seed), settings_).record)
+    settings_ = StoreRunSettings(shop=shift.settings(), duration_s=lasts_s, opened=on_opened)
+    run.courses += courses_of(run_store(managed_spec(store, manager, seed), settings_).record)
     return run
 
 
-@pytest.mark.parametrize("manager", [Chance(), Tuned(THRESHOLDS), Ours()], ids=lambda manager: manager.name)
+@pytest.mark.parametrize(
+    "manager", [RandomManager(), ThresholdManager(THRESHOLDS), LoopsManager()], ids=lambda manager: manager.name
+)
 def test_people_do_the_same_until_the_robot_acts_differently(manager: Manager) -> None:
-    one, other = seen(Nominal(), 1, 30.0), seen(manager, 1, 30.0)
+    one, other = observe_run(NominalManager(), 1, 30.0), observe_run(manager, 1, 30.0)
     pairs = enumerate(zip(one.robot, other.robot, strict=True))
     differs = next((step for step, (first, second) in pairs if first != second), len(one.robot) - 1)
 
@@ -271,7 +274,7 @@ def test_people_do_the_same_until_the_robot_acts_differently(manager: Manager) -
 
 
 def test_a_run_is_reproducible() -> None:
-    assert seen(Chance(), 1, 30.0).courses == seen.__wrapped__(Chance(), 1, 30.0).courses
+    assert observe_run(RandomManager(), 1, 30.0).courses == observe_run.__wrapped__(RandomManager(), 1, 30.0).courses
 
 
 def test_a_shift_depends_on_the_seed_only() -> None:
@@ -287,7 +290,7 @@ def test_a_shift_depends_on_the_seed_only() -> None:
 
 
 def test_a_shift_begins_with_its_containers_in_their_places() -> None:
-    assert [what for at_s, what in seen(Nominal(), 1, 30.0).events if at_s == 0.0] == [
+    assert [what for at_s, what in observe_run(NominalManager(), 1, 30.0).events if at_s == 0.0] == [
         "container_3 was moved: floor",
         "container_3 is full",
         "container_1 is loading",
@@ -307,12 +310,12 @@ def state(step: int = 0, people_m: tuple[Point, ...] = (), **robot: float | bool
     )
 
 
-def carrying(shop_state: StoreState, load: Load) -> StoreState:
+def carrying_state(shop_state: StoreState, load: Load) -> StoreState:
     (container,) = shop_state.containers
     return replace(shop_state, containers=(replace(container, load=load, where=Whereabouts.FORK),))
 
 
-def watched(*states: StoreState, is_fetching: bool = True) -> Watch:
+def watch_states(*states: StoreState, is_fetching: bool = True) -> Watch:
     watch = Watch(lambda: is_fetching)
     for shop_state in states:
         watch.see(shop_state)
@@ -321,13 +324,13 @@ def watched(*states: StoreState, is_fetching: bool = True) -> Watch:
 
 def test_a_cause_is_taken_from_the_truth_and_of_two_at_once_the_first_counts() -> None:
     near, low = ((6.0, 5.0),), 19.0
-    watch = watched(
+    watch = watch_states(
         state(0),
         state(1, near),
         state(2, ((6.6, 5.0),)),
-        carrying(state(3, near), Load.LOADING),
-        carrying(state(4, near), Load.FULL),
-        carrying(state(5, near, battery_percent=low), Load.FULL),
+        carrying_state(state(3, near), Load.LOADING),
+        carrying_state(state(4, near), Load.FULL),
+        carrying_state(state(5, near, battery_percent=low), Load.FULL),
         state(6, battery_percent=low, is_charging=True),
     )
 
@@ -343,7 +346,7 @@ def test_a_cause_is_taken_from_the_truth_and_of_two_at_once_the_first_counts() -
 
 
 def test_a_near_person_is_no_cause_while_the_robot_does_not_fetch() -> None:
-    assert watched(state(1, ((6.0, 5.0),)), is_fetching=False).causes == [(0.1, None)]
+    assert watch_states(state(1, ((6.0, 5.0),)), is_fetching=False).causes == [(0.1, None)]
 
 
 def test_consecutive_unsafe_steps_are_one_span() -> None:
@@ -351,7 +354,7 @@ def test_consecutive_unsafe_steps_are_one_span() -> None:
     fast = [state(step, near, speed_m_s=0.5) for step in (1, 2, 3, 7)]
     slow = [state(4, near, speed_m_s=0.3), state(5, ((9.0, 5.0),), speed_m_s=0.5)]
 
-    assert watched(*sorted([*fast, *slow], key=lambda shop_state: shop_state.step)).unsafe == [
+    assert watch_states(*sorted([*fast, *slow], key=lambda shop_state: shop_state.step)).unsafe == [
         Span(0.0, 0.3),
         Span(0.6, 0.7),
     ]
@@ -361,15 +364,15 @@ def test_a_reaction_is_from_the_cause_to_the_first_course_that_it_calls_for() ->
     causes = [(0.0, None), (10.0, Cause.PERSON), (16.0, None)]
     courses = [(0.0, "pick"), (12.5, "start"), (14.0, "dock")]
 
-    assert calls(causes, courses, 20.0) == (Called(Cause.PERSON, 10.0, 16.0, 12.5),)
+    assert calls(causes, courses, 20.0) == (CauseCall(Cause.PERSON, 10.0, 16.0, 12.5),)
     assert calls(causes, courses, 20.0)[0].reaction_s == 2.5
 
 
 def test_a_course_for_which_the_cause_does_not_call_is_no_answer() -> None:
     causes = [(0.0, None), (10.0, Cause.BATTERY)]
 
-    (called,) = calls(causes, [(0.0, "pick"), (12.0, "start")], 20.0)
-    assert (called.answered_s, called.reaction_s, called.ended_s) == (None, None, 20.0)
+    (call,) = calls(causes, [(0.0, "pick"), (12.0, "start")], 20.0)
+    assert (call.answered_s, call.reaction_s, call.ended_s) == (None, None, 20.0)
 
 
 def test_a_cause_does_not_count_if_the_course_is_already_right_or_it_ends_too_soon() -> None:
@@ -382,11 +385,11 @@ def test_a_cause_does_not_count_if_the_course_is_already_right_or_it_ends_too_so
 def test_spans_of_a_cause_with_a_short_gap_are_merged() -> None:
     causes = [(5.0, Cause.PERSON), (6.0, None), (6.5, Cause.PERSON), (9.0, None), (10.5, Cause.PERSON), (14.0, None)]
 
-    merged = calls(causes, [(0.0, "pick")], 20.0)
-    assert [(call.begun_s, call.ended_s) for call in merged] == [(5.0, 9.0), (10.5, 14.0)]
+    merged_calls = calls(causes, [(0.0, "pick")], 20.0)
+    assert [(call.begun_s, call.ended_s) for call in merged_calls] == [(5.0, 9.0), (10.5, 14.0)]
 
 
-def outcome_of(name: str, seed: int, **changes: float | Mapping[str, int] | tuple[Called, ...]) -> StoreOutcome:
+def outcome_of(name: str, seed: int, **changes: float | Mapping[str, int] | tuple[CauseCall, ...]) -> StoreOutcome:
     given_ = {"loops": 1, "unsafe_s": 2.0, "orders": {}, "aborts": 0, "bumps": 0, "called": ()} | changes
     return StoreOutcome(
         name=name,
@@ -405,24 +408,24 @@ def outcome_of(name: str, seed: int, **changes: float | Mapping[str, int] | tupl
 def test_differences_to_ours_are_taken_seed_by_seed() -> None:
     ours = [outcome_of("ours", seed, unsafe_s=float(seed)) for seed in range(1, 6)]
     none = [outcome_of("none", seed, unsafe_s=seed + 3.0) for seed in range(1, 6)]
-    table = compared({"none": none, "ours": ours}, "ours")
-    by_measure = {(row.measure.key, row.manager): row for row in table}
+    table = compare_managers({"none": none, "ours": ours}, "ours")
+    rows_by_measure = {(row.measure.key, row.manager): row for row in table}
 
-    unsafe = by_measure["unsafe_s", "none"]
+    unsafe = rows_by_measure["unsafe_s", "none"]
     assert unsafe.mean.value == 6.0
     assert unsafe.difference is not None
     assert (unsafe.difference.low, unsafe.difference.high) == (pytest.approx(3.0), pytest.approx(3.0))
-    assert by_measure["unsafe_s", "ours"].difference is None
-    assert by_measure["switches_per_min", "none"].mean.value == 2.0
+    assert rows_by_measure["unsafe_s", "ours"].difference is None
+    assert rows_by_measure["switches_per_min", "none"].mean.value == 2.0
 
 
 def test_an_unanswered_cause_counts_as_later_than_any_answered_one() -> None:
-    soon, late, never = (Called(Cause.PERSON, 0.0, 9.0, answered_s) for answered_s in (1.0, 2.0, None))
+    soon, late, never = (CauseCall(Cause.PERSON, 0.0, 9.0, answered_s) for answered_s in (1.0, 2.0, None))
     runs = {"ours": [outcome_of("ours", 1, called=(soon, late)), outcome_of("ours", 2, called=(never,))]}
-    (of_all, *rest) = reactions(runs)
+    (all_causes_row, *rest) = reactions(runs)
 
-    assert (of_all.count, of_all.answered) == (3, 2)
-    assert (of_all.quantiles_s[0.5].value, of_all.quantiles_s[0.99].value) == (2.0, math.inf)
+    assert (all_causes_row.count, all_causes_row.answered) == (3, 2)
+    assert (all_causes_row.quantiles_s[0.5].value, all_causes_row.quantiles_s[0.99].value) == (2.0, math.inf)
     assert next(row for row in rest if row.cause is Cause.BATTERY).quantiles_s[0.5].value is None
 
 
@@ -439,10 +442,10 @@ def test_the_quantile_of_all_runs_is_one_of_their_values_and_lies_in_its_interva
 
 
 def test_a_stored_outcome_is_read_without_changes() -> None:
-    kept = outcome_of("ours", 1, called=(Called(Cause.FULL, 1.0, 2.0, None),), orders={"done": 1})
+    stored_outcome = outcome_of("ours", 1, called=(CauseCall(Cause.FULL, 1.0, 2.0, None),), orders={"done": 1})
 
-    assert StoreOutcome.from_json(kept.to_json()).to_json() == kept.to_json()
-    assert StoreOutcome.from_json(kept.to_json()).called == [Called(Cause.FULL, 1.0, 2.0, None)]
+    assert StoreOutcome.from_json(stored_outcome.to_json()).to_json() == stored_outcome.to_json()
+    assert StoreOutcome.from_json(stored_outcome.to_json()).called == [CauseCall(Cause.FULL, 1.0, 2.0, None)]
 
 
 # The search
@@ -456,10 +459,10 @@ def test_the_cell_with_the_best_score_wins_and_of_equal_ones_the_first() -> None
         f"grid-{distance_m:g}m-20percent-full-{seed}": outcome_of("threshold", seed, loops=missions, unsafe_s=unsafe_s)
         for (distance_m, seed), (missions, unsafe_s) in results.items()
     }
-    searched = cells(Design(grid=grid, tuning_seeds=(1, 2)), outcomes)
+    search_cells = cells(Design(grid=grid, tuning_seeds=(1, 2)), outcomes)
 
-    assert [round(cell.score, 6) for cell in searched] == [0.5, 1.0, 1.0]
-    assert best(searched).thresholds.distance_m == 1.5
+    assert [round(cell.score, 6) for cell in search_cells] == [0.5, 1.0, 1.0]
+    assert best(search_cells).thresholds.distance_m == 1.5
 
 
 def test_reported_seeds_are_not_used_for_tuning() -> None:

@@ -23,7 +23,7 @@ AREA = AREAS["area_1"]
 PLACE = AREA.places[0]
 SHELF_X_M = ROWS_WEST_M[AREA.recess.row] + ROW_WIDTH_M
 ASIDE = Pose2D(4.6, AREA.recess.north_m - 0.25)
-"""A pose before a recess, so near to its end that the fork fits in beside the shelf, but the body does not."""
+"""A pose before a recess, so near to its end that the fork fits in beside the shelf, but the body does not fit."""
 
 
 class Bench:
@@ -245,7 +245,7 @@ def test_navigation_leaves_a_place_where_a_person_is_too_near_to_turn() -> None:
 
 
 def test_after_a_bump_backwards_the_robot_draws_back_reports_it_and_can_drive_again() -> None:
-    """Behind the robot the lasers keep the lane of the fork free, but the body is broader."""
+    """Behind the robot, the lasers keep the lane of the fork free, but the body is broader than this lane."""
     bench = Bench(ASIDE)
     bench.aim(ASIDE.ahead(-1.6), Way.BACKWARD)
     assert bench.done("navigating").result == "bumped"
@@ -258,7 +258,7 @@ def test_after_a_bump_backwards_the_robot_draws_back_reports_it_and_can_drive_ag
 
 
 def test_backwards_navigation_stops_before_obstacles_outside_of_container_places() -> None:
-    """Behind the wheels that the laser sees may be a person or the frame of a container."""
+    """There may be a person or the frame of a container behind the wheels that the laser sees."""
     bench = Bench(Pose2D(8.2, 6.0, pi / 2), containers=(box(Pose2D(8.72, 4.2)),))
     bench.aim(Pose2D(8.2, 4.4), Way.BACKWARD)
 
@@ -266,7 +266,7 @@ def test_backwards_navigation_stops_before_obstacles_outside_of_container_places
     assert bench.world.events == []
 
 
-def bumped_and_aborted() -> Bench:
+def bench_after_aborted_bump() -> Bench:
     bench = Bench(ASIDE)
     bench.aim(ASIDE.ahead(-1.6), Way.BACKWARD)
     bench.picking.request("navigating")
@@ -277,7 +277,7 @@ def bumped_and_aborted() -> Bench:
 
 
 def test_after_a_bump_the_robot_draws_back_even_if_the_task_is_aborted() -> None:
-    bench = bumped_and_aborted()
+    bench = bench_after_aborted_bump()
     touching_m = bench.world.state().robot.at.x_m
     bench.clock.sleep(6.0)
 
@@ -286,7 +286,7 @@ def test_after_a_bump_the_robot_draws_back_even_if_the_task_is_aborted() -> None
 
 
 def test_a_request_right_after_a_bump_draws_back_first_and_arrives() -> None:
-    bench = bumped_and_aborted()
+    bench = bench_after_aborted_bump()
     bench.aim(AREA.observation[1])
 
     assert bench.done("navigating").result == "arrived"

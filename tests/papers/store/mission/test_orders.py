@@ -9,7 +9,7 @@ import pytest
 from codra_dsl.runtime import SimClock
 from codra_papers.experiments.limited_time import LimitedClock, TimeIsUp
 from codra_papers.experiments.pacing import BEAT_S, Beat
-from codra_papers.store.mission.orders import SequentialOrders
+from codra_papers.store.mission.orders import SequentialMission
 from codra_papers.store.simulator.situations import OrderKind, Situation, StoreSettings
 from codra_papers.store.simulator.store import Store
 
@@ -22,7 +22,7 @@ class Served:
         self.store = Store(clock, StoreSettings(situation=situation, shoppers=0))
         for order in orders:
             self.store.page.order(*order)
-        serving = SequentialOrders(self.store.knowledge, clock)
+        serving = SequentialMission(self.store.knowledge, clock)
         with suppress(TimeIsUp):
             serving.serve()
 

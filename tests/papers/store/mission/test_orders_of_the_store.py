@@ -1,4 +1,4 @@
-"""Orders stay open until they are delivered, taken back, or without a container: runs of specs/store.yaml."""
+"""Orders stay open until they are delivered or taken back, or have no container: runs of specs/store.yaml."""
 
 from __future__ import annotations
 

@@ -54,7 +54,7 @@ class OpenShop:
         return future.result(timeout=10.0)
 
     def ask(self, method: str, path: str, body: bytes = b"", **headers: str) -> tuple[int, Mapping[str, Any]]:
-        """Send a request like the page itself. Headers override its own; an empty header is omitted."""
+        """Send a request as the page does. `headers` override those of the page; an empty header is omitted."""
         own = f"127.0.0.1:{self.page.port}"
         usual = {"host": own, "origin": f"http://{own}", "content-type": "application/json"}
         sent = usual | {name.replace("_", "-"): text for name, text in headers.items()}
@@ -267,10 +267,10 @@ def test_answers_forbid_content_from_other_sites(shop: OpenShop) -> None:
             assert b"://" not in response.read().replace(b"http://www.w3.org/2000/svg", b"")
             return dict(response.headers.items())
 
-    received = shop.during(headers)
+    response_headers = shop.during(headers)
 
-    assert received["content-security-policy"].startswith("default-src 'none'; script-src 'self';")
-    assert "access-control-allow-origin" not in received
+    assert response_headers["content-security-policy"].startswith("default-src 'none'; script-src 'self';")
+    assert "access-control-allow-origin" not in response_headers
 
 
 # Views

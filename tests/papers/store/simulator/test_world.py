@@ -104,7 +104,7 @@ def test_before_a_person_in_its_lane_the_robot_stops_and_gives_up() -> None:
 
 
 def test_a_bump_into_a_person_outside_all_laser_views_is_counted() -> None:
-    """The motion layer always stops before a resting person, so one is put under the turning fork."""
+    """The motion layer always stops in front of a resting person, so the test puts a person under the turning fork."""
     clock, world, states = opened()
     judge = Judge(world.state())
     world.watch(judge.see)
