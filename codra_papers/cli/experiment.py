@@ -210,8 +210,8 @@ def _report(experiment: Experiment, settings: Settings, root: Path, processes: i
     """Run the trials that have no record, judge all outcomes, and write the report."""
     from codra_papers.experiments.campaign.campaign import cores
     from codra_papers.experiments.campaign.provenance import Provenance, revision_of, versions
-    from codra_papers.experiments.campaign.records import code_digest
     from codra_papers.experiments.campaign.results import write_results
+    from codra_papers.experiments.campaign.trial_records import code_digest
 
     revision = revision_of(root, settings.folder)
     trials = _trials(experiment, settings)

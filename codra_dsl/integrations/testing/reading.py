@@ -16,8 +16,8 @@ from codra_dsl.integrations.testing.timeline import Behaviour, Maker, Moment, St
 from codra_dsl.language.diagnostics import Diagnostic, has_errors, in_file_order
 from codra_dsl.language.expression.tokens import shown
 from codra_dsl.language.load.elements.values import read_literal
+from codra_dsl.language.load.schema.keys_and_values import explain
 from codra_dsl.language.load.schema.schema import has_shape
-from codra_dsl.language.load.schema.shape import explain
 from codra_dsl.language.load.yaml.compose import compose
 from codra_dsl.language.load.yaml.findings import Findings, list_names
 from codra_dsl.language.load.yaml.nodes import MappingNode, ScalarNode, YamlNode

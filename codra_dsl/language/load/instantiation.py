@@ -8,9 +8,9 @@ from codra_dsl.language.diagnostics import Place, Related, replacing, surely_mea
 from codra_dsl.language.expression.tokens import shown
 from codra_dsl.language.load.elements.elements import Elements, report_taken
 from codra_dsl.language.load.schema.document import Document
-from codra_dsl.language.load.schema.misspelt import NO_WORDS, misspelt_declarations
+from codra_dsl.language.load.schema.keys_and_values import explain
+from codra_dsl.language.load.schema.misspelt_names import NO_WORDS, misspelt_declarations
 from codra_dsl.language.load.schema.schema import has_shape
-from codra_dsl.language.load.schema.shape import explain
 from codra_dsl.language.load.templates.arguments import Arguments, read_arguments
 from codra_dsl.language.load.templates.substitution import Filler, example
 from codra_dsl.language.load.templates.templates import Template, declare, declared_template

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from codra_dsl.runtime.loops.analysis import assess
 from codra_dsl.runtime.loops.counterfactual import Counterfactual
+from codra_dsl.runtime.loops.course_filters import SwitchReason
 from codra_dsl.runtime.loops.courses import CourseState, Decision
 from codra_dsl.runtime.loops.declarations import (
     CourseModel,
@@ -23,7 +24,6 @@ from codra_dsl.runtime.loops.declarations import (
     StageRuleModel,
     TreeModel,
 )
-from codra_dsl.runtime.loops.filters import SwitchReason
 from codra_dsl.runtime.loops.loop import Mape
 from codra_dsl.runtime.loops.planning import Context, Plan, Planner, Planners, Planning, Setting
 

@@ -14,9 +14,9 @@ from enum import StrEnum
 
 from codra_dsl.logic import Value
 from codra_dsl.runtime.loops.analysis import Assessment, assess
+from codra_dsl.runtime.loops.course_filters import leads, threshold
 from codra_dsl.runtime.loops.courses import Decision, hard_rule
 from codra_dsl.runtime.loops.declarations import CourseModel, InputModel, MapeModel
-from codra_dsl.runtime.loops.filters import leads, threshold
 from codra_dsl.runtime.loops.observations import Observation, number_of, value_of
 
 _STEPS = 64

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from codra_dsl.runtime.loops.analysis import Assessment, assess
+from codra_dsl.runtime.loops.course_filters import FilterState, FilterStep, SwitchReason, leads, step
 from codra_dsl.runtime.loops.declarations import CourseModel, HardRuleModel, MapeModel, OutputModel
-from codra_dsl.runtime.loops.filters import FilterState, FilterStep, SwitchReason, leads, step
 from codra_dsl.runtime.loops.fuzzy.bounds import End
 from codra_dsl.runtime.loops.observations import SceneScope
 

@@ -11,6 +11,7 @@ from typing import Any, Protocol
 from codra_dsl.logic import Value
 from codra_dsl.runtime.loops.analysis import Assessment, OutputResult, assess
 from codra_dsl.runtime.loops.counterfactual import Counterfactual, smallest_changes
+from codra_dsl.runtime.loops.course_filters import JUST_AFTER_S
 from codra_dsl.runtime.loops.courses import CourseState, Decision, Metrics, choose, metrics_of, values_before_worsening
 from codra_dsl.runtime.loops.declarations import (
     CourseModel,
@@ -20,7 +21,6 @@ from codra_dsl.runtime.loops.declarations import (
     ParameterModel,
     RateModel,
 )
-from codra_dsl.runtime.loops.filters import JUST_AFTER_S
 from codra_dsl.runtime.loops.fuzzy.bounds import Bounds
 from codra_dsl.runtime.loops.observations import Observation, Scene, SceneScope, rate
 from codra_dsl.runtime.values.cell import Reading

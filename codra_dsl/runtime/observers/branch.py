@@ -12,7 +12,7 @@ from codra_dsl.runtime.observers.failed_look import FailedLook
 from codra_dsl.runtime.observers.services import ObserverServices
 from codra_dsl.runtime.perception import CostMeter, Failure, Interval, JobRun, Result, State
 from codra_dsl.runtime.values.cell import BEFORE_ALL_S, Cell, Reason
-from codra_dsl.runtime.values.evidence import ContextNow, complete_from_s, first_loss, held
+from codra_dsl.runtime.values.conditions_held import ContextNow, complete_from_s, first_loss, held
 from codra_dsl.runtime.values.hysteresis import DebouncedCondition, Hysteresis, Vote, Votes
 from codra_dsl.runtime.values.model import Algorithm, NotOfTypeError
 

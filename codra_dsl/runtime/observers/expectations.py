@@ -11,7 +11,7 @@ from codra_dsl.logic import Value
 from codra_dsl.runtime.clock import Clock, Timer
 from codra_dsl.runtime.journal import EventWriter, Kind
 from codra_dsl.runtime.observers.store import Store
-from codra_dsl.runtime.values.evidence import ContextNow
+from codra_dsl.runtime.values.conditions_held import ContextNow
 from codra_dsl.runtime.values.model import ExpectationModel, SkillModel
 
 

@@ -17,7 +17,7 @@ from codra_dsl.runtime.observers.failed_look import FailedLook, decisive_look
 from codra_dsl.runtime.observers.services import ObserverServices
 from codra_dsl.runtime.observers.ticking import tick
 from codra_dsl.runtime.values.cell import Reading, Reason, known_reading
-from codra_dsl.runtime.values.evidence import ContextNow, Watch
+from codra_dsl.runtime.values.conditions_held import ContextNow, Watch
 from codra_dsl.runtime.values.model import Algorithm
 
 __all__ = ["Branch", "Observer", "ObserverModel"]

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from codra_dsl.logic import Term
 from codra_dsl.runtime.clock import PUNCTUAL_S, Clock
 from codra_dsl.runtime.values.cell import Cell
-from codra_dsl.runtime.values.evidence import ContextNow
+from codra_dsl.runtime.values.conditions_held import ContextNow
 
 
 def wait_for(term: Term, cells: Mapping[str, Cell], clock: Clock, timeout_s: float) -> bool:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from codra_papers.experiments.campaign.experiment import AnyOutcome, AnyTrial
-from codra_papers.experiments.campaign.records import TrialRecord, records_of
+from codra_papers.experiments.campaign.trial_records import TrialRecord, records_of
 from codra_papers.experiments.campaign.workers import run_in_processes
 
 TRIALS = "trials"

@@ -9,7 +9,7 @@ import pytest
 
 from codra_dsl.integrations.testing.reading import read_timeline
 from codra_dsl.integrations.testing.timeline import Belief
-from codra_dsl.language.load.schema.shape import schema
+from codra_dsl.language.load.schema.keys_and_values import schema
 from codra_dsl.runtime import Reason
 
 TESTS = Path(__file__).parents[2]

@@ -1,4 +1,4 @@
-"""The picker's page in Chromium, served by a real `codra run`: clicks reach the journal of that process."""
+"""The picker's page in Chromium, with a real `codra run`: clicks reach the journal of the process."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Run:
         self.url = match[1]
 
     def events(self, *about: str) -> str:
-        """Return the journal so far; the process still writes it."""
+        """Return the events in the journal so far. The process still writes the journal."""
         assert self.process.poll() is None
         return codra("journal", "show", str(self.journal), *about, cwd=self.folder).stdout
 
@@ -79,13 +79,13 @@ def browser() -> Iterator[Browser]:
 
 
 def copied(folder: Path) -> Path:
-    """Return a copy of the store's spec in a folder, with its trees beside it."""
+    """Return a copy of the store's spec in a folder that also has the behavior trees."""
     shutil.copytree(ROOT / "specs/trees", folder / "trees")
     return Path(shutil.copy(ROOT / "specs/store.yaml", folder))
 
 
 def opened(browser: Browser, run: Run, **settings: Any) -> Page:
-    """Return the page, once it shows the robot's knowledge."""
+    """Return the page as soon as it shows the robot's knowledge."""
     page = browser.new_page(**settings)
     page.goto(run.url)
     expect(page.locator("#connection")).to_have_text("Live.")
@@ -132,15 +132,15 @@ def test_an_order_is_taken_back_by_a_click(browser: Browser, run: Run) -> None:
 
 
 def test_a_container_is_marked_full_with_the_keyboard_and_every_browser_sees_it(browser: Browser, run: Run) -> None:
-    page, other = opened(browser, run), opened(browser, run, viewport={"width": 390, "height": 844})
-    full = page.get_by_role("button", name="Full")
-    full.focus()
+    page, other_page = opened(browser, run), opened(browser, run, viewport={"width": 390, "height": 844})
+    full_button = page.get_by_role("button", name="Full")
+    full_button.focus()
     page.keyboard.press("Enter")
 
     expect(page.locator("#answer")).to_have_text("The container is marked full.")
-    for shown in (page, other):
-        expect(shown.get_by_role("button", name="Full")).to_have_attribute("aria-pressed", "true")
-    expect(full).to_be_focused()
+    for shown_page in (page, other_page):
+        expect(shown_page.get_by_role("button", name="Full")).to_have_attribute("aria-pressed", "true")
+    expect(full_button).to_be_focused()
     assert re.search(
         r"variable container_load identified .*\"value\":\"full\".*\"source\":\"picker_page\"", run.events()
     )
@@ -240,7 +240,7 @@ def test_a_run_in_the_store_prints_its_result(tmp_path: Path) -> None:
     [
         (("--world", "store", "--naive"), "the world 'store' has no such option"),
         (("--world", "lab", "--page"), "the world 'lab' has no such option"),
-        (("--world", "store", "--port", "8000"), "it is the port of --page"),
+        (("--world", "store", "--port", "8000"), "the port is that of the page"),
     ],
 )
 def test_options_of_another_world_are_refused(options: tuple[str, ...], message: str, tmp_path: Path) -> None:

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from codra_dsl.logic import Value
 from codra_dsl.runtime.loops.analysis import assess
 from codra_dsl.runtime.loops.counterfactual import ChangeKind, Counterfactual, smallest_changes, would_keep
+from codra_dsl.runtime.loops.course_filters import FilterState, TrackedAction
 from codra_dsl.runtime.loops.courses import CourseState, Decision, choose
 from codra_dsl.runtime.loops.declarations import InputModel
-from codra_dsl.runtime.loops.filters import FilterState, TrackedAction
 from codra_dsl.runtime.loops.fuzzy.bounds import Bounds
 from codra_dsl.runtime.loops.observations import Observation
 from tests.runtime.loops.shop import COURSE, LOADS, MAPE, UNFILTERED

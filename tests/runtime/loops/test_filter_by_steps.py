@@ -12,7 +12,7 @@ from hypothesis import settings as of_hypothesis
 from hypothesis import strategies as st
 
 from codra_dsl.runtime.loops.declarations import CourseModel
-from tests.runtime.loops.test_filters import ACTIONS, Moment, course, play
+from tests.runtime.loops.test_course_filters import ACTIONS, Moment, course, play
 
 STEP_S = 0.02
 LEAD_CHANGE = 0.004

@@ -15,9 +15,9 @@ from codra_dsl.runtime import Kind, NotASourceError, UnknownNameError, WallClock
 from codra_dsl.runtime.behavior_trees import Action, Entry, Leaf, Node, Ports, Result, Robot, Switch, Task, TreeError
 from codra_dsl.runtime.knowledge import AgentTakenError, Stage
 from codra_dsl.runtime.loops.counterfactual import Counterfactual
+from codra_dsl.runtime.loops.course_filters import SwitchReason
 from codra_dsl.runtime.loops.courses import CourseState, Decision
 from codra_dsl.runtime.loops.declarations import MapeModel, Repeat
-from codra_dsl.runtime.loops.filters import SwitchReason
 from codra_dsl.runtime.loops.planning import Context, Plan, Planning
 from codra_dsl.runtime.values.conditions import choose, value
 from tests.runtime.loops.shop import CHOICES, COURSE, MAPE, MISSION, SPEED, UNFILTERED, Shop

@@ -27,7 +27,7 @@ from codra_dsl.language.check.index.parsed_rules import ParsedRules
 from codra_dsl.language.check.index.words import NOUNS
 from codra_dsl.language.diagnostics import suggest
 from codra_dsl.language.expression import Name, Text, names_in, walk
-from codra_dsl.language.load.schema.misspelt import Vocabulary
+from codra_dsl.language.load.schema.misspelt_names import Vocabulary
 from codra_dsl.language.load.yaml.names import is_identifier
 from codra_dsl.language.model import (
     Agent,

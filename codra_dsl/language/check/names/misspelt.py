@@ -9,7 +9,7 @@ from codra_dsl.language.check.index.mentions import Mention
 from codra_dsl.language.check.index.rules import finding
 from codra_dsl.language.check.index.spec_index import MAX_SUGGESTIONS, SpecIndex
 from codra_dsl.language.diagnostics import Diagnostic, Place, Related, replacing, suggest
-from codra_dsl.language.load.schema.misspelt import misspelt_declarations
+from codra_dsl.language.load.schema.misspelt_names import misspelt_declarations
 
 
 def find_misspelt_declarations(

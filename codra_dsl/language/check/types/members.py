@@ -13,7 +13,7 @@ from codra_dsl.language.check.index.words import USERS
 from codra_dsl.language.check.solver.values import links
 from codra_dsl.language.diagnostics import Diagnostic, Fix, Place, Related, replacing, suggest
 from codra_dsl.language.expression import Choice, Name, Node, Text, walk
-from codra_dsl.language.load.schema.misspelt import misspelt_declarations
+from codra_dsl.language.load.schema.misspelt_names import misspelt_declarations
 from codra_dsl.language.model import Kind, Members, ValueType
 
 Key = tuple[Owner, str]

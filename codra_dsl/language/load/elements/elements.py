@@ -24,8 +24,8 @@ from codra_dsl.language.load.elements.knowledge import (
 )
 from codra_dsl.language.load.elements.loops import build_action, build_adaptation, build_loop, build_metric, build_tree
 from codra_dsl.language.load.schema.document import SECTIONS
+from codra_dsl.language.load.schema.keys_and_values import explain
 from codra_dsl.language.load.schema.schema import has_shape, keys_of
-from codra_dsl.language.load.schema.shape import explain
 from codra_dsl.language.load.templates.templates import DEFINITIONS
 from codra_dsl.language.load.yaml.findings import Findings
 from codra_dsl.language.load.yaml.names import check_name

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 from codra_dsl.language.diagnostics import replacing
 from codra_dsl.language.expression.tokens import shown
+from codra_dsl.language.load.schema.keys_and_values import explain_outline
 from codra_dsl.language.load.schema.schema import FILE_DEFINITION
-from codra_dsl.language.load.schema.shape import explain_outline
 from codra_dsl.language.load.schema_file import schema
 from codra_dsl.language.load.yaml.compose import compose
 from codra_dsl.language.load.yaml.findings import Findings

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from codra_dsl.language.diagnostics import Fix, Place, Related, replacing, surely_means
 from codra_dsl.language.expression.tokens import shown
-from codra_dsl.language.load.schema.misspelt import NO_WORDS, misspelt_declarations
+from codra_dsl.language.load.schema.misspelt_names import NO_WORDS, misspelt_declarations
 from codra_dsl.language.load.yaml.findings import Findings, list_names
 from codra_dsl.language.load.yaml.nodes import MappingNode, ScalarNode, scalars
 from codra_dsl.language.load.yaml.origin import Origin, Subject

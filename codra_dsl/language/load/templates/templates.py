@@ -19,8 +19,8 @@ from enum import Enum
 from codra_dsl.language.diagnostics import Place
 from codra_dsl.language.expression.tokens import shown
 from codra_dsl.language.load.schema.document import KEYS, SECTIONS, section_of
+from codra_dsl.language.load.schema.keys_and_values import explain, explain_outline
 from codra_dsl.language.load.schema.schema import has_shape
-from codra_dsl.language.load.schema.shape import explain, explain_outline
 from codra_dsl.language.load.templates.parameters import (
     MAX_PARAMETER_REPAIRS,
     PARAMETER,

@@ -13,7 +13,7 @@ import pytest
 from codra_dsl.integrations.inspection import SpecError
 from codra_papers.experiments.campaign import records
 from codra_papers.experiments.campaign.campaign import TRIALS, CampaignBusyError, Progress, run_campaign
-from codra_papers.experiments.campaign.records import records_of
+from codra_papers.experiments.campaign.trial_records import records_of
 from codra_papers.experiments.campaign.workers import TrialError
 from codra_papers.experiments.lab.arms import NAIVE, NEED
 from codra_papers.experiments.lab.outcomes import Outcome

@@ -14,7 +14,7 @@ import pytest
 
 from codra_papers.experiments.campaign.document import Document, Drawing, Photograph, Table
 from codra_papers.experiments.campaign.experiment import FIRST_REPORTED_SEED, Settings
-from codra_papers.experiments.campaign.records import TrialRecord
+from codra_papers.experiments.campaign.trial_records import TrialRecord
 from codra_papers.experiments.lab.outcomes import OWN_LOOK, Outcome
 from codra_papers.experiments.lab.trials import run_trial
 from codra_papers.experiments.studies.lab_runtime import EXPERIMENT

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from codra_dsl.runtime.loops.course_filters import FilterState, SwitchReason, leads, step, threshold
 from codra_dsl.runtime.loops.declarations import CourseModel
-from codra_dsl.runtime.loops.filters import FilterState, SwitchReason, leads, step, threshold
 
 ACTIONS = ("pick", "start", "dock")
 CAUSES = {SwitchReason.WORSE, SwitchReason.HARD_RULE, SwitchReason.NOTHING_KNOWN}

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from codra_dsl.logic import Term, Value, age, known, value
 from codra_dsl.runtime.values.cell import Cell, Reading, Reason
-from codra_dsl.runtime.values.evidence import ContextAt, Watch, first_loss, held
+from codra_dsl.runtime.values.conditions_held import ContextAt, Watch, first_loss, held
 
 History = list[tuple[float, Value | None]]
 

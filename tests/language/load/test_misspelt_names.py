@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from codra_dsl.language.diagnostics import suggest
-from codra_dsl.language.load.schema.misspelt import NO_WORDS, Vocabulary, misspelt_declarations
+from codra_dsl.language.load.schema.misspelt_names import NO_WORDS, Vocabulary, misspelt_declarations
 
 from .texts import findings_of, marked, rules_of
 
