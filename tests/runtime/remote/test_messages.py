@@ -254,7 +254,7 @@ WRONG: dict[str, tuple[dict[str, object], str, str]] = {
     "the future": (
         {"ask": "set", "variable": "localized", "value": True, "evidence_s": 5.0},
         "not_allowed",
-        "evidence for 'localized' was taken at 0.0 at the latest, not at 5.0",
+        "evidence for 'localized' cannot be from 5.0: the present instant is 0.0",
     ),
     "field missing": ({"ask": "get"}, "malformed", "`get` needs `variable`: a text"),
     "field unknown": (
