@@ -103,7 +103,7 @@ class Writer:
     # Tasks (P2, section 3.2)
 
     def request(self, task: str, /, **values: object) -> Request:
-        """Request a task, with values of attributes such as its goal. The task's executor then acknowledges the request.
+        """Request a task, with values of attributes such as its goal; the executor then acknowledges the request.
 
         Raises:
             ConflictError: if the task was requested before and has not ended.

@@ -109,7 +109,7 @@ class EdgeTypeModel:
 
     Attributes:
         name: the name of the type.
-        label: the label of the edges. If empty, it is `RT` for edges with a motion, and the name of the type for others.
+        label: the label of the edges. If empty, the label is `RT` for edges with a motion, otherwise the type's name.
         origins: types of nodes, or single nodes, from which an edge may go.
         targets: types of nodes, or single nodes, to which an edge may go.
         sources: the agents that may insert, change and delete edges of the type.

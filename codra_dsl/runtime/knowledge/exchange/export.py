@@ -60,7 +60,7 @@ class _Exporter:
         self._parents_before = {key[2]: key[0] for key in keys_before if key[1] == RT}
 
     def nodes(self) -> Iterator[DsrNode]:
-        """Yield the nodes: first those of the import in their order, then the others in the order of their insertion."""
+        """Yield the nodes: first those of the import in their order, then the others in the order of insertion."""
         for node in self._start.document.nodes:
             if node.name in self._numbers:
                 yield self._node(self._snapshot.node(node.name), node) if node.name in self._snapshot else node
@@ -69,7 +69,7 @@ class _Exporter:
                 yield self._node(own_node, None)
 
     def edges(self) -> Iterator[DsrEdge]:
-        """Yield the edges: first those of the import in their order, then the others in the order of their insertion."""
+        """Yield the edges: first those of the import in their order, then the others in the order of insertion."""
         present_edges = {edge.key: edge for edge in self._snapshot.edges()}
         for key, edge in self._edges_before.items():
             if key in present_edges:
