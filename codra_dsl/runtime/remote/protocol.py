@@ -1,7 +1,7 @@
 """Version 1 of the manager's message interface: requests, answers and notices, all of plain data.
 
-A message is a JSON object. A request names its operation in `ask`. It may have an `id`, which its answer or error
-repeats:
+A message is a JSON object. A request names its operation in `ask`. A request may have an `id`, which the answer or
+error to the request repeats:
 
     {"codra": 1, "id": 7, "ask": "get", "variable": "door_open"}
     {"codra": 1, "id": 7, "answer": {"reading": {"variable": "door_open", "known": true, "value": false, ...}}}
@@ -134,7 +134,7 @@ class Request:
     """A request with valid fields.
 
     Attributes:
-        id: the ID that the answer repeats; None if the request had none.
+        id: the ID that the answer repeats; None if the request has no ID.
         ask: the operation, a key of `REQUESTS`.
         fields: the other fields.
     """
@@ -148,7 +148,7 @@ def request_of(message: object) -> Request:
     """Return the request of a message.
 
     Raises:
-        MessageError: if it is not a request of this version.
+        MessageError: if the message is not a request of this version.
     """
     if not isinstance(message, Mapping):
         raise MessageError("a message is a mapping")

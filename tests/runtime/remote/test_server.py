@@ -213,7 +213,7 @@ def test_a_line_without_end_ends_the_session(server: Server, codra: Manager) -> 
         peer.sendall(b'{"codra": 1, "id": 1, "ask": "declare", "variable": "open"}\n')
         assert json.loads(answers.readline())["answer"] == {}
         peer.sendall(b" " * (LONGEST_LINE + 1))
-        assert json.loads(answers.readline())["error"]["message"] == f"a message has {LONGEST_LINE} bytes at most"
+        assert json.loads(answers.readline())["error"]["message"] == f"a message may have at most {LONGEST_LINE} bytes"
         assert answers.readline() == b""
     eventually(lambda: not codra.declared())
 

@@ -238,7 +238,7 @@ WRONG = {
     f'f.json: {SPEED}: an attribute is {{"type": NUMBER': file(symbol(attribute={"speed": {"value": 1}})),
     f"f.json: {SPEED}.type: the type of a value is an integer": attribute("float", 1.0),
     f"f.json: {SPEED}.value: 3 is not a text, but type 0 is text: change the value or the type": attribute(0, 3),
-    f"f.json: {SPEED}.value: 2147483648 lies outside [-2147483648, 2147483647], and": attribute(1, 2**31),
+    f"f.json: {SPEED}.value: 2147483648 lies outside [-2147483648, 2147483647], but": attribute(1, 2**31),
     f"f.json: {SPEED}.value: 1.5 is not an integer, but type 1 is int32": attribute(1, 1.5),
     f"f.json: {SPEED}.value: true is not a number, but type 2 is float": attribute(2, True),
     f"f.json: {SPEED}.value: a list is neither true nor false": attribute(4, [1]),
@@ -246,7 +246,7 @@ WRONG = {
     f"f.json: {SPEED}.value: -1 lies outside [0, 18446744073709551615]": attribute(7, -1),
     f"f.json: {SPEED}.value: null is not a list, but type 3 is floats": attribute(3, None),
     f"f.json: {SPEED}.value: there are 2 numbers instead of 3": attribute(11, [1, 2]),
-    f"f.json: {SPEED}.value: an object is not a number, and type 8": attribute(8, {}),
+    f"f.json: {SPEED}.value: an object is not a number, but type 8": attribute(8, {}),
     f"f.json: {SPEED}.value: 100000000000000000000000000": attribute(8, 10**400),
 }
 
