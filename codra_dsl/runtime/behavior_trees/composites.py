@@ -222,7 +222,10 @@ def _threshold(declared_count: int, node: Node, verb: str) -> int:
 
 
 class IfThenElse(Kind):
-    """Ticks the first child, the condition, until it completes, and then the second or third until that completes."""
+    """Ticks its first child as a condition until it completes, and then ticks the second or the third child.
+
+    The condition is not ticked again while the chosen child is running.
+    """
 
     def __init__(self) -> None:
         self._branch: int | None = None

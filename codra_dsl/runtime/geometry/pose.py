@@ -25,7 +25,7 @@ _SMALLEST_NORM = 1e-9
 _ORTHONORMAL_TOLERANCE = 1e-6
 
 _NORM_TOLERANCE = 1e-12
-"""The tolerance for the squared norm of a unit quaternion, because products of many quaternions deviate from 1."""
+"""The tolerance for the squared norm of a unit quaternion; products of many quaternions deviate this far from 1."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,8 +45,8 @@ class Pose:
         """Return a pose of checked numbers; the quaternion is normalized.
 
         Raises:
-            ValueError: if the translation has not 3 or the quaternion not 4 finite numbers, or the quaternion is almost
-                zero.
+            ValueError: if the translation does not have 3 finite numbers, the quaternion does not have 4 finite
+                numbers, or the quaternion is almost zero.
         """
         x, y, z = _finite_numbers(translation_m, 3, "a translation")
         w, i, j, k = _finite_numbers(rotation, 4, "a quaternion")
@@ -112,7 +112,7 @@ class Pose:
         )
 
     def __matmul__(self, inner: Pose) -> Pose:
-        """Return the product of two poses: if B in A is this pose and C in B is `inner`, return C in A."""
+        """Return the pose of C in A, if this is the pose of B in A and `inner` is the pose of C in B."""
         ix, iy, iz = _rotated_vector(self.rotation, inner.translation_m)
         tx, ty, tz = self.translation_m
         return _new_pose((tx + ix, ty + iy, tz + iz), _product(self.rotation, inner.rotation))

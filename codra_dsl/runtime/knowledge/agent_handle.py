@@ -54,8 +54,8 @@ class Writer:
             name: the name of the node.
             attribute: the name of the attribute.
             value: the value; None makes the attribute unknown.
-            evidence_s: when the evidence was taken; None means now. A value does not replace a value with newer
-                evidence.
+            evidence_s: when the evidence was taken; None means now. The value does not replace a value with
+                newer evidence.
 
         Raises:
             ValueError: if the evidence lies in the future.

@@ -183,7 +183,10 @@ class ChangeSet:
             self.set(name, attribute, value, None)
 
     def delete_node(self, name: str) -> None:
-        """Delete a node and all edges to and from it. Its past poses stay available for the length of their history."""
+        """Delete a node and all edges to and from it.
+
+        The past poses of the node stay available for the length of their history.
+        """
         node = self.node(name)
         permissions = self.schema.node_type(node.type).permissions
         permissions.check(self.agent, f"nodes of type {node.type}")

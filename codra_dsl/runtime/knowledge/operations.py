@@ -1,7 +1,7 @@
 """The operations of agents on the graph, as values.
 
 A transaction can apply an `Operation` again if another write has changed the graph meanwhile, a journal can record the
-`Operation`, and a replay can repeat it. Where nothing of this is needed, a change is applied without an `Operation`.
+`Operation`, and a replay can repeat it. Where none of this is needed, a change is applied without an `Operation`.
 """
 
 from __future__ import annotations

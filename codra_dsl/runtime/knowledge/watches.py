@@ -26,8 +26,8 @@ class Change(NamedTuple):
     Attributes:
         snapshot: the snapshot that has these matches.
         matches: all present matches.
-        new: the present matches that did not exist at the previous call.
-        over: the matches of the previous call that no longer exist.
+        new: the matches that are new.
+        over: the matches that have ended.
     """
 
     snapshot: Snapshot

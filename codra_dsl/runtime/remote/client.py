@@ -153,9 +153,9 @@ class RemoteContext:
         wait_up_to_s: float = 0.0,
         shadow: bool = False,
     ) -> Any | Answer:
-        """Answer a decision from context; fall back to sequential perception (`otherwise`) if that fails.
+        """Answer a decision from context.
 
-        The program falls back to sequential perception also if the manager is gone.
+        If context has no answer, or the manager is gone, call `otherwise`, the program's sequential perception.
         """
         wait_up_to_s = min(wait_up_to_s, threading.TIMEOUT_MAX)
         options = {"max_age_s": max_age_s, "since_s": since_s, "wait_up_to_s": wait_up_to_s, "shadow": shadow}

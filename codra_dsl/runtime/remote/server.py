@@ -30,7 +30,7 @@ PAUSE_S = 1.0
 """How long the server waits after a failure to accept a connection."""
 
 MOST_UNSENT_MESSAGES = 10_000
-"""The maximum number of messages that a main execution has not read; one more ends the session."""
+"""The maximum number of messages that a main execution has not read. If there are more, its session ends."""
 
 
 class Server:

@@ -37,7 +37,10 @@ from codra_dsl.runtime.values.declarations import MAIN
 from codra_dsl.runtime.values.model import VariableModel
 
 MOST_LOOKING_DECISIONS = 1_000
-"""The maximum number of decisions for which the main execution looks itself. One more abandons the oldest decision."""
+"""The maximum number of decisions for which the main execution looks itself.
+
+If there are more, the oldest decision is abandoned.
+"""
 
 LEASE_S = 5.0
 """How long a session lasts without a message, unless its main execution requests another time."""
@@ -93,7 +96,7 @@ class Session:
         return bool(self._end_reason)
 
     def receive(self, message: object) -> None:
-        """Handle one message. The answer is passed to `send`: immediately, or later if the message asks a decision."""
+        """Handle one message. The answer is passed to `send` immediately, or later if a decision has to wait."""
         with self._lock:
             try:
                 request = request_of(message)
@@ -201,7 +204,7 @@ class Session:
         number = self._subscription_count
 
         def send_reading(reading: Reading[Any]) -> None:
-            with self._lock:  # readings are sent after the answer with the number and before that to `unsubscribe`
+            with self._lock:  # send after the answer with the number, and never after the answer to `unsubscribe`
                 if number in self._subscriptions:
                     self._send(notice("reading", subscription=number, reading=plain_reading(reading)))
 

@@ -76,7 +76,7 @@ class ReplayedJobs:
                 pass
 
     def find(self, algorithm: Algorithm) -> Function:
-        """Return a function that replaces that of an algorithm: it repeats the recorded reports and calls."""
+        """Return a replacement for an algorithm's function: it repeats the function's recorded reports and calls."""
         self._returns[algorithm.name] = tuple(algorithm.returns)
 
         def play(*, job: Job, **_: object) -> Mapping[str, Value]:

@@ -70,7 +70,7 @@ class _Player:
             raise DivergedError(f"the package has no {kind} '{missing}', which the run used")
 
     def _repeat_calls_of(self, work: int) -> None:
-        """Repeat the calls that a job's function made. In simulated time they belong to the step that begins it."""
+        """Repeat the calls that a job's function made; in simulated time, the step that begins the job makes them."""
         for event in self._inputs_of_jobs.get(work, ()):
             self.take(event)
 
