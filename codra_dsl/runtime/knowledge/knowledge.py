@@ -87,8 +87,7 @@ class Knowledge:
         self._clock = clock
         self._now_s = clock.now_s
         self._context_link = context_link
-        # Every write holds the turn, the lock for writes. With a context manager the turn is a step, which holds the
-        # single lock of graph and context.
+        # Every write holds the turn. With a context manager the turn is a step, which holds the lock of both sides.
         self._steps: Clock = clock if context_link is None else context_link.steps
         self._step_now_s = self._steps.now_s
         self._turn: AbstractContextManager[object] = threading.RLock() if context_link is None else context_link.steps
@@ -149,9 +148,7 @@ class Knowledge:
             state = next((candidate for candidate in states if candidate.since_s <= instant_s), None)
             begin_s = self._past_states[0].since_s if self._past_states else self._state.since_s
         if state is None:
-            raise ValueError(
-                f"the graph is kept from {begin_s} s on, not from {instant_s}: use a journal for earlier instants"
-            )
+            raise ValueError(f"the graph is kept from {begin_s} s on, not from {instant_s}: read it from a journal")
         return Snapshot(self._schema, state, instant_s)
 
     def get(self, name: str, attribute: str) -> Reading[Any]:

@@ -82,8 +82,7 @@ class Permissions:
         if agent == START or self._priorities.get(other, 0) <= self._priorities[agent]:
             return
         raise OutrankedError(
-            f"{agent!r} cannot overwrite {subject!r}: it is still valid, and {other!r}, which wrote it, "
-            "has a higher priority"
+            f"{agent!r} cannot overwrite {subject!r}: {other!r} wrote it with a higher priority, and it is still valid"
         )
 
 
