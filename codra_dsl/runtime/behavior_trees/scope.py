@@ -68,7 +68,7 @@ class Scope:
         entry = self._find(name)
         if entry is None:
             raise TreeError(
-                f"the entry {name!r} does not exist yet: entries are {', '.join(sorted(self.names())) or 'none'}"
+                f"the entry {name!r} does not exist yet; existing entries: {', '.join(sorted(self.names())) or 'none'}"
             )
         return entry.value
 

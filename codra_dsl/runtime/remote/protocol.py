@@ -151,12 +151,12 @@ def request_of(message: object) -> Request:
         MessageError: if the message is not a request of this version.
     """
     if not isinstance(message, Mapping):
-        raise MessageError("a message is a mapping")
+        raise MessageError("a message must be a mapping")
     if message.get("codra") != VERSION or isinstance(message["codra"], bool):
         raise MessageError(f"this interface has version {VERSION}: set `codra: {VERSION}`")
     ask = message.get("ask")
     if not isinstance(ask, str) or ask not in REQUESTS:
-        raise MessageError(f"`ask` is one of {', '.join(REQUESTS)}{nearest(str(ask), REQUESTS)}")
+        raise MessageError(f"`ask` must be one of {', '.join(REQUESTS)}{nearest(str(ask), REQUESTS)}")
     fields = {key: content for key, content in message.items() if key not in ("codra", "id", "ask")}
     _check_fields(ask, fields)
     return Request(id=id_of(message), ask=ask, fields=fields)
@@ -236,4 +236,4 @@ def _check_fields(ask: str, fields: Plain) -> None:
         if name not in types:
             raise MessageError(f"`{ask}` has no field {name!r}{nearest(str(name), types)}")
         if not types[name].holds(value):
-            raise MessageError(f"`{name}` of `{ask}` is {types[name]}")
+            raise MessageError(f"`{name}` of `{ask}` must be {types[name]}")

@@ -109,7 +109,7 @@ def test_errors_are_those_of_the_context_manager(server: Server) -> None:
             remote.set("open", value=True)
         with pytest.raises(NotOfTypeError, match="'ajar' is not of type bool"):
             remote.declare("open", "ajar")
-        with pytest.raises(MessageError, match="`value` of `set` is a text"):
+        with pytest.raises(MessageError, match="`value` of `set` must be a text"):
             remote.set("near", None)
         assert remote.get("near").value is True
 
