@@ -1,7 +1,7 @@
 """Behaviour trees with the semantics of BehaviorTree.CPP version 4, on py_trees (P2, section 5.2 and Figure 7).
 
-The documentation of BehaviorTree.CPP is the norm; where it gives no answer, its library is. `docs/reference/trees.md`
-lists the differences.
+The norm is the documentation of BehaviorTree.CPP; where the documentation gives no answer, it is the library.
+`docs/reference/trees.md` lists the differences.
 """
 
 from __future__ import annotations

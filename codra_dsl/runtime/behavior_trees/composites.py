@@ -54,7 +54,7 @@ def async_fallback() -> Kind:
 
 
 def reactive_sequence() -> Kind:
-    """Tick the children from the first one at each tick; halt all others when one is running."""
+    """At each tick, tick the children from the first one on; if a child is running, halt all other children."""
     return _ReactiveComposite(Result.SUCCESS)
 
 
@@ -95,7 +95,7 @@ class _OrderedComposite(Kind):
         return self._complete(node)
 
     def halt(self, node: Node) -> None:  # noqa: ARG002
-        """Restart with the first child the next time, unless the node has a memory."""
+        """Begin with the first child when the node next starts, unless the node has a memory."""
         if self._after is _After.RESTART:
             self._child_index = self._skipped_children = 0
 
@@ -141,9 +141,9 @@ class Parallel(Kind):
     """Ticks all children that have not completed, until enough of them succeed or fail; then halts the others."""
 
     def __init__(self, *, success_count: Setting = "-1", failure_count: Setting = "1") -> None:
-        """Set the number of successes and that of failures, either of which completes it.
+        """Set how many successes make the node succeed, and how many failures make it fail.
 
-        -1 means all children, -2 one less, and so on.
+        -1 means all children, -2 means all but one, and so on.
         """
         self._success_count = success_count
         self._failure_count = failure_count
@@ -182,10 +182,10 @@ class Parallel(Kind):
 
 
 class ParallelAll(Kind):
-    """Ticks all children until every one has completed, whatever its result, then counts the failures."""
+    """Ticks all children until every child has completed, with any result, and then counts the failures."""
 
     def __init__(self, *, max_failures: Setting = "1") -> None:
-        """Set the number of failures with which it fails; -1 means all children."""
+        """Set the number of failures that make the node fail; -1 means all children."""
         self._max_failures = max_failures
         self._results: dict[int, Result] = {}
 
@@ -222,13 +222,16 @@ def _threshold(declared_count: int, node: Node, verb: str) -> int:
 
 
 class IfThenElse(Kind):
-    """Ticks its first child as a condition, once, then the second or the third child until it completes."""
+    """Ticks its first child as a condition until it completes, and then ticks the second or the third child.
+
+    The condition is not ticked again while the chosen child is running.
+    """
 
     def __init__(self) -> None:
         self._branch: int | None = None
 
     def tick(self, node: Node) -> Result:
-        """Tick the condition, unless it has completed, then the branch."""
+        """Tick the condition unless it has already completed; then tick the branch."""
         if self._branch is None:
             condition_result = node.nodes[0].execute()
             if condition_result in (Result.RUNNING, Result.SKIPPED):
@@ -242,12 +245,12 @@ class IfThenElse(Kind):
         return result
 
     def halt(self, node: Node) -> None:  # noqa: ARG002
-        """Tick the condition again the next time."""
+        """Tick the condition again when the node next starts."""
         self._branch = None
 
 
 class WhileDoElse(Kind):
-    """Ticks its first child as a condition at each tick; halts a running branch when the result changes."""
+    """Ticks its first child as a condition at each tick; halts a running branch when the condition's result changes."""
 
     def tick(self, node: Node) -> Result:
         """Tick the condition, then the branch."""
@@ -266,10 +269,10 @@ class WhileDoElse(Kind):
 
 
 class Switch(Kind):
-    """Ticks the child of the first case that equals a variable or, if no case does, the last child."""
+    """Ticks the child of the first case that equals a variable; if no case equals it, ticks the last child."""
 
     def __init__(self, variable: Setting, *cases: Setting, enums: Sequence[tuple[str, int]] = ()) -> None:
-        """Compare a variable with cases, as texts, as numbers, or as names of numbers."""
+        """Set the variable and the cases; they are compared as texts, as numbers, or as names of numbers (`enums`)."""
         self._variable = variable
         self._cases = cases
         self._enums = dict(enums)

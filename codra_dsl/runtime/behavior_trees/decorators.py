@@ -36,7 +36,7 @@ def keep_running_until_failure() -> Kind:
 
 
 class _ResultMapping(Kind):
-    """Replaces results of its child."""
+    """Replaces results of the child by other results."""
 
     def __init__(self, results: Mapping[Result, Result]) -> None:
         self._results = results
@@ -67,7 +67,7 @@ def retry_until_successful(num_attempts: Setting) -> Kind:
 
 
 class _Loop(Kind):
-    """Ticks its child again after one of its two results."""
+    """Ticks its child again after each success, or after each failure."""
 
     def __init__(self, rounds: Setting, *, repeat_result: Result) -> None:
         self._rounds = rounds
@@ -75,7 +75,7 @@ class _Loop(Kind):
         self._finished_rounds = 0
 
     def tick(self, node: Node) -> Result:
-        """Run rounds until one takes more than this tick; yield after a round that took only one tick."""
+        """Run rounds until a round takes more than this tick; yield after each round that took only one tick."""
         rounds = node.integer(self._rounds)
         while self._goes_on(rounds):
             was_idle = node.nodes[0].result is Result.IDLE
@@ -95,7 +95,7 @@ class _Loop(Kind):
         return self._repeat_result
 
     def halt(self, node: Node) -> None:  # noqa: ARG002
-        """Start counting from 0 the next time."""
+        """Count the rounds from 0 when the node next starts."""
         self._finished_rounds = 0
 
     def _goes_on(self, rounds: int) -> bool:
@@ -105,8 +105,8 @@ class _Loop(Kind):
 class Delay(Kind):
     """Ticks its child after a delay.
 
-    As in all nodes with a time, the clock is read when the tree is ticked, and no node has a thread. A waiting node
-    reports the instant to `Pulse.wait_for` instead.
+    As in all nodes that wait, the clock is read when the tree is ticked, and no node has a thread. A waiting node
+    reports to `Pulse.wait_for` the instant for which it waits.
     """
 
     def __init__(self, delay_msec: Setting) -> None:
@@ -126,7 +126,7 @@ class Delay(Kind):
         return result
 
     def halt(self, node: Node) -> None:  # noqa: ARG002
-        """Start a new delay the next time."""
+        """Begin a new delay when the node next starts."""
         self._due_s = None
 
 
@@ -154,7 +154,7 @@ class Timeout(Kind):
         return result
 
     def halt(self, node: Node) -> None:  # noqa: ARG002
-        """Start a new measurement the next time."""
+        """Measure the time anew when the node next starts."""
         self._due_s = None
 
 
@@ -231,7 +231,8 @@ class QueueLoop(Kind):
         """Loop over a queue.
 
         Args:
-            queue: items separated by semicolons in a text, or an entry that holds a list, from which items are removed.
+            queue: a text of items separated by semicolons, or an entry that holds a list. Items are removed from this
+                list.
             read: parses the text of an item.
             value: the entry to which each item is written for the child.
             if_empty: the result when no item is left.
@@ -293,7 +294,7 @@ def loop_bool(queue: Setting, *, value: Entry | None = None, if_empty: Setting =
 
 
 def _result_named(node: Node, setting: Setting) -> Result:
-    """Return the result whose name a port has as its value."""
+    """Return the result that the value of a port names."""
     name = str(node.read(setting)).strip().lower()
     results = [result for result in Result if result is not Result.IDLE and result.value == name]
     if not results:
@@ -302,7 +303,7 @@ def _result_named(node: Node, setting: Setting) -> Result:
 
 
 class Subtree(Kind):
-    """The root of another tree, with its own and remapped entries."""
+    """Ticks the root of another tree, which has entries of its own and entries remapped to those of the outer tree."""
 
     def __init__(
         self,
@@ -314,9 +315,9 @@ class Subtree(Kind):
         """Remap entries.
 
         Args:
-            remapped: the names of entries in this tree, by their names in the subtree.
+            remapped: the names of entries in the outer tree. The keys are the names of these entries in the subtree.
             constants: entries of the subtree with an initial value.
-            remaps_all: whether all other entries, unless private, are those of the same name in this tree
+            remaps_all: whether every other entry, unless private, is the entry of the same name in the outer tree
                 (`_autoremap`).
         """
         self._remapped = remapped or {}

@@ -14,8 +14,8 @@ MAX_PASSES = 10_000
 class Tree:
     """A tree that can be ticked: its nodes, bound to entries, a clock and the robot's actions.
 
-    The clock is read only when the tree is ticked. A node that waits reports its instant, and the tree returns the
-    earliest one as `due_s`.
+    The clock is read only when the tree is ticked. A node that waits reports the instant for which it waits, and
+    `due_s` is the earliest of these instants.
     """
 
     def __init__(self, root: Node, *, leaves: Leaves, clock: Clock, scope: Scope | None = None) -> None:
@@ -28,7 +28,7 @@ class Tree:
             scope: the entries of the tree; None for a new scope.
 
         Raises:
-            TreeError: if the robot lacks an action.
+            TreeError: if the robot does not have the action of a leaf.
         """
         self.root = root
         self.scope = Scope() if scope is None else scope
@@ -38,7 +38,7 @@ class Tree:
 
     @property
     def due_s(self) -> float | None:
-        """Return the earliest instant for which a node waits since the last tick, or None."""
+        """Return the earliest instant for which a node waits, as of the last tick; None if no node waits."""
         return self._pulse.due_s
 
     def tick_exactly_once(self) -> Result:
@@ -56,7 +56,7 @@ class Tree:
         return result
 
     def tick(self) -> Result:
-        """Tick the root, and again while a node has only yielded between two of its steps (`tickOnce`)."""
+        """Tick the root, and tick it again as long as a node has only yielded between two steps (`tickOnce`)."""
         result = self.tick_exactly_once()
         passes = 1
         while result is Result.RUNNING and self._pulse.awake and passes < MAX_PASSES:

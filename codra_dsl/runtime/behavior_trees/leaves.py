@@ -100,7 +100,7 @@ class Sleep(Kind):
         return Result.SUCCESS
 
     def halt(self, node: Node) -> None:  # noqa: ARG002
-        """Start a new wait the next time."""
+        """Begin a new wait when the node next starts."""
         self._due_s = None
 
 
@@ -120,7 +120,7 @@ class Ports:
         return port in self._inputs
 
     def value(self, port: str) -> Any:
-        """Return the value of an input: its text, or the value of its entry.
+        """Return the value of an input: the text of the input, or the value of the input's entry.
 
         Raises:
             TreeError: if the input is not set, or its entry does not exist.
@@ -153,7 +153,7 @@ class Ports:
         """Write an output; the value is dropped if the output has no entry.
 
         Raises:
-            TreeError: if its entry has a value of another type.
+            TreeError: if the output's entry has a value of another type.
         """
         if port in self._outputs:
             self._scope.create(self._outputs[port].key, value)
@@ -196,7 +196,7 @@ class Robot:
         self._makers[name] = make
 
     def does(self, name: str, function: Callable[[Ports], bool | Result]) -> None:
-        """Register a function as a condition or an action that completes at once; it may also return RUNNING."""
+        """Register a function as a condition or action; after it has returned RUNNING, it is called again."""
         self.can(name, lambda: _FunctionAction(name, function))
 
     def of(self, name: str) -> Action:
@@ -252,7 +252,7 @@ class Leaf(Kind):
         return tick_context
 
     def entries(self) -> Iterable[Entry]:
-        """Return the entries of its ports."""
+        """Return the entries of the leaf's ports."""
         return (setting for setting in (*self._inputs.values(), *self._outputs.values()) if isinstance(setting, Entry))
 
     def tick(self, node: Node) -> Result:

@@ -1,11 +1,12 @@
-"""A node of a tree with the semantics of BehaviorTree.CPP version 4, which py_trees can tick and draw.
+"""A node with the semantics of BehaviorTree.CPP version 4; py_trees can tick and draw a tree of such nodes.
 
 The composites of py_trees cannot implement these semantics: they have no SKIPPED, their `Sequence` and `Selector` stop
 running children by another rule, their `Parallel` ticks completed children again, their decorators tick a child only
 once per tick, and none of them has conditions around its tick.
 
-So there is one class `Node`, which is a `Behaviour` of py_trees, and its `Kind` is a value that implements its
-tick. Conditions around a tick, SKIPPED and halting are thereby implemented once, and generated code reads like the XML.
+So there is only one class of nodes, `Node`, which is a `Behaviour` of py_trees. The `Kind` of a node is a value that
+implements the node's tick. In this way, conditions around a tick, SKIPPED and halting are implemented once, and
+generated code reads like the XML.
 """
 
 from __future__ import annotations
@@ -72,15 +73,15 @@ class Conditions:
     """The conditions before a node's tick and the scripts after it.
 
     Attributes:
-        failure_if: evaluated on an idle node, before `success_if` and `skip_if`; the first one that holds decides the
-            result in place of a tick.
+        failure_if: evaluated when the node is idle, before `success_if` and `skip_if`. The first of these three
+            conditions that holds decides the result, and the node is not ticked.
         success_if: see `failure_if`.
         skip_if: see `failure_if`.
         while_true: evaluated before each tick. If it does not hold, the node is skipped, and halted if it is running.
-        on_success: run after a success.
-        on_failure: run after a failure.
-        post: run after a success or a failure, following `on_success` or `on_failure`.
-        on_halted: run when the running node was halted.
+        on_success: a script that runs after a success.
+        on_failure: a script that runs after a failure.
+        post: a script that runs after a success or a failure, following `on_success` or `on_failure`.
+        on_halted: a script that runs after the running node was halted.
     """
 
     failure_if: Script | None = None
@@ -141,14 +142,14 @@ class Kind(ABC):
         """Tick children as needed and return the result of the node, which is never IDLE."""
 
     def halt(self, node: Node) -> None:  # noqa: B027 - most kinds have no state
-        """Clear the state of a running node; its children are halted after that."""
+        """Clear the state of a running node; the node's children are halted afterwards."""
 
     def bind(self, node: Node, tick_context: TickContext) -> TickContext:  # noqa: ARG002
         """Bind the kind to a tick context, and return the tick context for the children."""
         return tick_context
 
     def entries(self) -> Iterable[Entry]:
-        """Return the entries of its ports."""
+        """Return the entries of the node's ports."""
         return (setting for setting in vars(self).values() if isinstance(setting, Entry))
 
 
@@ -160,10 +161,10 @@ class Node(Behaviour):
 
         Args:
             name: the name in drawings of the tree.
-            kind: the behaviour. It has state, so every node needs a kind of its own. For the same reason, generated
+            kind: the behaviour. A kind has state, so every node needs a kind of its own. For the same reason, generated
                 functions build a new tree at every call, and two uses of a subtree share no node.
             children: the children, in order.
-            conditions: the conditions and scripts around its tick.
+            conditions: the conditions before the node's tick, and the scripts after it.
         """
         super().__init__(name)
         self.children = list(children)
@@ -205,11 +206,11 @@ class Node(Behaviour):
 
     @property
     def is_running(self) -> bool:
-        """Return whether the node has been running since its last tick."""
+        """Return whether the last tick of the node returned RUNNING and the node was not halted since."""
         return self.result is Result.RUNNING
 
     def read(self, setting: Setting) -> Any:
-        """Return the value of a port: its text, or the value of its entry."""
+        """Return the value of a port: the text of the port, or the value of the port's entry."""
         return self.scope.get(setting.key) if isinstance(setting, Entry) else setting
 
     def integer(self, setting: Setting) -> int:

@@ -10,7 +10,7 @@ from py_trees.common import Status
 class Result(StrEnum):
     """The states of a node: those of py_trees, and SKIPPED, which py_trees does not have.
 
-    A node is IDLE before it is ticked and after it was halted or skipped; SKIPPED is only returned to its parent.
+    A node is IDLE before it is ticked and after it was halted or skipped. SKIPPED is only returned to a node's parent.
     """
 
     IDLE = "idle"

@@ -1,4 +1,4 @@
-"""The blackboard of one tree: typed entries, its own or remapped to entries of the outer tree.
+"""The blackboard of one tree: typed entries, which are its own or remapped to entries of the outer tree.
 
 The Blackboard of py_trees is not used, because it is global in the process and has no types.
 """
@@ -16,7 +16,7 @@ GLOBAL = "@"
 """The prefix for entries of the outermost tree."""
 
 _MAX_EQUAL_DIFFERENCE = 2.0**-23
-"""The maximum difference of two numbers that are equal in scripts."""
+"""Scripts treat two numbers as equal up to this difference."""
 
 PRIVATE = "_"
 """The prefix of entries that `_autoremap` never remaps."""
@@ -31,7 +31,7 @@ class _Entry:
 
 
 class Scope:
-    """The entries of one tree, as its nodes name them."""
+    """The entries of one tree, under the names that the tree's nodes use."""
 
     def __init__(
         self, outer_scope: Scope | None = None, *, remapped: Mapping[str, str] | None = None, remaps_all: bool = False
@@ -40,8 +40,9 @@ class Scope:
 
         Args:
             outer_scope: the scope of the tree that has this one as a subtree.
-            remapped: the names of entries in the outer scope, by their names in this scope.
-            remaps_all: whether all other names, unless private, are those of the outer scope (`_autoremap`).
+            remapped: the names of entries in the outer scope. The keys are the names of these entries in this scope.
+            remaps_all: whether every other entry, unless private, is the entry of the same name in the outer scope
+                (`_autoremap`).
         """
         self._outer_scope = outer_scope
         self._remapped = dict(remapped or {})
@@ -51,7 +52,7 @@ class Scope:
         self._entries: dict[str, _Entry] = {}
 
     def within(self, remapped: Mapping[str, str], constants: Mapping[str, str], *, remaps_all: bool) -> Scope:
-        """Return the scope of a subtree; constants are initial entries of its own."""
+        """Return the scope of a subtree; `constants` are initial values of the subtree's own entries."""
         inner_scope = Scope(self, remapped=remapped, remaps_all=remaps_all)
         inner_scope._constants.update(constants)
         for name, value in constants.items():
@@ -62,12 +63,12 @@ class Scope:
         """Return the value of an entry.
 
         Raises:
-            TreeError: if it does not exist.
+            TreeError: if the entry does not exist.
         """
         entry = self._find(name)
         if entry is None:
             raise TreeError(
-                f"the entry {name!r} does not exist yet: entries are {', '.join(sorted(self.names())) or 'none'}"
+                f"the entry {name!r} does not exist yet; existing entries: {', '.join(sorted(self.names())) or 'none'}"
             )
         return entry.value
 
@@ -76,7 +77,7 @@ class Scope:
         return self._find(name) is not None
 
     def names(self) -> Iterator[str]:
-        """Yield the names of readable entries, except those of `_autoremap`."""
+        """Yield the names of entries that can be read, except entries that only `_autoremap` makes readable."""
         yield from self._entries
         yield from (name for name in self._remapped if self.has(name))
 
@@ -86,7 +87,7 @@ class Scope:
         return 0 if entry is None else entry.writes
 
     def declare(self, name: str) -> None:
-        """Declare an entry of a port: it can be assigned from then on, even if it has no value yet."""
+        """Declare an entry of a port: from then on the entry can be assigned, even if it has no value yet."""
         owner, own_name = self._owner(name)
         owner._declared.add(own_name)
 
@@ -94,7 +95,7 @@ class Scope:
         """Write an entry, and create it if it does not exist (`:=`).
 
         Raises:
-            TreeError: if the entry has a value of another type: its first value decides.
+            TreeError: if the value does not have the type of the entry, which is the type of the entry's first value.
         """
         owner, own_name = self._owner(name)
         owner._write(own_name, value)
@@ -174,7 +175,7 @@ def _family(value: object) -> str:
 
 
 def number_in(value: object) -> int | float | None:
-    """Return a value as a number, also from the text of a number, or None."""
+    """Return a value as a number; None if it is neither a number or boolean nor the text of one."""
     if isinstance(value, bool | int | float):
         return value
     if not isinstance(value, str):
@@ -188,7 +189,7 @@ def number_in(value: object) -> int | float | None:
 
 
 def plain_value(value: object) -> Any:
-    """Return a value as entries hold it, without `Operand`."""
+    """Return a value as entries hold it: not as an `Operand`."""
     return value.value if isinstance(value, Operand) else value
 
 
@@ -203,7 +204,7 @@ def is_true(value: object) -> bool:
     """Return a value as a condition: a number other than 0 is true.
 
     Raises:
-        TreeError: if it is neither a number nor a boolean.
+        TreeError: if the value is neither a number nor a boolean.
     """
     number = number_in(plain_value(value))
     if number is None:
@@ -276,7 +277,7 @@ class Operand:
         return 0 - self
 
     def _pair(self, other: object) -> tuple[Any, Any]:
-        """Return both values, as numbers if one is a number and the other the text of one."""
+        """Return both values; if one is a number and the other the text of a number, return both as numbers."""
         left, right = self.value, plain_value(other)
         if _family(left) == _family(right):
             return left, right

@@ -9,15 +9,16 @@ from codra_dsl.runtime.behavior_trees.result import Result
 from codra_dsl.runtime.knowledge import AgentHandle, ConflictError, Knowledge, Request, Stage
 
 UNSEEN = "unseen"
-"""The reason of a task that ended between two ticks and was requested again by another requester."""
+"""The reason that is written for a task that ended between two ticks and was then requested by another requester."""
 
 
 class Task(Action):
-    """A task of the graph as an action: requested, acknowledged, running, finished or aborted; halting aborts it.
+    """An action that requests a task of the graph and runs until the task has ended; halting it aborts the task.
 
-    If another agent has requested the task, the action waits until it has ended. The action fails if its task was
-    aborted, by the requester or by a deadline. If the task has finished, the action succeeds or fails depending on the
-    result. The result and the reason of an abortion are written to the output ports `result` and `reason`.
+    If another agent has requested the task, the action waits until the task of that agent has ended. The action fails
+    if its own task was aborted, by the requester or by a deadline. If the task has finished, the action succeeds or
+    fails depending on the result. The result is written to the output port `result`, and the reason of an abortion to
+    the output port `reason`.
     """
 
     def __init__(
@@ -32,10 +33,10 @@ class Task(Action):
         """Hand over a task.
 
         Args:
-            task: its name in the graph.
+            task: the name of the task in the graph.
             agent: the handle of the agent that executes the tree; it must be one of the task's requesters.
             knowledge: the graph.
-            succeeds_with: the results that are a success; all of them, if None.
+            succeeds_with: the results with which the action succeeds; None means all results.
             values: input ports that are written to the attributes of the same names when the task is requested.
         """
         self._task = task
@@ -61,7 +62,7 @@ class Task(Action):
         if self._request is None:
             return self.start(ports)
         handover = self._knowledge.snapshot().handover(self._task)
-        if handover.request != self._request:  # it has ended, and a newer request hides its result
+        if handover.request != self._request:  # the task has ended, and a newer request hides the result
             self._request = None
             ports.set("reason", UNSEEN)
             return Result.FAILURE
@@ -76,11 +77,11 @@ class Task(Action):
         return Result.SUCCESS if is_success else Result.FAILURE
 
     def halt(self, ports: Ports) -> None:  # noqa: ARG002
-        """Abort the task, unless it has ended by itself."""
+        """Abort the task, unless it has already ended."""
         request, self._request = self._request, None
         if request is None:
             return
         try:
             self._agent.abort(request)
-        except ConflictError:  # it has ended meanwhile; its result is not needed
+        except ConflictError:  # the task has ended meanwhile; its result is not needed
             return

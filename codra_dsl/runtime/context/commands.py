@@ -341,7 +341,7 @@ class Commands:
         if evidence_s is None:
             evidence_s = now_s
         elif not evidence_s <= now_s:
-            raise ValueError(f"evidence for {name!r} was taken at {now_s} at the latest, not at {evidence_s}")
+            raise ValueError(f"evidence for {name!r} cannot be from {evidence_s}: the present instant is {now_s}")
         start_s = evidence_s if start_s is None else start_s
         if content is None:
             reading: Reading[Value] = Reading(

@@ -1,8 +1,8 @@
 """The tree of frames: RT edges with their history, and the transform between two frames at any instant (P2, 3.1).
 
-A link from a frame to its parent is stamped too: a transform at an instant follows the tree of that instant. Transforms
-are cached with the tracks that they were computed from. A cached transform is only used while these tracks are the
-same objects, so it always equals a newly computed one.
+The link from a frame to its parent has a stamp as well, so a transform at an instant follows the tree of this instant.
+Transforms are cached with the tracks that they were computed from. A cached transform is only used while these tracks
+are the same objects, so it always equals a newly computed one.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ class Transform:
         pose: the pose of the source in the target, which maps points of the source to points of the target.
         outcome: the worst outcome along the chain.
         gap_s: the longest time along the chain between the instant and the nearest measured pose.
-        weakest: the frame whose edge has the worst outcome, and among several the one with the longest gap; empty if
-            all are exact.
+        weakest: the frame whose edge has the worst outcome; if there are several, the one with the longest gap. Empty
+            if all outcomes are exact.
     """
 
     pose: Pose
@@ -45,9 +45,9 @@ _CachedTransform = tuple[Transform, tuple[tuple[str, Track], ...]]
 
 
 class Frames:
-    """All frames of a world, as known at one time. Objects are immutable: each change returns a new one.
+    """All frames of a world, as known at one time. Objects are immutable: each change returns a new object.
 
-    Objects that are derived from each other share their cache.
+    Objects that are derived from each other share one cache.
     """
 
     __slots__ = ("_cache", "_tracks")
@@ -58,7 +58,7 @@ class Frames:
         self._cache: dict[tuple[str, str, float], _CachedTransform] = {}
 
     def with_pose(self, child: str, parent: str, pose: Pose, stamp_s: float, motion: Motion = ANY_MOTION) -> Frames:
-        """Return the frames with a pose of one frame from an instant on, until its next pose.
+        """Return the frames with one more pose of a frame; it holds from an instant until the frame's next pose.
 
         Args:
             child: the frame.
@@ -78,7 +78,7 @@ class Frames:
         tracks, known_track = self._tracks, self._tracks.get(child)
         track = known_track or Track()
         keeps_parent = len(track) and track.parent == parent and stamp_s >= track.newest_s
-        # A new frame has no descendants, and a frame that keeps its parent has been its descendant before.
+        # No cycle can arise if the frame is new, because it has no descendants, or if it keeps its parent.
         if child == parent or (
             known_track is not None and not keeps_parent and self._is_descendant(parent, child, *track.reach(stamp_s))
         ):
@@ -88,7 +88,7 @@ class Frames:
         return self._with_tracks(tracks.with_entry(child, track.with_pose(stamp_s, parent, pose, motion)))
 
     def without_parent(self, child: str, stamp_s: float) -> Frames:
-        """Return the frames in which one frame has no parent from an instant on, until its next pose.
+        """Return the frames in which one frame has no parent from an instant until the frame's next pose.
 
         Raises:
             FrameError: if the frame is unknown.
@@ -119,7 +119,7 @@ class Frames:
         return self._track_of(name)
 
     def parent(self, name: str, instant_s: float) -> str | None:
-        """Return the parent of a frame at an instant; None if it has none.
+        """Return the parent of a frame at an instant; None if the frame has no parent.
 
         Raises:
             FrameError: if the frame is unknown.
@@ -136,7 +136,7 @@ class Frames:
             instant_s: the instant.
 
         Raises:
-            FrameError: if a frame is unknown, or the two were not connected then.
+            FrameError: if a frame is unknown, or the two were not connected at the instant.
             ValueError: if the instant is NaN.
         """
         return self._cached_transform(target, source, instant_s)[0]
@@ -218,7 +218,7 @@ class Frames:
         if name is None:
             raise FrameError("there is no frame None")
         while ancestor is not None:
-            if ancestor in placements:  # before a frame's history, its oldest pose is used, which can make a cycle
+            if ancestor in placements:  # before its history begins, a frame has its oldest pose: this can make a cycle
                 raise FrameError(f"the ancestors of {name!r} at {instant_s:g} s are no longer in the history")
             placements[ancestor] = placement = self._track_of(ancestor).at(instant_s)
             ancestor = None if placement is None else placement.parent
@@ -231,7 +231,7 @@ class Frames:
         return track
 
     def _is_descendant(self, name: str, ancestor: str, start_s: float, end_s: float) -> bool:
-        """Return whether a frame is a descendant of another, or the same, at any instant of a half-open interval."""
+        """Return whether a frame is the other one, or its descendant, at any instant of a half-open interval."""
         intervals = [(start_s, end_s, name)]
         while intervals:
             from_s, until_s, inner = intervals.pop()
@@ -257,7 +257,7 @@ def _placements_below(common: str, placements: dict[str, Placement | None]) -> l
 
 
 def _chained_pose(placements: list[tuple[str, Placement]]) -> Pose:
-    """Return the pose of the first frame in the parent of the last."""
+    """Return the pose of the first frame in the parent of the last frame."""
     if not placements:
         return IDENTITY
     return chain_poses([placement.pose for _, placement in placements])

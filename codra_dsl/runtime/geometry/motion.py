@@ -13,7 +13,10 @@ from codra_dsl.runtime.geometry.pose import Pose
 
 
 class Outcome(IntEnum):
-    """How a pose at an instant was determined, most trustworthy first. The outcome of a chain is its worst part's."""
+    """How a pose at an instant was determined; the most trustworthy outcome is first.
+
+    The outcome of a chain is the worst outcome of its parts.
+    """
 
     EXACT = 0
     INTERPOLATED = 1
@@ -27,10 +30,10 @@ class Motion:
     """The declared motion of an edge.
 
     Attributes:
-        history_s: how far back poses are kept, counted from the newest.
-        extrapolate_s: how far beyond the newest pose its motion is extrapolated.
-        valid_for_s: how long the newest pose is valid; then it is stale.
-        is_static: whether the frame only moves in steps: then a pose holds, exactly, until the next one.
+        history_s: how far back poses are kept, counted from the newest pose.
+        extrapolate_s: for how long after the newest pose the motion is extrapolated.
+        valid_for_s: how long the newest pose is valid; afterwards it is stale.
+        is_static: whether the frame moves only in steps; then each pose holds exactly until the next one.
     """
 
     history_s: float = 10.0
@@ -45,14 +48,14 @@ LOOK_S = 0.01
 """The period for computing the pose of a frame while its motion is extrapolated."""
 
 _MIN_OUTDATED_POSES = 64
-"""The minimum number of outdated poses in the lists before they are copied without these."""
+"""The minimum number of outdated poses in a track's lists before the lists are copied without these poses."""
 
 
 class Placement(NamedTuple):
     """The parent and pose of a frame at an instant.
 
     Attributes:
-        parent: the parent of the frame; None if it has none.
+        parent: the parent of the frame; None if the frame has no parent.
         pose: the pose in the parent.
         outcome: how the pose was determined.
         gap_s: the time between the instant and the nearest measured pose.
@@ -67,8 +70,8 @@ class Placement(NamedTuple):
 class Track:
     """The stamped poses of one frame, each with its parent and motion at that time. Objects are immutable.
 
-    Tracks share their lists. Adding a newer pose appends it to the shared lists, which the shorter track only reads up
-    to its own end; any other change makes new lists.
+    Tracks share their lists. A newer pose is appended to the shared lists, and the track without this pose reads the
+    lists only up to its own end. Any other change makes new lists.
     """
 
     __slots__ = ("_end", "_motions", "_parents", "_poses", "_stamps_s", "_start")
@@ -103,8 +106,8 @@ class Track:
     def with_pose(self, stamp_s: float, parent: str | None, pose: Pose, motion: Motion) -> Track:
         """Return the track with one more pose.
 
-        A pose of the same instant is replaced; a pose that is older than the history is dropped. Only one thread at a
-        time may change tracks that share lists.
+        The pose replaces a pose of the same instant; poses that are older than the history are dropped. Only one thread
+        at a time may change tracks that share lists.
         """
         track = Track.__new__(Track)
         if (not self._end or stamp_s > self._stamps_s[self._end - 1]) and len(self._motions) == self._end:
@@ -112,7 +115,7 @@ class Track:
             track._stamps_s.append(stamp_s)
             track._parents.append(parent)
             track._poses.append(pose)
-            track._motions.append(motion)  # appended last: its length shows whether another track has appended already
+            track._motions.append(motion)  # last: the length of this list shows whether another track has appended
             track._end = self._end + 1
         else:
             track._copy(self)
@@ -157,7 +160,7 @@ class Track:
         return min(stale_s, stops_s, instant_s + LOOK_S)
 
     def spans(self, start_s: float, end_s: float) -> Iterator[tuple[float, float, str]]:
-        """Yield the parents in a half-open interval, each with the time for which it was the parent."""
+        """Yield the parents in a half-open interval, each with the part of the interval in which it was the parent."""
         first = max(self._start, bisect_right(self._stamps_s, start_s, self._start, self._end) - 1)
         for position in range(first, self._end):
             parent = self._parents[position]
@@ -167,7 +170,7 @@ class Track:
                 yield from_s, until_s, parent
 
     def reach(self, stamp_s: float) -> tuple[float, float]:
-        """Return the interval in which a pose of an instant would determine the placement of the frame."""
+        """Return the interval in which a pose with a given stamp would determine the placement of the frame."""
         after, start = bisect_right(self._stamps_s, stamp_s, self._start, self._end), self._start
         is_first = after == start or (after == start + 1 and self._stamps_s[start] == stamp_s)
         return -math.inf if is_first else stamp_s, self._until_s(after - 1)
@@ -219,7 +222,7 @@ class Track:
         self._end = len(self._stamps_s)
 
     def _drop_old(self) -> None:
-        """Drop poses older than the history, except for the last one before it, which holds at its beginning."""
+        """Drop poses that are older than the history, except the newest of them: it holds when the history begins."""
         begin_s = self._stamps_s[self._end - 1] - self._motions[self._end - 1].history_s
         self._start = max(self._start, bisect_right(self._stamps_s, begin_s, self._start, self._end) - 1)
         if self._start > _MIN_OUTDATED_POSES and self._start > self._end // 2:
@@ -227,7 +230,7 @@ class Track:
 
 
 def _first_instant_s(stamp_s: float, gap_s: float) -> float:
-    """Return the first instant whose floating-point difference to another is at least a duration."""
+    """Return the first instant whose floating-point difference to a stamp is at least the given duration."""
     instant_s = stamp_s + gap_s
     while instant_s - stamp_s < gap_s:
         instant_s = math.nextafter(instant_s, math.inf)

@@ -25,7 +25,7 @@ _SMALLEST_NORM = 1e-9
 _ORTHONORMAL_TOLERANCE = 1e-6
 
 _NORM_TOLERANCE = 1e-12
-"""The tolerance for the squared norm of a unit quaternion; products of many quaternions deviate that far from 1."""
+"""The tolerance for the squared norm of a unit quaternion; products of many quaternions deviate this far from 1."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,17 +45,18 @@ class Pose:
         """Return a pose of checked numbers; the quaternion is normalized.
 
         Raises:
-            ValueError: if there are not 3 and 4 finite numbers, or the quaternion is almost zero.
+            ValueError: if the translation does not have 3 finite numbers, the quaternion does not have 4 finite
+                numbers, or the quaternion is almost zero.
         """
         x, y, z = _finite_numbers(translation_m, 3, "a translation")
         w, i, j, k = _finite_numbers(rotation, 4, "a quaternion")
         return cls((x, y, z), _normalized_quaternion((w, i, j, k)))
 
     def checked(self) -> Pose:
-        """Return this pose, if it is a rigid motion of immutable numbers, or else the pose that `of` returns for it.
+        """Return this pose if its fields are tuples that form a rigid motion, or else the pose that `of` makes of them.
 
         Raises:
-            ValueError: if it is not a rigid motion, as `of` does.
+            ValueError: if `of` raises it for these fields.
         """
         translation_m, rotation = self.translation_m, self.rotation
         if type(translation_m) is tuple is type(rotation) and len(translation_m) == 3 and len(rotation) == 4:
@@ -92,7 +93,7 @@ class Pose:
         """Return the pose of a homogeneous 4 x 4 matrix.
 
         Raises:
-            ValueError: if it is not in SE(3).
+            ValueError: if the matrix is not in SE(3).
         """
         rows = [_finite_numbers(row, 4, "a row of the matrix") for row in matrix]
         if len(rows) != 4 or not _is_rigid(rows):
@@ -111,7 +112,7 @@ class Pose:
         )
 
     def __matmul__(self, inner: Pose) -> Pose:
-        """Return the pose in the outer frame of a frame whose pose in this frame is `inner`."""
+        """Return the pose of C in A, if this is the pose of B in A and `inner` is the pose of C in B."""
         ix, iy, iz = _rotated_vector(self.rotation, inner.translation_m)
         tx, ty, tz = self.translation_m
         return _new_pose((tx + ix, ty + iy, tz + iz), _product(self.rotation, inner.rotation))
@@ -134,7 +135,7 @@ class Pose:
 
         Args:
             other: the other pose.
-            share: 0 is this pose, 1 the other; outside of [0, 1], the motion is extrapolated.
+            share: 0 means this pose, 1 means the other pose; outside of [0, 1], the motion is extrapolated.
         """
         a, b = self.translation_m, other.translation_m
         translation_m = (a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]), a[2] + share * (b[2] - a[2]))
@@ -145,7 +146,7 @@ class Pose:
         return math.dist(self.translation_m, other.translation_m)
 
     def angle_rad(self, other: Pose) -> float:
-        """Return the smallest angle between two rotations, from 0 to pi."""
+        """Return the smallest angle between the two rotations, from 0 to pi."""
         w, x, y, z = _product(Pose((0.0, 0.0, 0.0), self.rotation).inverse().rotation, other.rotation)
         return 2.0 * math.atan2(math.hypot(x, y, z), abs(w))
 
@@ -203,7 +204,7 @@ def _slerp(a: Quaternion, b: Quaternion, share: float) -> Quaternion:
     aw, ax, ay, az = a
     bw, bx, by, bz = b
     cosine = aw * bw + ax * bx + ay * by + az * bz
-    sign = -1.0 if cosine < 0.0 else 1.0  # q and -q are the same rotation: take the one with the shorter turn
+    sign = -1.0 if cosine < 0.0 else 1.0  # q and -q are the same rotation: use the shorter turn
     cosine = abs(cosine)
     if cosine > _NEARLY_PARALLEL_COSINE:
         weight_a, weight_b = 1.0 - share, share
@@ -250,7 +251,7 @@ def _is_rigid(rows: list[list[float]]) -> bool:
 
 
 def _quaternion_of(rows: list[list[float]]) -> Quaternion:
-    """Return the quaternion of a rotation matrix, from its largest component, to avoid cancellation."""
+    """Return the quaternion of a rotation matrix, derived from its largest component to avoid cancellation."""
     (a, b, c, _), (d, e, f, _), (g, h, i, _) = rows[:3]
     candidates = (
         (1 + a + e + i, h - f, c - g, d - b),

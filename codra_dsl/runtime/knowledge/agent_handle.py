@@ -18,7 +18,7 @@ from codra_dsl.runtime.knowledge.state import Request
 from codra_dsl.runtime.knowledge.watches import Change
 
 Apply = Callable[[Verb, tuple[Any, ...]], Any]
-"""Executes the operation of a verb with its arguments, and returns the operation's result."""
+"""Applies the operation of a verb with its arguments, and returns the result of the operation."""
 
 
 class Writer:
@@ -54,7 +54,8 @@ class Writer:
             name: the name of the node.
             attribute: the name of the attribute.
             value: the value; None makes the attribute unknown.
-            evidence_s: when the evidence was taken; None means now. It does not replace a value with newer evidence.
+            evidence_s: when the evidence was taken; None means now. The value does not replace a value with
+                newer evidence.
 
         Raises:
             ValueError: if the evidence lies in the future.
@@ -102,7 +103,7 @@ class Writer:
     # Tasks (P2, section 3.2)
 
     def request(self, task: str, /, **values: object) -> Request:
-        """Request a task, with values of attributes such as its goal. Its executor then acknowledges it.
+        """Request a task, with values of attributes such as its goal; the executor then acknowledges the request.
 
         Raises:
             ConflictError: if the task was requested before and has not ended.
@@ -111,7 +112,7 @@ class Writer:
         return request
 
     def acknowledge(self, request: Request) -> None:
-        """Acknowledge a task as its executor: it has begun.
+        """Acknowledge a task as its executor: the task has begun.
 
         Raises:
             ConflictError: if the request is not the latest one, or does not wait for an acknowledgement.
@@ -138,8 +139,9 @@ class Writer:
 class Transaction(Writer):
     """Changes that become visible together, or not at all.
 
-    Each write is checked at once, against the graph at the beginning of the transaction with the transaction's earlier
-    writes. If the graph has changed by the end, all operations are applied again to the graph of that moment.
+    Each write is checked immediately, against the graph at the beginning of the transaction plus the transaction's
+    earlier writes. If the graph has changed by the end of the transaction, all operations are applied again to the
+    graph as it is then.
     """
 
     __slots__ = ("_applied_operations", "_attempt", "_error", "_is_over", "_turn")
@@ -149,8 +151,8 @@ class Transaction(Writer):
 
         Args:
             attempt: applies an operation to a private change set; the caller holds the turn.
-            turn: the lock of the graph. The transaction ends while it holds the turn, so no other write comes in
-                between.
+            turn: the graph's lock for writes. Each operation of the transaction, and its end, hold this lock, so none
+                of them comes in the middle of another write.
         """
         super().__init__(self._execute)
         self._attempt = attempt
@@ -191,7 +193,7 @@ class Transaction(Writer):
         """Apply all operations to another change set.
 
         Raises:
-            ConflictError: if an operation returns another result than it returned to the program.
+            ConflictError: if the result of an operation differs from the one that the program got from it before.
         """
         for operation, result in self._applied_operations:
             if operation.apply(change_set) != result:
@@ -262,7 +264,7 @@ class AgentHandle(Writer):
         self.close()
 
     def close(self) -> None:
-        """Close the handle: it writes no more and its wakes end. `as_agent` can then return a new handle."""
+        """Close the handle: it can no longer write, and its wakes end. `as_agent` can then return a new handle."""
         self._port.close()
         self._apply = partial(_raise_closed, self._name)
 
@@ -282,13 +284,13 @@ class AgentHandle(Writer):
         return self._port.transact()
 
     def on_wake(self, callback: Callable[[Change], object]) -> Subscription:
-        """Call back whenever a pattern in the agent's `wakes` begins to hold, first for those that hold now.
+        """Call back whenever a pattern in the agent's `wakes` begins to hold, first for the patterns that hold now.
 
         An agent without `wakes` is called once, immediately.
 
-        The callback runs without any lock, one call at a time: in real time in a thread of its own, in simulated time
-        as an event at the instant of the change, which must not wait. Its exceptions are logged. If the graph changes
-        while it runs, it is called once more with the graph of that moment.
+        The callback runs without any lock, one call at a time. In real time it runs in a thread of its own. In
+        simulated time it runs as an event at the instant of the change and must not wait. Its exceptions are logged.
+        Changes of the graph while the callback runs lead to one more call afterwards, with the graph as it is then.
 
         The subscription keeps the handle alive until it is unsubscribed or the handle is closed. No other handle of
         the agent can be opened meanwhile.

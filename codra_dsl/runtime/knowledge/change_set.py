@@ -37,7 +37,7 @@ _DELETED_HISTORY_S = 10.0
 """How long the poses of a deleted node are kept if the history of its edge has no limit."""
 
 Touched = tuple[str, str]
-"""The subject of a change: `node`, `edge` or `frame` with a type or a name; or a node's name with an attribute."""
+"""The subject of a change: `node` or `edge` with a type, `frame` with a node, or a node with an attribute."""
 
 
 class ChangeRecord(NamedTuple):
@@ -59,7 +59,7 @@ class AbsentError(LookupError):
 
 
 class PresentError(ValueError):
-    """The graph already has such a node."""
+    """The graph already has a node of this name."""
 
 
 class ChangeSet:
@@ -108,7 +108,10 @@ class ChangeSet:
         self.operation: Any = None
 
     def state(self) -> State:
-        """Return the state with all changes. Call it once, and only if the change set starts from the present state."""
+        """Return the state with all changes.
+
+        Call this method once, and only if the change set starts from the present state.
+        """
         state = self._state
         for key, readings in self._new_readings.items():
             if isinstance(key, str):
@@ -152,7 +155,7 @@ class ChangeSet:
     def adopt(self, other: ChangeSet) -> None:
         """Take over the changes of another change set that starts from the same state."""
         for name in ChangeSet.__slots__:
-            if name != "now_s":  # it becomes the present state now, not when the other change set was begun
+            if name != "now_s":  # the state becomes the present one now, not when the other change set was begun
                 setattr(self, name, getattr(other, name))
         self._state.since_s = self.now_s
 
@@ -180,7 +183,10 @@ class ChangeSet:
             self.set(name, attribute, value, None)
 
     def delete_node(self, name: str) -> None:
-        """Delete a node and all edges to and from it; its past poses stay available for the length of their history."""
+        """Delete a node and all edges to and from it.
+
+        The past poses of the node stay available for the length of their history.
+        """
         node = self.node(name)
         permissions = self.schema.node_type(node.type).permissions
         permissions.check(self.agent, f"nodes of type {node.type}")
@@ -344,7 +350,7 @@ class ChangeSet:
             raise ValueError(f"edges of type {type_name!r} have no pose: use insert_edge()")
         stamp_s = self.now_s if stamp_s is None else float(stamp_s)
         if not stamp_s <= self.now_s:
-            raise ValueError(f"a pose of {target!r} was measured at {self.now_s} at the latest, not at {stamp_s}")
+            raise ValueError(f"a pose of {target!r} cannot be from {stamp_s}: the present instant is {self.now_s}")
         present_edge = self._parent_edge(target)
         if present_edge is not None and present_edge.writer != self.agent and edge_type.permissions.is_ranked:
             self._check_rank_of_pose(edge_type, present_edge)
@@ -365,7 +371,7 @@ class ChangeSet:
     def _place_on_another_edge(  # noqa: PLR0917 - the arguments of `place`
         self, edge_type: EdgeType, origin: str, target: str, pose: Pose, stamp_s: float, present_edge: Edge | None
     ) -> None:
-        """Set the pose of a node on an edge other than its present one, or written by another agent.
+        """Set the pose of a node on another edge than its present one, or on an edge that another agent wrote.
 
         If the node has newer poses, its present edge stays.
         """
@@ -402,7 +408,7 @@ class ChangeSet:
         self._state.deletion_times_s = {**self._forget_old_poses(), name: self.now_s}
 
     def _forget_old_poses(self) -> Mapping[str, float]:
-        """Remove the poses of nodes that were deleted too long ago; return the other deleted nodes with their times."""
+        """Remove the poses of nodes that were deleted too long ago; return the deletion times of the other nodes."""
         kept_times_s: dict[str, float] = {}
         for name, deletion_s in self._state.deletion_times_s.items():
             if self.has_node(name):

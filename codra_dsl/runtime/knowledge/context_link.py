@@ -35,9 +35,9 @@ class RefusedWrite(NamedTuple):
 class ContextLink:
     """The interface of a context manager that its graph uses.
 
-    Each context-variable is an attribute of a node, and both sides hold the same reading objects. The graph's map is
-    changed first, then the cell, in one step. Every writer of either side holds the single lock of the steps, so no
-    order of two locks must be kept.
+    Each context-variable is an attribute of a node; graph and context hold the same reading objects. One step changes
+    first the graph's map, then the variable's cell. Whoever writes the graph or the context holds the single lock of
+    the steps, so there are never two locks that must be taken in a certain order.
 
     Attributes:
         variables: the variables of the context.
@@ -88,7 +88,7 @@ class ContextLink:
         Args:
             operation: the refused operation.
             message: the message of the error.
-            nodes: the nodes of the context-variables, by variable.
+            nodes: for each context-variable, the name of the node that has it as an attribute.
         """
         if operation.verb is not Verb.SET:
             return RefusedWrite(operation.subject, message)

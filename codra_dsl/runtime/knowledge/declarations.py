@@ -24,7 +24,7 @@ TASK = "task"
 
 
 CONTEXT = "context"
-"""The node of all context-variables that no other node declares as an attribute."""
+"""The name of the node whose attributes are all context-variables that no other node declares as an attribute."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,7 +33,7 @@ class Writer:
 
     Attributes:
         agent: the name of the agent.
-        priority: while a value is valid, no writer with a lower priority than its writer can replace it.
+        priority: while a value of this writer is valid, no writer with a lower priority can replace the value.
     """
 
     agent: str
@@ -55,9 +55,9 @@ class AttributeModel:
     """A property of a node or an edge, such as the level of a battery.
 
     Attributes:
-        type: the type of its values, with unit, range or members.
-        sources: the agents that may write it. If empty, only initial nodes and edges can have a value.
-        valid_for_s: how long a value is valid after its evidence; then the attribute is unknown.
+        type: the type of the attribute's values, with unit, range or members.
+        sources: the agents that may write the attribute. If empty, only initial nodes and edges can have a value.
+        valid_for_s: how long a value is valid after the instant of its evidence; afterwards the attribute is unknown.
         history: the number of readings that are kept.
     """
 
@@ -109,13 +109,13 @@ class EdgeTypeModel:
 
     Attributes:
         name: the name of the type.
-        label: the label of the edges; `RT` for rigid motions, by default the name of the type.
+        label: the label of the edges. If empty, the label is `RT` for edges with a motion, otherwise the type's name.
         origins: types of nodes, or single nodes, from which an edge may go.
         targets: types of nodes, or single nodes, to which an edge may go.
         sources: the agents that may insert, change and delete edges of the type.
         attributes: the attributes of every edge of the type.
-        motion: how the target moves in the origin; None for edges without a pose. Motion belongs to the edge and not to
-            the node, so an object can be static while it is carried and not static after it is put down.
+        motion: how the target moves relative to the origin; None for edges without a pose. Motion belongs to the edge
+            and not to the node, so an object can be static while it is carried and not static after it is put down.
     """
 
     name: str
@@ -132,8 +132,8 @@ class NodeModel:
     """An initial node.
 
     Attributes:
-        type: the name of its type.
-        attributes: attributes of this node only, beside those of its type.
+        type: the name of the node's type.
+        attributes: attributes that this node has in addition to those of its type.
         values: initial values of attributes.
     """
 
@@ -165,11 +165,11 @@ class EdgeModel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TaskModel:
-    """A node and the edge on which a task is handed over (P2, section 3.2).
+    """A task: its node, and the edge on which the task is handed over (P2, section 3.2).
 
-    A requester inserts the edge `wants` (P2's `starts`). The executor acknowledges by turning it into `is`, and ends
-    the task by turning it into `finished` with a result. The requester, or a deadline, may turn `wants` and `is` into
-    `aborted`.
+    A requester inserts the edge `wants` (P2's `starts`). The executor acknowledges the request by turning this edge
+    into `is`, and ends the task by turning the edge into `finished` with a result. The requester, or a deadline, may
+    turn `wants` or `is` into `aborted`.
 
     Attributes:
         name: the name of the task, and of its node, whose type is `task`.
@@ -179,8 +179,8 @@ class TaskModel:
         results: the possible results of a finished task.
         acknowledge_s: the maximum time until a request is acknowledged.
         finish_s: the maximum time that an acknowledged task may take.
-        attributes: the attributes of its node, such as the goal of a drive. The requesters write them, unless an
-            attribute declares its own sources.
+        attributes: the attributes of the task's node, such as the goal of a drive. The requesters write each attribute
+            that does not declare its own sources.
     """
 
     name: str
@@ -195,7 +195,7 @@ class TaskModel:
 
 
 class Direction(StrEnum):
-    """Along an edge, or against it."""
+    """The direction of a link: along its edge, or against it."""
 
     FORWARD = "forward"
     BACKWARD = "backward"
@@ -208,7 +208,8 @@ class Place:
     Attributes:
         name: the name of the node; any node if empty.
         type: the required type; any type if empty.
-        called: the name of this place in a match; places of the same name match the same node. Empty if it needs none.
+        called: the name of this place in matches. Places with the same name match the same node. Empty if the place
+            needs no name.
     """
 
     name: str = ""
@@ -221,7 +222,7 @@ class Link:
     """An edge on a path.
 
     Attributes:
-        edge: the name of its type, or its label.
+        edge: the name of the edge's type, or the edge's label.
         direction: the direction in which the path follows the edge.
     """
 
@@ -231,7 +232,7 @@ class Link:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Path:
-    """Nodes with an edge between each and the next, such as `robot -wants-> detecting`.
+    """Nodes, each connected to the next one by an edge, such as `robot -wants-> detecting`.
 
     Attributes:
         places: the nodes, one more than links.
@@ -265,12 +266,12 @@ Pattern = Path | Absence | Term
 
 
 def some(type: str, *, called: str = "") -> Place:
-    """Return some node of a type."""
+    """Return a place for some node of a type."""
     return Place(type=type, called=called)
 
 
 def anything(*, called: str = "") -> Place:
-    """Return any node."""
+    """Return a place for any node."""
     return Place(called=called)
 
 
@@ -280,10 +281,10 @@ def backward(edge: str) -> Link:
 
 
 def path(first: str | Place, *rest: str | Place | Link) -> Path:
-    """Return a path of nodes and edges in turn; a text is the name of a node or edge.
+    """Return a path of alternating nodes and edges; a text is the name of a node or edge.
 
     Raises:
-        ValueError: if it does not end with a node, or if nodes and edges do not alternate.
+        ValueError: if the path does not end with a node, or if nodes and edges do not alternate.
     """
     if len(rest) % 2:
         raise ValueError("a path must end with a node")
@@ -297,12 +298,18 @@ def absent(first: str | Place, *rest: str | Place | Link) -> Absence:
 
 
 def distance(a: str, b: str) -> Term:
-    """Return the distance between the origins of two nodes, in metres; unknown without a pose, or if one is stale."""
+    """Return a term for the distance in metres between the origins of two nodes.
+
+    The distance is unknown if one of the nodes has no pose, or if a pose is stale.
+    """
     return value(f"distance({a}, {b})")
 
 
 def in_view(node: str, camera: str) -> Term:
-    """Return whether a camera sees the origin of a node; unknown without a pose, or if one is stale."""
+    """Return a term for whether a camera sees the origin of a node.
+
+    The result is unknown if the node or the camera has no pose, or if a pose is stale.
+    """
     return value(f"in_view({node}, {camera})")
 
 
@@ -330,11 +337,11 @@ class AgentModel:
     """A declared agent.
 
     Attributes:
-        phase: its role in a loop, if any.
-        wakes: the patterns that wake it, independently of each other. If empty, the agent is always active.
-        owns: the subjects that it may write: `type`, `type.attribute`, `node.attribute`, or the name of a type of
-            edges.
-        reads: the subjects that its rules and wakes read, in the same notation.
+        phase: the agent's role in a loop, if any.
+        wakes: the patterns that wake the agent, independently of each other. If empty, the agent is always active.
+        owns: the subjects that the agent may write: `type`, `type.attribute`, `node.attribute`, or the name of a type
+            of edges.
+        reads: the subjects that the agent's rules and wakes read, in the same notation.
     """
 
     name: str

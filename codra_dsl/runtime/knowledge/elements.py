@@ -41,16 +41,17 @@ class Attribute:
 
 
 class History:
-    """An attribute's readings, ordered by the instant of their evidence, each with its first version of the graph.
+    """An attribute's readings, ordered by evidence, each with the first version of the graph that contains it.
 
-    Versions of the graph share a history. Newer evidence is appended, and readers of an earlier version skip it, so
-    writing an attribute copies no node. Older evidence, or too many readings, create a new history for the versions
-    from then on. A thread may append only while it holds the graph's turn, the lock for writes; reading needs no lock.
+    Versions of the graph share a history. A reading with newer evidence is appended, and readers of an earlier version
+    skip it, so writing an attribute copies no node. If the evidence is older, or the history has too many readings, the
+    new version and the versions after it get a new history. A thread may append only while it holds the graph's turn,
+    the lock for writes; reading needs no lock.
 
     Attributes:
         attribute: the declaration of the attribute.
         subject: the name of the attribute in error messages.
-        name: the name of the readings.
+        name: the name that the readings have: the context-variable, if the attribute is one, otherwise `subject`.
     """
 
     __slots__ = ("_capacity", "_entries", "attribute", "name", "subject")
@@ -64,7 +65,7 @@ class History:
         self._capacity = 2 * attribute.model.history + _MIN_OUTDATED_READINGS
 
     def reading_at(self, version: int) -> Reading[Value]:
-        """Return the present reading of a version."""
+        """Return the newest reading in a version of the graph."""
         entries = self._entries
         first_version, reading = entries[-1]
         return (
@@ -72,14 +73,17 @@ class History:
         )
 
     def readings_at(self, version: int) -> tuple[Reading[Value], ...]:
-        """Return the readings of a version, the oldest first."""
+        """Return the readings in a version of the graph, the oldest first."""
         end = bisect_right(self._entries, version, key=_first_version)
         return tuple(reading for _, reading in self._entries[max(0, end - self.attribute.model.history) : end])
 
     def new_reading(
         self, agent: str, now_s: float, value: object, evidence_s: float | None, version: int
     ) -> Reading[Value]:
-        """Return the reading of an agent's value, after a rank check against a version; None and NaN are unknown."""
+        """Return the reading for a value that an agent writes; None and NaN give an unknown reading.
+
+        If another agent wrote the newest reading in `version`, and its value is still valid, the rank is checked.
+        """
         attribute = self.attribute
         try:
             content = None if value is None else attribute.convert(value)
@@ -88,7 +92,7 @@ class History:
         if evidence_s is None:
             evidence_s = now_s
         elif not evidence_s <= now_s:
-            raise ValueError(f"evidence for {self.subject} was taken at {now_s} at the latest, not at {evidence_s}")
+            raise ValueError(f"evidence for {self.subject} cannot be from {evidence_s}: the present instant is {now_s}")
         else:
             evidence_s = float(evidence_s)
         if attribute.permissions.is_ranked and self._entries:
@@ -108,7 +112,10 @@ class History:
         return known_reading(self.name, content, evidence_s, evidence_s, now_s, expires_s, agent)
 
     def with_reading(self, reading: Reading[Value], version: int) -> History:
-        """Return the history with one more reading from a version on: this one, if the reading can be appended."""
+        """Return a history with one more reading, which is part of `version` and of later versions.
+
+        If the reading can be appended to this history, this history itself is returned.
+        """
         entries = self._entries
         if not entries or (reading.evidence_s >= entries[-1][1].evidence_s and len(entries) < self._capacity):
             entries.append((version, reading))
@@ -123,7 +130,7 @@ class History:
         return longer_history
 
     def remove(self, reading: Reading[Value]) -> None:
-        """Remove a reading of a version that will never be the present one."""
+        """Remove a reading that was added for a version which will never be the present one."""
         self._entries = [entry for entry in self._entries if entry[1] is not reading]
 
 
@@ -132,11 +139,11 @@ class Node(NamedTuple):
 
     Attributes:
         name: the name of the node.
-        type: the name of its type.
-        number: its number; nodes and edges are numbered in the order of their insertion.
-        histories: the histories of its attributes that were ever written, by name.
-        writer: the agent that inserted it; empty for an initial node.
-        since_s: when it was inserted.
+        type: the name of the node's type.
+        number: the number of the node; nodes and edges are numbered in the order of their insertion.
+        histories: the histories of the node's attributes, by name; attributes that were never written have none.
+        writer: the agent that inserted the node; empty for an initial node.
+        since_s: when the node was inserted.
         version: the version of the graph.
     """
 
@@ -154,7 +161,7 @@ class Node(NamedTuple):
 
     @property
     def attributes(self) -> Mapping[str, Reading[Any]]:
-        """Return the readings of its attributes, as they were written."""
+        """Return the newest reading of each attribute as it was written, even if it is no longer valid."""
         return _readings(self.histories, self.version)
 
 
@@ -163,13 +170,13 @@ class Edge(NamedTuple):
 
     Attributes:
         origin: the name of a node.
-        label: its label; two nodes have at most one edge per label and direction.
+        label: the label of the edge; two nodes have at most one edge per label and direction.
         target: the name of a node.
-        type: the name of its type.
-        number: its number; nodes and edges are numbered in the order of their insertion.
-        histories: the histories of its attributes that were ever written, by name.
-        writer: the agent that wrote it last; empty for an initial edge.
-        since_s: when it was inserted.
+        type: the name of the edge's type.
+        number: the number of the edge; nodes and edges are numbered in the order of their insertion.
+        histories: the histories of the edge's attributes, by name; attributes that were never written have none.
+        writer: the agent that wrote the edge last; empty for an initial edge.
+        since_s: when the edge was inserted.
         version: the version of the graph.
     """
 
@@ -194,7 +201,7 @@ class Edge(NamedTuple):
 
     @property
     def attributes(self) -> Mapping[str, Reading[Any]]:
-        """Return the readings of its attributes, as they were written."""
+        """Return the newest reading of each attribute as it was written, even if it is no longer valid."""
         return _readings(self.histories, self.version)
 
     def __str__(self) -> str:
@@ -202,7 +209,7 @@ class Edge(NamedTuple):
 
 
 EdgeKey = tuple[str, str, str]
-"""Origin, label, target."""
+"""The key of an edge: its origin, label and target."""
 
 
 ElementT = TypeVar("ElementT", Node, Edge)
@@ -216,7 +223,7 @@ def element_at_version(element: ElementT, version: int) -> ElementT:
 
 
 def present_reading(element: Node | Edge, name: str, attribute: str) -> Reading[Value]:
-    """Return the present reading of an attribute of a node or edge with a given name."""
+    """Return the newest reading of an attribute; `name` is the name of the node or edge."""
     history = element.histories.get(attribute)
     return never_observed_reading(name, attribute) if history is None else history.reading_at(element.version)
 

@@ -59,7 +59,7 @@ class GraphIndex:
         return tuple(self._keys_to.get(name, ()))
 
     def compacted_index(self, nodes: PersistentMap[str, Node], edges: PersistentMap[EdgeKey, Edge]) -> GraphIndex:
-        """Return an index for a state of these nodes and edges: this one, unless most of its entries are obsolete."""
+        """Return an index for a state with these nodes and edges: this one, unless most of its entries are obsolete."""
         if self.additions <= 2 * (len(nodes) + len(edges)):
             self.compaction_threshold = 2 * self.additions
             return self

@@ -1,4 +1,4 @@
-"""The schema of one graph: types, attributes, tasks and permissions of its declarations, by name."""
+"""The schema of one graph: its declared types, attributes, tasks and permissions, in tables with names as keys."""
 
 from __future__ import annotations
 
@@ -70,8 +70,8 @@ class GraphSchema:
         tasks: the tasks, by name.
         agents: the names of all agents that are declared or may write something; the main execution is
             one of them if it may write.
-        variables: the nodes whose attributes context-variables are, by the variable's name.
-        nodes_of_context: these nodes.
+        variables: for each context-variable, the name of the node that has it as an attribute.
+        nodes_of_context: the names of all nodes that have a context-variable as an attribute.
     """
 
     def __init__(self, model: KnowledgeModel, variables: Sequence[VariableModel] = ()) -> None:
@@ -85,7 +85,7 @@ class GraphSchema:
         Raises:
             ValueError: if a name is declared twice, or is reserved for tasks.
         """
-        # The other variables are computed from poses, so they are not attributes.
+        # Variables with a pose condition are computed from poses, so they are not attributes.
         variables = [variable for variable in variables if variable.pose_condition is None]
         self.variables: Mapping[str, str] = nodes_of_variables(model, variables)
         self.nodes_of_context = frozenset(self.variables.values())
@@ -130,7 +130,9 @@ class GraphSchema:
             raise unknown("type of edges", name, self._edge_types) from None
 
     def types_of_edges(self, name: str) -> frozenset[str]:
-        """Return the types of edges with a given name or label, as a path uses it.
+        """Return the types of edges that a name in a path means.
+
+        These are the type of this name or, if there is none, all types with this label.
 
         Raises:
             UnknownNameError: if no type of edges has this name or label.
@@ -184,9 +186,9 @@ def _with_context_node(model: KnowledgeModel, variables: Mapping[str, str]) -> K
 
 
 def nodes_of_variables(model: KnowledgeModel, variables: Sequence[VariableModel]) -> Mapping[str, str]:
-    """Return the nodes of context-variables: the node that declares the variable as an attribute, or `context`.
+    """Return, for each context-variable, the name of the node that declares it as an attribute, or else `context`.
 
-    Variables that are computed from poses are not attributes of a node.
+    Variables that are computed from poses are left out: they are not attributes of a node.
     """
     owners: tuple[NodeModel | TaskModel, ...] = (*model.nodes, *model.tasks)
     declaring_nodes = {attribute.name: owner.name for owner in owners for attribute in owner.attributes}
@@ -200,7 +202,7 @@ def nodes_of_variables(model: KnowledgeModel, variables: Sequence[VariableModel]
 def _variable_attributes(
     nodes: Mapping[str, str], variables: Sequence[VariableModel]
 ) -> Mapping[str, Mapping[str, Attribute]]:
-    """Return the attributes of nodes that are context-variables, by node and name."""
+    """Return, for each node, the attributes that are context-variables, by their names."""
     attributes: dict[str, dict[str, Attribute]] = {}
     for variable in variables:
         model = AttributeModel(
@@ -241,9 +243,10 @@ def _attributes(models: Iterable[AttributeModel]) -> Mapping[str, Attribute]:
 
 
 def _task_attributes(task: TaskModel) -> Mapping[str, Attribute]:
-    """Return the attributes of a task's node: those of the handshake, and those that requesters write.
+    """Return the attributes of a task's node: the declared attributes, and the attributes of the handshake.
 
-    Only the steps of the handshake write the first ones.
+    The requesters write each declared attribute that has no sources of its own. Only the steps of the handshake write
+    the attributes of the handshake.
     """
     step_models = (
         AttributeModel(name="request", type=integer(low=0)),

@@ -3,11 +3,12 @@
     no request ─request─> wants ─acknowledge─> is ─finish─> finished
                             └──────abort────────┴──deadline──> aborted
 
-The requester inserts `wants` (P2's `starts`) and may abort. The executor acknowledges, P2's ACK, by turning it into
-`is`, and finishes with a result. Each step names its request, so that no agent answers another request by mistake.
+The requester inserts the edge `wants` (P2's `starts`) and may abort the task. The executor acknowledges the request
+(P2's ACK) by turning this edge into `is`, and finishes the task with a result. Each step names its request, so that no
+agent answers another request by mistake.
 
-A deadline ends a stage by the clock, even if the agents are gone. It counts from the instant of the step: at the
-deadline the stage has ended, whichever event of that instant comes first.
+A deadline ends a stage by the clock, even if the agents are gone. It is counted from the instant of the step that began
+the stage. At the instant of the deadline the stage has ended, whichever event of this instant is executed first.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ class ConflictError(RuntimeError):
 
 
 def request(change_set: ChangeSet, task: str, values: Mapping[str, object]) -> Request:
-    """Request a task, with values of attributes that its requesters write; its executor must acknowledge it."""
+    """Request a task, with values of attributes that its requesters write; the executor must acknowledge it."""
     model = _model(change_set.schema, task)
     Permissions(by(*model.requesters)).check(change_set.agent, f"a request of {task}")
     before = _present_handover(change_set, model)
@@ -51,7 +52,7 @@ def request(change_set: ChangeSet, task: str, values: Mapping[str, object]) -> R
 
 
 def acknowledge(change_set: ChangeSet, request: Request) -> None:
-    """Acknowledge a task as its executor: it has begun."""
+    """Acknowledge a task as its executor: the task has begun."""
     model = _model_of_request(change_set.schema, request)
     Permissions(by(model.by)).check(change_set.agent, f"the acknowledgement of {request.task}")
     before = _handover_at(change_set, request, Stage.WANTS)
@@ -82,7 +83,7 @@ def abort(change_set: ChangeSet, request: Request) -> None:
 
 
 def expire(change_set: ChangeSet, task: str) -> None:
-    """Abort a task whose deadline has passed; do nothing for other tasks."""
+    """Abort a task if its deadline has passed; otherwise do nothing."""
     _present_handover(change_set, _model(change_set.schema, task))
 
 
@@ -99,7 +100,10 @@ def _model_of_request(schema: GraphSchema, request: Request) -> TaskModel:
 
 
 def _present_handover(change_set: ChangeSet, model: TaskModel) -> Handover:
-    """Return the handover of a task. Abort it first if its deadline has passed, even if the event is still due."""
+    """Return the handover of a task.
+
+    If the task's deadline has passed, abort the task first, even if the event of the deadline was not executed yet.
+    """
     handover = change_set.handover(model.name)
     if not handover.is_open or change_set.now_s < handover.deadline_s:
         return handover
@@ -135,7 +139,7 @@ def _write(change_set: ChangeSet, model: TaskModel, before: Handover, after: Han
     change_set.set_handover(after)
     if before.stage is not None:
         change_set.remove((model.origin, before.stage, model.name))
-    # The node may be deleted when the task ends.
+    # When the task ends, the node that does the task may have been deleted.
     if after.stage is not None and (after.is_open or change_set.has_node(model.origin)):
         change_set.upsert_edge(change_set.schema.edge_type(after.stage), model.origin, model.name)
     attribute_changes = (

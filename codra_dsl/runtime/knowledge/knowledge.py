@@ -52,13 +52,13 @@ ResultT = TypeVar("ResultT")
 ValueT = TypeVar("ValueT")
 
 MOST_PAST = 4_096
-"""The maximum number of changes, counted as instants, that `at` can go back."""
+"""The maximum number of instants with changes that `at` can go back."""
 
 
 class _OvertakenError(Exception):
     """The thread wrote something else during a write, for example in a signal handler.
 
-    The inner write wins, and the interrupted one is repeated on its result.
+    The inner write is completed, and the interrupted write is repeated on the result of the inner write.
     """
 
 
@@ -67,7 +67,7 @@ class Knowledge:
 
     Attributes:
         model: the declarations.
-        moved: a callback with the subjects of each change, called in the same step; for the context manager.
+        on_touched: a callback with the subjects of each change, called in the same step; for the context manager.
     """
 
     def __init__(self, model: KnowledgeModel, *, clock: Clock, context_link: ContextLink | None = None) -> None:
@@ -75,7 +75,7 @@ class Knowledge:
 
         Args:
             model: the compiled declarations of a spec.
-            clock: real or simulated time; not a clock that holds a lock during events.
+            clock: real or simulated time; it must not be a clock that holds a lock during events.
             context_link: the link to the context manager of the graph; None for a graph without one.
 
         Raises:
@@ -87,7 +87,7 @@ class Knowledge:
         self._clock = clock
         self._now_s = clock.now_s
         self._context_link = context_link
-        # Every write takes the turn. With a context manager the turn is a step, which holds the lock of both sides.
+        # Every write holds the turn. With a context manager the turn is a step, which holds the lock of both sides.
         self._steps: Clock = clock if context_link is None else context_link.steps
         self._step_now_s = self._steps.now_s
         self._turn: AbstractContextManager[object] = threading.RLock() if context_link is None else context_link.steps
@@ -142,13 +142,13 @@ class Knowledge:
             ValueError: if the instant lies in the future, or before the oldest version that is kept.
         """
         if not instant_s <= self._now_s():
-            raise ValueError(f"the instant {instant_s} lies in the future: it is {self._now_s()} now")
+            raise ValueError(f"the instant {instant_s} lies in the future: the present instant is {self._now_s()}")
         with self._turn:
             states = chain((self._state,), reversed(self._past_states))
             state = next((candidate for candidate in states if candidate.since_s <= instant_s), None)
             begin_s = self._past_states[0].since_s if self._past_states else self._state.since_s
         if state is None:
-            raise ValueError(f"the graph is kept from {begin_s} s on, not from {instant_s}: use a journal for the rest")
+            raise ValueError(f"the graph is kept from {begin_s} s on, not from {instant_s}: read it from a journal")
         return Snapshot(self._schema, state, instant_s)
 
     def get(self, name: str, attribute: str) -> Reading[Any]:
@@ -162,15 +162,15 @@ class Knowledge:
     # Waiting and subscriptions
 
     def subscribe(self, callback: Callable[[Change], object], *patterns: Pattern) -> Subscription:
-        """Call back whenever the matches of patterns change, first if they hold now.
+        """Call back whenever the matches of the patterns change, and first now if the patterns hold now.
 
-        The callback runs without any lock, one call at a time: in real time in a thread of its own, in simulated time
-        as an event at the instant of the change, which must not wait. Its exceptions are logged. It gets the state of
-        the graph at the time of the call and not every change before it, so calls cannot pile up. An agent that needs
-        every single change should hand over a task instead.
+        The callback runs without any lock, one call at a time. In real time it runs in a thread of its own. In
+        simulated time it runs as an event at the instant of the change and must not wait. Its exceptions are logged.
+        The callback gets the graph at the time of the call, and not each change before the call, so calls cannot pile
+        up. An agent that needs every single change should hand over a task instead.
 
         Raises:
-            UnknownNameError: if a pattern names a type that is not declared.
+            UnknownNameError: if a pattern uses a type that is not declared.
         """
         self.snapshot().match(*patterns)
         return self._watch(
@@ -188,10 +188,10 @@ class Knowledge:
         return self._watch([(name, attribute)], *functions_for_attribute(name, attribute, callback))
 
     def wait_for(self, *patterns: Pattern, timeout_s: float) -> bool:
-        """Wait until patterns hold; return whether they do.
+        """Wait until the patterns hold, but at most `timeout_s`; return whether they hold.
 
         Raises:
-            UnknownNameError: if a pattern names a type that is not declared.
+            UnknownNameError: if a pattern uses a type that is not declared.
         """
         self.snapshot().match(*patterns)
         return self._clock.wait_until(lambda: self.snapshot().holds(*patterns), timeout_s)
@@ -199,9 +199,9 @@ class Knowledge:
     # For the context manager and for replays
 
     def mirror(self, reading: Reading[Value]) -> None:
-        """Add a reading that any writer wrote to a context-variable; the caller is in a step."""
+        """Add a reading of a context-variable to the graph, whoever wrote it; the caller must be in a step."""
         if self._own_readings and any(own_reading is reading for own_reading in self._own_readings):
-            return  # the graph wrote it itself, together with other changes
+            return  # the graph itself wrote this reading, together with other changes
         change_set = ChangeSet(self._schema, self._state, self._step_now_s(), reading.source)
         node = self._schema.variables[reading.name]
         change_set.add_reading(node, change_set.history(node, reading.name), reading)
@@ -340,7 +340,7 @@ class Knowledge:
     ) -> None:
         """Take over the changes of a transaction; apply them again if the graph has changed since it began.
 
-        In a step of a context manager they are always applied again, so that all of them have the instant of the step.
+        With a context manager the changes are always applied again, so that all of them have the instant of the step.
         """
         if self._context_link is None and present_changes.starts_from(base):
             present_changes.adopt(change_set)
@@ -395,7 +395,7 @@ class Knowledge:
         This fast path applies to an attribute that was written before, in a graph without a context manager.
 
         Returns:
-            Whether that was possible; if not, nothing has changed.
+            Whether the value was appended; if not, nothing has changed.
         """
         name, attribute, value, evidence_s = arguments
         state = self._state
@@ -455,7 +455,7 @@ class Knowledge:
             raise
 
     def _replace_state(self, before: State, after: State) -> None:
-        """Replace the present state, which is kept for `at` if it is the last one of its instant."""
+        """Replace the present state. The state before is kept for `at` if it is the last one of its instant."""
         if before.since_s != after.since_s:
             self._past_states.append(before)
         if self._state is not before:

@@ -18,7 +18,7 @@ from codra_dsl.runtime.values.cell import Reading
 _CALL = re.compile(r"(distance|in_view)\((.+), (.+)\)")
 
 ANY = ""
-"""The wildcard for every name in the set of subjects that a pattern reads."""
+"""The wildcard in the subjects that a pattern reads: it stands for every name."""
 
 
 class Match(NamedTuple):
@@ -70,7 +70,7 @@ class GraphReader(Protocol):
         ...
 
     def edge_of(self, key: EdgeKey) -> Edge | None:
-        """Return the edge with a key, if it exists."""
+        """Return the edge with a key; None if the edge does not exist."""
         ...
 
     def get(self, name: str, attribute: str) -> Reading[Any]:
@@ -82,18 +82,19 @@ class GraphReader(Protocol):
         ...
 
     def in_view(self, name: str, camera: str) -> bool | None:
-        """Return whether a camera sees the origin of a node; None if that is unknown."""
+        """Return whether a camera sees the origin of a node; None if the answer is unknown."""
         ...
 
     def fresh_until_s(self, a: str, b: str) -> float:
-        """Return until when the distance of two nodes is known without new writes; infinite if it is unknown."""
+        """Return until when the distance between two nodes is known without new writes; infinite if it is unknown."""
         ...
 
 
 def matches(snapshot: GraphReader, schema: GraphSchema, patterns: Sequence[Pattern]) -> tuple[Match, ...]:
-    """Return all matches of patterns that hold together.
+    """Return all matches in which all of the patterns hold.
 
-    The paths find nodes and edges, in the given order; absences and conditions then filter these matches.
+    First the paths find nodes and edges, one path after another in the given order. Then the absences and conditions
+    filter these matches.
 
     Raises:
         TypeError: if one of them is not a pattern.
@@ -117,7 +118,7 @@ def matches(snapshot: GraphReader, schema: GraphSchema, patterns: Sequence[Patte
 
 
 def subjects_of_patterns(schema: GraphSchema, patterns: Iterable[Pattern]) -> frozenset[Touched]:
-    """Return the subjects whose changes can change the matches of patterns; time can change them as well."""
+    """Return the subjects whose changes can change the matches of patterns; the matches can also change with time."""
     subjects: set[Touched] = set()
     for pattern in patterns:
         if isinstance(pattern, Term):
@@ -131,7 +132,7 @@ def subjects_of_patterns(schema: GraphSchema, patterns: Iterable[Pattern]) -> fr
 
 
 def truth(snapshot: GraphReader, term: Term) -> bool | None:
-    """Return the result of a condition that uses only names of nodes; None if it is unknown."""
+    """Return the result of a condition that uses names of nodes and not of places; None if the result is unknown."""
     result = term.evaluate(_Scope(snapshot, {}))
     return result if isinstance(result, bool) else None
 
@@ -174,7 +175,11 @@ def _follow_paths(snapshot: GraphReader, schema: GraphSchema, patterns: Iterable
 def _follow_path(
     snapshot: GraphReader, schema: GraphSchema, path: Path, partial_match: _PartialMatch
 ) -> Iterator[_PartialMatch]:
-    """Yield all matches of a path, found from its first place with a known node to its end, then to its start."""
+    """Yield all matches of a path.
+
+    The search begins at the first place whose node is known, or else at the first place of the path. It follows the
+    path from this place to the end, and then from this place back to the start.
+    """
     bindings, edges = partial_match
     places = path.places
     start = next((at for at, place in enumerate(places) if place.name or place.called in bindings), 0)

@@ -1,7 +1,7 @@
 """The operations of agents on the graph, as values.
 
-The same `Operation` is applied to a change set, applied again by a transaction that met another write, recorded in the
-journal, and repeated in a replay. It is created only where one of these needs it.
+A transaction can apply an `Operation` again if another write has changed the graph meanwhile, a journal can record the
+`Operation`, and a replay can repeat it. Where none of this is needed, a change is applied without an `Operation`.
 """
 
 from __future__ import annotations

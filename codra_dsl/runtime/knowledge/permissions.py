@@ -1,4 +1,7 @@
-"""Permissions to write, and the audit of refused writes: the mapping that P2 fixes at design time, kept at run time."""
+"""Permissions to write, and the audit of refused writes.
+
+P2 fixes at design time which agent writes what; these permissions enforce that mapping at run time.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +22,7 @@ START = ""
 
 
 class OutrankedError(PermissionError):
-    """An agent tried to overwrite what an agent with a higher priority wrote and what is still valid."""
+    """An agent tried to overwrite something that is still valid and that an agent with a higher priority wrote."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,7 +82,7 @@ class Permissions:
         if agent == START or self._priorities.get(other, 0) <= self._priorities[agent]:
             return
         raise OutrankedError(
-            f"{agent!r} cannot overwrite {subject!r}: {other!r} wrote it, has a higher priority, and it is still valid"
+            f"{agent!r} cannot overwrite {subject!r}: {other!r} wrote it with a higher priority, and it is still valid"
         )
 
 

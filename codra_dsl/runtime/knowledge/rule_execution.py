@@ -43,7 +43,7 @@ class RuleExecution(Generic[TransactionT_co]):
 
     Attributes:
         rule: the declaration of the rule.
-        state: the latest state; None before it has begun.
+        state: the latest state; None before the execution has begun.
     """
 
     def __init__(
@@ -60,7 +60,7 @@ class RuleExecution(Generic[TransactionT_co]):
 
         Args:
             rule: the declaration of the rule.
-            begin: calls a function that returns what is missing, and raises `RuleError` if something is.
+            begin: calls a function that returns what is missing, and raises `RuleError` if anything is missing.
             transact: begins a transaction with a check that must succeed when its changes become visible.
             take_snapshot: returns a snapshot of the present graph.
             record: records the new state of the rule in the event log.
@@ -98,7 +98,7 @@ class RuleExecution(Generic[TransactionT_co]):
     def transaction(self) -> AbstractContextManager[TransactionT_co]:
         """Begin changes that become visible together, and only if the `before` patterns still hold at that instant.
 
-        So no other write can come between the check and the first change.
+        So no other write can come between this check and the changes.
 
         Raises:
             RuleError: at the end of the `with` statement, if a `before` pattern does not hold. Then no change becomes
@@ -108,7 +108,7 @@ class RuleExecution(Generic[TransactionT_co]):
 
     @property
     def may_go_on(self) -> bool:
-        """Return whether the rule is unbroken: it breaks if `during` ceases to hold before `after` holds."""
+        """Return whether the rule is not broken. It is broken if `during` ceases to hold before `after` holds."""
         return self.state is not RuleState.BROKEN
 
     def _check_before(self) -> None:
@@ -131,12 +131,15 @@ class RuleExecution(Generic[TransactionT_co]):
 
 
 def explain_missing(snapshot: Snapshot, patterns: Sequence[Pattern]) -> str:
-    """Return why patterns do not hold together, with the first one that does not hold alone; empty if they hold."""
+    """Return why there is no match in which all of the patterns hold; empty if there is one.
+
+    The reason is the first pattern that does not hold by itself, if there is such a pattern.
+    """
     if snapshot.holds(*patterns):
         return ""
     unmet_pattern = next((pattern for pattern in patterns if not snapshot.holds(pattern)), None)
     return (
-        "the patterns do not hold together"
+        "each pattern holds by itself, but there is no match in which all of them hold"
         if unmet_pattern is None
         else f"{_pattern_text(unmet_pattern)} does not hold{_explanation(snapshot, unmet_pattern)}"
     )

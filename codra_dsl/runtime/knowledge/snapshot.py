@@ -68,10 +68,11 @@ class Snapshot:
 
         Args:
             type_name: the type of the nodes; any type if empty.
-            where: a condition over the names of their attributes. Nodes for which it is false or unknown are left out.
+            where: a condition over attributes of the nodes, by their names. Nodes for which the condition is false or
+                unknown are left out.
 
         Raises:
-            UnknownNameError: if the type is not declared, or its nodes have no such attribute.
+            UnknownNameError: if the type is not declared, or its nodes do not have an attribute of the condition.
         """
         result: Iterable[Node] = self._state.nodes.values()
         if type_name:
@@ -103,11 +104,11 @@ class Snapshot:
 
         Args:
             origin: the name of a node.
-            edge: the name of its type, or its label.
+            edge: the name of the edge's type, or the edge's label.
             target: the name of a node.
 
         Raises:
-            AbsentError: if it does not exist.
+            AbsentError: if the edge does not exist.
             UnknownNameError: if the type of edges is not declared.
         """
         for type_name in self._schema.types_of_edges(edge):
@@ -128,9 +129,9 @@ class Snapshot:
         """Return edges in the order of their insertion.
 
         Args:
-            edge: the name of their type, or their label; any if empty.
-            origin: the name of their origin; any if empty.
-            target: the name of their target; any if empty.
+            edge: the name of the edges' type, or the edges' label; if empty, edges of all types are returned.
+            origin: the name of the edges' origin; if empty, edges from all nodes are returned.
+            target: the name of the edges' target; if empty, edges to all nodes are returned.
 
         Raises:
             UnknownNameError: if the type of edges is not declared.
@@ -184,20 +185,20 @@ class Snapshot:
     # Geometry
 
     def transform(self, target: str, source: str, instant_s: float | None = None) -> Transform:
-        """Return the pose of a node in another: P2's chain of RT edges, forward and inverted.
+        """Return the pose of a node in another, computed along P2's chain of RT edges, each forward or inverted.
 
         Args:
             target: the node that is the frame of reference.
             source: the node whose pose is returned.
-            instant_s: the instant; None means that of the snapshot. The edges of that instant are used.
+            instant_s: the instant whose edges are used; None means the instant of the snapshot.
 
         Raises:
-            FrameError: if one of the nodes never had a pose, or they were not connected at that instant.
+            FrameError: if one of the nodes never had a pose, or the nodes were not connected at that instant.
         """
         return self._state.frames.transform(target, source, self.instant_s if instant_s is None else instant_s)
 
     def parent(self, name: str, instant_s: float | None = None) -> str | None:
-        """Return the parent of a node at an instant; None if it had none.
+        """Return the parent of a node at an instant; None if the node had no parent.
 
         Raises:
             FrameError: if the node never had a pose.
@@ -205,12 +206,12 @@ class Snapshot:
         return self._state.frames.parent(name, self.instant_s if instant_s is None else instant_s)
 
     def distance_m(self, a: str, b: str) -> float | None:
-        """Return the distance between two nodes; None if one of them has no pose or a stale one."""
+        """Return the distance between two nodes; None if a pose between them is missing or stale."""
         transform = self._fresh_transform(a, b)
         return None if transform is None else math.hypot(*transform.pose.translation_m)
 
     def in_view(self, name: str, camera: str) -> bool | None:
-        """Return whether a camera sees the origin of a node; None if one of them has no pose or a stale one.
+        """Return whether a camera sees the origin of a node; None if a pose between them is missing or stale.
 
         Raises:
             AbsentError: if the camera does not exist.
@@ -233,7 +234,7 @@ class Snapshot:
     # Patterns
 
     def match(self, *patterns: Pattern) -> tuple[Match, ...]:
-        """Return all matches of patterns that hold together.
+        """Return all matches in which all of the patterns hold.
 
         Raises:
             UnknownNameError: if a pattern uses a type that is not declared.
@@ -241,7 +242,7 @@ class Snapshot:
         return matches(self, self._schema, patterns)
 
     def holds(self, *patterns: Pattern) -> bool:
-        """Return whether patterns hold together; it raises the errors of `match`."""
+        """Return whether there is a match in which all of the patterns hold; it raises the errors of `match`."""
         return bool(self.match(*patterns))
 
     def handover(self, task: str) -> Handover:
@@ -257,7 +258,7 @@ class Snapshot:
     # For matching paths
 
     def keys_from(self, name: str) -> Iterable[EdgeKey]:
-        """Return the keys of edges from a node, in no order. `edge_of` returns None for keys without an edge."""
+        """Return the keys of edges from a node, in no order. Some of these edges may not exist; see `edge_of`."""
         return self._state.index.keys_from(name)
 
     def keys_to(self, name: str) -> Iterable[EdgeKey]:
@@ -265,12 +266,12 @@ class Snapshot:
         return self._state.index.keys_to(name)
 
     def edge_of(self, key: EdgeKey) -> Edge | None:
-        """Return the edge with a key, if it exists."""
+        """Return the edge with a key; None if the edge does not exist."""
         edge = self._state.edges.get(key)
         return None if edge is None else element_at_version(edge, self._state.version)
 
     def fresh_until_s(self, a: str, b: str) -> float:
-        """Return until when the distance of two nodes is known without new writes; infinite if it is unknown."""
+        """Return until when the distance between two nodes is known without new writes; infinite if it is unknown."""
         try:
             until_s = self._state.frames.fresh_until_s(a, b, self.instant_s)
         except FrameError:

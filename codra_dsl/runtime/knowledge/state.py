@@ -29,10 +29,10 @@ class Handover(NamedTuple):
         stage: its stage; None before the first request.
         number: the number of its latest request, from 1.
         requester: the agent of the latest request.
-        since_s: the instant from which it is at this stage.
-        deadline_s: when the task is aborted unless it has left the stage before; infinite without a deadline.
+        since_s: the instant from which on the task is at this stage.
+        deadline_s: when the task is aborted if it is still at this stage; infinite without a deadline.
         result: the result, if the task has finished.
-        reason: why it was aborted: `requester`, `unacknowledged` or `overdue`.
+        reason: why the task was aborted: `requester`, `unacknowledged` or `overdue`.
     """
 
     task: str
@@ -60,15 +60,15 @@ class State:
     """One version of the graph. A change set changes a copy; a state that is or was the present one never changes.
 
     Attributes:
-        since_s: when it became the present one.
+        since_s: when the state became the present one.
         version: the number of changes so far.
         next_number: the number of the next node or edge.
         nodes: the nodes, by name.
         edges: the edges, by origin, label and target.
         index: the index of nodes and edges.
         frames: the poses of nodes.
-        handovers: the handovers of tasks, by name.
-        deletion_times_s: the deletion times of deleted nodes whose poses are still kept, by name.
+        handovers: the handovers of tasks, by the name of the task.
+        deletion_times_s: the deletion times of deleted nodes whose poses are still kept, by the name of the node.
     """
 
     since_s: float

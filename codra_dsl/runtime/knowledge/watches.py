@@ -24,7 +24,7 @@ class Change(NamedTuple):
     """The matches of patterns now, compared with the previous call of the callback.
 
     Attributes:
-        snapshot: the graph of the matches.
+        snapshot: the snapshot that has these matches.
         matches: all present matches.
         new: the matches that are new.
         over: the matches that have ended.
@@ -48,7 +48,7 @@ _WakingMatches = tuple[tuple[int, Match, tuple[int, ...]], ...]
 
 
 class Watch(Generic[ValueT]):
-    """Evaluates the graph after changes, and calls back if the value is different.
+    """Evaluates the graph after changes, and calls back if the value differs from the value before.
 
     If the graph changes several times before the evaluation, it is evaluated once, in its present state, so calls
     cannot pile up.
@@ -68,7 +68,7 @@ class Watch(Generic[ValueT]):
             clock: runs the callback.
             take_snapshot: returns a snapshot of the present graph.
             evaluate: returns the view of a snapshot.
-            notify: is called with the first value, and then with each value that differs from the one before.
+            notify: is called with the first value, and then with each value that differs from the value before.
             end: is called when the subscription has ended.
         """
         self._clock = clock
@@ -120,7 +120,7 @@ class Watch(Generic[ValueT]):
 
 
 class Watches:
-    """All watches of one graph, by the subjects whose changes can change their values."""
+    """All watches of one graph. The key is a subject whose changes can change the values of the watches."""
 
     def __init__(self) -> None:
         """Begin without watches."""
@@ -146,7 +146,7 @@ class Watches:
                     self._watches_by_subject.pop(subject, None)
 
     def request_evaluations(self, subjects: Iterable[Touched]) -> None:
-        """Let all watches whose values can have changed evaluate the graph."""
+        """Make each watch evaluate the graph if changes of these subjects can have changed its value."""
         watches_by_subject = self._watches_by_subject
         if not watches_by_subject:
             return

@@ -22,17 +22,17 @@ MOST_BOXES = 256
 Box = tuple[Bounds, ...]
 
 MOST_CACHED_BOUNDS = 4096
-"""How many bounds are cached: an input stays unknown for a while, and every change of another input asks for them."""
+"""The number of cached bounds: while an input is unknown, every change of another input needs bounds."""
 
 _MOST_CACHED_INFERENCES = 64
-"""How many results of a stage are cached: most changes that wake a loop do not change the inputs of its rules."""
+"""The number of cached stage results: most changes that wake a loop do not change the inputs of its rules."""
 
 _ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Degree:
-    """The degree of membership of an input in a term, as bounds; both are equal if the input is known."""
+    """The degree of membership of an input in a term, as two bounds, which are equal if the input is known."""
 
     variable: str
     term: str
@@ -42,7 +42,7 @@ class Degree:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RuleActivation:
-    """The strength with which a rule acts, as bounds; both are equal if the inputs that it reads are known."""
+    """The strength with which a rule acts, as two bounds, which are equal if all inputs of the rule are known."""
 
     text: str
     concludes: tuple[str, ...]
@@ -58,8 +58,8 @@ class OutputResult:
     Attributes:
         name: the metric, or the action.
         bounds: all possible values.
-        value: the value that counts, which is the worse end of the bounds; None if it is unknown.
-        evidence_s: the oldest evidence among the known inputs that its rules read.
+        value: the value that counts, which is the worse end of the bounds; None if this value is unknown.
+        evidence_s: when the oldest evidence was taken, among the known inputs that the rules of the output read.
     """
 
     name: str
@@ -122,7 +122,7 @@ def assess(model: MapeModel, scene: Scene, *, metrics: Mapping[str, float | None
 
 
 def _observation_of(output: OutputResult) -> Observation:
-    because = "no rule may act" if output.value is None else ""
+    because = "possibly no rule acts" if output.value is None else ""
     return Observation(variable=output.variable, value=output.value, evidence_s=output.evidence_s, because=because)
 
 
@@ -214,10 +214,10 @@ def _bounds(model: StageModel, index: int, numbers: tuple[float | None, ...]) ->
 
 
 class _BoxCutter:
-    """The bounds of one output: the union of the bounds of boxes into which its unknown inputs are cut.
+    """Computes the bounds of one output: cuts the unknown inputs into boxes, and joins the bounds of all boxes.
 
     In a box, two mentions of one input count as two inputs. It can therefore seem possible that no rule acts although
-    one certainly does. Such a box is cut further, unless no rule acts in its middle.
+    some rule certainly acts. Such a box is cut further, unless no rule acts in the middle of the box.
     """
 
     def __init__(self, model: StageModel, numbers: Sequence[float | None], index: int) -> None:
@@ -265,7 +265,7 @@ class _BoxCutter:
         yield from itertools.product(*pieces_of_inputs)
 
     def _halves(self, box: Box) -> tuple[Box, ...]:
-        """Return both halves of a box along its longest side; nothing if no rule acts in its middle."""
+        """Return both halves of a box along its longest side; nothing if no rule acts in the middle of the box."""
         middle = [bounds.low + (bounds.high - bounds.low) / 2.0 for bounds in box]
         value = self._model.infer(*middle).values[self._index]
         sides = [self._side(index, bounds) for index, bounds in enumerate(box)]

@@ -52,7 +52,7 @@ class Counterfactual:
 def smallest_changes(
     model: MapeModel, course: CourseModel, decision: Decision, more: Iterable[InputModel] = ()
 ) -> tuple[Counterfactual, ...]:
-    """Return the smallest change of an input, and that of a weight, that would have kept the course.
+    """Return the smallest change of an input and the smallest change of a weight that would have kept the course.
 
     The smaller change comes first; the result is empty if no single change would have kept the course.
 
@@ -63,7 +63,7 @@ def smallest_changes(
         more: inputs that hard rules read and no stage reads.
     """
     if not decision.before or would_keep(course, decision.assessment, decision.before, decision.instant_s):
-        return ()  # smoothed or held weights decided; the present ones would have kept the course
+        return ()  # smoothed or held weights decided; the present weights would have kept the course
     model_inputs = {model_input.variable: model_input for model_input in (*more, *_inputs(model))}
     input_changes = [
         change
@@ -78,8 +78,8 @@ def smallest_changes(
 def would_keep(course: CourseModel, assessment: Assessment, action: str, now_s: float) -> bool:
     """Return whether an action stays the course.
 
-    The first hard rule that holds decides. Without one, the action's weight must be known, and no other weight may
-    lead it.
+    The first hard rule that holds decides. If no hard rule holds, the action's weight must be known, and no other
+    weight may lead it.
     """
     rule = hard_rule(course, assessment, now_s)
     if rule is not None:
@@ -133,7 +133,7 @@ def _input_changes(
 
 
 def _nearest(model_input: InputModel, number: float, keeps_course: Callable[[float], bool]) -> float | None:
-    """Return the nearest value to a number that keeps the course, if any; the least such value if the number is NaN."""
+    """Return the value that keeps the course and is nearest to a number, or the least such value if that is NaN."""
     low, high = model_input.range.low, model_input.range.high
     if model_input.members:
         candidates = [float(index) for index in range(len(model_input.members)) if index != number]

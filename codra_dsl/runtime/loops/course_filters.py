@@ -1,9 +1,9 @@
 """The temporal filter between weights and courses, which prevents flapping of a mission (P2, section 5.2).
 
 A weight is constant between two steps, and is smoothed exponentially. The lead of one action over another is therefore
-monotone between two steps, and the instant at which it is reached or lost is computed instead of searched. A filter
-that takes its next step at `due_s` therefore makes the same choices at the same instants, however many other steps it
-takes.
+monotone between two steps, and the instant at which the required lead is reached or lost is computed instead of
+searched. A filter that takes its next step at `due_s` therefore makes the same choices at the same instants, however
+many other steps it takes.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from enum import StrEnum
 from codra_dsl.runtime.loops.declarations import CourseModel
 
 JUST_AFTER_S = 1e-6
-"""The next step of a filter is this much later than the computed instant, so that rounding cannot make it too early."""
+"""A filter's next step is this much later than the computed instant, so that rounding never makes it too early."""
 
 LEAST_LEAD = 1e-9
 """The lead that is used instead of 0, so that equal weights do not switch the course."""
@@ -28,22 +28,22 @@ class SwitchReason(StrEnum):
     """Why an action became the course."""
 
     FIRST = "first"
-    """It had the highest weight when the loop began."""
+    """The action had the highest weight when the loop began."""
 
     LEADS = "leads"
-    """Its weight has exceeded that of the running action by the lead, for the hold time."""
+    """For the hold time, the action's weight has exceeded the weight of the running action by the lead."""
 
     WORSE = "worse"
-    """The same within the dwell or cooldown, because a metric has become worse."""
+    """The same as `LEADS`, but within the dwell or cooldown: a metric has become worse."""
 
     HARD_RULE = "hard_rule"
-    """A hard rule demands it."""
+    """A hard rule demands the action."""
 
     NOTHING_KNOWN = "nothing_known"
     """No weight is known."""
 
     PLANNER = "planner"
-    """A planner that replaces the spec's planner chose it."""
+    """A planner that replaces the spec's planner chose the action."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,8 +52,8 @@ class TrackedAction:
 
     Attributes:
         weight: the weight of the last step; None if unknown.
-        smoothed: the smoothed weight, which counts.
-        leads_since_s: since when it leads without a break; None if it does not lead, and for the course itself.
+        smoothed: the smoothed weight, which decisions use.
+        leads_since_s: since when the action leads without a break; None if it does not lead, or is itself the course.
     """
 
     weight: float | None = None
@@ -66,9 +66,9 @@ class FilterState:
     """The complete state of a filter.
 
     Attributes:
-        instant_s: the instant of its last step.
-        action: the course; empty before the first step.
-        since_s: since when it is the course; minus infinity for a first choice without known weights.
+        instant_s: the instant of the filter's last step.
+        action: the action that is the course; empty before the first step.
+        since_s: since when this action is the course; minus infinity for a first choice without known weights.
         tracked: the actions by name.
         left_s: when each action was last left.
         unknown_since_s: since when no weight is known; None if a weight is known.
@@ -90,7 +90,7 @@ class FilterState:
         return self.left_s.get(action, -math.inf) + model.cooldown_s
 
     def after_pause(self) -> FilterState:
-        """Return the state after a pause, without smoothed weights and leads: the weights meanwhile are not known."""
+        """Return the state after a pause, without smoothed weights and leads: the weights in the pause are unknown."""
         return replace(self, tracked={}, unknown_since_s=None)
 
 
@@ -100,9 +100,9 @@ class FilterStep:
 
     Attributes:
         state: the state after the step.
-        before: the state on which the decision is based: with smoothed weights and leads, and the old course.
-        because: why the course has changed; None if it is the same.
-        due_s: when the next step is due if no weight changes; infinite if none is needed.
+        before: the state on which the decision is based; it has the new smoothed weights and leads, and the old course.
+        because: why the course has changed; None if it has not changed.
+        due_s: when the next step is due if no weight changes; infinite if no step is needed.
     """
 
     state: FilterState
@@ -120,12 +120,12 @@ def step(
     urgent_actions: Collection[str] = (),
     forced_action: str = "",
 ) -> FilterStep:
-    """Take the weights of an instant, and choose an action.
+    """Process the weights of an instant, and choose an action.
 
     Args:
         model: the model of the course.
         state: the state after the previous step.
-        now_s: the instant; not before that of the state.
+        now_s: the instant; it must not be before the instant of the state.
         weights: the weights of all actions that the course chooses from.
         urgent_actions: actions that need not wait for dwell and cooldown, because a metric has become worse.
         forced_action: the action that a hard rule demands; empty if no hard rule holds.
@@ -152,12 +152,12 @@ def step(
 
 
 def threshold(model: CourseModel) -> float:
-    """Return by how much a weight must exceed that of the course."""
+    """Return by how much a weight must exceed the weight of the course."""
     return max(model.lead, LEAST_LEAD)
 
 
 def leads(model: CourseModel, weight: float | None, of_course: float | None) -> bool:
-    """Return whether a weight leads that of the course.
+    """Return whether a weight leads the weight of the course.
 
     An unknown weight never leads. A known weight leads a course whose weight is unknown.
     """
@@ -185,7 +185,7 @@ def _smooth(model: CourseModel, old: TrackedAction, elapsed_s: float, weight: fl
 def _leads_since_s(
     model: CourseModel, old: TrackedAction, course: TrackedAction, then_s: float, now_s: float
 ) -> float | None:
-    """Return since when an action has led, just before the new weights are taken; None if it does not lead."""
+    """Return since when an action has led, just before the new weights apply; None if it does not lead."""
     if old.smoothed is None:
         return None
     if course.smoothed is None:

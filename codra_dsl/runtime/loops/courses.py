@@ -22,7 +22,7 @@ class CourseState:
     """The state of a course between two analyses.
 
     Attributes:
-        metrics: their values when the course was chosen.
+        metrics: the values of the metrics when the course was chosen.
     """
 
     state: FilterState = field(default_factory=FilterState)
@@ -74,10 +74,10 @@ def hard_rule(model: CourseModel, assessment: Assessment, now_s: float) -> HardR
 def urgent_actions(
     model: MapeModel, course: CourseModel, course_state: CourseState, assessment: Assessment
 ) -> frozenset[str]:
-    """Return the actions that lead the course only because a metric has become worse since it was chosen.
+    """Return the actions that lead the course only because a metric has become worse since the course was chosen.
 
-    The effect on the weights makes an action urgent, not the size of the metric's change: the action would not lead
-    if the metrics that have become worse still had their values of the last switch.
+    What makes an action urgent is the effect on the weights, not the size of the metric's change: the action would not
+    lead if the metrics that have become worse still had the values that they had at the last switch.
     """
     running = course_state.state.action
     former_metrics = (

@@ -74,10 +74,10 @@ class OutputModel:
 
     Attributes:
         name: the metric, or the action.
-        variable: the context-variable that holds it, a number from 0 to 1 whose source is the analyst. For a metric
-            it has the metric's name.
-        worse: the end of the interval that counts when an input is unknown. If a metric changes towards this end, the
-            change can break a dwell.
+        variable: the context-variable that holds the value, a number from 0 to 1. Its source is the analyst. The
+            variable of a metric has the name of the metric.
+        worse: the end of the interval of possible values that counts when an input is unknown. If a metric changes
+            towards this end, the change can break a dwell.
     """
 
     name: str
@@ -90,11 +90,11 @@ class StageRuleModel:
     """A rule of a stage.
 
     Attributes:
-        text: its text in the engine's `RULES`.
-        concludes: the names of the outputs that it has conclusions for.
-        reads: the variables of the inputs that it reads. The evidence of an output is as old as the oldest evidence
-            that its rules read.
-        place: its place in the spec, as `file:line`.
+        text: the text of the rule in the engine's `RULES`.
+        concludes: the names of the outputs that the rule has conclusions for.
+        reads: the variables of the inputs that the rule reads. The evidence of an output is as old as the oldest
+            evidence that the rules of the output read.
+        place: the place of the rule in the spec, as `file:line`.
     """
 
     text: str
@@ -105,14 +105,14 @@ class StageRuleModel:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class StageModel:
-    """One fuzzy engine, bound to variables. It is compared by identity, as its functions are.
+    """One fuzzy engine, bound to variables. Stages are compared by identity, as their functions are.
 
     Attributes:
         infer: the inference with numbers.
         infer_bounds: the inference with bounds; it is used when an input is unknown.
-        inputs: in the engine's order (`INPUTS`).
-        outputs: in the engine's order (`OUTPUTS`).
-        rules: in the engine's order (`RULES`).
+        inputs: the inputs, in the engine's order (`INPUTS`).
+        outputs: the outputs, in the engine's order (`OUTPUTS`).
+        rules: the rules, in the engine's order (`RULES`).
         pieces: the number of pieces into which each unknown input is cut, for narrower bounds (`refined`).
     """
 
@@ -146,15 +146,17 @@ class CourseModel:
 
     Attributes:
         name: the name of the adaptation.
-        choose: the actions; among equal weights the first wins.
+        choose: the actions; among actions with equal weights, the first one wins.
         otherwise: the action while no weight is known.
-        variable: an enum that holds the chosen action, whose source is the adapter; empty without such a variable.
+        variable: an enum variable that holds the chosen action. Its source is the adapter. Empty without such a
+            variable.
         smooth_s: the time constant of the exponential smoothing of weights; 0 for no smoothing.
-        lead: by how much a weight must exceed that of the running action.
-        hold_s: how long it must do so without a break.
+        lead: by how much the weight of an action must exceed the weight of the running action.
+        hold_s: how long an action must have this lead without a break.
         dwell_s: the shortest time for which an action runs. A hard rule breaks it, and so does a metric that
             became worse.
-        cooldown_s: how long an action is not chosen again after it was left. The same two exceptions apply.
+        cooldown_s: how long an action is not chosen again after it was left. A hard rule breaks the cooldown, and so
+            does a metric that became worse.
         abort_s: how long a branch may take to end after the course has left it.
         always: hard rules; the first one that holds decides.
     """
@@ -175,12 +177,12 @@ class CourseModel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ParameterModel:
-    """A context-variable that is set by a condition over context and metrics.
+    """A context-variable that is set to the value of an expression over context and metrics.
 
     Attributes:
         name: the name of the adaptation.
         variable: the variable that is set; its source is the adapter.
-        value: computes the new value, in the variable's unit; while it is unknown, the last value stays.
+        value: computes the new value, in the variable's unit; while the new value is unknown, the last value stays.
         text: `value` as the spec has it.
         dwell_s: the shortest time for which a value is kept. A metric that became worse breaks it.
     """
@@ -197,10 +199,10 @@ class Repeat(StrEnum):
     """What happens to a tree after its root has completed."""
 
     ALWAYS = "always"
-    """It starts again with its next tick."""
+    """The tree starts again with its next tick."""
 
     ON_SWITCH = "on_switch"
-    """It is idle until another course is chosen."""
+    """The tree is idle until another course is chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -212,14 +214,14 @@ class TreeModel:
 
     Attributes:
         build: makes the root; a function of the compiled module's `TREES`.
-        course: the adaptation that chooses its branch; empty without one.
+        course: the adaptation that chooses the tree's branch; empty without such an adaptation.
         entry: the entry of the blackboard that selects the branch to run.
         branches: the value of the entry for each action.
-        tasks: tasks of the knowledge graph that its leaves hand over; a branch has ended when no task that it
-            requested is open.
+        tasks: the tasks of the knowledge graph that the tree's leaves hand over. A branch has ended when none of the
+            tasks that it requested is open.
         agent: the agent that requests these tasks.
         period_s: the time between two ticks.
-        repeat: what happens after its root has completed.
+        repeat: what happens after the root of the tree has completed.
     """
 
     name: str
@@ -239,11 +241,11 @@ class LoopModel:
 
     Attributes:
         name: the name of the loop.
-        rates: the variables of the rates that it computes; each belongs to one loop.
-        analyse: the metrics that it computes; each belongs to one loop.
-        adapt: courses and parameters; the loop also computes the weights of the actions of its courses.
-        execute: the trees that it ticks.
-        period_s: the time after an analysis at which the next one takes place even if no input has changed.
+        rates: the variables of the rates that the loop computes; each rate belongs to one loop.
+        analyse: the metrics that the loop computes; each metric belongs to one loop.
+        adapt: courses and parameters; the loop also computes the weights of the actions of these courses.
+        execute: the trees that the loop ticks.
+        period_s: the longest time between two analyses; the loop then analyses even if no input has changed.
     """
 
     name: str

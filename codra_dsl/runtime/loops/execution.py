@@ -1,10 +1,11 @@
 """Execution: the mission's tree, which runs one of its guarded branches (P2, section 5.2 and Figure 7).
 
-Writing the entry that the guards read chooses a course. Before that the tree is halted, which aborts the tasks that
-its leaves have handed over. The tree is ticked again when none of these tasks is open, or when their time is over.
+A course is chosen by writing the entry that the guards read. Before the entry is written, the tree is halted; this
+aborts the tasks that the tree's leaves have handed over. The tree is ticked again when none of these tasks is open, or
+when the time for ending them is over.
 
-The tree is not ticked while its old branch ends, so the next branch does not begin beside it before that time is over.
-Because the tree is halted completely, it needs no branch for the time between.
+The tree is not ticked while its old branch ends. So the next branch does not begin before the old branch has ended or
+the time for ending it is over. Because the tree is halted completely, it needs no branch for the time in between.
 """
 
 from __future__ import annotations
@@ -70,7 +71,7 @@ class Execution:
             record_event: called for each event about a branch, and for each failure.
 
         Raises:
-            TreeError: if the robot lacks an action.
+            TreeError: if the robot does not have the action of a leaf.
         """
         self.model = model
         self.tree = Tree(model.build(), leaves=leaves, clock=clock)
@@ -87,12 +88,12 @@ class Execution:
 
     @property
     def branch(self) -> str:
-        """Return the value of the entry; empty before the first course is chosen."""
+        """Return the value of the entry that selects the branch; empty before the first course is chosen."""
         scope = self.tree.scope
         return str(scope.get(self.model.entry)) if scope.has(self.model.entry) else ""
 
     def choose(self, action: str) -> None:
-        """Halt the present branch within this call, and run the branch of another action once it has ended."""
+        """Halt the present branch within this call; once this branch has ended, run the branch of another action."""
         old_action, now_s = self.action, self._clock.now_s()
         self.action = action
         self._is_resting = False
@@ -178,7 +179,7 @@ class Execution:
 
     def _schedule(self) -> None:
         now_s, tree_due_s = self._clock.now_s(), self.tree.due_s
-        if tree_due_s is None or tree_due_s <= now_s:  # what waited for an instant before now has been halted since
+        if tree_due_s is None or tree_due_s <= now_s:  # the node that waited for this instant has been halted
             tree_due_s = math.inf
         limit_s = math.inf if self._ending is None else self._ending.until_s
         self.due_s = min(now_s + self.model.period_s, tree_due_s, limit_s)

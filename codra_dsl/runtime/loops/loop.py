@@ -4,8 +4,8 @@ A loop is an agent like the others. It analyses at its period, when an input cha
 ticks its trees at their periods. Each round runs as work of the clock: at once in simulated time, and in a thread of
 its own in real time, so that an action that hangs blocks only its own loop.
 
-The events that a loop records are inputs of a replay, like the values that agents write: a replay takes them as they
-were recorded, and does not run the engines again.
+The events that a loop records are inputs of a replay, like the values that agents write: a replay reads them from the
+journal and does not run the engines again.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ class Mape:
         """Make the loops; nothing runs before `start`.
 
         Args:
-            codra: the context that they read and write.
+            codra: the context that the loops read and write.
             model: the model of the loops.
             clock: the clock of `codra`.
             robot: gives each leaf of the trees its action. Give a mapping from names of trees to robots if leaves of
@@ -70,9 +70,9 @@ class Mape:
             planner: makes the planner of each loop, which analyses and decides.
 
         Raises:
-            TreeError: if the robot lacks an action.
-            UnknownNameError: if a loop names something that is not declared.
-            ValueError: if a tree lacks the branch of an action that its course chooses from, or the course.
+            TreeError: if the robot does not have the action of a leaf.
+            UnknownNameError: if a loop uses a name that is not declared.
+            ValueError: if the course of a tree does not exist, or the tree has no branch for one of its actions.
             AgentTakenError: if the handle of the analyst or of the adapter is already taken.
         """
         self.model = model = placed(model, places_in(package_folder(codra), codra.model.name))
@@ -132,7 +132,7 @@ class Mape:
 
 
 class _AgentWriters:
-    """The agents that write for the loops; each is taken only if the loops need it."""
+    """The agents that write for the loops; the handle of an agent is opened only if the loops need it."""
 
     def __init__(self, codra: Manager, model: MapeModel) -> None:
         self._agents: dict[str, Agent[Any, Any]] = {}
@@ -164,8 +164,8 @@ class Loop:
     """One loop.
 
     Attributes:
-        planning: its planner.
-        trees: the trees that it executes, by name.
+        planning: the planner of the loop.
+        trees: the trees that the loop executes, by name.
     """
 
     def __init__(  # noqa: PLR0917 - the arguments of Mape
@@ -178,7 +178,7 @@ class Loop:
         writers: _AgentWriters,
         planning: Planner,
     ) -> None:
-        """Make a loop that does not run yet; it raises the errors of `Mape`."""
+        """Make a loop that does not run yet; this raises the errors of `Mape`."""
         self._codra = codra
         self._model = model
         self._loop = loop
@@ -204,7 +204,7 @@ class Loop:
         identified_variables = {name for observer in codra.model.observers for name in observer.identifies}
         declared_variables = [
             name for name in watched_variables if name in identified_variables
-        ]  # a loop decides on it (P1, Equation 4)
+        ]  # the loop decides on these variables (P1, Equation 4)
         self._declaration = declaring(codra.commands, f"loop {loop.name}", declared_variables)
         self._listener = SharedAcquisition(self._listen, self._stop_listening)
         self._idle = threading.Event()
@@ -235,7 +235,7 @@ class Loop:
 
     @property
     def is_running(self) -> bool:
-        """Return whether it has been started and not stopped since."""
+        """Return whether the loop has been started and not stopped since."""
         return self._is_on
 
     def start(self) -> None:
@@ -287,7 +287,7 @@ class Loop:
         self._wake_at(self._next_analysis_s())
 
     def _next_analysis_s(self) -> float:
-        """Return when to analyse changes: now, or after a period if an adaptation changes in circles."""
+        """Return when to analyse changes: now, or a period later if an adaptation keeps changing at this instant."""
         now_s = self._clock.now_s()
         is_circling = now_s == self._changed_s and max(self._change_counts.values(), default=0) >= MOST_CHANGES_AT_ONCE
         return now_s + self._loop.period_s if is_circling else now_s
@@ -311,7 +311,7 @@ class Loop:
             self._idle.clear()
         try:
             self._clock.start(self._round, _ignore)
-        except RuntimeError:  # no thread could be started: the next period tries again
+        except RuntimeError:  # no thread could be started: the loop tries again after a period
             _LOGGER.exception("the loop %r could not run", self._loop.name)
             self._end(self._clock.now_s() + self._loop.period_s)
 
@@ -401,7 +401,7 @@ class Loop:
             self._writers.write(self._model.adapter, written, now_s)
 
     def _explain_in_background(self) -> None:
-        """Record counterfactuals beside the rounds: this can take long, and no decision waits for it."""
+        """Record counterfactuals outside the rounds, because this can take long and no decision should wait for it."""
         decisions, self._unexplained = self._unexplained, []
         self._clock.start(lambda _: self._explain_all(decisions), _ignore)
 
@@ -442,13 +442,13 @@ class Loop:
     def _record(self, name: str, what: str, details: Mapping[str, object]) -> None:
         about = {"loop": self._loop.name, **details}
         course = self.planning.courses.get(str(details.get("course", "")))
-        if course is not None:  # so that a search by the variable finds events of its branch too
+        if course is not None:  # so that a search for the variable also finds events about branches of the course
             about["variable"] = course.variable or None
         self._codra.commands.adapt(self._model.adapter, name, what, plain(about))
 
 
 def _robots_of_trees(model: MapeModel, robot: Leaves | Mapping[str, Leaves]) -> Mapping[str, Leaves]:
-    """Return the robot of each tree; a tree that is not named has no actions."""
+    """Return the robot of each tree; a tree that a mapping of robots does not contain has no actions."""
     if isinstance(robot, Mapping):
         return {tree.name: robot.get(tree.name, Robot()) for tree in model.trees}
     return {tree.name: robot for tree in model.trees}
@@ -459,7 +459,7 @@ def _ignore(_: object) -> None:
 
 
 def _check_names(model: MapeModel, loop: LoopModel) -> None:
-    """Reject a loop that names something that is not declared."""
+    """Raise an error if a loop uses a name that is not declared."""
     metrics = () if model.metrics is None else model.metrics.outputs
     names_by_kind = {
         "rate": (loop.rates, [rate.variable for rate in model.rates]),

@@ -22,7 +22,7 @@ class Observation:
     Attributes:
         value: the value; None if it is unknown.
         evidence_s: when the evidence was taken; minus infinity if the value is unknown.
-        because: why it is unknown; empty if it is known.
+        because: why the value is unknown; empty if the value is known.
     """
 
     variable: str
@@ -79,7 +79,8 @@ def value_of(model: InputModel, number: float) -> Value:
 def possible_values(model: InputModel, number: float) -> tuple[Bounds, ...]:
     """Return the possible values of an input: one number, each of its members, or its full range.
 
-    An unknown enum or bool is one of its members: as a range, crisp terms would leave gaps in which no rule acts.
+    The possible values of an unknown enum or bool are its members. A range would also contain numbers between crisp
+    terms, at which no rule acts.
     """
     if number == number:
         return (point(number) if math.isfinite(number) else Bounds(number, number),)
@@ -93,7 +94,7 @@ def rate(
 
     Args:
         model: the model of the rate.
-        history: the readings of the variable, by the instant of the evidence.
+        history: the readings of the variable, ordered by the instant of their evidence.
         present_observation: the present observation of the variable.
         now_s: the end of the window.
     """
@@ -110,7 +111,7 @@ def rate(
 
 
 def _points(history: Sequence[Reading[Value]], since_s: float) -> list[tuple[float, float]]:
-    """Return instants and values since the variable was last unknown, but none from before the window."""
+    """Return the instants and values since the variable was last unknown, but only those within the window."""
     points: list[tuple[float, float]] = []
     for reading in reversed(history):
         if reading.evidence_s < since_s or not isinstance(reading.content, (int, float)):

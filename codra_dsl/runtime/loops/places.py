@@ -20,8 +20,8 @@ def placed(model: MapeModel, places: Places) -> MapeModel:
 
     Args:
         model: the model of the loops.
-        places: the places by `metric/NAME/rules/NUMBER`, `action/NAME/rules/NUMBER`, `adaptation/NAME` and
-            `adaptation/NAME/always/NUMBER`; numbers begin at 0.
+        places: the places. Their keys are `metric/NAME/rules/NUMBER`, `action/NAME/rules/NUMBER`, `adaptation/NAME`
+            and `adaptation/NAME/always/NUMBER`; numbers begin at 0.
     """
     return replace(
         model,

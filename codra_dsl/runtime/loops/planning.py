@@ -62,8 +62,8 @@ class Setting:
     """A new value of a parameter.
 
     Attributes:
-        since_s: since when the parameter had the value before.
-        is_urgent: whether it breaks the dwell, because a metric has become worse.
+        since_s: since when the parameter had the value `before`.
+        is_urgent: whether the new value breaks the dwell, because a metric has become worse.
     """
 
     instant_s: float
@@ -77,7 +77,7 @@ class Setting:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Refusal:
-    """A computed value of a parameter that its variable cannot take; the parameter keeps its value."""
+    """A value computed for a parameter that the parameter's variable cannot take; the parameter keeps its old value."""
 
     parameter: ParameterModel
     message: str
@@ -90,9 +90,9 @@ class Plan:
     Attributes:
         analysed: rates, metrics and weights, to be written by the analyst.
         changed: the variables of the metrics and weights that have changed since the last analysis. An `analysed` event
-            records only these, so `why` has the chain of each metric, and a calm hour costs nothing.
+            records only these, so `why` has the chain of each metric, and nothing is recorded while nothing changes.
         due_s: when to analyse again if no input changes.
-        refused: values that cannot be set; each is reported once while it stays the same.
+        refused: values that cannot be set; a refused value is reported again only after another value was computed.
     """
 
     assessment: Assessment
@@ -109,12 +109,12 @@ class Planner(Protocol):
 
     @property
     def model(self) -> MapeModel:
-        """Return the model whose stages it uses for the analysis."""
+        """Return the model whose stages the planner uses for the analysis."""
         ...
 
     @property
     def courses(self) -> Mapping[str, CourseModel]:
-        """Return the courses that it decides on, by name."""
+        """Return the courses that the planner decides on, by name."""
         ...
 
     @property
@@ -292,7 +292,7 @@ class Planning:
         return {parameter.name: parameter.value.evaluate(SceneScope(scene, now_s)) for parameter in self._parameters}
 
     def _find_refusals(self, target_values: Mapping[str, Value | None]) -> Iterator[Refusal]:
-        """Yield the values that their variables cannot take, and store them."""
+        """Yield a refusal for each value that its variable cannot take; store the values, to report each only once."""
         for model in self._parameters:
             state, value = self._parameter_states[model.name], target_values[model.name]
             refused_before, state.refused = state.refused, None
@@ -334,7 +334,7 @@ class Planning:
         return tuple(settings), due_s
 
     def _is_urgent(self, model: ParameterModel, assessment: Assessment, state: _ParameterState, now_s: float) -> bool:
-        """Return whether the parameter would keep its value if no metric had become worse since that was set."""
+        """Return whether the parameter would keep its value if no metric had become worse since the value was set."""
         former_metrics = values_before_worsening(self.model, metrics_of(self.model, assessment), state.metrics)
         if not former_metrics:
             return False

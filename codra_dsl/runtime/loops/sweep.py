@@ -47,8 +47,8 @@ class Shift:
     """A rule whose strength differs between both sides of a switch.
 
     Attributes:
-        before: its strength at the row before; the lower bound if it is not certain.
-        after: its strength at the row after.
+        before: the strength of the rule in the row before the switch; the lower bound if the strength is not certain.
+        after: the same for the row after the switch.
     """
 
     text: str
@@ -62,9 +62,10 @@ class Switch:
     """A change of the action from one value of the input to another.
 
     Attributes:
-        low: with `high` the two values between which the change lies; adjacent for numbers.
-        rules: of each stage the rule whose strength differs most, among the rules for both actions and for the metrics;
-            or the hard rule alone.
+        low: `low` and `high` are the two values between which the action changes. If they are numbers, they are
+            adjacent.
+        rules: for each stage, the rule whose strength differs most, among the rules for both actions and for the
+            metrics. If a hard rule causes the switch, only this rule.
     """
 
     low: Value
@@ -81,13 +82,13 @@ class Trend(StrEnum):
     RISES = "rises"
     FALLS = "falls"
     TURNS = "turns"
-    """It rises and falls."""
+    """The number rises and falls."""
     UNKNOWN = "unknown"
-    """It is unknown for some value of the input."""
+    """The number is unknown for some value of the input."""
 
     @property
     def is_monotone(self) -> bool:
-        """Return whether it is known and never turns."""
+        """Return whether the number is always known and never turns."""
         return self in (Trend.CONSTANT, Trend.RISES, Trend.FALLS)
 
 
@@ -97,7 +98,7 @@ class Sweep:
 
     Attributes:
         unit: the unit of the input; empty for none.
-        known: the values of all other inputs; None is unknown.
+        known: the values of all other inputs; None means unknown.
     """
 
     variable: str
@@ -146,7 +147,8 @@ def sweep(
     Args:
         model: the model of the loops.
         course: the course whose actions are compared; without one, the rows have only metrics.
-        known: everything that the stages and hard rules read, except the results of stages; None is unknown.
+        known: the values of everything that the stages and hard rules read, except results of stages; None means
+            unknown.
         variable: the input that is varied.
         values: the values of this input, in order; at least one.
         unit: the unit of the input, for the printed text.
@@ -182,7 +184,7 @@ def surface(
         up: the input that differs from row to row, and its values.
 
     Raises:
-        UnknownNameError: if no stage and no hard rule reads one of them.
+        UnknownNameError: if one of the two inputs is read by no stage and no hard rule.
     """
     for name in (across[0], up[0]):
         if name not in known:
@@ -260,7 +262,8 @@ class _Sweeper:
     def _fuzzy_rule_shifts(self, one: Row, other: Row, low: Row, high: Row) -> Iterator[Shift]:
         """Yield the rule of each stage whose strength differs most.
 
-        The strengths are those of the two full rows, where the difference is clearer than close to the switch.
+        The strengths are those in the sweep's rows before and after the switch, where the difference is clearer than
+        close to the switch.
         """
         before, after = self.assess_at(one.value), self.assess_at(other.value)
         yield from _largest_shift(before.actions.rules, after.actions.rules, {low.action, high.action})

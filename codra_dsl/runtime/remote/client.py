@@ -42,19 +42,23 @@ class RemoteSkill:
 
     @contextlib.contextmanager
     def acting(self) -> Iterator[None]:
-        """Act: variables that the skill changes are unknown until newer evidence; its expectations count from here."""
+        """Act: the variables that the skill changes are unknown until there is newer evidence for them.
+
+        The expectations of the skill count from the beginning of this `with` statement.
+        """
         self._send_request("act")
         try:
             yield
         finally:
-            with contextlib.suppress(ConnectionError):  # a lost session has ended; do not hide the program's error
+            with contextlib.suppress(ConnectionError):  # the session is lost anyway; do not hide the program's error
                 self._send_request("acted")
 
 
 class RemoteContext:
-    """Sends requests to a manager that serves at an address; its declarations are withdrawn when it closes or dies.
+    """Sends requests to a manager that listens at an address.
 
-    Methods behave as on `ContextManager` and raise the same errors, and ConnectionError if the manager is gone or does
+    The declarations of the client are withdrawn when the client is closed or its process dies. Methods behave like
+    those of `ContextManager` and raise the same errors; they also raise ConnectionError if the manager is gone or does
     not answer. Threads may share a client; callbacks run in a separate thread.
 
     Attributes:
@@ -69,7 +73,7 @@ class RemoteContext:
             lease_s: how long declarations are kept after the last message of this process.
 
         Raises:
-            ConnectionError: if no manager listens.
+            ConnectionError: if no manager listens at the address.
         """
         try:
             self._socket = with_send_timeout(connect(address, PATIENCE_S))
@@ -149,7 +153,10 @@ class RemoteContext:
         wait_up_to_s: float = 0.0,
         shadow: bool = False,
     ) -> Any | Answer:
-        """Answer a decision from context; fall back to sequential perception, also if the manager is gone."""
+        """Answer a decision from context.
+
+        If context has no answer, or the manager is gone, call `otherwise`, the program's sequential perception.
+        """
         wait_up_to_s = min(wait_up_to_s, threading.TIMEOUT_MAX)
         options = {"max_age_s": max_age_s, "since_s": since_s, "wait_up_to_s": wait_up_to_s, "shadow": shadow}
         fields = {key: option for key, option in options.items() if (key, option) not in _NO_LIMITS}
@@ -163,11 +170,15 @@ class RemoteContext:
         return self._look(answer["decision"], otherwise)
 
     def subscribe(self, names: str | Iterable[str], callback: Callback) -> Callable[[], None]:
-        """Call back with the present readings of variables and every change; return a function that ends this."""
+        """Call back with the present readings of variables and with each new reading.
+
+        Returns:
+            A function that ends the subscription.
+        """
         future = Future[Plain]()
         future.add_done_callback(
             lambda answered: self._register(answered, callback)
-        )  # before the first reading can come
+        )  # the callback is registered before the first reading can arrive
         variables = [names] if isinstance(names, str) else list(names)
         with self._lock:
             request_number = self._send("subscribe", {"variables": variables}, future)

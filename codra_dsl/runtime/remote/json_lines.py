@@ -19,7 +19,7 @@ LONGEST_LINE = 1 << 20
 LOOPBACK = "127.0.0.1"
 
 PATIENCE_S = 5.0
-"""The time limit for the other side to read, and for the manager to answer if it does not wait for observers."""
+"""How long the other side may take to read, and the manager to answer a request that does not wait for observers."""
 
 Address = Path | str | int
 """Where a manager listens: the path of a Unix socket, or a port of this machine."""
@@ -29,7 +29,7 @@ def line_of(message: Plain) -> bytes:
     """Return the line that carries a message; an infinite number is `1e999`, and NaN null.
 
     Raises:
-        TypeError: if it holds anything but plain data.
+        TypeError: if the message holds anything but plain data.
     """
     return bytes_of(json_text(message)) + b"\n"
 
@@ -38,12 +38,12 @@ def read_line(stream: BinaryIO) -> bytes | None:
     """Return the next line without its line end; None after the last line.
 
     Raises:
-        MessageError: if it is too long; the stream cannot be used any further.
+        MessageError: if the line is too long; the stream cannot be used any further then.
         OSError: if the stream cannot be read.
     """
     line = stream.readline(LONGEST_LINE + 1)
     if len(line) > LONGEST_LINE:
-        raise MessageError(f"a message has {LONGEST_LINE} bytes at most")
+        raise MessageError(f"a message may have at most {LONGEST_LINE} bytes")
     return line.rstrip(b"\r\n") if line.endswith(b"\n") else None
 
 
@@ -51,7 +51,7 @@ def message_of(line: bytes) -> object:
     """Return the message that a line carries.
 
     Raises:
-        MessageError: if it is not JSON.
+        MessageError: if the line is not JSON.
     """
     try:
         return json.loads(line, parse_constant=_refuse)
@@ -93,7 +93,7 @@ def connect(address: Address, timeout_s: float) -> socket.socket:
     """Return a connected socket.
 
     Raises:
-        OSError: if no process listens.
+        OSError: if no process listens at the address.
     """
     client, endpoint = _socket(address)
     try:

@@ -1,7 +1,7 @@
 """Version 1 of the manager's message interface: requests, answers and notices, all of plain data.
 
-A message is a JSON object. A request names its operation in `ask`. It may have an `id`, which its answer or error
-repeats:
+A message is a JSON object. A request names its operation in `ask`. A request may have an `id`, which the answer or
+error to the request repeats:
 
     {"codra": 1, "id": 7, "ask": "get", "variable": "door_open"}
     {"codra": 1, "id": 7, "answer": {"reading": {"variable": "door_open", "known": true, "value": false, ...}}}
@@ -134,7 +134,7 @@ class Request:
     """A request with valid fields.
 
     Attributes:
-        id: the ID that the answer repeats; None if the request had none.
+        id: the ID that the answer repeats; None if the request has no ID.
         ask: the operation, a key of `REQUESTS`.
         fields: the other fields.
     """
@@ -148,15 +148,15 @@ def request_of(message: object) -> Request:
     """Return the request of a message.
 
     Raises:
-        MessageError: if it is not a request of this version.
+        MessageError: if the message is not a request of this version.
     """
     if not isinstance(message, Mapping):
-        raise MessageError("a message is a mapping")
+        raise MessageError("a message must be a mapping")
     if message.get("codra") != VERSION or isinstance(message["codra"], bool):
         raise MessageError(f"this interface has version {VERSION}: set `codra: {VERSION}`")
     ask = message.get("ask")
     if not isinstance(ask, str) or ask not in REQUESTS:
-        raise MessageError(f"`ask` is one of {', '.join(REQUESTS)}{nearest(str(ask), REQUESTS)}")
+        raise MessageError(f"`ask` must be one of {', '.join(REQUESTS)}{nearest(str(ask), REQUESTS)}")
     fields = {key: content for key, content in message.items() if key not in ("codra", "id", "ask")}
     _check_fields(ask, fields)
     return Request(id=id_of(message), ask=ask, fields=fields)
@@ -236,4 +236,4 @@ def _check_fields(ask: str, fields: Plain) -> None:
         if name not in types:
             raise MessageError(f"`{ask}` has no field {name!r}{nearest(str(name), types)}")
         if not types[name].holds(value):
-            raise MessageError(f"`{name}` of `{ask}` is {types[name]}")
+            raise MessageError(f"`{name}` of `{ask}` must be {types[name]}")

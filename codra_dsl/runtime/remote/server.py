@@ -30,14 +30,14 @@ PAUSE_S = 1.0
 """How long the server waits after a failure to accept a connection."""
 
 MOST_UNSENT_MESSAGES = 10_000
-"""The maximum number of messages that a main execution has not read; beyond it, its session ends."""
+"""The maximum number of messages that a main execution has not read. If there are more, its session ends."""
 
 
 class Server:
     """Listens until it is closed. Use it in real time, because a simulated clock belongs to one thread.
 
     Attributes:
-        address: where it listens; if it was given port 0, the port that was found.
+        address: where the server listens; for port 0, this is the free port that was found.
     """
 
     def __init__(self, codra: ContextManager[Any, Any], address: Address = 0) -> None:
@@ -120,7 +120,7 @@ class _Connection:
             threading.Thread(target=target, name="codra-session", daemon=True).start()
 
     def close(self, because: str) -> None:
-        """End the session and the connection; do nothing if they have ended."""
+        """End the session and the connection; do nothing if they have already ended."""
         self._session.close(because)
         self._unsent_messages.put(None)
         with contextlib.suppress(OSError):

@@ -1,7 +1,8 @@
 """The session of a main execution that uses messages: its declarations, decisions, subscriptions and lease.
 
 A session calls the context manager as a program would, step by step and without waiting: a decision that may wait is
-answered later. Its declarations are withdrawn when the main execution leaves, or sends no message within its lease.
+answered later. The declarations of a session are withdrawn when the main execution leaves, or sends no message within
+the lease.
 """
 
 from __future__ import annotations
@@ -36,7 +37,10 @@ from codra_dsl.runtime.values.declarations import MAIN
 from codra_dsl.runtime.values.model import VariableModel
 
 MOST_LOOKING_DECISIONS = 1_000
-"""The maximum number of decisions for which the main execution looks itself; beyond it, the oldest is abandoned."""
+"""The maximum number of decisions for which the main execution looks itself.
+
+If there are more, the oldest decision is abandoned.
+"""
 
 LEASE_S = 5.0
 """How long a session lasts without a message, unless its main execution requests another time."""
@@ -49,7 +53,7 @@ def open_session(codra: ContextManager[Any, Any], send: Send) -> Session:
 
     Args:
         codra: the context manager.
-        send: takes answers and notices, from any thread; it must neither wait nor raise.
+        send: receives answers and notices, in any thread; it must neither wait nor raise an exception.
     """
     return Session(codra, codra.clock, codra.next_party(), send)
 
@@ -64,7 +68,7 @@ class Session:
             codra: the context manager.
             clock: the clock of the context manager, which ends the lease and the waits.
             party: the name of the session in declarations.
-            send: takes answers and notices; it must neither wait nor raise.
+            send: receives answers and notices; it must neither wait nor raise an exception.
         """
         self.party = party
         self._codra = codra
@@ -92,7 +96,7 @@ class Session:
         return bool(self._end_reason)
 
     def receive(self, message: object) -> None:
-        """Handle one message; its answer goes through `send`, at once or, for a decision that waits, later."""
+        """Handle one message. The answer is passed to `send` immediately, or later if a decision has to wait."""
         with self._lock:
             try:
                 request = request_of(message)
@@ -200,7 +204,7 @@ class Session:
         number = self._subscription_count
 
         def send_reading(reading: Reading[Any]) -> None:
-            with self._lock:  # after the answer with the number, and not after the answer to `unsubscribe`
+            with self._lock:  # send after the answer with the number, and never after the answer to `unsubscribe`
                 if number in self._subscriptions:
                     self._send(notice("reading", subscription=number, reading=plain_reading(reading)))
 
@@ -229,7 +233,7 @@ class Session:
             timer=self._clock.call_at(self._clock.now_s() + options["wait_up_to_s"], lambda: self._resume(decision)),
             acquisition=self._codra.follow(variable, lambda: self._resume(decision)),
         )
-        self._resume(decision)  # events before `follow` did not call back
+        self._resume(decision)  # for events that happened before `follow` could call back
         return None
 
     def _resume(self, decision: PendingDecision) -> None:
@@ -260,7 +264,7 @@ class Session:
         return {}
 
     def _check_lease(self) -> None:
-        """End the session if its lease is over; otherwise check again at the end that later messages have given it."""
+        """End the session if its lease is over; otherwise check again when the lease of the last message ends."""
         with self._lock:
             if self._end_reason:
                 return
@@ -278,7 +282,7 @@ class Session:
             raise LeaseError(f"the session is over: {self._end_reason}; connect again and send `hello`")
 
     def _agent(self, name: str) -> Agent[Any, Any]:
-        """Return the handle of an agent, which the session keeps until it is over."""
+        """Return the handle of an agent; the session keeps this handle until the session is over."""
         if name not in self._agents:
             self._agents[name] = self._codra.agent(name)
         return self._agents[name]

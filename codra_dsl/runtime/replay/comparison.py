@@ -19,10 +19,10 @@ class Difference:
 
     Attributes:
         position: the position of the event among all compared events, from 1.
-        recorded: the event of the journal; None if it has none at this position.
-        replayed: the event of the replay; None if it has none at this position.
+        recorded: the event of the journal; None if the journal has no event at this position.
+        replayed: the event of the replay; None if the replay has no event at this position.
         because: why the replay could not follow the journal, e.g. a variable that the package lacks; may be empty.
-        changes: the changes of the package since the run, those nearest to the event first.
+        changes: the changes of the package since the run; the changes that are nearest to the event come first.
     """
 
     position: int
@@ -55,7 +55,7 @@ class Comparison(EventLog):
     Attributes:
         may_go_on: whether further events may follow the expected ones.
         spec_summary: the summary of the spec that is replayed; None before the replay begins.
-        takes_inputs: whether the log takes inputs, which only the copy needs.
+        takes_inputs: whether the log takes inputs; only the copy needs them.
         position: the number of equal events so far.
         derived: the number of derived events by kind.
         difference: the first difference, if there is one so far.
@@ -79,7 +79,7 @@ class Comparison(EventLog):
         return self.difference is not None or self.position == len(self._expected)
 
     def begin(self, make_header: Callable[[], RunHeader]) -> None:
-        """Take the spec summary."""
+        """Store the spec summary, and begin the copy."""
         header = make_header()
         self.spec_summary = header.summary
         if self._copy is not None:
@@ -95,7 +95,7 @@ class Comparison(EventLog):
                 self._compare(event)
 
     def end(self) -> None:
-        """Handle the end of the replay."""
+        """End the copy, because the replay has ended."""
         if self._copy is not None:
             self._copy.end()
 
@@ -106,7 +106,7 @@ class Comparison(EventLog):
             self.difference = Difference(position=self.position + 1, recorded=recorded, replayed=None, because=because)
 
     def absent(self) -> tuple[Kind, ...]:
-        """Return the kinds of events that were derived and not recorded."""
+        """Return the kinds of events that were derived and that the journal does not hold."""
         return tuple(kind for kind in self.derived if kind not in self._recorded_kinds)
 
     def _compare(self, event: Event) -> None:

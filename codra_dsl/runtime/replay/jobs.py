@@ -26,7 +26,7 @@ class DivergedError(Exception):
 
 
 class _ReplayedWork(Work):
-    """The time within a replayed job, from its recorded reports about evidence: its function is not called."""
+    """The time within a replayed job. The job's function is not called; time follows the recorded evidence reports."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -76,7 +76,7 @@ class ReplayedJobs:
                 pass
 
     def find(self, algorithm: Algorithm) -> Function:
-        """Return a replacement for the function of an algorithm, which repeats its recorded reports and calls."""
+        """Return a replacement for an algorithm's function: it repeats the function's recorded reports and calls."""
         self._returns[algorithm.name] = tuple(algorithm.returns)
 
         def play(*, job: Job, **_: object) -> Mapping[str, Value]:
@@ -92,7 +92,7 @@ class ReplayedJobs:
         return play
 
     def start(self, run: Callable[[Work], Outcome], deliver: Callable[[Outcome], None]) -> Work:
-        """Begin a job, which ends at its recorded end."""
+        """Begin a job; it ends when its recorded end is replayed."""
         work = _ReplayedWork()
         self._work_count += 1
         self._starting_job = (work, None)
@@ -128,7 +128,7 @@ class ReplayedJobs:
         event = self._end_events.get(key)
         if event is None or event.what == "failed":
             message = "" if event is None else str(event.details.get("message", ""))
-            return Failure(Reason.FAILED, message)  # without an event, the result was no longer needed
+            return Failure(Reason.FAILED, message)  # there is no event if the run no longer needed the result
         values = event.details.get("values", {})
         return Result({name: values.get(name) for name in self._returns[key[0]]})
 
@@ -175,7 +175,7 @@ class ReplayedClock(Clock):
         """Do nothing, since a replay has no waiting threads."""
 
     def start(self, run: Callable[[Work], Outcome], deliver: Callable[[Outcome], None]) -> Work:
-        """Begin a job, which ends at its recorded end."""
+        """Begin a job; it ends when its recorded end is replayed."""
         return self._jobs.start(run, deliver)
 
     def sleep(self, duration_s: float) -> None:

@@ -1,6 +1,6 @@
 """Derive the events of a run again from its journal, with the same inputs and evidence at the same positions.
 
-No perception function is called and no time passes. The same code as in the run computes observers, variables and
+A replay calls no perception function and does not wait. The same code as in the run computes observers, variables and
 decisions, so a difference means that the spec, the runtime or the journal has changed.
 """
 
@@ -26,11 +26,11 @@ from codra_dsl.runtime.replay.comparison import Comparison, Difference, Replayed
 from codra_dsl.runtime.replay.jobs import DivergedError, ReplayedClock, ReplayedJobs
 
 Build = Callable[..., ContextManager[Any, Any]]
-"""Creates the context manager of a package: its class, with the parameters of `ContextManager`."""
+"""Creates the context manager of a package: a class with the parameters of `ContextManager`."""
 
 
 _POSITION_DETAILS = frozenset({"step", "work", "number"})
-"""Details of inputs that state their position in the run and are not arguments."""
+"""The details of an input that state its position in the run; they are not arguments."""
 
 
 class _Player:
@@ -70,7 +70,7 @@ class _Player:
             raise DivergedError(f"the package has no {kind} '{missing}', which the run used")
 
     def _repeat_calls_of(self, work: int) -> None:
-        """Repeat the calls of a job's function, which in simulated time happen within the step that begins the job."""
+        """Repeat the calls that a job's function made; in simulated time, the step that begins the job makes them."""
         for event in self._inputs_of_jobs.get(work, ()):
             self.take(event)
 
@@ -153,8 +153,8 @@ def replay(  # noqa: PLR0917 - the parts of a journal and of a package
         events: the events of the journal.
         model: the model of the compiled spec.
         build: creates the context manager of the package.
-        copy: takes the derived events, e.g. a `Journal`; without a difference, its file equals the journal's, byte for
-            byte.
+        copy: an event log that receives the derived events, e.g. a `Journal`. If there is no difference, the file of
+            this journal equals that of the replayed one, byte for byte.
         knowledge: the knowledge graph of the spec, if it has one.
     """
     comparison = Comparison([event for event in events if event.kind is not Kind.INPUT], copy)
@@ -182,7 +182,7 @@ def knowledge_at(
         instant_s: the instant.
 
     Raises:
-        ValueError: if the run had not begun at that instant, or the journal does not follow from its inputs.
+        ValueError: if the run had not begun at that instant, or the journal's events do not follow from its inputs.
     """
     if instant_s < header.start_s:
         raise ValueError(f"the run begins at {header.start_s}, after {instant_s}: ask for a later instant")
@@ -215,7 +215,7 @@ def _play_journal(  # noqa: PLR0917 - the arguments of `replay`
         _pass_inputs(player, clock, comparison, [event for event in inputs if "work" not in event.details])
         end_s = events[-1].instant_s if events else header.start_s
         while not comparison.is_over and clock.next_s() <= end_s:
-            clock.step()  # for a journal that ends in the middle of a run, after its last input
+            clock.step()  # the journal may end in the middle of the run, after its last input
     except DivergedError as error:
         return manager, clock, str(error)
     return manager, clock, ""
@@ -240,5 +240,5 @@ def _pass_inputs(player: _Player, clock: ReplayedClock, comparison: Comparison, 
         if comparison.difference is not None:
             return
         clock.advance(event.instant_s)
-        comparison.may_go_on |= event is last_input  # a journal may be torn amid the events of its last input
+        comparison.may_go_on |= event is last_input  # a journal may break off within the events of its last input
         player.take(event)

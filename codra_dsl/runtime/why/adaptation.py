@@ -54,7 +54,7 @@ def _explain_undecided(events: Mapping[str, Event], name: str, at_s: float) -> W
 def adaptation_lines(latest_events: LatestEvents, variable: str) -> Iterator[str]:
     """Yield the chain of the last decision or analysis behind a variable; nothing if no loop writes the variable.
 
-    For a weight, also yield the chains of the metrics that it is computed from.
+    For a weight, also yield the chains of the metrics from which the weight is computed.
     """
     events = latest_events.adaptations.get(f"context/{variable}", {})
     yield from _chain_lines(events)

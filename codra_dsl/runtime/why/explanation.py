@@ -23,18 +23,19 @@ LatestEventsAt = Callable[[float], LatestEvents]
 def explain(summary: SpecSummary, latest_events_at: LatestEventsAt, name: str, at_s: float) -> Why:
     """Return the explanation of a variable at an instant, with its chain of causes.
 
-    For knowledge, the explanation states its last writer, the change, and refused writes; for a course or parameter,
-    the complete chain of the last decision about it.
+    For an element of the knowledge graph, the explanation states the last writer, the change, and refused writes. For a
+    course or parameter, it states the complete chain of the last decision about it.
 
     Args:
         summary: the spec summary.
         latest_events_at: returns the latest events up to an instant.
-        name: the name of a variable of the spec; of knowledge, that is a node, `node.attribute`, an edge as
-            `origin -edge-> target`, or a task; of a course or parameter; or of an action, which selects its weight.
+        name: a variable of the spec; an element of the knowledge graph, that is a node, `node.attribute`, an edge as
+            `origin -edge-> target`, or a task; a course or parameter; or an action, which stands for its weight.
         at_s: the instant.
 
     Raises:
-        UnknownNameError: if there is no such variable, and no event about such knowledge by then.
+        UnknownNameError: if no variable has this name, and up to the instant there is no event about knowledge of this
+            name.
     """
     node, _, attribute = name.rpartition(".")
     if node and summary.nodes.get(attribute) == node:
@@ -49,7 +50,7 @@ def explain(summary: SpecSummary, latest_events_at: LatestEventsAt, name: str, a
 
 
 def _weight_or_name(summary: SpecSummary, latest_events: LatestEvents, name: str) -> str:
-    """Return the weight variable of an action if the name is the action's only; else return the name."""
+    """Return the variable of an action's weight if only an action has this name; otherwise return the name."""
     weight = f"weight_of_{name}"
     is_other = (
         name in summary.nodes.values()
@@ -141,7 +142,7 @@ class _Explanation:
         return _PastContext(self._events_at[at_s], self._summary, at_s)
 
     def _look(self, name: str, context: _PastContext, path: tuple[str, ...]) -> Look | None:
-        """Return the job that produced a value, with its preconditions at the time when its evidence was taken."""
+        """Return the job that produced a value, with the preconditions when the job's evidence was taken."""
         job, source = context.latest_events.basis.get(name), context.reading(name).source
         algorithm = self._summary.algorithms.get(source)
         if job is None or algorithm is None or name not in algorithm.identifies:
@@ -219,7 +220,10 @@ class _Explanation:
             )
 
     def _missing(self, name: str, context: _PastContext, ways: tuple[Way, ...]) -> Iterator[Missing]:
-        """Yield the changes needed to observe a variable: for its observer, and for the algorithm with the fewest."""
+        """Yield the changes that are needed to observe a variable.
+
+        These are the change that its observer needs, and the changes of the algorithm that needs the fewest.
+        """
         observer = self._summary.observer_of(name)
         if observer is None:
             if not context.reading(name).known and POSES not in self._summary.variables[name].sources:

@@ -37,7 +37,7 @@ def explain_knowledge(summary: SpecSummary, latest_events: LatestEvents, name: s
     """Return the explanation of a node, an attribute, an edge or a task at an instant.
 
     Raises:
-        UnknownNameError: if there is no event about it by then.
+        UnknownNameError: if there is no event about the element up to the instant.
     """
     name = _name_in_events(summary, latest_events, name)
     events = latest_events.knowledge[name]
@@ -48,7 +48,7 @@ def explain_knowledge(summary: SpecSummary, latest_events: LatestEvents, name: s
 
 
 def poses_between(latest_events: LatestEvents, condition: str) -> tuple[str, ...]:
-    """Return the edges with poses that determine the result of a comparison with poses, without duplicates.
+    """Return the edges whose poses determine the result of a comparison of poses, without duplicates.
 
     Args:
         latest_events: the latest events.
@@ -89,7 +89,7 @@ def _insertion_order(entry: tuple[str, _ElementEvents]) -> tuple[float, int]:
 
 
 def _name_in_events(summary: SpecSummary, latest_events: LatestEvents, name: str) -> str:
-    """Return the name of an element as in events; an edge may be given by its label."""
+    """Return the name that events use for an element; an edge may be given by its label."""
     origin, arrow, rest = name.partition(" -")
     label, _, target = rest.partition("-> ")
     task_events = latest_events.knowledge.get(target, {}) if label in _STAGES else {}
@@ -101,7 +101,7 @@ def _name_in_events(summary: SpecSummary, latest_events: LatestEvents, name: str
         is_between = arrow and other.startswith(f"{origin} -") and other.endswith(f"-> {target}")
         if is_between and any(event.details.get("label") == label for event in other_events.values()):
             return other
-    kind = "variable, and until then no knowledge," if latest_events.knowledge else "variable"
+    kind = "variable, and until then no element of the graph, named" if latest_events.knowledge else "variable"
     raise _pattern_error(latest_events, name) or unknown(kind, name, (*summary.variables, *latest_events.knowledge))
 
 
@@ -126,14 +126,17 @@ def _pattern_error(latest_events: LatestEvents, name: str) -> UnknownNameError |
 
 
 def _reading(name: str, events: _ElementEvents, latest_events: LatestEvents, at_s: float) -> Reading[Value]:
-    """Return the reading of an element; for a node or an edge, whether it exists; for a task or a rule, its state."""
+    """Return the reading of an element.
+
+    The value for a node or an edge is whether it exists; the value for a task or a rule is its state.
+    """
     stage_events = [event for event in events.values() if event.what in (*_STAGES, *_RULES)]
     if "written" in events:
         return _attribute_reading(name, events["written"], latest_events, at_s)
     if stage_events:
         return _known_reading(name, stage_events[-1].what, stage_events[-1])
     change_events = [event for what, event in events.items() if what in (*_CHANGE_TEXTS, "placed")]
-    if not change_events:  # all its events are refusals
+    if not change_events:  # all events about the element are refusals
         return Reading(name=name, reason=Reason.NEVER_OBSERVED)
     return _known_reading(name, not change_events[-1].what.endswith("deleted"), change_events[-1])
 
@@ -160,7 +163,10 @@ def _attribute_reading(name: str, event: Event, latest_events: LatestEvents, at_
 
 
 def _deletion_after(events: _ElementEvents, written: Event) -> Event | None:
-    """Return the event that deleted the node or edge of an attribute after the write, or finally in the same change."""
+    """Return the event that deleted the node or edge of an attribute after the attribute was written.
+
+    A deletion in the same change counts if the node or edge was not inserted again.
+    """
     change_events = [event for event in events.values() if event.what in _CHANGE_TEXTS]
     deletion = next((event for event in change_events if event.what.endswith("deleted")), None)
     if deletion is None:
@@ -227,7 +233,7 @@ def _order(event: Event) -> tuple[float, int]:
 
 
 def _place(name: str, events: _ElementEvents, summary: SpecSummary) -> Place | None:
-    """Return the place in the spec that declares an element, or its type."""
+    """Return the place in the spec that declares an element or the element's type."""
     type_names = {str(event.details["type"]) for event in events.values() if "type" in event.details}
     edge_type = name.partition(" -")[2].partition("-> ")[0]
     keys = [f"task/{name}", f"node/{name}", f"node/{name.partition('.')[0]}", f"edge/{edge_type}"]

@@ -122,7 +122,7 @@ def _observer_text(name: str, last_event: Event | None) -> str:
 
 
 def job_text(algorithm: AlgorithmSummary, latest_events: LatestEvents) -> str:
-    """Return a sentence about an algorithm's running or last job; empty if it never had a job."""
+    """Return a sentence about an algorithm's running or last job; empty if the algorithm never had a job."""
     start, end = latest_events.started.get(algorithm.name), latest_events.ended.get(algorithm.name)
     if start is not None and (end is None or end.details["index"] < start.details["index"]):
         return f"job {start.details['index']} has been looking since {instant(start.instant_s)}"

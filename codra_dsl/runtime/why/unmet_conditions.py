@@ -32,7 +32,7 @@ class _ChangedScope:
 def find_solution(
     terms: Sequence[Term], scope: Scope, variables: Mapping[str, VariableModel]
 ) -> dict[str, Value] | None:
-    """Return values for as few variables as possible with which all terms would hold.
+    """Return values with which all terms would hold, for as few variables as possible.
 
     Args:
         terms: the conditions.
@@ -40,7 +40,7 @@ def find_solution(
         variables: the declared variables, by name.
 
     Returns:
-        Values by variable; None if no such values were found.
+        The values by the name of the variable; None if no such values were found.
     """
     free_variables = {name for term in terms if not term.holds(scope) for name in term.variables() if name in variables}
     solution: dict[str, Value] = {}
@@ -90,7 +90,7 @@ def _assignments(
 
 
 def _candidates(variable: VariableModel, literals: Iterable[Value]) -> Iterator[Value]:
-    """Yield values between which a condition can distinguish: its literals, and values on either side of them."""
+    """Yield values that a condition can distinguish: its literals, and values on both sides of each literal."""
     value_type = variable.type
     raw_values: list[Value] = [True, False] if value_type.kind == "bool" else [*value_type.members]
     if value_type.kind == "str":

@@ -48,8 +48,8 @@ class Condition:
 
     Attributes:
         text: the condition.
-        holds: whether it holds; None if that is unknown, which counts as not holding.
-        because: the explanations of the variables that it reads.
+        holds: whether the condition holds; None if that is unknown, which counts as not holding.
+        because: the explanations of the variables that the condition reads.
         place: the place of the condition in the spec.
     """
 
@@ -65,13 +65,13 @@ class Look:
 
     Attributes:
         algorithm: the algorithm.
-        index: the number of the job among those of its algorithm.
+        index: the number of the job among the jobs of its algorithm.
         rule: the rule that computes the variable from the result.
         values: the result.
         units: the units of the result's values.
-        start_s: when the acquisition of its evidence began.
-        stamp_s: when the acquisition of its evidence ended.
-        under: the preconditions at that time.
+        start_s: when the acquisition of the job's evidence began.
+        stamp_s: when the acquisition of the job's evidence ended.
+        under: the preconditions at the time `stamp_s`.
         place: the place of the rule in the spec.
     """
 
@@ -92,10 +92,10 @@ class Way:
 
     Attributes:
         algorithm: the algorithm.
-        conditions: its preconditions, at the instant of the explanation.
+        conditions: the preconditions of the algorithm, at the instant of the explanation.
         blocked_by: the preconditions that do not hold.
-        doing: a sentence about its running or last job; empty if it never had one.
-        missing: the changes that it needs before it can look.
+        doing: a sentence about the algorithm's running or last job; empty if it never had a job.
+        missing: the changes that the algorithm needs before it can look.
         place: the place of the algorithm in the spec.
     """
 
@@ -118,15 +118,15 @@ class Why:
     Attributes:
         at_s: the instant, on the run's clock.
         reading: the reading of the variable.
-        unit: the unit of its value.
-        place: the place of its declaration in the spec.
+        unit: the unit of the variable's value.
+        place: the place of the variable's declaration in the spec.
         story: the history of the reading, in sentences.
         look: the job that produced the value, if one did.
-        poses: the explanations of the edges whose poses determine it, if poses do.
-        ways: the algorithms that identify it, by rank; empty if other sources write it.
-        missing: the changes without which it cannot be observed at that instant, even if it is known; for several
-            algorithms, those of the one with the fewest.
-        is_told: whether the same explanation contains it elsewhere; then the details are left out here.
+        poses: the explanations of the edges whose poses determine the value, if poses determine it.
+        ways: the algorithms that identify the variable, by rank; empty if other sources write it.
+        missing: the changes without which the variable cannot be observed at that instant, even if it is known. Of
+            several algorithms, only the changes of the one that needs the fewest are given.
+        is_told: whether the complete explanation explains this reading elsewhere; then the details are left out here.
     """
 
     at_s: float
@@ -147,7 +147,7 @@ class Why:
 
     @property
     def known(self) -> bool:
-        """Return whether it has a value."""
+        """Return whether the variable has a value."""
         return self.reading.known
 
     def __str__(self) -> str:

@@ -141,7 +141,7 @@ def test_set_blackboard_writes_a_text_or_copies_an_entry() -> None:
 
 
 def test_reading_a_missing_entry_is_an_error_that_names_the_others() -> None:
-    with pytest.raises(TreeError, match="the entry 'goal' does not exist yet: entries are a"):
+    with pytest.raises(TreeError, match="the entry 'goal' does not exist yet; existing entries: a"):
         run('<Sequence><Script code="a := 1"/><Say message="{goal}"/></Sequence>')
 
 

@@ -109,7 +109,7 @@ def test_names_of_an_enum_are_their_numbers() -> None:
 
 
 def test_equals_needs_an_entry_and_colon_equals_creates_one() -> None:
-    with pytest.raises(TreeError, match="the entry 'a' does not exist yet: entries are b"):
+    with pytest.raises(TreeError, match="the entry 'a' does not exist yet; existing entries: b"):
         after("b := 1; a = 1")
     assert after("a := 1; a = 2").get("a") == 2
 

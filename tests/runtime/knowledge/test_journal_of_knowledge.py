@@ -170,7 +170,7 @@ def test_the_past_of_the_graph_is_as_it_was_known_then(tmp_path: Path) -> None:
     assert "box" not in codra.knowledge.snapshot()
     with pytest.raises(ValueError, match="lies in the future"):
         codra.knowledge.at(100.0)
-    with pytest.raises(ValueError, match="use a journal for the rest"):
+    with pytest.raises(ValueError, match="read it from a journal"):
         codra.knowledge.at(9.0)
 
 

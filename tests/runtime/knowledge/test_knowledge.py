@@ -196,7 +196,7 @@ def test_a_value_of_another_type_or_out_of_range_is_refused(level: object, messa
 
 
 def test_future_evidence_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"battery\.level was taken at 0\.0 at the latest, not at 1\.0"):
+    with pytest.raises(ValueError, match=r"battery\.level cannot be from 1\.0: the present instant is 0\.0"):
         store().as_agent("navigation").set("battery", "level", 1.0, evidence_s=1.0)
 
 

@@ -254,7 +254,7 @@ WRONG: dict[str, tuple[dict[str, object], str, str]] = {
     "the future": (
         {"ask": "set", "variable": "localized", "value": True, "evidence_s": 5.0},
         "not_allowed",
-        "evidence for 'localized' was taken at 0.0 at the latest, not at 5.0",
+        "evidence for 'localized' cannot be from 5.0: the present instant is 0.0",
     ),
     "field missing": ({"ask": "get"}, "malformed", "`get` needs `variable`: a text"),
     "field unknown": (
@@ -262,16 +262,16 @@ WRONG: dict[str, tuple[dict[str, object], str, str]] = {
         "malformed",
         "`get` has no field 'variabel': did you mean 'variable'?",
     ),
-    "field of another kind": ({"ask": "get", "variable": ["open"]}, "malformed", "`variable` of `get` is a text"),
+    "field of another kind": ({"ask": "get", "variable": ["open"]}, "malformed", "`variable` of `get` must be a text"),
     "negative time": (
         {"ask": "decide", "variable": "open", "wait_up_to_s": -1},
         "malformed",
-        "`wait_up_to_s` of `decide` is a finite number that is not negative",
+        "`wait_up_to_s` of `decide` must be a finite number that is not negative",
     ),
     "no such request": (
         {"ask": "declair"},
         "malformed",
-        f"`ask` is one of {', '.join(REQUESTS)}: did you mean 'declare'?",
+        f"`ask` must be one of {', '.join(REQUESTS)}: did you mean 'declare'?",
     ),
 }
 

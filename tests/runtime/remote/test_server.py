@@ -109,7 +109,7 @@ def test_errors_are_those_of_the_context_manager(server: Server) -> None:
             remote.set("open", value=True)
         with pytest.raises(NotOfTypeError, match="'ajar' is not of type bool"):
             remote.declare("open", "ajar")
-        with pytest.raises(MessageError, match="`value` of `set` is a text"):
+        with pytest.raises(MessageError, match="`value` of `set` must be a text"):
             remote.set("near", None)
         assert remote.get("near").value is True
 
@@ -213,7 +213,7 @@ def test_a_line_without_end_ends_the_session(server: Server, codra: Manager) -> 
         peer.sendall(b'{"codra": 1, "id": 1, "ask": "declare", "variable": "open"}\n')
         assert json.loads(answers.readline())["answer"] == {}
         peer.sendall(b" " * (LONGEST_LINE + 1))
-        assert json.loads(answers.readline())["error"]["message"] == f"a message has {LONGEST_LINE} bytes at most"
+        assert json.loads(answers.readline())["error"]["message"] == f"a message may have at most {LONGEST_LINE} bytes"
         assert answers.readline() == b""
     eventually(lambda: not codra.declared())
 

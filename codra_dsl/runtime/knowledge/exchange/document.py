@@ -1,7 +1,7 @@
 """A graph in the model of RoboComp's DSR: numbered nodes, labelled edges, attributes with a type code.
 
-It holds the complete content of a file, declared in the spec or not. Values are plain Python; `json_value` returns them
-as in RoboComp's JSON: integers of 64 bits as text, since other JSON readers parse numbers as doubles.
+A graph holds the complete content of a file, whether or not the spec declares it. Values are plain Python; `json_value`
+returns them as in RoboComp's JSON: integers of 64 bits as text, since other JSON readers parse numbers as doubles.
 """
 
 from __future__ import annotations
@@ -86,9 +86,11 @@ class DsrEdge:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DsrGraph:
-    """A graph; `extra` holds the other keys at the top of the file, `model_extra` those beside the symbols.
+    """A graph.
 
-    Nodes and edges keep their order in the file, but it has no meaning: graphs that differ only in it are equal.
+    `extra` holds the further keys at the top level of the file, `model_extra` the further keys next to `symbols`. Nodes
+    and edges keep their order in the file, but this order has no meaning: graphs that differ only in the order are
+    equal.
     """
 
     nodes: tuple[DsrNode, ...] = ()
@@ -137,7 +139,7 @@ def json_value(value: DsrValue) -> object:
     content = value.value
     match value.code:
         case ValueCode.UINT32 if isinstance(content, int):
-            return content - 2**32 if content >= 2**31 else content  # RoboComp casts it, and reads it back so
+            return content - 2**32 if content >= 2**31 else content  # RoboComp writes and reads it as a signed number
         case ValueCode.UINT64:
             return str(content)
         case ValueCode.UINT64S if isinstance(content, tuple):
@@ -253,7 +255,7 @@ def _bytes(json_data: object) -> object:
 
 
 def _finite(content: object) -> object:
-    """Return a number for JSON: a number that is not finite as text, which RoboComp parses as the number."""
+    """Return a value for JSON; a number that is not finite becomes a text, which RoboComp parses as this number."""
     return repr(content) if isinstance(content, float) and not math.isfinite(content) else content
 
 

@@ -1,6 +1,6 @@
-"""Read DSR's JSON, reporting mistakes with their place, and write it byte for byte as RoboComp does.
+"""Read DSR's JSON, with messages that state the place of a mistake; write it byte for byte as RoboComp does.
 
-Numbers with more digits than a double lose them, as in RoboComp, unless they are integers.
+A number that is not an integer loses the digits that a double cannot hold, as in RoboComp.
 """
 
 from __future__ import annotations
@@ -113,7 +113,7 @@ def write_dsr(path: Path | str, graph: DsrGraph) -> None:
 
 
 def replace_file(path: Path, text: str) -> None:
-    """Replace a file atomically: write another file beside it, then rename that one."""
+    """Replace a file atomically: write a temporary file in the same folder, then rename the temporary file."""
     temporary_path = path.with_name(f"{path.name}.{os.getpid()}.part")
     try:
         temporary_path.write_text(text, encoding="utf-8")
@@ -123,7 +123,7 @@ def replace_file(path: Path, text: str) -> None:
 
 
 def dsr_text(graph: DsrGraph) -> str:
-    """Return a graph as written by RoboComp's DSR: keys in order, four spaces, empty lists on two lines.
+    """Return a graph as RoboComp's DSR writes it: sorted keys, indents of four spaces, empty lists on two lines.
 
     Raises:
         ExchangeError: if the graph has a value that JSON cannot represent.
@@ -169,9 +169,7 @@ def check_json(tree: object, source: str) -> None:
     while pending:
         part, place, depth = pending.pop()
         if isinstance(part, _DuplicateKeys):
-            place.key(part.key).complain(
-                "this key occurs twice in one object: only one of the two can count, so remove the other"
-            )
+            place.key(part.key).complain("this key occurs twice in one object: remove one of the two entries")
         if isinstance(part, str) and any("\ud800" <= character <= "\udfff" for character in part):
             place.complain("a text with a lone surrogate (half a character) cannot be written: remove it")
         if depth > MAX_DEPTH:
@@ -189,7 +187,7 @@ def check_json(tree: object, source: str) -> None:
 
 
 class _Place:
-    """A place in a file, as a JSON path, whose text is only built for a message."""
+    """A place in a file, as a JSON path. The text of the path is built only for a message."""
 
     __slots__ = ("_outer_place", "_source", "_step")
 
@@ -258,7 +256,7 @@ def _node(key: str, json_data: object, place: _Place) -> tuple[DsrNode, list[tup
     symbol = _object(json_data, place)
     number = _number(symbol, "id", place)
     if key != str(number):
-        place.complain(f"the symbol under this key has the id {number}: both must be the same")
+        place.complain(f"the symbol under this key has the id {number}: the key and the id must be the same")
     links = symbol.get("links", [])
     if not isinstance(links, list):
         place.key("links").complain("there must be a list: [...]")
@@ -305,7 +303,7 @@ def _value(json_data: object, place: _Place) -> DsrValue:
         value = parse_value(code, attribute_object["value"])
     except ValueError as error:
         name = ValueCode(code).name.lower()
-        place.key("value").complain(f"{error}, and type {code} is {name}: change one of the two")
+        place.key("value").complain(f"{error}, but type {code} is {name}: change the value or the type")
     return DsrValue(code=code, value=value, extra=_without_keys(attribute_object, "type", "value"))
 
 
@@ -361,7 +359,7 @@ def _json_attributes(attributes: Mapping[str, DsrValue]) -> dict[str, object]:
 
 
 def _pieces(tree: object, indent: str) -> Iterator[str]:
-    """Yield the text of JSON, indented as by Qt."""
+    """Yield the parts of a JSON text with Qt's indentation."""
     inner_indent = f"{indent}    "
     if isinstance(tree, dict):
         sorted_items = sorted(tree.items(), key=lambda entry: str(entry[0]).encode("utf-16-be"))

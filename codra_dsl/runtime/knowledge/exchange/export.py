@@ -1,4 +1,4 @@
-"""Export a knowledge graph as a DSR graph, together with the parts of an imported graph that it does not hold."""
+"""Export a knowledge graph as a DSR graph, with the parts of an import that the knowledge graph does not hold."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ def export_dsr(knowledge: Knowledge, beside: DsrImport | None = None, *, unit_m:
 
     Args:
         knowledge: the graph.
-        beside: the import that the graph began with, if any. Parts that the graph does not hold, and unchanged parts,
-            are exported as they were read; parts that were deleted meanwhile are left out.
+        beside: the import that the graph began with, if any. Parts of the import that the graph does not hold, and
+            unchanged parts, are exported as they were read; parts that were deleted meanwhile are left out.
         unit_m: the unit of translations, in metres; ignored if `beside` is given, whose unit is used.
     """
     start = beside or DsrImport(
@@ -60,7 +60,7 @@ class _Exporter:
         self._parents_before = {key[2]: key[0] for key in keys_before if key[1] == RT}
 
     def nodes(self) -> Iterator[DsrNode]:
-        """Yield the nodes: first those of the import, then the others, in their respective orders."""
+        """Yield the nodes: first those of the import in their order, then the others in the order of insertion."""
         for node in self._start.document.nodes:
             if node.name in self._numbers:
                 yield self._node(self._snapshot.node(node.name), node) if node.name in self._snapshot else node
@@ -69,7 +69,7 @@ class _Exporter:
                 yield self._node(own_node, None)
 
     def edges(self) -> Iterator[DsrEdge]:
-        """Yield the edges, in the same order."""
+        """Yield the edges: first those of the import in their order, then the others in the order of insertion."""
         present_edges = {edge.key: edge for edge in self._snapshot.edges()}
         for key, edge in self._edges_before.items():
             if key in present_edges:
@@ -94,7 +94,10 @@ class _Exporter:
         return numbers
 
     def _is_kept_edge(self, key: Subject) -> bool:
-        """Return whether an edge outside the graph has both its nodes, and no step of its task has superseded it."""
+        """Return whether to export an edge of the import that the graph does not hold.
+
+        It is exported if both of its nodes are exported, unless a step of its task has superseded it.
+        """
         origin, label, target = key
         is_of_task = target in self._schema.tasks and label in set(Stage)
         if is_of_task and self._snapshot.handover(target).stage is not None:
@@ -134,7 +137,7 @@ class _Exporter:
         )
 
     def _attributes_outside_graph(self, attributes: Mapping[str, DsrValue], owner: Subject) -> dict[str, DsrValue]:
-        """Return the attributes that were read for a node or edge, and that the graph does not hold."""
+        """Return the attributes of a node or edge that were read from the file and that the graph does not hold."""
         return {name: value for name, value in attributes.items() if (*owner, name) not in self._start.imported}
 
     def _with_pose(self, edge: Edge, attributes: dict[str, DsrValue]) -> dict[str, DsrValue]:
@@ -145,7 +148,7 @@ class _Exporter:
         return {**other_attributes, **attributes_of(pose, self._start.unit_m)}
 
     def _type_attribute(self, edge: Edge) -> dict[str, DsrValue]:
-        """Return the attribute that states the type of an edge, if its label and ends leave a choice."""
+        """Return the attribute that states the type of an edge, if several types fit the edge's label and ends."""
         ends = self._snapshot.node(edge.origin), self._snapshot.node(edge.target)
         fitting_types = [
             edge_type for edge_type in self._schema.edge_types_with_label(edge.label) if edge_type.fits(*ends)
@@ -171,7 +174,7 @@ def _known_values(readings: Mapping[str, Reading[Any]], snapshot: Snapshot) -> d
 
 
 def _encode_values(values: Mapping[str, object], element_before: DsrNode | DsrEdge | None) -> dict[str, DsrValue]:
-    """Return values with the codes of the import, or with codes for their types."""
+    """Return values with the type codes that they had in the import, or with codes for the types of the values."""
     values_before = {} if element_before is None else element_before.attributes
     return dict(_encode_items(values.items(), values_before))
 

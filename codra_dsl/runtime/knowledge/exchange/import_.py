@@ -1,4 +1,7 @@
-"""Import a DSR graph as the start of a knowledge graph; the parts that it cannot hold are kept for export."""
+"""Import a DSR graph as the start of a knowledge graph.
+
+The parts that the knowledge graph cannot hold are kept for the export.
+"""
 
 from __future__ import annotations
 
@@ -19,10 +22,10 @@ DERIVED = ("parent", "level")
 """Attributes in which DSR repeats information of RT edges."""
 
 EDGE_TYPE = "codra_type"
-"""The attribute that states the type of an edge if its label and its ends leave a choice."""
+"""The attribute that states the type of an edge if several types fit the edge's label and ends."""
 
 Subject = tuple[str, ...]
-"""A node; a node and an attribute; an edge as origin, label, target; an edge and an attribute."""
+"""A node; a node and an attribute; an edge (origin, label, target); or an edge and an attribute."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,13 +46,13 @@ class SkippedPart:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DsrImport:
-    """The start of a knowledge graph.
+    """The result of an import: the start of a knowledge graph.
 
     Attributes:
-        model: the declarations, with all imported nodes, edges and values; `Knowledge` begins with it.
+        model: the declarations, with all imported nodes, edges and values; `Knowledge` begins with this model.
         document: the DSR graph.
-        skipped: the parts that the knowledge graph does not hold. `export_dsr` writes them again while their node or
-            edge exists.
+        skipped: the parts that the knowledge graph does not hold. `export_dsr` writes a part again if its node or edge
+            still exists.
         imported: the imported parts.
         unit_m: the unit of translations, in metres.
     """
@@ -67,7 +70,7 @@ def import_dsr(model: KnowledgeModel, document: DsrGraph, *, unit_m: float = MIL
     Args:
         model: the declarations.
         document: the DSR graph.
-        unit_m: the unit of its translations, in metres.
+        unit_m: the unit of the translations in the DSR graph, in metres.
     """
     importer = _Importer(model, document, unit_m)
     importer.import_nodes()
@@ -102,7 +105,7 @@ class _Importer:
         self.imported: set[Subject] = set()
 
     def import_nodes(self) -> None:
-        """Import the nodes with declared types, with their declared attributes."""
+        """Import each node whose type is declared, with its declared attributes."""
         for node in self._document.nodes:
             reason = self._reason_against_node(node)
             if reason:
@@ -115,7 +118,7 @@ class _Importer:
             self.nodes[node.name] = replace(node_model, values={**node_model.values, **values})
 
     def import_edges(self) -> None:
-        """Import the edges with declared types between imported nodes."""
+        """Import each edge between imported nodes whose type is declared."""
         names = {node.number: node.name for node in self._document.nodes}
         types = {node.name: node.type for node in self._document.nodes}
         for edge in self._document.edges:
@@ -189,7 +192,7 @@ class _Importer:
             yield name, content
 
     def _type_of(self, edge: DsrEdge, origin: Node, target: Node) -> EdgeType | str:
-        """Return the type of an edge by its label and its ends, or the reason why it has no type."""
+        """Return an edge's type, found by its label, its ends and `EDGE_TYPE`, or the reason why none is found."""
         labelled_types = self._schema.edge_types_with_label(edge.label)
         fitting_types = [edge_type for edge_type in labelled_types if edge_type.fits(origin, target)]
         type_value = edge.attributes.get(EDGE_TYPE)
@@ -201,14 +204,14 @@ class _Importer:
             return "no edges with this label are declared"
         if not fitting_types:
             return f"edges with this label do not go from {origin.type} to {target.type}"
-        names = " or a ".join(edge_type.model.name for edge_type in fitting_types)
-        return f"it may be a {names}: state which in {EDGE_TYPE!r}"
+        names = " or ".join(repr(str(edge_type.model.name)) for edge_type in fitting_types)
+        return f"its type may be {names}: state the type in the attribute {EDGE_TYPE!r}"
 
     def _reason_against_pose(self, edge: DsrEdge, edge_type: EdgeType, origin: str, target: str) -> str:
         if edge_type.model.motion is None:
             return ""
         if self._pose(edge) is None:
-            return "it has no pose: three numbers each as rt_translation and rt_rotation_euler_xyz"
+            return "it has no pose: rt_translation and rt_rotation_euler_xyz must have three finite numbers each"
         ancestor: str | None = origin
         while ancestor is not None:
             if ancestor == target:

@@ -1,4 +1,8 @@
-"""Poses of DSR's RT edges: Euler angles about x, then the new y, then the new z, and translations in their own unit."""
+"""Poses of DSR's RT edges.
+
+The rotation is given by Euler angles about x, then the new y, then the new z. The translation is given in a unit of its
+own, `unit_m`.
+"""
 
 from __future__ import annotations
 
@@ -22,10 +26,10 @@ _GIMBAL_LOCK_COSINE = 1e-12
 
 
 def pose_of(attributes: Mapping[str, DsrValue], unit_m: float) -> Pose | None:
-    """Return the present pose of an RT edge; None if it has none.
+    """Return the present pose of an RT edge; None if the edge has no pose.
 
-    An edge with a history has several poses in a row; the one with the newest stamp is the present one. The head index
-    is not used, because its meaning depends on the version of RoboComp that wrote it.
+    An edge with a history has several poses in one list; the pose with the newest stamp is the present one. The head
+    index is not used, because its meaning depends on the version of RoboComp that wrote the file.
 
     Args:
         attributes: the attributes of the edge.
@@ -71,7 +75,7 @@ def _newest_index(stamps: DsrValue | None) -> int:
 
 
 def _three_numbers(value: DsrValue | None, start: int) -> tuple[float, float, float] | None:
-    """Return three numbers of a list from a position on, if they exist and are finite."""
+    """Return three numbers of a list from a position on; None if they do not exist or are not finite."""
     numbers = value.value[start : start + 3] if value is not None and isinstance(value.value, tuple) else ()
     if len(numbers) != 3 or not all(isinstance(number, (int, float)) and math.isfinite(number) for number in numbers):
         return None

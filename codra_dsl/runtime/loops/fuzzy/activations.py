@@ -1,8 +1,8 @@
 """Activation methods: which rules of a block act, and how strongly.
 
-A gate decides rule by rule; the other methods decide about all rules at once. None means that a rule does not act.
-This differs from acting with degree 0: only a rule that acts counts in Tsukamoto's method, whose inverses can be
-infinite at 0. FuzzyLite makes the same distinction.
+A gate and a threshold decide rule by rule; the other methods decide about all rules at once. None means that a rule
+does not act. This differs from acting with degree 0: in Tsukamoto's method, whose inverses can be infinite at 0, only a
+rule that acts counts. FuzzyLite makes the same distinction.
 """
 
 from __future__ import annotations
@@ -44,17 +44,17 @@ class Gate:
 
 
 def threshold(degree: float, comparator: str, limit: float) -> float | None:
-    """Return the degree if the comparison holds."""
+    """Return the degree if the comparison holds; None if it does not."""
     return degree if COMPARATORS[comparator](degree, limit) else None
 
 
 def highest(degrees: tuple[float, ...], rules: int) -> tuple[float | None, ...]:
-    """Return the degrees of the strongest rules; among equal ones the first."""
+    """Return the degrees of the strongest rules; among equally strong rules, the first ones are chosen."""
     return _foremost(degrees, rules, [-degree for degree in degrees])
 
 
 def lowest(degrees: tuple[float, ...], rules: int) -> tuple[float | None, ...]:
-    """Return the degrees of the weakest rules above 0; among equal ones the first."""
+    """Return the degrees of the weakest rules above 0; among equally strong rules, the first ones are chosen."""
     return _foremost(degrees, rules, list(degrees))
 
 
@@ -65,7 +65,7 @@ def _foremost(degrees: tuple[float, ...], rules: int, keys: list[float]) -> tupl
 
 
 def proportional(degrees: tuple[float, ...]) -> tuple[float | None, ...]:
-    """Return each degree above 0 as its share of their sum."""
+    """Return, for each degree above 0, its share of the sum of these degrees."""
     total = sum(degree for degree in degrees if degree > 0.0)
     return tuple(divided(degree, total) if degree > 0.0 else None for degree in degrees)
 

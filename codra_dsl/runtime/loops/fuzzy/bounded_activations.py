@@ -43,7 +43,7 @@ class Gate:
 
 
 def threshold(degree: Bounds, comparator: str, limit: float) -> Bounds | None:
-    """Return the degree if the comparison can hold."""
+    """Return the degree if the comparison can hold; None if it cannot."""
     may_hold, must_hold = _compares(degree, comparator, limit)
     if not may_hold:
         return None
@@ -65,12 +65,12 @@ def _compares(degree: Bounds, comparator: str, limit: float) -> tuple[bool, bool
 
 
 def highest(degrees: Sequence[Bounds], rules: int) -> tuple[Bounds | None, ...]:
-    """Return the degrees of the strongest rules; among equal ones the first."""
+    """Return the degrees of the strongest rules; among equally strong rules, the first ones are chosen."""
     return _foremost(degrees, rules, [Bounds(-degree.high, -degree.low) for degree in degrees])
 
 
 def lowest(degrees: Sequence[Bounds], rules: int) -> tuple[Bounds | None, ...]:
-    """Return the degrees of the weakest rules above 0; among equal ones the first."""
+    """Return the degrees of the weakest rules above 0; among equally strong rules, the first ones are chosen."""
     return _foremost(degrees, rules, degrees)
 
 
@@ -93,7 +93,7 @@ def _foremost(degrees: Sequence[Bounds], rules: int, keys: Sequence[Bounds]) -> 
 
 
 def proportional(degrees: Sequence[Bounds]) -> tuple[Bounds | None, ...]:
-    """Return each degree above 0 as its share of their sum."""
+    """Return, for each degree above 0, its share of the sum of these degrees."""
     if not all(map(is_finite, degrees)):
         return tuple(Bounds(0.0, 1.0) for _ in degrees)
     lows, highs = ([max(0.0, degree[end]) for degree in degrees] for end in (0, 1))

@@ -17,7 +17,7 @@ _ROUNDING = 1e-12
 def calculate(name: str, *operands: Bounds) -> Bounds:
     """Return the bounds of an operator or function.
 
-    The result is all numbers if the bounds cannot be determined easily; it is never a guess.
+    If the bounds cannot be determined easily, the result is all numbers; it is never a guess.
     """
     if name in _LOGICAL:
         return Bounds(0.0, 1.0)

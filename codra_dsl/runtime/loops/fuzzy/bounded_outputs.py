@@ -1,8 +1,8 @@
 """Output variables for intervals of degrees.
 
-An integral is bounded by the envelope of its fuzzy set: the least and the greatest degree at each point. The extreme
-centroids within an envelope take the greatest degrees on one side of a cut and the least on the other (Karnik and
-Mendel's theorem about interval type-2 sets); so do extreme weighted means.
+An integral is bounded by the envelope of its fuzzy set: the least and the greatest degree at each point. An extreme
+centroid within an envelope has the greatest degrees on one side of a cut and the least degrees on the other side
+(Karnik and Mendel's theorem about interval type-2 sets). The same holds for the weights of an extreme weighted mean.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ Degrees = Sequence[Bounds | None]
 Value = Bounds | Callable[[Bounds], Bounds]
 
 _ROUNDING = 1e-9
-"""The result of a sum is widened by this share of its largest number."""
+"""The result of a sum is widened by this share of the largest number in the sum."""
 
 
 def settled(degree: Bounds) -> Bounds:
-    """Return the degrees with which a conclusion counts: 0 for NaN, and the nearest of 0 and 1 for infinite ones."""
+    """Return the degrees with which a conclusion counts: 0 for NaN, 1 for infinity, and 0 for minus infinity."""
     low, high = degree.low, degree.high
     if degree.may_be_unknown:
         low, high = min(low, 0.0), max(high, 0.0)
@@ -40,7 +40,7 @@ def _widened(low: float, high: float, scale: float, *, may_be_unknown: bool) -> 
 
 
 def degree_so_far(aggregation: Norm, degrees: Degrees) -> Bounds:
-    """Return the possible degrees of a term by the conclusions before this rule."""
+    """Return the possible degrees that a rule reads of a term: those from the conclusions before this rule."""
     return grouped(aggregation, (0,) * len(degrees), degrees).get(0, Bounds(0.0, 0.0))
 
 
@@ -57,7 +57,7 @@ def grouped(aggregation: Norm, conclusions: Sequence[int], degrees: Degrees) -> 
 def integral(
     output: Integral, degrees: Degrees, memberships: Sequence[Callable[[Bounds], Bounds]] | None = None
 ) -> Bounds:
-    """Return the bounds of an integral; give the memberships if they depend on inputs."""
+    """Return the bounds of an integral; `memberships` must be given if they depend on inputs."""
     envelope = _envelope(output, degrees, _samples(output, memberships))
     if envelope is None:
         return ANYTHING
@@ -107,7 +107,7 @@ def _centroid(xs: Samples, lows: Samples, highs: Samples) -> tuple[float, float]
 
 
 def _extreme_means(x_lows: Samples, x_highs: Samples, lows: Samples, highs: Samples) -> tuple[float, float]:
-    """Return the least and the greatest weighted mean of values; at least one weight can be above 0."""
+    """Return the least and the greatest weighted mean of values; some weight must be able to be above 0."""
     first, last = np.argsort(x_lows, kind="stable"), np.argsort(x_highs, kind="stable")
     least = _means_by_cut(x_lows[first], highs[first], lows[first])
     greatest = _means_by_cut(x_highs[last], lows[last], highs[last])
@@ -128,7 +128,7 @@ def _sums_by_cut(before: Samples, after: Samples) -> Samples:
 
 
 def _bisector(xs: Samples, lows: Samples, highs: Samples) -> tuple[float, float]:
-    """Return the ends of the points that can be nearest to halving the area."""
+    """Return the first and the last point that can be nearest to halving the area."""
     low_left, high_left = np.cumsum(lows), np.cumsum(highs)
     low_right, high_right = low_left[-1] - low_left, high_left[-1] - high_left
     with np.errstate(all="ignore"):
@@ -141,7 +141,7 @@ def _bisector(xs: Samples, lows: Samples, highs: Samples) -> tuple[float, float]
 
 
 def _maxima(xs: Samples, lows: Samples, highs: Samples) -> tuple[float, float]:
-    """Return the ends of the points that can have the greatest degree."""
+    """Return the first and the last point that can have the greatest degree."""
     can = xs[(highs > 0.0) & (highs >= lows.max() - _ROUNDING)]
     return float(can.min()), float(can.max())
 

@@ -7,7 +7,7 @@ for one also hold for the other.
 Norms and hedges are monotone on degrees, so the ends of their arguments suffice. Terms are monotone between their
 breakpoints, so the ends and the breakpoints suffice. If a function is not known to be monotone, the result is all
 numbers, not a guess. Two mentions of one input count as two inputs, so an interval can be too wide, but never too
-narrow; `refined` narrows it.
+narrow; `refined` returns narrower intervals.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ _ROUNDING = 1e-15
 
 
 def point(value: float) -> Bounds:
-    """Return the interval of one value; all numbers if it is not finite."""
+    """Return the interval of one value; all numbers if the value is not finite."""
     return Bounds(value, value) if value - value == 0.0 else ANYTHING
 
 
@@ -99,7 +99,7 @@ def hull(values: Iterable[float]) -> Bounds:
 
 
 def joined(one: Bounds, other: Bounds) -> Bounds:
-    """Return bounds that contain the values of both."""
+    """Return bounds that contain the values of both bounds."""
     may_be_unknown = one.may_be_unknown or other.may_be_unknown
     if one.low != one.low:
         return Bounds(other.low, other.high, may_be_unknown)
@@ -214,7 +214,7 @@ class InferBounds(Protocol):
 def refined(infer: InferBounds, inputs: Sequence[Bounds], *, pieces: int) -> BoundedInference:
     """Return narrower bounds: every unknown input is cut into pieces, and the bounds of all boxes are joined.
 
-    The union contains everything that the inputs allow, as the result of one call does. Infinite inputs are not cut.
+    Like the result of one call, the union contains every result that the inputs allow. Infinite inputs are not cut.
     There are at most MOST_BOXES boxes; the number of pieces is reduced if necessary.
     """
     open_count = sum(1 for bounds in inputs if bounds.low < bounds.high and is_finite(bounds))

@@ -1,4 +1,7 @@
-"""The breakpoints of membership functions, between which they are monotone: bounds are computed from these."""
+"""The breakpoints of membership functions: between two breakpoints a function is monotone.
+
+So the bounds of a function are computed from its values at the breakpoints.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +26,7 @@ def _sigmoids(left: float, rising: float, falling: float, right: float, *_: floa
 
 
 def _gaussian_product(mean_a: float, deviation_a: float, mean_b: float, deviation_b: float, *_: float) -> list[float]:
-    """Return the means and, if the halves overlap, the top of their product."""
+    """Return the means and the top of the product of both bell curves, which counts where the halves overlap."""
     first, second = deviation_a * deviation_a, deviation_b * deviation_b
     top = [(mean_a * second + mean_b * first) / (first + second)] if first + second > 0.0 else []
     return [mean_a, mean_b, *top]
@@ -51,7 +54,7 @@ BREAKPOINTS: Mapping[Callable[..., float], Callable[..., Iterable[float]]] = Map
         terms.z_shape: lambda start, end, *_: (start, 0.5 * (start + end), end),
     }
 )
-"""The breakpoints of a term, from its parameters."""
+"""For each membership function, a function that returns its breakpoints from its parameters."""
 
 COMPOSITES: Mapping[Callable[..., float], tuple[Callable[..., Parts], Callable[..., float]]] = MappingProxyType(
     {
@@ -60,4 +63,7 @@ COMPOSITES: Mapping[Callable[..., float], tuple[Callable[..., Parts], Callable[.
         terms.sigmoid_product: (_sigmoids, _height),
     }
 )
-"""Terms that are composed of two others: the parts with their parameters, and the height of the composite."""
+"""The terms that are composed of two others.
+
+For each, one function returns the two parts with their parameters, and another function the height of the composite.
+"""

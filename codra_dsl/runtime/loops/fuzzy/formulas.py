@@ -1,6 +1,7 @@
 """The operators and functions of formulas of `Function` terms, for plain numbers.
 
-They come from numpy, so that results outside their domain equal those of FuzzyLite: NaN or infinite, without exception.
+Most of them come from numpy, so that results outside their domain equal those of FuzzyLite: they are NaN or infinite,
+and no exception is raised.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Hedges: words before a term that change its degree. Names end in an underscore if the word is reserved in Python."""
+"""Hedges: words before a term that change its degree. A name ends in an underscore if Python already uses the word."""
 
 from __future__ import annotations
 

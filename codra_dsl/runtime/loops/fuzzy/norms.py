@@ -17,7 +17,7 @@ def bounded_difference(a: float, b: float) -> float:
 
 
 def drastic_product(a: float, b: float) -> float:
-    """Return the lesser one if the greater one is 1, otherwise 0."""
+    """Return the lesser degree if the greater degree is 1, otherwise 0."""
     return minimum(a, b) if maximum(a, b) == 1.0 else 0.0
 
 
@@ -32,12 +32,12 @@ def hamacher_product(a: float, b: float) -> float:
 
 
 def minimum(a: float, b: float) -> float:
-    """Return the lesser one, NaN if one is NaN."""
+    """Return the lesser degree; NaN if a degree is NaN."""
     return a if a < b or a != a else b
 
 
 def nilpotent_minimum(a: float, b: float) -> float:
-    """Return the lesser one if a + b is more than 1, otherwise 0."""
+    """Return the lesser degree if a + b is more than 1, otherwise 0."""
     return minimum(a, b) if a + b > 1.0 else 0.0
 
 
@@ -53,7 +53,7 @@ def bounded_sum(a: float, b: float) -> float:
 
 
 def drastic_sum(a: float, b: float) -> float:
-    """Return the greater one if the lesser one is 0, otherwise 1."""
+    """Return the greater degree if the lesser degree is 0, otherwise 1."""
     return maximum(a, b) if minimum(a, b) == 0.0 else 1.0
 
 
@@ -65,7 +65,8 @@ def einstein_sum(a: float, b: float) -> float:
 def hamacher_sum(a: float, b: float) -> float:
     """Return (a + b - 2 a b) / (1 - a b), and 1 where a b is 1.
 
-    Near 1 it is computed from the differences to 1, because the formula above would return only rounding errors there.
+    If a or b is above 0.5, the result is computed from the differences to 1, because near 1 the formula above would
+    return only rounding errors.
     """
     if (a > 0.5 or b > 0.5) and a * b != 1.0:
         missing_a, missing_b = 1.0 - a, 1.0 - b
@@ -75,12 +76,12 @@ def hamacher_sum(a: float, b: float) -> float:
 
 
 def maximum(a: float, b: float) -> float:
-    """Return the greater one, NaN if one is NaN."""
+    """Return the greater degree; NaN if a degree is NaN."""
     return a if a > b or a != a else b
 
 
 def nilpotent_maximum(a: float, b: float) -> float:
-    """Return the greater one if a + b is less than 1, otherwise 1."""
+    """Return the greater degree if a + b is less than 1, otherwise 1."""
     return maximum(a, b) if a + b < 1.0 else 1.0
 
 

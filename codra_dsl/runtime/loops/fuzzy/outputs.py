@@ -1,7 +1,8 @@
 """Output variables: one number from the conclusions of all rules.
 
-An output knows its conclusions, one for each time that a rule names it, in the order in which rules act. Its value is
-computed from their degrees. The degree of a conclusion is `None` if its rule does not act.
+An output has one conclusion for each time that a rule names the output, in the order in which the rules act. The value
+of the output is computed from the degrees of its conclusions. The degree of a conclusion is `None` if the conclusion's
+rule does not act.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ class Inference(NamedTuple):
 
 
 def settled(degree: float) -> float:
-    """Return the degree with which a conclusion counts: 0 for NaN, and the nearest of 0 and 1 for an infinite one."""
+    """Return the degree with which a conclusion counts: 0 for NaN, 1 for infinity, and 0 for minus infinity."""
     if degree - degree == 0.0:
         return degree
     return 1.0 if degree > 0.0 else 0.0
@@ -44,7 +45,7 @@ def settled(degree: float) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class Conclusion:
-    """A conclusion of a rule that an output is a term: the index of the term, and the implication."""
+    """A rule's conclusion that an output is a term: the index of the term, and the implication."""
 
     term: int
     implication: Norm
@@ -55,8 +56,8 @@ class Integral:
     """An output whose conclusions are fuzzy sets: Mamdani's and Larsen's methods.
 
     Attributes:
-        minimum: with `maximum` the range that is sampled, in the unit of the output.
-        memberships: the membership functions of its terms.
+        minimum: the lower end of the range that is sampled, in the unit of the output; `maximum` is the upper end.
+        memberships: the membership functions of the output's terms.
     """
 
     minimum: float
@@ -69,12 +70,12 @@ class Integral:
 
     @cached_property
     def points(self) -> Samples:
-        """The points at which it is sampled."""
+        """The points at which the range is sampled."""
         return midpoints(self.minimum, self.maximum, self.resolution)
 
     @cached_property
     def terms(self) -> tuple[Samples, ...]:
-        """The samples of its terms."""
+        """The samples of the output's terms."""
         points = self.points.tolist()
         return tuple(np.array([membership(x) for x in points]) for membership in self.memberships)
 
@@ -82,7 +83,7 @@ class Integral:
     def is_plain(self) -> bool:
         """Whether all samples are degrees from 0 to 1.
 
-        Then a conclusion with degree 0 changes nothing, and can be left out.
+        If so, a conclusion with degree 0 changes nothing and can be left out.
         """
         return all(bool(np.all((samples >= 0.0) & (samples <= 1.0))) for samples in self.terms)
 
@@ -168,7 +169,7 @@ def grouped(aggregation: Norm, conclusions: Sequence[int], degrees: Degrees) -> 
 
 
 def degree_so_far(aggregation: Norm, degrees: Degrees) -> float:
-    """Return the degree of a term by the conclusions before this rule, for a rule that reads an output."""
+    """Return the degree that a rule reads of an output's term: the one from the conclusions before this rule."""
     return grouped(aggregation, (0,) * len(degrees), degrees).get(0, 0.0)
 
 
@@ -185,7 +186,10 @@ def clipped(value: float, minimum: float, maximum: float) -> float:
 
 
 def known(value: float, *substitutes: float) -> float:
-    """Return the value; if it is NaN, the first substitute that is not NaN: the previous value, then the default."""
+    """Return the value or, if it is NaN, the first substitute that is not NaN.
+
+    The substitutes are the previous value and then the default.
+    """
     if value == value:
         return value
     return next((substitute for substitute in substitutes if substitute == substitute), value)

@@ -1,7 +1,7 @@
-"""Membership functions of terms, one function per shape, and the inverses of the monotone ones.
+"""Membership functions of terms, one function per shape, and the inverses of the monotone functions.
 
 `x` is in the unit of its variable; a function returns a degree from 0 to its height, and NaN for NaN. The functions
-never raise: they return NaN outside their domain, and a division by zero is infinite, as in IEEE 754.
+raise no exceptions: they return NaN outside their domain, and a division by zero is infinite, as in IEEE 754.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def bell(x: float, center: float, width: float, slope: float, height: float = 1.
 
 
 def binary(x: float, start: float, direction: float, height: float = 1.0) -> float:
-    """Return the height from start on, on the side of direction; otherwise 0."""
+    """Return the height at start and on the side of start on which direction lies; otherwise 0."""
     if x != x:
         return math.nan
     return height if (direction > start and x >= start) or (direction < start and x <= start) else 0.0
@@ -100,7 +100,8 @@ def cosine(x: float, center: float, width: float, height: float = 1.0) -> float:
 def discrete(x: float, xs: tuple[float, ...], ys: tuple[float, ...], height: float = 1.0) -> float:
     """Return the linear interpolation between points; constant before the first and after the last point.
 
-    With only one point there is no interpolation: its membership also holds for a missing input, as in FuzzyLite.
+    With only one point there is no interpolation: this point's membership also holds for a missing input, as in
+    FuzzyLite.
     """
     if len(xs) == 1:
         return height * ys[0]
@@ -156,7 +157,7 @@ def pi_shape(
 
 
 def ramp(x: float, start: float, end: float, height: float = 1.0) -> float:
-    """Return the membership that grows linearly from 0 at start to the height at end; start may be on either side."""
+    """Return the membership that grows linearly from 0 at start to the height at end, which may lie below start."""
     if x != x or start == end:
         return math.nan
     if start < end:

@@ -238,7 +238,9 @@ TWO_WAYS = replace(
 def test_an_edge_whose_label_leaves_a_choice_states_its_type() -> None:
     document = DsrGraph(nodes=(ROBOT, CONTAINER), edges=(rt(2, 7),))
     start, knowledge = import_graph(document, TWO_WAYS)
-    assert str(start.skipped[-1]) == "edge robot -RT-> box: it may be a held or a pushed: state which in 'codra_type'"
+    assert str(start.skipped[-1]) == (
+        "edge robot -RT-> box: its type may be 'held' or 'pushed': state the type in the attribute 'codra_type'"
+    )
     knowledge.as_agent("base").place("robot", "pushed", "box", Pose())
     exported_graph = export_dsr(knowledge, start)
     assert exported_graph.edges[0].attributes["codra_type"] == number(0, "pushed")
@@ -254,11 +256,13 @@ def test_an_edge_whose_label_leaves_a_choice_states_its_type() -> None:
         ((rt(2, 1),), "edge robot -RT-> world: edges with this label do not go from robot to world"),
         (
             (DsrEdge(origin=1, label="RT", target=2, attributes={"rt_translation": number(3, (1.0, 2.0))}),),
-            "edge world -RT-> robot: it has no pose: three numbers each as rt_translation and rt_rotation_euler_xyz",
+            "edge world -RT-> robot: it has no pose: rt_translation and rt_rotation_euler_xyz "
+            "must have three finite numbers each",
         ),
         (
             (rt(1, 2, rt_timestamps=number(9, (1, 2))),),
-            "edge world -RT-> robot: it has no pose: three numbers each as rt_translation and rt_rotation_euler_xyz",
+            "edge world -RT-> robot: it has no pose: rt_translation and rt_rotation_euler_xyz "
+            "must have three finite numbers each",
         ),
     ],
 )
