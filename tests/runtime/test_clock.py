@@ -12,7 +12,8 @@ from pathlib import Path
 import pytest
 
 from codra_dsl.runtime import Clock, SimClock, WallClock
-from codra_dsl.runtime.clock import Cancelled, LockedClock, Work
+from codra_dsl.runtime.clock import Cancelled, Work
+from codra_dsl.runtime.locked_clock import LockedClock
 
 ROOT = Path(__file__).parents[2]
 

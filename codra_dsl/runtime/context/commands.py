@@ -14,11 +14,11 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 
 from codra_dsl.logic import Value
-from codra_dsl.runtime.clock import LockedClock
 from codra_dsl.runtime.context.decisions import Decision, DecisionRequest
 from codra_dsl.runtime.errors import NotASourceError
 from codra_dsl.runtime.journal import EventWriter, Kind
 from codra_dsl.runtime.journal.encoding import json_text
+from codra_dsl.runtime.locked_clock import LockedClock
 from codra_dsl.runtime.observers.event_triggers import EventTriggers
 from codra_dsl.runtime.observers.expectations import Expectations
 from codra_dsl.runtime.observers.forest import Forest

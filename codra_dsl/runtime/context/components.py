@@ -9,12 +9,13 @@ from typing import Any
 
 from codra_dsl.logic import Value
 from codra_dsl.runtime.callbacks import Subscriptions
-from codra_dsl.runtime.clock import Clock, LockedClock
+from codra_dsl.runtime.clock import Clock
 from codra_dsl.runtime.context.commands import Commands
 from codra_dsl.runtime.context.model import ContextModel
 from codra_dsl.runtime.context.pose_conditions import PoseConditions
 from codra_dsl.runtime.journal import EventLog, EventWriter
 from codra_dsl.runtime.knowledge import ContextLink, Knowledge, KnowledgeModel
+from codra_dsl.runtime.locked_clock import LockedClock
 from codra_dsl.runtime.observers.event_triggers import EventTriggers
 from codra_dsl.runtime.observers.expectations import Expectations
 from codra_dsl.runtime.observers.forest import Forest

@@ -9,6 +9,8 @@ from codra_dsl.runtime.values.cell import Reason
 
 Field = dict[str, Any]
 
+_JSON_TYPES = {"bool": "boolean", "int": "integer", "float": "number", "str": "string", "enum": "string"}
+
 BOUND_FIELDS: Mapping[str, Field] = {
     "low": {"type": "number", "description": "The lowest possible value; left out when unknown."},
     "high": {"type": "number", "description": "The highest possible value."},
@@ -69,6 +71,11 @@ def list_schema(json_type: str, description: str) -> Field:
 def reason_schema(description: str) -> Field:
     """Return the schema of the reason why a variable is unknown."""
     return {"type": "string", "enum": [str(reason) for reason in Reason], "description": description}
+
+
+def value_schema(kind: str, description: str) -> Field:
+    """Return the schema of a field with a value of a kind of the spec language."""
+    return field_schema(_JSON_TYPES[kind], description)
 
 
 def unit_text(unit: str | None) -> str:

@@ -13,7 +13,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 from codra_dsl.runtime.journal.fields import (
     BOUND_FIELDS,
@@ -25,10 +24,9 @@ from codra_dsl.runtime.journal.fields import (
     object_list_schema,
     reason_schema,
     unit_text,
+    value_schema,
 )
-
-if TYPE_CHECKING:
-    from codra_dsl.runtime.journal.spec_summary import Place, SpecSummary
+from codra_dsl.runtime.journal.spec_summary import Place, SpecSummary
 
 RUN_TOPIC = "/codra/run"
 
@@ -39,8 +37,6 @@ RULE_EVENTS = {
     "unfulfilled": "it has ended, and its postcondition does not hold",
 }
 """The changes of an agent's rule. The key is the `what` of the event."""
-
-_JSON_TYPES = {"bool": "boolean", "int": "integer", "float": "number", "str": "string", "enum": "string"}
 
 
 class Kind(StrEnum):
@@ -179,7 +175,7 @@ def _variable_schema(name: str, summary: SpecSummary) -> tuple[str, Field]:
             "too_old": "a value did not count, because its evidence was taken before an action",
             "refused": "an agent without permission tried to write it",
         },
-        value=field_schema(_JSON_TYPES[kind], "The value; left out when unknown."),
+        value=value_schema(kind, "The value; left out when unknown."),
         reason=reason_schema("Why it is unknown; left out when known."),
         detail=field_schema("string", "The cause of an unknown value."),
         evidence_s=field_schema("number", "When the evidence was taken; if unknown, since when it is unknown."),
@@ -198,11 +194,8 @@ def _observer_schema(_name: str, _summary: SpecSummary) -> tuple[str, Field]:
 
 
 def _job_schema(name: str, summary: SpecSummary) -> tuple[str, Field]:
-    algorithm = summary.algorithms[name]
-    returns = {
-        key: field_schema(_JSON_TYPES[value_type.kind], unit_text(value_type.unit))
-        for key, value_type in algorithm.returns.items()
-    }
+    types = summary.algorithms[name].returns.items()
+    returns = {key: value_schema(value_type.kind, unit_text(value_type.unit)) for key, value_type in types}
     return f"codra.Job.{name}", event_schema(
         "A change in the state of a job of a perception algorithm.",
         "The algorithm.",
@@ -240,12 +233,12 @@ def _decision_schema(name: str, summary: SpecSummary) -> tuple[str, Field]:
             "fell_back": "by the main execution's own acquisition",
             "shadowed": "from context, although the main execution acquired the value as well",
         },
-        value=field_schema(_JSON_TYPES[kind], "The value in context; left out when unknown."),
+        value=value_schema(kind, "The value in context; left out when unknown."),
         reason=reason_schema("Why it was unknown; left out when known."),
         detail=field_schema("string", "Why it was unknown, or why it could not be observed."),
         source=field_schema("string", "The source of the value in context."),
         asked_s=field_schema("number", "When the decision was requested."),
-        found=field_schema(_JSON_TYPES[kind], "The value that the main execution acquired itself."),
+        found=value_schema(kind, "The value that the main execution acquired itself."),
         kept=field_schema("boolean", "Whether that value was kept as evidence."),
         agrees=field_schema("boolean", "Whether it equals the value in context; left out if nothing was acquired."),
         shadow=field_schema("boolean", "Whether the main execution would have looked in any case."),
@@ -276,7 +269,7 @@ def _expectation_schema(name: str, summary: SpecSummary) -> tuple[str, Field]:
         skill=field_schema("string", "The skill."),
         expected=field_schema("string", "The expectation, as written in the spec."),
         acting_s=field_schema("number", "Since when the expectation counts."),
-        value=field_schema(_JSON_TYPES[kind], "The value of the variable; left out when unknown."),
+        value=value_schema(kind, "The value of the variable; left out when unknown."),
         reason=reason_schema("Why it is unknown; left out when known."),
         detail=field_schema("string", "The cause of an unknown value."),
         source=field_schema("string", "The source of the value."),

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, TypeVar
 from codra_dsl.logic import Value
 from codra_dsl.runtime.errors import NotASourceError
 from codra_dsl.runtime.geometry import Outcome, Pose
-from codra_dsl.runtime.knowledge.declarations import RT, EdgeModel
+from codra_dsl.runtime.knowledge.declarations import RT, TASK, EdgeModel, KnowledgeModel
 from codra_dsl.runtime.knowledge.elements import (
     NO_HISTORIES,
     Attribute,
@@ -330,7 +330,16 @@ class ChangeSet:
         if edge is not None:
             self._remove_edge(edge)
 
-    def insert_initial_edge(self, model: EdgeModel) -> None:
+    def insert_initial_graph(self, model: KnowledgeModel) -> None:
+        """Write the initial nodes, tasks and edges."""
+        for node in model.nodes:
+            self.insert_node(node.name, node.type, node.values)
+        for task in model.tasks:
+            self.insert_node(task.name, TASK, {})
+        for edge in model.edges:
+            self._insert_initial_edge(edge)
+
+    def _insert_initial_edge(self, model: EdgeModel) -> None:
         """Insert a declared initial edge; its pose, if it has one, is valid from now on."""
         if self.schema.edge_type(model.type).model.motion is None:
             self.insert_edge(model.origin, model.type, model.target, model.values)

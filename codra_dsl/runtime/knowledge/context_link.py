@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from codra_dsl.logic import Value
-from codra_dsl.runtime.clock import LockedClock
 from codra_dsl.runtime.journal import EventWriter, Kind
 from codra_dsl.runtime.knowledge.change_set import ChangeSet
 from codra_dsl.runtime.knowledge.operations import Operation, Verb, operations_text
+from codra_dsl.runtime.locked_clock import LockedClock
 from codra_dsl.runtime.values.cell import Reading
 from codra_dsl.runtime.values.model import NotOfTypeError, VariableModel
 

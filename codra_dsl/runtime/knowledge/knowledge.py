@@ -29,7 +29,7 @@ from codra_dsl.runtime.knowledge import handshake
 from codra_dsl.runtime.knowledge.agent_handle import AgentHandle, AgentPort, Transaction, raise_closed
 from codra_dsl.runtime.knowledge.change_set import ChangeRecord, ChangeSet, Touched
 from codra_dsl.runtime.knowledge.context_link import ContextLink, RefusedWrite
-from codra_dsl.runtime.knowledge.declarations import TASK, KnowledgeModel, Pattern
+from codra_dsl.runtime.knowledge.declarations import KnowledgeModel, Pattern
 from codra_dsl.runtime.knowledge.graph_schema import GraphSchema
 from codra_dsl.runtime.knowledge.matching import subjects_of_patterns
 from codra_dsl.runtime.knowledge.operations import HANDLERS, SET, Operation, Verb, operations_of
@@ -100,7 +100,7 @@ class Knowledge:
         self._handles: weakref.WeakValueDictionary[str, AgentHandle] = weakref.WeakValueDictionary()
         self._handles_lock = threading.Lock()
         self._held_handles: dict[int, AgentHandle] = {}  # handles that a subscription keeps alive
-        self._write(START, partial(_insert_initial_graph, self.model))
+        self._write(START, lambda change_set: change_set.insert_initial_graph(self.model))
 
     # Writing
 
@@ -495,13 +495,3 @@ class Knowledge:
         self._watches.add(watch, keys)
         watch.request_evaluation()
         return watch.subscription
-
-
-def _insert_initial_graph(model: KnowledgeModel, change_set: ChangeSet) -> None:
-    """Write the initial nodes, tasks and edges."""
-    for node in model.nodes:
-        change_set.insert_node(node.name, node.type, node.values)
-    for task in model.tasks:
-        change_set.insert_node(task.name, TASK, {})
-    for edge in model.edges:
-        change_set.insert_initial_edge(edge)

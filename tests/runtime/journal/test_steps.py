@@ -9,7 +9,8 @@ import pytest
 
 from codra_dsl.logic import value
 from codra_dsl.runtime import SimClock, WallClock
-from codra_dsl.runtime.clock import PUNCTUAL_S, LockedClock
+from codra_dsl.runtime.clock import PUNCTUAL_S
+from codra_dsl.runtime.locked_clock import LockedClock
 from tests.runtime.forests import World, forest, given, observer, seen, started, variable
 
 PATIENCE_S = 60.0
