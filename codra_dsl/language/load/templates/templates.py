@@ -447,11 +447,13 @@ class _Survey:
         is_literal = parameter.kind is not ParameterKind.IDENTIFIER and not parameter.key.reported
         if is_literal and not _is_allowed_at(pattern, index):
             message = f"{shown(piece.parameter)} is not an identifier, so it cannot be part of {shown(node.text)}"
-            place = PlacedLetters(self._origin.place, piece.letters).place(0, len(piece.text)) or self._origin.of(node)
             help_text = "declare it as an identifier, or make it the complete value"
-            self._report("parameter-in-name", message, place, help_text)
+            self._report("parameter-in-name", message, self._place(node, piece), help_text)
             return False
         return True
+
+    def _place(self, node: ScalarNode, piece: Piece) -> Place:
+        return PlacedLetters(self._origin.place, piece.letters).place(0, len(piece.text)) or self._origin.of(node)
 
     def _report(self, rule: str, message: str, place: Place, help_text: str) -> None:
         self._findings.add(rule, message, place, help=help_text, path=self._path)
