@@ -440,10 +440,8 @@ class _Survey:
             return "$(" not in piece.text
         self.used.add(piece.parameter)
         parameter = self._parameters.get(piece.parameter)
-        if parameter is None:  # this has already been reported
-            return False
-        if parameter.key.reported and pattern.position is Position.CONDITION:
-            return False  # its value would be unknown
+        if parameter is None or (parameter.key.reported and pattern.position is Position.CONDITION):
+            return False  # this has already been reported, or the value is unknown
         is_literal = parameter.kind is not ParameterKind.IDENTIFIER and not parameter.key.reported
         if is_literal and not _is_allowed_at(pattern, index):
             message = f"{shown(piece.parameter)} is not an identifier, so it cannot be part of {shown(node.text)}"
