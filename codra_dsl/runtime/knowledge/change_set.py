@@ -1,7 +1,8 @@
 """Changes of a graph, collected in a change set that is invisible until it is complete.
 
-A change set keeps its changes beside the graph. A change that is refused or given up therefore never touches a map or a
-history of the graph. Each change is checked against the declarations.
+A change set keeps its changes beside the graph until `state` is called. A change that is refused or given up before
+that touches no map and no history of the graph; after that, `undo` removes its readings. The index may keep names and
+keys that were never committed. Each change is checked against the declarations.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ Touched = tuple[str, str]
 
 
 class ChangeRecord(NamedTuple):
-    """The event of one change, for a journal."""
+    """The event of one change, for the event log."""
 
     name: str
     what: str
@@ -72,7 +73,7 @@ class ChangeSet:
         touched: the subjects of the changes.
         deadlines: the new deadlines of tasks, each with the handover that it would abort.
         context_readings: readings of attributes that are context-variables, in the order in which they were written.
-        records: the changes as journal events; None without a journal.
+        records: the changes as events for the event log; None if they are not recorded.
         operation: the latest operation.
     """
 
@@ -185,7 +186,7 @@ class ChangeSet:
     def delete_node(self, name: str) -> None:
         """Delete a node and all edges to and from it.
 
-        The past poses of the node stay available for the length of their history.
+        The past poses of the node stay available for the length of their history, or for 10 s if it has no limit.
         """
         node = self.node(name)
         permissions = self.schema.node_type(node.type).permissions

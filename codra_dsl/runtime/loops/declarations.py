@@ -4,7 +4,8 @@ P2, sections 3.3 and 5.2: a first fuzzy stage turns context into metrics, a seco
 actions, and the action with the highest weight is the course that the mission's tree takes.
 
 Rates, metrics, weights, courses and parameters are context-variables like any other, each with an agent that writes
-it. Loading the spec adds them, so conditions, agents, the journal and `why` handle them without special code.
+it, so conditions, agents, the journal and `why` handle them without special code. A spec declares the
+variables of rates and parameters; loading the spec adds those of metrics, weights and courses.
 """
 
 from __future__ import annotations

@@ -31,8 +31,8 @@ class ControlFlag(Behaviour):
 class Precondition(Behaviour):
     """An observability precondition over the context (P1, Algorithm 2, line 20).
 
-    Complete evidence is judged by the interval in which it was taken: a precondition that fails after this interval has
-    no effect.
+    Complete evidence is judged by the interval in which it was taken: a precondition that fails after this interval
+    neither stops the job nor voids its evidence.
     """
 
     tick, stop = leaf_tick, leaf_stop

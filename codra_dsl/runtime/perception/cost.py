@@ -45,7 +45,7 @@ class CostMeter:
         judged: results that were evaluated.
         accepted: evaluated results that gave a variable a value.
         voided: jobs whose evidence was discarded.
-        failed: jobs without a result.
+        failed: jobs that raised, timed out, or returned an invalid result.
         cancelled: jobs that were no longer needed.
     """
 

@@ -211,20 +211,20 @@ def _parse_picture(picture: str) -> re.Match[str]:
 
 # The legend, below the picture
 
-_ROW_PX = 24
-_SAMPLE_PX = 64
-_COLUMN_PX = 440
+_ROW_PT = 24
+_SAMPLE_PT = 64
+_COLUMN_PT = 440
 
 
 def _with_legend(picture: re.Match[str], graph: Graph) -> str:
     """Return a picture with its legend below. The picture shrinks with its window, but not below a legible size."""
     rows = list(_rows(graph))
     top = int(picture["height"]) + 20
-    height = top + _ROW_PX * max((row for _, row, _ in rows), default=0) + _ROW_PX
-    width = max(int(picture["width"]), 16 + _COLUMN_PX * (1 + max((column for column, _, _ in rows), default=0)))
+    height = top + _ROW_PT * max((row for _, row, _ in rows), default=0) + _ROW_PT
+    width = max(int(picture["width"]), 16 + _COLUMN_PT * (1 + max((column for column, _, _ in rows), default=0)))
     size = f'width="100%" style="min-width: {width * _SMALLEST_SCALE:.0f}pt; max-width: {width}pt; height: auto"'
     legend = "".join(
-        f'<g transform="translate({16 + _COLUMN_PX * column} {top + _ROW_PX * row})">{text}</g>\n'
+        f'<g transform="translate({16 + _COLUMN_PT * column} {top + _ROW_PT * row})">{text}</g>\n'
         for column, row, text in rows
     )
     return (
@@ -243,7 +243,7 @@ def _rows(graph: Graph) -> Iterator[tuple[int, int, str]]:
         boxes.append(_box("#f7f7f7", "#bbbbbb", 6, "") + _legend_text(FRAME))
     arrows = [_arrow_sample(EDGES[kind]) for kind in edges_of(graph)]
     if any(latency_of(element) for element in graph.elements):
-        arrows.append(f'<text x="{_SAMPLE_PX / 2}" y="4" text-anchor="middle">≤ 1 s</text>{_legend_text(WORST_CASE)}')
+        arrows.append(f'<text x="{_SAMPLE_PT / 2}" y="4" text-anchor="middle">≤ 1 s</text>{_legend_text(WORST_CASE)}')
     for column, samples in enumerate((boxes, arrows)):
         yield from ((column, row, text) for row, text in enumerate(samples))
 
@@ -267,7 +267,7 @@ def _sample(look: NodeLook, meaning: str) -> str:
 
 
 def _box(fill: str, stroke: str, rounding: int, dashes: str) -> str:
-    return f'<rect y="-8" width="{_SAMPLE_PX}" height="16" rx="{rounding}" fill="{fill}" stroke="{stroke}"{dashes}/>'
+    return f'<rect y="-8" width="{_SAMPLE_PT}" height="16" rx="{rounding}" fill="{fill}" stroke="{stroke}"{dashes}/>'
 
 
 _DASHES: Mapping[str, str] = {"dashed": ' stroke-dasharray="5 2"', "dotted": ' stroke-dasharray="1 4"'}
@@ -284,4 +284,4 @@ def _arrow_sample(look: EdgeLook) -> str:
 
 
 def _legend_text(text: str) -> str:
-    return f'<text x="{_SAMPLE_PX + 12}" y="4">{escape(text)}</text>'
+    return f'<text x="{_SAMPLE_PT + 12}" y="4">{escape(text)}</text>'

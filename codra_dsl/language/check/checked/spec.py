@@ -1,4 +1,4 @@
-"""A spec that passed every check, with its conditions typed and lowered: the only input of the build plan.
+"""A spec without binding errors, with its conditions typed and lowered: the only input of the build plan.
 
 Only `codra_dsl.language.check` makes a `CheckedSpec`.
 """
