@@ -49,7 +49,10 @@ class LintInput:
         return covers(self.requested_paths, file)
 
     def count_fixable(self, diagnostics: Sequence[Diagnostic]) -> tuple[int, str]:
-        """Return the number of findings that can be fixed, and a hint if another folder is needed to fix more."""
+        """Return the number of findings that can be fixed, and a hint.
+
+        If more could be fixed by linting a larger folder, the hint names this folder. Otherwise the hint is empty.
+        """
         from codra_dsl.language.diagnostics import is_safe
 
         fixes = [diagnostic.fix for diagnostic in diagnostics if diagnostic.fix is not None and is_safe(diagnostic)]

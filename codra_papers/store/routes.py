@@ -14,7 +14,10 @@ from codra_papers.store.layout import DEPTH_M, FIXED, LENGTH_M
 
 GRID_M = 0.2
 TURNING_ROOM_M = 0.9
-"""Where the robot turns, its axle is at least this far from shelves and walls: its farthest corner is 0.83 m away."""
+"""Where the robot turns, its axle is at least this far from shelves and walls.
+
+The farthest corner of the robot is 0.83 m from the axle.
+"""
 
 LANE_M = 0.38
 """Half the width that the robot needs to drive straight on."""
@@ -64,7 +67,7 @@ def route(start: Pose2D, goal: Pose2D, avoid: Sequence[Disc] = ()) -> tuple[Poin
     Args:
         start: the pose of the robot.
         goal: the goal of the robot.
-        avoid: further places to keep away from, as far as turning requires.
+        avoid: further places; the axle keeps `TURNING_ROOM_M` away from them.
 
     Raises:
         NoRouteError: no route leads to the goal.

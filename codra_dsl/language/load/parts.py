@@ -36,7 +36,10 @@ class Parts:
     """
 
     def __init__(self, root: Path, findings: Findings, texts: Mapping[str, bytes] = AS_ON_DISK) -> None:
-        """Initialize. `texts` has the content of files that are not read from disk, by the file's name in findings."""
+        """Initialize. `texts` has the content of files that are not read from disk.
+
+        The keys of `texts` are the names that findings show for these files.
+        """
         self.documents: list[Document] = []
         self.complete = True
         self._root = root.resolve()

@@ -54,8 +54,8 @@ class Writer:
             name: the name of the node.
             attribute: the name of the attribute.
             value: the value; None makes the attribute unknown.
-            evidence_s: when the evidence was taken; None means now. The value does not replace a value with
-                newer evidence.
+            evidence_s: when the evidence was taken; None means now. If the present value of the attribute has newer
+                evidence, the present value is kept.
 
         Raises:
             ValueError: if the evidence lies in the future.
@@ -290,7 +290,8 @@ class AgentHandle(Writer):
 
         The callback runs without any lock, one call at a time. In real time it runs in a thread of its own. In
         simulated time it runs as an event at the instant of the change and must not wait. Its exceptions are logged.
-        Changes of the graph while the callback runs lead to one more call afterwards, with the graph as it is then.
+        If the graph changes while the callback runs, the patterns are evaluated once more afterwards. The callback is
+        called again only if a pattern has begun to hold.
 
         The subscription keeps the handle alive until it is unsubscribed or the handle is closed. No other handle of
         the agent can be opened meanwhile.

@@ -86,7 +86,10 @@ class GraphReader(Protocol):
         ...
 
     def fresh_until_s(self, a: str, b: str) -> float:
-        """Return until when the distance between two nodes is known without new writes; infinite if it is unknown."""
+        """Return the instant until which the distance between two nodes stays known without new writes.
+
+        If the distance is unknown now, return infinity.
+        """
         ...
 
 
@@ -315,7 +318,10 @@ class _Scope:
         return reading.age_s(self._snapshot.instant_s) if reading.known else None
 
     def until_s(self, name: str) -> float:
-        """Return until when the value of a name is known without new writes; infinite if it is unknown."""
+        """Return the instant until which the value of a name stays known without new writes.
+
+        If the value is unknown now, return infinity.
+        """
         call = _CALL.fullmatch(name)
         if call is not None:
             return self._snapshot.fresh_until_s(self._name(call[2]), self._name(call[3]))

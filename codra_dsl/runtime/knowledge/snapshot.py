@@ -271,7 +271,10 @@ class Snapshot:
         return None if edge is None else element_at_version(edge, self._state.version)
 
     def fresh_until_s(self, a: str, b: str) -> float:
-        """Return until when the distance between two nodes is known without new writes; infinite if it is unknown."""
+        """Return the instant until which the distance between two nodes stays known without new writes.
+
+        If the distance is unknown now, return infinity.
+        """
         try:
             until_s = self._state.frames.fresh_until_s(a, b, self.instant_s)
         except FrameError:

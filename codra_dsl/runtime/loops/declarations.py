@@ -33,9 +33,10 @@ InferBounds = Callable[..., BoundedInference]
 class RateModel:
     """A rate of change, which is a variable of its own.
 
-    Its value is the slope of the line that best fits the known readings of the last `over_s` seconds. It is unknown
-    while these readings span less than half of that time, and while the variable itself is unknown. A value outside
-    the range of the rate's variable is set to the nearest end of the range.
+    Its value is the slope of the line that best fits the readings of `of` in the last `over_s` seconds; if `of` was
+    unknown in this time, only the readings after that count. The rate is unknown while these readings span less than
+    half of `over_s`, and while `of` is unknown. If the slope lies outside the range of `variable`, the value is the
+    nearest end of this range.
 
     Attributes:
         variable: the rate; a context-variable whose source is the analyst.
@@ -60,7 +61,8 @@ class InputModel:
         range: all possible values; they are used while the variable is unknown.
         members: the members of an enum, which the engine numbers from 0 in this order; `("false", "true")` for a bool.
             An unknown value is one of the members, never a number between them.
-        terms: the membership function of each term, for the chains of decisions.
+        terms: the membership function of each term. `why` shows these degrees of membership when it explains a metric
+            or a decision.
     """
 
     variable: str
@@ -77,8 +79,9 @@ class OutputModel:
         name: the metric, or the action.
         variable: the context-variable that holds the value, a number from 0 to 1. Its source is the analyst. The
             variable of a metric has the name of the metric.
-        worse: the end of the interval of possible values that counts when an input is unknown. If a metric changes
-            towards this end, the change can break a dwell.
+        worse: which end of the range is worse. If an input is unknown, the output is an interval of possible values,
+            and its worse end is used as the value. If a metric changes towards its worse end, the change can break a
+            dwell.
     """
 
     name: str
@@ -154,10 +157,10 @@ class CourseModel:
         smooth_s: the time constant of the exponential smoothing of weights; 0 for no smoothing.
         lead: by how much the weight of an action must exceed the weight of the running action.
         hold_s: how long an action must have this lead without a break.
-        dwell_s: the shortest time for which an action runs. A hard rule breaks it, and so does a metric that
-            became worse.
-        cooldown_s: how long an action is not chosen again after it was left. A hard rule breaks the cooldown, and so
-            does a metric that became worse.
+        dwell_s: the shortest time for which an action runs. There are three exceptions: a hard rule, a metric that
+            became worse, and weights that are all unknown (for `hold_s`).
+        cooldown_s: how long an action is not chosen again after it was left. The exceptions are the same as for the
+            dwell.
         abort_s: how long a branch may take to end after the course has left it.
         always: hard rules; the first one that holds decides.
     """
@@ -211,7 +214,7 @@ class TreeModel:
     """A behavior tree of the mission, and its branch for each action.
 
     The tree has guarded branches: each reads an entry of the tree's blackboard (`_while="course == 'deliver'"`, or a
-    `Switch` with `variable="{course}"`). Writing the entry chooses the course.
+    `Switch` with `variable="{course}"`). The loop writes the entry to select the branch of the course.
 
     Attributes:
         build: makes the root; a function of the compiled module's `TREES`.

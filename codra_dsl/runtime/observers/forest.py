@@ -103,8 +103,8 @@ class Forest:
     def declare(self, variable: str) -> None:
         """Start the observers for a variable that enters C_E(t) (P1, Algorithm 1).
 
-        If the observer of the variable runs already, because other observers need the variable on events, the variable
-        may be due only now. So this observer is ticked.
+        If the variable has `refresh: on_event`, its observer may run already because other observers need the variable.
+        Then the declaration can make the variable due, so the observer is ticked.
         """
         self._activation.declare(variable)
         if variable in self._observers_needing and variable in self._observer_of:
@@ -132,8 +132,8 @@ class Forest:
     def is_asked_for(self, variable: str, declarations: Container[str]) -> bool:
         """Return whether a variable is declared, or needed, directly or indirectly, by an observer that is due to look.
 
-        Observers may need each other in a cycle. Need within the cycle does not count: one of its variables must be
-        asked for from outside the cycle.
+        If observers need each other's variables in a cycle, this alone does not count: something outside the cycle must
+        ask for one variable of the cycle.
         """
         visited, pending = {variable}, [variable]
         while pending:
@@ -212,7 +212,8 @@ class Forest:
             self._timers[observer.name] = self._clock.call_at(instant_s, lambda: self._wake(observer))
 
     def _wake(self, observer: Observer) -> None:
-        # If a timer fires while it is being replaced, this removes the entry of the new timer.
+        # A timer may fire while `_wake_at` replaces it. Then the next line removes the entry of the new timer. This is
+        # harmless: the tick schedules the next one.
         self._timers.pop(observer.name, None)
         self.touch(observer)
 
@@ -230,7 +231,10 @@ class Forest:
         self._on_stop(observer)
 
     def _serving_observers(self, observer: Observer) -> frozenset[str]:
-        """Return the observers that look on events for an observer, directly or indirectly; they are ticked with it."""
+        """Return the observers of the variables with `refresh: on_event` that an observer needs.
+
+        It may need them directly or indirectly. When a change ticks the observer, these observers are ticked too.
+        """
         serving_names: set[str] = set()
         pending = [observer]
         while pending:

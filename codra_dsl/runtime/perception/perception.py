@@ -75,7 +75,10 @@ class Perception:
         self._executors.prepare(list(algorithms_by_name.values()), self._handles)
 
     def close(self) -> None:
-        """Close objects that were set up, and end all processes. This waits, so the caller must not hold the lock."""
+        """Close the objects of perception classes, and end all processes.
+
+        This waits, so the caller must not hold the lock.
+        """
         self._executors.close()
 
     def cost_meter(self, algorithm: Algorithm) -> CostMeter:
@@ -100,7 +103,7 @@ class Perception:
         find_arguments: Callable[[], Mapping[str, Value | None] | None],
         on_change: Callable[[], None],
     ) -> JobRun:
-        """Request a job. As soon as the job has its slots, it starts in a separate event.
+        """Request a job. It starts when it gets its slots: in a later event of the clock, never inside this call.
 
         Args:
             algorithm: the algorithm; no other job of it may be running.
@@ -182,7 +185,7 @@ class Perception:
             return Failure(Reason.FAILED, str(error))
         except BaseException as error:  # errors of a user's function must not reach the forest
             if isinstance(error, KeyboardInterrupt) and threading.current_thread() is threading.main_thread():
-                raise  # in simulated time, the user interrupts the program
+                raise  # in simulated time, jobs can run in the main thread: the user's Ctrl-C must end the program
             return Failure(Reason.FAILED, described(error))
 
     def _record_evidence(self, job_run: JobRun, report_s: float, interval: Interval) -> None:
@@ -243,7 +246,8 @@ class Perception:
             self._cost_meters[job_run.algorithm.name].end(job_run.end_s - job_run.start_s, len(job_run.algorithm.slots))
         if job_run.ticket is not None:
             self._slots.release(job_run.ticket)
-            # the ticket refers to the job run: without this cycle, both are freed without the garbage collector
+            # The ticket and the job run refer to each other. Without this reference there is no cycle, so both are
+            # freed without the garbage collector.
             job_run.ticket = None
 
     def _record(self, job_run: JobRun, what: str, **details: object) -> None:

@@ -56,7 +56,7 @@ def _unknown_lines(reading: Reading[Value], latest_events: LatestEvents, summary
     last_known = latest_events.known.get(name)
     match reading.reason:
         case _ if reading.source == POSES:
-            yield f"unknown since {since}: {reading.detail}"
+            yield f"unknown from {since} on: {reading.detail}"
         case Reason.NEVER_OBSERVED:
             sources = " or ".join(summary.variables[name].sources)
             is_observed = summary.observer_of(name) is not None

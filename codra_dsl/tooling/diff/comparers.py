@@ -30,7 +30,7 @@ def compare_elsewhere(*_: Any) -> Iterator[Change]:
 
 
 def compare_inline(scope: Scope, _: str, old: Any, new: Any) -> Iterator[Change]:
-    """Yield the changes of a nested value whose keys are written in the element itself.
+    """Yield the changes of a nested value that has no key of its own: its keys are among the keys of the element.
 
     If the values have different classes, yield nothing.
     """
@@ -75,10 +75,10 @@ def growth_comparer(more: Category, less: Category) -> Comparer:
 
 
 def name_comparer(lost: Wording, gained: Wording) -> Comparer:
-    """Return the comparer of lists without an order, of names or of conditions, which are compared one by one.
+    """Return the comparer of unordered lists of names or of conditions. The entries are compared one by one.
 
-    If the messages contain `{}`, the list is one of variables, and `{}` stands for the variables that were lost or
-    gained. Variables that only one version has are left out, because they are reported themselves.
+    If the messages contain `{}`, the entries are variables, and `{}` stands for the variables that were lost or gained.
+    Variables that only one version of the spec has are left out, because they are reported themselves.
     """
 
     def compare(scope: Scope, key: str, old: Any, new: Any) -> Iterator[Change]:
@@ -149,7 +149,10 @@ def _range_of(declared: ValueType) -> tuple[Fraction | float, Fraction | float]:
 
 
 def compare_writers(scope: Scope, key: str, old: Sequence[Writer], new: Sequence[Writer]) -> Iterator[Change]:
-    """Yield the changes of the writers of a type, an edge or an attribute, which `source` and `owns` of agents name."""
+    """Yield the changes of the writers of a type, an edge or an attribute.
+
+    The writers are named under `source` of the element, or are agents that list the element under `owns`.
+    """
     element, value = scope.elements[1], scope.values[1]
     if old or new or not scope.path:  # an attribute without sources has the writers of its type or edge
         section = "types" if isinstance(element, NodeType) else "edges"
@@ -162,7 +165,10 @@ def compare_writers(scope: Scope, key: str, old: Sequence[Writer], new: Sequence
 def compare_variable_writers(
     scope: Scope, key: str, old: Sequence[Reference], new: Sequence[Reference]
 ) -> Iterator[Change]:
-    """Yield the changes of the writers of a variable, which its `source` and `owns` of agents name."""
+    """Yield the changes of the writers of a variable.
+
+    The writers are named under `source` of the variable, or are agents that list the variable under `owns`.
+    """
     sources = ([source for source in side if source.name != "observer"] for side in (old, new))
     yield from _compare_writer_lists(scope, key, *map(_make_writers, sources), no_writer="observers only")
     name = scope.values[1].name
@@ -236,7 +242,7 @@ def guard_comparer(types_of: Callable[[Scope, Sequence[Condition]], Types]) -> C
 
 
 def _conditions_not_in(trees: Sequence[Node], conditions: Sequence[Condition], types: Types) -> list[Condition]:
-    """Return the conditions that are equal to none of some trees."""
+    """Return the conditions that differ from all of the given trees."""
     return [
         condition
         for condition in conditions

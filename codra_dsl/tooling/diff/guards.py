@@ -1,7 +1,7 @@
 """The comparison of guards, conditions and values by meaning, as far as `check` can decide.
 
 A guard is a list of conditions that must all be certainly true. A guard counts as following from another guard only if
-this is certain. If it cannot be decided, the relation is `OTHER`.
+this is certain. If neither of two guards certainly follows from the other, the relation is `OTHER`.
 """
 
 from __future__ import annotations
@@ -84,7 +84,8 @@ def is_same_choice(one: Sequence[tuple[str, Node]], other: Sequence[tuple[str, N
     choices = _conditions_by_member(one), _conditions_by_member(other)
     members = {**choices[0], **choices[1]}
     guards = (
-        [Or(operands=tuple(side.get(member, ())), start=0, end=0) for side in choices]  # any of its conditions
+        # a member is chosen if any of its conditions holds
+        [Or(operands=tuple(side.get(member, ())), start=0, end=0) for side in choices]
         for member in members
     )
     return all(relation([before], [after], types) is Relation.SAME for before, after in guards)

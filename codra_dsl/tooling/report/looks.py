@@ -101,7 +101,7 @@ EDGES: Mapping[EdgeKind, EdgeLook] = {
     EdgeKind.SWITCHES: EdgeLook(colour="#b5541c", style="bold", head="normal", sentence="A chooses the branch of B"),
     EdgeKind.SETS: EdgeLook(colour="#b5541c", style="solid", head="normal", sentence="A sets B"),
     EdgeKind.ANALYSES: EdgeLook(colour="#777777", style="dotted", head="open", sentence="A computes B"),
-    EdgeKind.ADAPTS: EdgeLook(colour="#777777", style="dashed", head="open", sentence="A makes B"),
+    EdgeKind.ADAPTS: EdgeLook(colour="#777777", style="dashed", head="open", sentence="A carries out B"),
 }
 
 FRAME = "an observer with its algorithms and variables"

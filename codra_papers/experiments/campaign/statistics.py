@@ -29,7 +29,8 @@ class Estimate:
     """A value with its confidence interval at `LEVEL`.
 
     Attributes:
-        value: the value; None if the data give none, e.g. the ratio of right seconds if no value was ever held.
+        value: the value; None if the data give no value, e.g. for the ratio of the seconds with a right value to the
+            seconds with any value, if there never was a value.
         low, high: the ends of the interval; None if the data give no interval, e.g. because there is only one run.
     """
 
@@ -50,7 +51,7 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True)
 class Share:
-    """A part of a total in one run, e.g. the right seconds among the held seconds."""
+    """A part of a total in one run, e.g. the seconds with a right value among the seconds with any value."""
 
     part: float
     total: float
@@ -74,8 +75,8 @@ def ratio_interval(shares: Sequence[Share]) -> Estimate:
 def ratio_difference(first: Sequence[Share], second: Sequence[Share]) -> Estimate:
     """Return the ratio of sums of one arm minus the ratio of sums of another arm, with the interval of the difference.
 
-    Runs are resampled with both of their shares: a run that is hard for one arm is hard for the other, because both
-    arms watch the same frames (P1, section 4.1).
+    Both arms watch the same frames (P1, section 4.1), so a run that is hard for one arm is hard for the other. So a
+    run that is drawn contributes its shares of both arms.
 
     Args:
         first: the shares of one arm, one per run.
@@ -107,8 +108,8 @@ def quantile_interval(runs: Sequence[Sequence[float]], quantile: float) -> Estim
 
     Args:
         runs: the values of each run; a run may have none, and values may be infinite.
-        quantile: a share between 0 and 1. The result is one of the values: the smallest value that at least this share
-            of all values does not exceed.
+        quantile: a share between 0 and 1. The result is one of the values: the smallest value v for which at least
+            this share of all values is at most v.
     """
     ordered_values = sorted((value, run) for run, values in enumerate(runs) for value in values)
     if not ordered_values:
@@ -128,7 +129,10 @@ def quantile_interval(runs: Sequence[Sequence[float]], quantile: float) -> Estim
 
 
 def _quantile_index(counts: _Array, quantile: float) -> NDArray[np.intp]:
-    """Return the index of a quantile among sorted values, for each row of `counts`: how often each value occurs."""
+    """Return, for each row of `counts`, the index of a quantile among sorted values.
+
+    A row states how often each value occurs.
+    """
     sums = counts.cumsum(-1)
     indices: NDArray[np.intp] = np.argmax(sums >= quantile * sums[:, -1:] - _ROUNDING, axis=-1)
     return indices
@@ -139,12 +143,13 @@ class Welch:
     """The result of a two-sided Welch's t-test of two independent samples (P1, section 4.2, footnote 4).
 
     Attributes:
-        difference: the mean of the first sample minus that of the second, with its interval by the same t distribution.
+        difference: the mean of the first sample minus that of the second. Its interval uses the t distribution of the
+            test.
         t: the test statistic.
         degrees: the degrees of freedom by Welch and Satterthwaite.
         p: the probability of a difference at least as large if the means were equal.
-        hedges_g: the difference in units of the root of the mean variance, corrected for small samples. The variances
-            may differ in its interval (Bonett, Psychological Methods 13, 2008).
+        hedges_g: the difference in units of the root of the mean variance. Its value is corrected for small samples.
+            Its interval does not assume equal variances (Bonett, Psychological Methods 13, 2008).
     """
 
     difference: Estimate

@@ -239,7 +239,7 @@ def test_why_explains_who_placed_a_node_and_why_a_comparison_is_unknown(tmp_path
     )
     explanation = why("lid_open", 16.0)
     assert f"{NEAR} is unknown (stale) at 16 s\n" in explanation
-    assert "unknown since 15.2 s: the pose of 'robot' is too old\n" in explanation
+    assert "unknown from 15.2 s on: the pose of 'robot' is too old\n" in explanation
     assert "placed at (3.6, 0, 0) m by agent navigation at 13.2 s" in explanation
     assert explanation.endswith(f"missing: {NEAR} = true")
 

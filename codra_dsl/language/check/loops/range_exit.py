@@ -17,11 +17,14 @@ from codra_dsl.language.expression import Choice, Compare, Comparison, Name, Nod
 from codra_dsl.language.model import Parameter
 
 _END = "the end of the range"
-"""A name that no condition can have."""
+"""A name that cannot occur in a condition, because it contains spaces."""
 
 
 def leaving_values(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
-    """The value that an adaptation sets is in the range of the variable, as far as the ranges of its inputs show."""
+    """The value that an adaptation sets is in the range of the variable.
+
+    This is checked as far as it follows from the ranges of the names in the value.
+    """
     for adaptation, name, tree in adapted_variables(scope, faults):
         variable_type, variable = scope.context_types[name], scope.variables[name]
         if variable_type is None or variable_type.range is None or not isinstance(adaptation.does, Parameter):

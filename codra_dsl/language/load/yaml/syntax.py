@@ -1,7 +1,8 @@
-"""Translate a YAML parser's error into a problem for authors of specs, with the range of text that causes it.
+"""Translate a YAML parser's error into a `Problem`: a message for authors of specs, with the text range of the error.
 
-If a trap for conditions makes a file unreadable, the problem has the range to mask so that the rest can be read. If a
-letter is missing, the problem has that letter, so that the rest can be read with it.
+If YAML misreads a condition (see `traps.py`) and the file is therefore unreadable, the problem states the range of text
+to mask. If text is missing, such as a bracket, the problem states this text. With the mask or the inserted text, the
+rest of the file can be read.
 """
 
 from __future__ import annotations
@@ -185,13 +186,13 @@ _EXPLANATIONS: tuple[tuple[str, str, str, str], ...] = (
     (
         "expected ',' or ']'",
         "yaml-syntax",
-        "the list that '[' begins on line {line} cannot continue with {letter}",
+        "the list that begins with '[' on line {line} cannot continue with {letter}",
         "write ',' between items and ']' after the last; quote texts that contain brackets or quotes",
     ),
     (
         "expected ',' or '}'",
         "yaml-syntax",
-        "the mapping that '{{' begins on line {line} cannot continue with {letter}",
+        "the mapping that begins with '{{' on line {line} cannot continue with {letter}",
         "write ',' between entries and '}' after the last; quote texts that contain brackets or quotes",
     ),
     (
@@ -260,7 +261,10 @@ def _plain_problem(error: ParserError) -> Problem:
         return Problem("yaml-syntax", message, help_text, at, at + 1)
     if _is_indented_further(error):
         start = at - len(error.before().lstrip())
-        message = f"{shown(error.text[start:at])} is indented deeper than the key above, so YAML reads it as its value"
+        message = (
+            f"{shown(error.text[start:at])} is indented deeper than the key above, "
+            "so YAML reads it as part of the value of that key"
+        )
         return Problem("yaml-syntax", message, "indent the keys of a mapping alike", start, at)
     if error.letter in ("}", "]") and not error.in_brackets:
         return Problem("yaml-syntax", f"{shown(error.letter)} closes nothing", "remove it", at, at + 1)

@@ -37,8 +37,8 @@ NEVER = "never"
 _NOTE = (
     "Runs of {:.0f} s. The actions of people and the orders are drawn from the seed before a run begins; everything is "
     "counted from the state of the world. docs/papers/store-experiment.md has all definitions. Means are over "
-    "seeds. Differences are to the manager ours over the same seeds, with 95 % intervals by the bootstrap. The "
-    "intervals of marked differences do not contain zero."
+    "seeds. Each difference compares a manager with the manager 'ours' over the same seeds; its 95 % interval is "
+    "computed by the bootstrap. The intervals of marked differences do not contain zero."
 )
 
 
@@ -124,7 +124,10 @@ def _searched_only(design: Design, search_cells: Sequence[Cell]) -> Document:
 
 
 def _summary(table: Sequence[MeasureComparison], reaction_rows: Sequence[Reactions]) -> Iterator[str]:
-    """Yield sentences on the four measures that answer the question, and on reactions, whatever the results are."""
+    """Yield a sentence for each of the four measures that answer the question of the experiment, and one on reactions.
+
+    The same sentences are written for every result.
+    """
     for measure in MEASURES[:4]:
         manager_rows = _measure_rows(table, measure)
         means = ", ".join(f"{row.manager} {_number_text(row.mean.value, 2)}" for row in manager_rows)
@@ -132,7 +135,7 @@ def _summary(table: Sequence[MeasureComparison], reaction_rows: Sequence[Reactio
         differences_text = ", ".join(
             f"{row.manager} {interval(row.difference, 2)}" for row in sure_rows if row.difference
         )
-        sure_text = f"different from ours with an interval without zero: {differences_text or 'none'}"
+        sure_text = f"differences to ours whose interval does not contain zero: {differences_text or 'none'}"
         yield f"{measure.name} of a run: {means}; {sure_text}."
     all_cause_rows = [row for row in reaction_rows if row.cause is None]
     reactions_text = ", ".join(
@@ -170,7 +173,8 @@ def _differences(table: Sequence[MeasureComparison]) -> Table:
         if _is_sure(difference)
     )
     return Table(
-        caption="Differences to ours, seed by seed: above zero, the number of the manager is larger than that of ours.",
+        caption="Means over seeds of the manager's value minus the value of 'ours'. Above zero, the manager's value is "
+        "larger.",
         header=("Of a run", *next(iter(differences.values()))),
         rows=[
             (name, *(interval(difference, 2) for difference in by_manager.values()))
@@ -199,9 +203,9 @@ def _reactions_table(reaction_rows: Sequence[Reactions]) -> Table:
         for row in reaction_rows
     ]
     caption = (
-        "From the instant at which a cause begins in the world to the first instant at which the course is one for "
-        "which the cause calls. An unanswered cause counts as later than any answered cause. The number of causes "
-        "depends on the actions of the robot."
+        "The time from the beginning of a cause in the world until the course is one of those that answer this cause. "
+        "The time of an unanswered cause counts as longer than any other. The number of causes depends on the actions "
+        "of the robot."
     )
     return plain_table(caption, header, rows)
 
@@ -222,7 +226,10 @@ def _grid(design: Design, search_cells: Sequence[Cell]) -> Table:
     ]
     header = ("Person, m", "Battery, %", "Load", "Missions", "Unsafe s", "Score", "")
     seeds = ", ".join(map(str, design.tuning_seeds))
-    caption = f"Each cell of the grid on the seeds {seeds}, means. The score: missions minus a tenth of unsafe seconds."
+    caption = (
+        f"The means of each cell of the grid over the seeds {seeds}. "
+        "The score: missions minus a tenth of unsafe seconds."
+    )
     return plain_table(caption, header, rows)
 
 

@@ -14,7 +14,7 @@ from codra_papers.store.simulator.state import Load, StoreState, Whereabouts
 from codra_papers.store.simulator.store import Store
 
 DRAIN = 4.0
-"""The factor on the use of the battery."""
+"""How many times as fast as usual the battery is used."""
 
 _SPARE = "container_3"
 """A container that is in the back room at first; it is put at the place from which it is to be collected."""
@@ -28,7 +28,7 @@ class Visit:
 
     Attributes:
         area: the area with the container.
-        times: how often the person crosses.
+        times: how often the person walks past the container.
     """
 
     at_s: float
@@ -98,7 +98,11 @@ class Staging:
     """Carries out the events of a shift in a shop."""
 
     def __init__(self, shift: Shift, store: Store) -> None:
-        """Put the container to collect in its place, set the first load, and wait for the instants of the events."""
+        """Set up the containers, and follow the shop, so that each event happens at its instant.
+
+        The container that will be collected is put at its place and is full. The container that will be moved gets its
+        first load.
+        """
         self._shift = shift
         self._store = store
         self._acts = sorted(self._schedule(), key=lambda act: act[0])
