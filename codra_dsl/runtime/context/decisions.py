@@ -34,7 +34,7 @@ class DecisionRequest:
 
 @dataclass(slots=True, kw_only=True)
 class Decision:
-    """A decision under way.
+    """A decision that is not made yet.
 
     Attributes:
         number: counted from 1 in a run.

@@ -37,7 +37,7 @@ class ShadowRow:
 
     Attributes:
         variable: the variable of the decisions.
-        skill: the skill that was under way; empty if there was none.
+        skill: the skill that was running; empty if there was none.
         agreed: how often context had the value that the robot saw.
         disagreements: the decisions for which context had another value than the robot.
         unknown: for each reason, how often context had no answer. The reason is `too_old` if context had an answer that

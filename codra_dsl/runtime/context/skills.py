@@ -1,4 +1,4 @@
-"""The handle of a skill under way."""
+"""The handle of a running skill."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Look = Callable[[str], object]
 
 
 class Skill:
-    """A skill under way: the variables that it previews and monitors are declared until it ends.
+    """A running skill: the variables that it previews and monitors are declared until it ends.
 
     Attributes:
         model: its declaration in the spec.

@@ -142,7 +142,7 @@ class Frames:
         return self._cached_transform(target, source, instant_s)[0]
 
     def fresh_until_s(self, target: str, source: str, instant_s: float) -> float:
-        """Return until when no edge between two frames is stale, if no further poses arrive.
+        """Return the instant until which no edge between two frames is stale, if no further poses arrive.
 
         Raises:
             FrameError: if a frame is unknown, or the two were not connected at the instant.

@@ -406,7 +406,7 @@ def _adaptation_schema(_name: str, _summary: SpecSummary) -> tuple[str, Field]:
         message=field_schema("string", "The error."),
         since_s=field_schema("number", "Since when the previous action was the course, or the value was set."),
         dwell_until_s=field_schema(
-            "number", "Until when the course would have been kept without a hard rule or a worse metric."
+            "number", "The instant until which the previous course is kept, except for a hard rule or a worse metric."
         ),
         readings=object_list_schema(
             "The readings that were used.",
@@ -434,7 +434,7 @@ def _adaptation_schema(_name: str, _summary: SpecSummary) -> tuple[str, Field]:
             **JUDGEMENT_FIELDS,
             smoothed=field_schema("number", "The smoothed value, which decides."),
             leads_since_s=field_schema("number", "Since when the action leads the course that was left."),
-            cooldown_until_s=field_schema("number", "Until when the action cannot be chosen again."),
+            cooldown_until_s=field_schema("number", "The instant before which the action cannot be chosen again."),
         ),
         kept_by=object_list_schema(
             "Single changes that would have kept the course: the smallest change of each kind.",

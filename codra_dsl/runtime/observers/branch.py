@@ -140,14 +140,17 @@ class Branch:
     def next_start_s(self) -> float:
         """Return when the next job is due.
 
-        Return infinity if the branch looks on events only, and none of its due variables is asked for.
+        Return infinity if all variables of the branch have `refresh: on_event`, and none that is due is asked for.
         """
         if self.is_on_event:
             return self._next_on_event_s()
         return self._next_in_period_s()
 
     def _next_in_period_s(self) -> float:
-        """Return the end of the pause between two jobs. For looks on events, the end of acting also ends the pause."""
+        """Return the end of the pause between two jobs.
+
+        With `refresh: on_event`, the end of acting also ends the pause.
+        """
         has_new_cause = self.is_on_event and self.last_start_s < self.observer.services.event_triggers.acted_s
         is_at_once = self._is_fresh or has_new_cause
         period_s = 0.0 if is_at_once else max(self.observer.model.period_s, SHORTEST_PERIOD_S)
@@ -183,7 +186,7 @@ class Branch:
 
     @property
     def is_busy(self) -> bool:
-        """Return whether a job is under way or its outcome waits to be taken."""
+        """Return whether a job runs, or has an outcome that was not taken yet."""
         return self._job_run is not None
 
     @property

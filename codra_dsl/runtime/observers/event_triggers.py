@@ -1,4 +1,4 @@
-"""How skills under way affect observers: when to look on events, and which variables an action may be changing."""
+"""How running skills affect observers: when variables with `refresh: on_event` are due, and which may be changing."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from codra_dsl.runtime.values.cell import BEFORE_ALL_S, Reading
 
 
 class EventTriggers:
-    """The variables that skills under way monitor, those that acting skills change, and the last end of acting.
+    """The variables that running skills monitor, those that acting skills change, and the last end of acting.
 
     Callers that change this object hold the context manager's lock.
     """

@@ -116,7 +116,7 @@ class _WatchedExpectation:
 
 
 class Expectations:
-    """The expectations of skills under way.
+    """The expectations of running skills.
 
     Callers hold the context manager's lock, except for `is_settled` and `verification`.
 

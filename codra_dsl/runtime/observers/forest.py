@@ -153,7 +153,7 @@ class Forest:
         return False
 
     def look_again(self) -> None:
-        """Tick the running observers that look on events, because they may be due now."""
+        """Tick the running observers that have variables with `refresh: on_event`, because they may be due now."""
         for observer in self._on_event_observers:
             if observer.is_wanted:
                 self.touch(observer)

@@ -90,7 +90,10 @@ class Observer:
         return tuple(sorted({name for term in self._terms() for name in term.variables()}))
 
     def watched_variables(self) -> tuple[str, ...]:
-        """Return the variables whose changes cause a tick: the observer needs them, or observes them on events."""
+        """Return the variables whose changes cause a tick.
+
+        The observer needs these variables, or identifies them and they have `refresh: on_event`.
+        """
         return tuple(sorted({*self.needs(), *self.on_event_variables}))
 
     def aged_needs(self) -> tuple[str, ...]:

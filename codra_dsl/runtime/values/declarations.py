@@ -26,12 +26,12 @@ def expectation_holder(party: str) -> str:
 
 
 def skill_holder(skill: str, number: int) -> str:
-    """Return the holder that declares the previews and the monitored variables of a skill under way."""
+    """Return the holder that declares the previews and the monitored variables of a running skill."""
     return f"{_SKILL_PREFIX}{skill} {number}"
 
 
 class Declarations:
-    """The variables that are declared by the main execution, skills under way, and expected skills: the holders."""
+    """The declared variables and their holders: the main execution, running skills and expected skills."""
 
     def __init__(self, enter: Callable[[str, str], None], leave: Callable[[str, str], None]) -> None:
         """Start without declarations; `version` counts the changes.
@@ -66,7 +66,7 @@ class Declarations:
         return self._names_of_holders(_EXPECTATION_PREFIX)
 
     def of_skills(self) -> tuple[str, ...]:
-        """Return the variables that are declared for skills under way."""
+        """Return the variables that are declared for running skills."""
         return self._names_of_holders(_SKILL_PREFIX)
 
     def _names_of_holders(self, prefix: str) -> tuple[str, ...]:

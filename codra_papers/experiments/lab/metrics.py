@@ -36,12 +36,12 @@ class Seconds:
 
     @property
     def paper(self) -> Share:
-        """Return the share of right seconds among held seconds: P1's ratio."""
+        """Return the seconds with a right value as a share of the seconds with any value: P1's ratio."""
         return Share(self.right_s, self.right_s + self.wrong_s)
 
     @property
     def strict(self) -> Share:
-        """Return the share of right seconds among all seconds: an unknown value counts like a wrong one."""
+        """Return the seconds with a right value as a share of all seconds: an unknown value counts like a wrong one."""
         return Share(self.right_s, self.right_s + self.wrong_s + self.unknown_s)
 
 

@@ -71,7 +71,7 @@ def _without_pause(spec: Spec, algorithms: tuple[Algorithm, ...]) -> tuple[Obser
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Refreshed:
-    """Set `refresh` of all variables: look again periodically, or only on events."""
+    """Set `refresh` of all variables: `periodic` or `on_event`."""
 
     refresh: Refresh
 

@@ -138,7 +138,10 @@ def _strict_ratio_drawing(lids: _ByCount) -> Drawing:
         )
         for arm in ARMS
     ]
-    caption = "Strict ratio of lids and latches of the two tended machines: right seconds in all seconds."
+    caption = (
+        "Strict ratio of lids and latches of the two tended machines: the seconds with a right value as a share of all "
+        "seconds."
+    )
     return curves(strict_ratios, "machines that share one vision slot", "strict ratio", caption)
 
 

@@ -1,4 +1,4 @@
-"""`lab-options`: the effects of validity, changes, confirmation and looking on events."""
+"""`lab-options`: the effects of validity, changes, confirmation and `refresh: on_event`."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ def _summary(comparisons: Sequence[ArmComparison]) -> Iterator[str]:
 
 EXPERIMENT = Experiment(
     name="lab-options",
-    question="What do validity, changes, confirmation and looking on events each do to what is known?",
+    question="What do validity, changes, confirmation and refresh on_event each do to what is known?",
     seeds=6,
     trials=trials,
     judge=judge,

@@ -163,9 +163,16 @@ def _all_variables(runs: Runs) -> Section:
         title="All fourteen variables",
         parts=(
             tables.ratio_table(
-                runs, paper, "Ratio: right seconds in held seconds, in the common window, over all runs."
+                runs,
+                paper,
+                "Ratio: the seconds with a right value as a share of the seconds with any value, in the common window, "
+                "over all runs.",
             ),
-            tables.ratio_table(runs, strict, "Strict ratio: right seconds in all seconds, in the same window."),
+            tables.ratio_table(
+                runs,
+                strict,
+                "Strict ratio: the seconds with a right value as a share of all seconds, in the same window.",
+            ),
             tables.seconds_table(runs),
         ),
     )

@@ -47,12 +47,12 @@ class ArmComparison:
 
     @property
     def paper_ratio(self) -> float | None:
-        """Return the share of right seconds in the seconds with a held value."""
+        """Return the seconds with a right value as a share of the seconds with any value."""
         return ratio_of_sums([self.seconds.paper])
 
     @property
     def strict_ratio(self) -> float | None:
-        """Return the share of right seconds in all seconds."""
+        """Return the seconds with a right value as a share of all seconds."""
         return ratio_of_sums([self.seconds.strict])
 
 

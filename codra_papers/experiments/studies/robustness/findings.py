@@ -52,12 +52,12 @@ Counted = Callable[[Seconds], Share]
 
 
 def paper(counted: Seconds) -> Share:
-    """Return right seconds as a share of held seconds."""
+    """Return the seconds with a right value as a share of the seconds with any value."""
     return counted.paper
 
 
 def strict(counted: Seconds) -> Share:
-    """Return right seconds as a share of all seconds."""
+    """Return the seconds with a right value as a share of all seconds."""
     return counted.strict
 
 

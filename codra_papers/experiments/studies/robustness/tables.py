@@ -65,8 +65,9 @@ def table_2(runs: Runs, variable: str) -> Table:
     rows = [row for arm in runs.arms for row in _arm_rows(runs, variable, arm)]
     caption = (
         f"{label(variable)}, as P1's Table 2: seconds of agreement and disagreement with the truth, from the instant "
-        f"at which the last arm has identified the variable. Ratio: agreement in held seconds; strict ratio: in all "
-        f"seconds. {_MARKED} A dash: the arm never identified the variable in this run, and is left out of its window."
+        f"at which the last arm has identified the variable. Ratio: agreement as a share of the seconds with any "
+        f"value; strict ratio: as a share of all seconds. {_MARKED} A dash: the arm never identified the variable in "
+        f"this run, and is left out of its window."
     )
     ratios = [index for index, row in enumerate(rows) if row[1] in ("ratio", "strict ratio")]
     return marked_below(plain_table(caption, header, rows), paper.LOW_RATIO, ratios)
