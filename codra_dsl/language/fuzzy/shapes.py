@@ -1,4 +1,4 @@
-"""The source of a term's membership function and its inverse."""
+"""The source text of a term's membership function, and of the inverse of this function."""
 
 from __future__ import annotations
 

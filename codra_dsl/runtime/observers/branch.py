@@ -38,7 +38,7 @@ class ObserverSchedule(Protocol):
 
 
 class BranchObserver(Protocol):
-    """The observer that a branch belongs to, as far as the branch uses it.
+    """The parts of an observer that its branches use.
 
     Attributes:
         name: the name of the observer.

@@ -1,4 +1,4 @@
-"""Read the table `[tool.codra.lint]` of a project's `pyproject.toml`. Errors in it are findings with a place."""
+"""Read the table `[tool.codra.lint]` of a project's `pyproject.toml`. Errors in the table are findings with a place."""
 
 from __future__ import annotations
 

@@ -75,8 +75,8 @@ def ratio_interval(shares: Sequence[Share]) -> Estimate:
 def ratio_difference(first: Sequence[Share], second: Sequence[Share]) -> Estimate:
     """Return the ratio of sums of one arm minus the ratio of sums of another arm, with the interval of the difference.
 
-    Both arms watch the same frames (P1, section 4.1), so a run that is hard for one arm is hard for the other. So a
-    run that is drawn contributes its shares of both arms.
+    Both arms watch the same frames (P1, section 4.1), so a run that is hard for one arm is also hard for the other.
+    Therefore, a run that is drawn contributes its shares of both arms.
 
     Args:
         first: the shares of one arm, one per run.
@@ -240,7 +240,7 @@ def _with_interval(statistic: Any, value: float | None, *samples: Sequence[Share
 
 
 def _bootstrap_interval(statistic: Any, columns: Sequence[_Array]) -> tuple[float, float] | tuple[None, None]:
-    """Return the ends of the interval. Both are the value itself if leaving out any single run does not change it."""
+    """Return the ends of the interval; both are the value if no single run changes the value when it is left out."""
     from scipy import stats
 
     runs = range(len(columns[0]))

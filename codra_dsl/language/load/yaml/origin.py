@@ -1,4 +1,4 @@
-"""The origin of an element, and its name in findings."""
+"""The origin of an element, and the name of the element in findings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Find missing punctuation, so that it is reported once and the file is read as if it were there.
+"""Find missing punctuation, so that it is reported once and the file is read as if nothing were missing.
 
 This module recognises mistakes that make a file unreadable, or change its shape, far from the mistake itself: a missing
 ':' after a key, a missing ',' between entries, a missing bracket or quote, or a missing key before a ':'.
