@@ -185,7 +185,7 @@ def _smooth(model: CourseModel, old: TrackedAction, elapsed_s: float, weight: fl
 def _leads_since_s(
     model: CourseModel, old: TrackedAction, course: TrackedAction, then_s: float, now_s: float
 ) -> float | None:
-    """Return since when an action has led, just before the new weights apply; None if it does not lead."""
+    """Return the instant since which an action leads, just before the new weights apply; None if it does not lead."""
     if old.smoothed is None:
         return None
     if course.smoothed is None:

@@ -76,7 +76,7 @@ def _repair_or_removal(broken: BrokenSpec, after: Version) -> Iterator[Change]:
     """Yield a change if a spec with errors in A is repaired or removed. If it has errors in B, these are reported."""
     plan = next((plan for plan in after.plans if _is_of(broken, plan)), None)
     if plan is not None:
-        message = "it had errors and has none now: there is nothing to compare with"
+        message = "the spec had errors and is valid now: there is no earlier version to compare with"
         before, now = broken.errors[0].place, plan.checked.spec.place
         yield Change(category=Category.REPAIRED, element=plan.name, message=message, before=before, after=now)
     elif _find_broken_spec(broken.name, broken.file, after.broken) is None:

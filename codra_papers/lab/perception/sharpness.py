@@ -1,4 +1,4 @@
-"""The quality of a frame, from its light, blur and noise. It tells whether an undetected tag is really not in view."""
+"""The quality of a frame, from its light, blur and noise: in a good frame, an undetected tag is really not in view."""
 
 from __future__ import annotations
 

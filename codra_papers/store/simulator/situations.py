@@ -215,7 +215,7 @@ def _is_carrying(state: StoreState) -> bool:
 
 
 def _since(since_s: float | None, state: StoreState, holds: bool) -> float | None:
-    """Return since when a condition has been true without a break; None if it is false."""
+    """Return the instant since which a condition is true without a break; None if the condition is false."""
     if not holds:
         return None
     return state.instant_s if since_s is None else since_s

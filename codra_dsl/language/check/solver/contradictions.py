@@ -49,7 +49,7 @@ def stated(condition: Condition, tree: Node) -> Stated:
 def contradiction(conditions: Sequence[Stated], types: Types) -> tuple[Stated, ...]:
     """Return conditions that can never be true together, in their order; () if all can be true together.
 
-    Conditions that are not needed for this are left out, as far as they are found.
+    Conditions that are found to be unnecessary for the contradiction are left out.
     If several conditions are needed, each `and` among them is narrowed down to the parts that are needed.
     """
     if can_hold([condition.tree for condition in conditions], (), types):

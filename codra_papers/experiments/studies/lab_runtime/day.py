@@ -26,7 +26,8 @@ class Day:
     """The result of a day.
 
     Attributes:
-        saving: the perception time of the checks with observers, compared with as many mean looks of the day without.
+        saving: the perception time of the checks with observers, compared with that of the same number of looks, each
+            with the mean duration of the looks on the day without observers.
         answered_s: the mean time of a check that context answered; None if it answered no check.
         fell_back: the checks that context did not answer.
     """
