@@ -44,8 +44,10 @@ def _explain_undecided(events: Mapping[str, Event], name: str, at_s: float) -> W
     start_event = events.get("started")
     if start_event is None or name not in start_event.details.get("adapts", ()):
         return None
-    start_text = f"loop {start_event.details['loop']} has been running since {instant(start_event.instant_s)} "
-        f"and has not decided it yet"
+    start_text = (
+        f"loop {start_event.details['loop']} has been running since {instant(start_event.instant_s)} "
+        "and has not decided it yet"
+    )
     reading: Reading[Any] = Reading(name=name, reason=Reason.NEVER_OBSERVED)
     return Why(at_s=at_s, reading=reading, story=(start_text, *_failure_lines(events)))
 

@@ -91,7 +91,8 @@ def _later_event_lines(name: str, latest_events: LatestEvents) -> Iterator[str]:
                 yield f"{_count_text(count, 'look')} rejected since then, {at_text}: {message} ({last_event.name})"
             case "too_old":
                 yield (
-                    f"{_count_text(count, 'value')} did not count, {at_text}: a skill acted while the evidence was taken"
+                    f"{_count_text(count, 'value')} did not count, {at_text}: "
+                    "a skill acted while the evidence was taken"
                 )
             case "refused":
                 yield f"{_count_text(count, 'write')} by {last_event.details['source']} refused, {at_text}"
