@@ -40,11 +40,11 @@ class PoseConditions:
             if variable.pose_condition is not None
         )
         if self._conditions:
-            knowledge.on_touched = self._evaluate_dependent
+            knowledge.on_touched = self._evaluate_affected_conditions
         for condition in self._conditions:
             condition.evaluate(self._take_snapshot())
 
-    def _evaluate_dependent(self, touched: Collection[Touched]) -> None:
+    def _evaluate_affected_conditions(self, touched: Collection[Touched]) -> None:
         """Compute the variables that a change of the graph may affect."""
         frames = frozenset(name for kind, name in touched if kind == "frame")
         has_nodes = any(kind == "node" for kind, _ in touched)
@@ -117,8 +117,8 @@ class _PoseCondition:
 
     def _evidence_s(self, snapshot: Snapshot, moved_frames: frozenset[str]) -> float:
         """Return when the newest pose of the condition's moved frames was measured; now, if none of them moved."""
-        moved_inputs = moved_frames & self._frames if self._frames is not None else frozenset[str]()
-        return max((snapshot.measured_s(name) for name in moved_inputs), default=snapshot.instant_s)
+        moved_input_frames = moved_frames & self._frames if self._frames is not None else frozenset[str]()
+        return max((snapshot.measured_s(name) for name in moved_input_frames), default=snapshot.instant_s)
 
     def _wake_at(self, instant_s: float) -> None:
         """Compute the condition again at an instant.
