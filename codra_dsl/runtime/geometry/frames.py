@@ -150,14 +150,14 @@ class Frames:
         _, tracks = self._cached_transform(target, source, instant_s)
         return min((track.newest_s + track.motion.valid_for_s for _, track in tracks), default=math.inf)
 
-    def next_s(self, target: str, source: str, instant_s: float) -> float:
-        """Return when to compute the present transform again, if no further poses arrive; see `Track.next_s`.
+    def next_update_s(self, target: str, source: str, instant_s: float) -> float:
+        """Return when to compute the present transform again, if no further poses arrive; see `Track.next_update_s`.
 
         Raises:
             FrameError: if a frame is unknown, or the two were not connected at the instant.
         """
         _, tracks = self._cached_transform(target, source, instant_s)
-        return min((track.next_s(instant_s) for _, track in tracks), default=math.inf)
+        return min((track.next_update_s(instant_s) for _, track in tracks), default=math.inf)
 
     def between(self, target: str, source: str, instant_s: float) -> tuple[str, ...]:
         """Return the frames whose poses determine the transform between two frames.

@@ -138,7 +138,7 @@ class Track:
             return self._interpolated_placement(last, gap_s)
         return self._placement_after_pose(last, gap_s)
 
-    def next_s(self, instant_s: float) -> float:
+    def next_update_s(self, instant_s: float) -> float:
         """Return when to compute the present placement again, if no further poses arrive.
 
         That is the earliest of three instants: `EXTRAPOLATION_PERIOD_S` later, while the motion is extrapolated; the end of the

@@ -160,7 +160,7 @@ def test_a_callback_that_deletes_its_matches_is_called_until_there_are_no_matche
     detection = knowledge.as_agent("container_detection")
 
     def delete(change: Change) -> None:
-        match_counts.append((len(change.new), len(change.over), len(change.matches)))
+        match_counts.append((len(change.new), len(change.ended), len(change.matches)))
         for match in change.matches:
             detection.delete_node(match.node("box"))
             with pytest.raises(AbsentError):

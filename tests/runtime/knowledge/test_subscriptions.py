@@ -122,7 +122,7 @@ def notifications(knowledge: Knowledge, *patterns: Any) -> list[tuple[list[str],
     changes: list[tuple[list[str], list[str]]] = []
 
     def callback(change: Change) -> None:
-        changes.append(([match.node("who") for match in change.new], [match.node("who") for match in change.over]))
+        changes.append(([match.node("who") for match in change.new], [match.node("who") for match in change.ended]))
 
     knowledge.subscribe(callback, *patterns)
     return changes
