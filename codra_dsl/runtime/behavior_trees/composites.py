@@ -298,7 +298,9 @@ class Switch(Kind):
         if isinstance(self._variable, Entry) and not node.scope.has(self._variable.key):
             return default_index
         variable = node.read(self._variable)
-        matching_indices = (index for index, case in enumerate(self._cases) if self._is_equal(variable, node.read(case)))
+        matching_indices = (
+            index for index, case in enumerate(self._cases) if self._is_equal(variable, node.read(case))
+        )
         return next(matching_indices, default_index)
 
     def _is_equal(self, variable: object, case: object) -> bool:

@@ -80,7 +80,9 @@ class Frames:
         keeps_parent = len(track) and track.parent == parent and stamp_s >= track.newest_s
         # No cycle can arise if the frame is new, because it has no descendants, or if it keeps its parent.
         if child == parent or (
-            known_track is not None and not keeps_parent and self._is_descendant(parent, child, *track.affected_interval(stamp_s))
+            known_track is not None
+            and not keeps_parent
+            and self._is_descendant(parent, child, *track.affected_interval(stamp_s))
         ):
             raise FrameError(f"{child!r} cannot be placed in {parent!r} from {stamp_s:g} s on: this makes a cycle")
         if parent not in tracks:
@@ -188,20 +190,30 @@ class Frames:
         frames._tracks, frames._cache = tracks, self._cache
         return frames
 
-    def _compute_transform(self, target: str, source: str, instant_s: float) -> tuple[Transform, tuple[tuple[str, Track], ...]]:
+    def _compute_transform(
+        self, target: str, source: str, instant_s: float
+    ) -> tuple[Transform, tuple[tuple[str, Track], ...]]:
         if instant_s != instant_s:
             raise ValueError("the instant of a transform must not be NaN")
-        source_placements, target_placements = self._placements_to_root(source, instant_s), self._placements_to_root(target, instant_s)
+        source_placements, target_placements = (
+            self._placements_to_root(source, instant_s),
+            self._placements_to_root(target, instant_s),
+        )
         common_frame = next((name for name in source_placements if name in target_placements), None)
         if common_frame is None:
             raise FrameError(
                 f"{source!r} and {target!r} were not connected at {instant_s:g} s: "
                 f"their roots were {list(source_placements)[-1]!r} and {list(target_placements)[-1]!r}"
             )
-        source_chain, target_chain = _placements_below(common_frame, source_placements), _placements_below(common_frame, target_placements)
+        source_chain, target_chain = (
+            _placements_below(common_frame, source_placements),
+            _placements_below(common_frame, target_placements),
+        )
         source_pose, target_pose = _chained_pose(source_chain), _chained_pose(target_chain)
         chain = (*source_chain, *target_chain)
-        worst_outcome = max([(placement.outcome, placement.gap_s, name) for name, placement in chain], default=_EXACT_OUTCOME)
+        worst_outcome = max(
+            [(placement.outcome, placement.gap_s, name) for name, placement in chain], default=_EXACT_OUTCOME
+        )
         transform = Transform(
             pose=target_pose.inverse() @ source_pose if target_chain else source_pose,
             outcome=worst_outcome[0],

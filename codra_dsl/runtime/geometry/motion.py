@@ -141,8 +141,8 @@ class Track:
     def next_update_s(self, instant_s: float) -> float:
         """Return when to compute the present placement again, if no further poses arrive.
 
-        That is the earliest of three instants: `EXTRAPOLATION_PERIOD_S` later, while the motion is extrapolated; the end of the
-        extrapolation; the end of validity. It is infinite if the placement no longer changes.
+        That is the earliest of three instants: `EXTRAPOLATION_PERIOD_S` later, while the motion is extrapolated; the
+        end of the extrapolation; the end of validity. It is infinite if the placement no longer changes.
         """
         if self._start == self._end or self.motion.is_static or self.parent is None:
             return math.inf
@@ -181,7 +181,9 @@ class Track:
     def _has_same_edge_as_next(self, position: int) -> bool:
         """Return whether a pose and the next one have the same parent and motion."""
         motion, next_motion = self._motions[position], self._motions[position + 1]
-        return self._parents[position + 1] == self._parents[position] and (next_motion is motion or next_motion == motion)
+        return self._parents[position + 1] == self._parents[position] and (
+            next_motion is motion or next_motion == motion
+        )
 
     def _interpolated_placement(self, position: int, gap_s: float) -> Placement:
         span_s = self._stamps_s[position + 1] - self._stamps_s[position]

@@ -144,7 +144,7 @@ class Transaction(Writer):
     graph as it is then.
     """
 
-    __slots__ = ("_operations_and_results", "_attempt", "_error", "_is_over", "_turn")
+    __slots__ = ("_attempt", "_error", "_is_over", "_operations_and_results", "_turn")
 
     def __init__(self, attempt: Callable[[Operation], Any], turn: AbstractContextManager[object]) -> None:
         """Begin without changes.

@@ -82,13 +82,13 @@ class ChangeSet:
         "_new_readings",
         "_state",
         "agent",
+        "changed_subjects",
         "context_readings",
         "deadlines",
         "now_s",
         "operation",
         "records",
         "schema",
-        "changed_subjects",
     )
 
     def __init__(
@@ -146,7 +146,7 @@ class ChangeSet:
         """Remove the readings that `state` has added to histories, because that state will never be the present one."""
         for histories_and_readings in self._new_readings.values():
             for history, reading in histories_and_readings:
-                history.discard_edge(reading)
+                history.remove(reading)
 
     def starts_from(self, state: State) -> bool:
         """Return whether the change set starts from a given state."""
@@ -276,7 +276,8 @@ class ChangeSet:
         if not edge_type.fits(origin_node, target_node):
             raise NotOfTypeError(
                 f"edges of type {type_name!r} go from {' or '.join(edge_type.model.origins)} to "
-                f"{' or '.join(edge_type.model.targets)}, not from {origin_node.type} {origin!r} to {target_node.type} {target!r}"
+                f"{' or '.join(edge_type.model.targets)}, "
+                f"not from {origin_node.type} {origin!r} to {target_node.type} {target!r}"
             )
         if present_edge is not None:
             self._remove_edge(present_edge)

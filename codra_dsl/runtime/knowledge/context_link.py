@@ -41,13 +41,13 @@ class ContextLink:
 
     Attributes:
         variables: the variables of the context.
-        step_clock: makes each write a step, and each deadline an event.
+        clock: makes each write a step, and each deadline an event.
         event_writer: writes the journal.
         write: writes a reading of a variable to the context, which passes it to the graph's `mirror`.
     """
 
     variables: Sequence[VariableModel]
-    step_clock: LockedClock
+    clock: LockedClock
     event_writer: EventWriter
     write: Callable[[Reading[Value]], None]
 
@@ -82,7 +82,9 @@ class ContextLink:
         self.event_writer.write_input(agent, "rule", became=state, **details)
         self.event_writer.write(Kind.KNOWLEDGE, f"{agent}.{rule}", state, agent=agent, **details)
 
-    def make_refused_write(self, operation: Operation, message: str, nodes_by_variable: Mapping[str, str]) -> RefusedWrite:
+    def make_refused_write(
+        self, operation: Operation, message: str, nodes_by_variable: Mapping[str, str]
+    ) -> RefusedWrite:
         """Return the record of a refused operation.
 
         Args:
@@ -94,7 +96,8 @@ class ContextLink:
             return RefusedWrite(operation.subject, message)
         node, name, value, _ = operation.arguments
         variable = next(
-            (candidate for candidate in self.variables if candidate.name == name and nodes_by_variable[name] == node), None
+            (candidate for candidate in self.variables if candidate.name == name and nodes_by_variable[name] == node),
+            None,
         )
         if variable is None:
             return RefusedWrite(operation.subject, message)

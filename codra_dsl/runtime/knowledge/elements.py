@@ -69,7 +69,9 @@ class History:
         entries = self._entries
         first_version, reading = entries[-1]
         return (
-            reading if first_version <= version else entries[bisect_right(entries, version, key=_get_first_version) - 1][1]
+            reading
+            if first_version <= version
+            else entries[bisect_right(entries, version, key=_get_first_version) - 1][1]
         )
 
     def readings_at(self, version: int) -> tuple[Reading[Value], ...]:
@@ -122,9 +124,7 @@ class History:
             return self
         max_readings = max(1, self.attribute.model.history)
         new_history = History(self.attribute, self.subject)
-        new_history._entries = [
-            (_VERSION_BEFORE_ALL, kept_reading) for _, kept_reading in entries[-max_readings:]
-        ]
+        new_history._entries = [(_VERSION_BEFORE_ALL, kept_reading) for _, kept_reading in entries[-max_readings:]]
         insort_right(new_history._entries, (_VERSION_BEFORE_ALL, reading), key=lambda entry: entry[1].evidence_s)
         del new_history._entries[:-max_readings]
         return new_history

@@ -25,7 +25,7 @@ class GraphIndex:
         compaction_threshold: the number of additions at which the index is next checked for obsolete entries.
     """
 
-    __slots__ = ("_outgoing_keys", "_incoming_keys", "_names_by_type", "addition_count", "compaction_threshold")
+    __slots__ = ("_incoming_keys", "_names_by_type", "_outgoing_keys", "addition_count", "compaction_threshold")
 
     def __init__(self) -> None:
         """Create an empty index."""

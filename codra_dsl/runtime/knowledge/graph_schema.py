@@ -79,7 +79,7 @@ class GraphSchema:
 
         Args:
             model: the declarations.
-            nodes_by_variable: the context-variables. Each is an attribute of the node that declares an attribute of the same
+            variables: the context-variables. Each is an attribute of the node that declares an attribute of the same
                 name, or else of the node `context`.
 
         Raises:

@@ -88,9 +88,9 @@ class Knowledge:
         self._now_s = clock.now_s
         self._context_link = context_link
         # Every write holds the turn. With a context manager the turn is a step, which holds the lock of both sides.
-        self._step_clock: Clock = clock if context_link is None else context_link.step_clock
+        self._step_clock: Clock = clock if context_link is None else context_link.clock
         self._step_now_s = self._step_clock.now_s
-        self._turn: AbstractContextManager[object] = threading.RLock() if context_link is None else context_link.step_clock
+        self._turn: AbstractContextManager[object] = threading.RLock() if context_link is None else context_link.clock
         self._state = State.empty(self._step_now_s())
         self._past_states: deque[State] = deque(maxlen=MAX_PAST_INSTANTS - 1)
         self._readings_in_commit: Sequence[Reading[Value]] = ()
@@ -200,7 +200,7 @@ class Knowledge:
 
     def mirror(self, reading: Reading[Value]) -> None:
         """Add a reading of a context-variable to the graph, whoever wrote it; the caller must be in a step."""
-        if self._readings_in_commit and any(committed_reading is reading for committed_reading in self._readings_in_commit):
+        if self._readings_in_commit and any(other_reading is reading for other_reading in self._readings_in_commit):
             return  # the graph itself wrote this reading, together with other changes
         change_set = ChangeSet(self._schema, self._state, self._step_now_s(), reading.source)
         node = self._schema.nodes_by_variable[reading.name]

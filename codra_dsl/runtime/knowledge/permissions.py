@@ -82,7 +82,8 @@ class Permissions:
         if agent == GRAPH_WRITER or self._priorities.get(previous_writer, 0) <= self._priorities[agent]:
             return
         raise OutrankedError(
-            f"{agent!r} cannot overwrite {subject!r}: {previous_writer!r} wrote it with a higher priority, and it is still valid"
+            f"{agent!r} cannot overwrite {subject!r}: "
+            f"{previous_writer!r} wrote it with a higher priority, and it is still valid"
         )
 
 

@@ -75,7 +75,9 @@ class Watch(Generic[ValueT]):
         self._take_snapshot = take_snapshot
         self._evaluate = evaluate
         self._notify = notify
-        self._queue: CallbackQueue[None] = CallbackQueue(clock, self._evaluate_and_notify, lambda _: self._close(on_end))
+        self._queue: CallbackQueue[None] = CallbackQueue(
+            clock, self._evaluate_and_notify, lambda _: self._close(on_end)
+        )
         self._lock = threading.Lock()
         self._is_queued = False
         self._is_closed = False

@@ -1,7 +1,8 @@
 """A graph in the model of RoboComp's DSR: numbered nodes, labelled edges, attributes with a type code.
 
-A graph holds the complete content of a file, whether or not the spec declares it. Values are plain Python; `to_json_value`
-returns them as in RoboComp's JSON: integers of 64 bits as text, since other JSON readers parse numbers as doubles.
+A graph holds the complete content of a file, whether or not the spec declares it. Values are plain Python;
+`to_json_value` returns them as in RoboComp's JSON: integers of 64 bits as text, since other JSON readers parse numbers
+as doubles.
 """
 
 from __future__ import annotations

@@ -19,8 +19,8 @@ from codra_dsl.runtime.knowledge.exchange.document import (
     DsrValue,
     ExchangeError,
     ValueCode,
-    to_json_value,
     parse_value,
+    to_json_value,
 )
 
 MAX_BYTES = 64 * 2**20
@@ -249,7 +249,7 @@ def _refuse_constant(name: str) -> NoReturn:
 def _require_object(json_data: object, place: _Place) -> _JsonObject:
     if not isinstance(json_data, dict):
         place.raise_error("there must be an object: {...}")
-    return cast("_Json", json_data)
+    return cast("_JsonObject", json_data)
 
 
 def _parse_node(key: str, json_data: object, place: _Place) -> tuple[DsrNode, list[tuple[DsrEdge, _Place]]]:
@@ -288,7 +288,8 @@ def _parse_edge(link: _JsonObject, place: _Place) -> DsrEdge:
 def _parse_attributes(owner: _JsonObject, key: str, place: _Place) -> dict[str, DsrValue]:
     values_place = place.key(key)
     return {
-        name: _parse_attribute(value, values_place.key(name)) for name, value in _require_object(owner.get(key, {}), values_place).items()
+        name: _parse_attribute(value, values_place.key(name))
+        for name, value in _require_object(owner.get(key, {}), values_place).items()
     }
 
 
@@ -333,7 +334,9 @@ def _check_nodes(nodes: list[DsrNode], place: _Place) -> None:
     for node in nodes:
         if node.name in numbers_by_name:
             name_place = place.key(str(node.number)).key("name")
-            name_place.raise_error(f"{node.name!r} is also the name of node {numbers_by_name[node.name]}: names must be unique")
+            name_place.raise_error(
+                f"{node.name!r} is also the name of node {numbers_by_name[node.name]}: names must be unique"
+            )
         numbers_by_name[node.name] = node.number
 
 
@@ -354,7 +357,8 @@ def _checked_edges(edges_and_places: list[tuple[DsrEdge, _Place]], node_numbers:
 
 def _json_attributes(attributes: Mapping[str, DsrValue]) -> dict[str, object]:
     return {
-        name: {**value.extra, "type": int(value.code), "value": to_json_value(value)} for name, value in attributes.items()
+        name: {**value.extra, "type": int(value.code), "value": to_json_value(value)}
+        for name, value in attributes.items()
     }
 
 

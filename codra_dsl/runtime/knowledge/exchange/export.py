@@ -17,13 +17,15 @@ from codra_dsl.runtime.knowledge.snapshot import Snapshot
 from codra_dsl.runtime.values.cell import Reading
 
 
-def export_dsr(knowledge: Knowledge, initial_import: DsrImport | None = None, *, unit_m: float = MILLIMETRE_M) -> DsrGraph:
+def export_dsr(
+    knowledge: Knowledge, initial_import: DsrImport | None = None, *, unit_m: float = MILLIMETRE_M
+) -> DsrGraph:
     """Return the present graph as a DSR graph; unknown attributes are left out.
 
     Args:
         knowledge: the graph.
-        initial_import: the import that the graph began with, if any. Parts of the import that the graph does not hold, and
-            unchanged parts, are exported as they were read; parts that were deleted meanwhile are left out.
+        initial_import: the import that the graph began with, if any. Parts of the import that the graph does not hold,
+            and unchanged parts, are exported as they were read; parts that were deleted meanwhile are left out.
         unit_m: the unit of translations, in metres; ignored if `initial_import` is given, whose unit is used.
     """
     dsr_import = initial_import or DsrImport(
@@ -48,10 +50,13 @@ class _Exporter:
         self._document_nodes = {node.name: node for node in dsr_import.document.nodes}
         names_by_number = {node.number: node.name for node in dsr_import.document.nodes}
         self._document_edges = {
-            (names_by_number[edge.origin], edge.label, names_by_number[edge.target]): edge for edge in dsr_import.document.edges
+            (names_by_number[edge.origin], edge.label, names_by_number[edge.target]): edge
+            for edge in dsr_import.document.edges
         }
         self._node_numbers = self._assign_numbers(names_by_number)
-        kept_keys = (key for key in self._document_edges if key not in dsr_import.imported_keys and self._is_kept_edge(key))
+        kept_keys = (
+            key for key in self._document_edges if key not in dsr_import.imported_keys and self._is_kept_edge(key)
+        )
         edge_keys = [*kept_keys, *(edge.key for edge in self._snapshot.edges())]
         self._parents = {key[2]: key[0] for key in edge_keys if key[1] == RT}
         document_keys = sorted(
@@ -116,7 +121,9 @@ class _Exporter:
         }
         if document_node is not None:
             return replace(document_node, type=str(node.type), attributes=attributes)
-        return DsrNode(number=self._node_numbers[node.name], name=str(node.name), type=str(node.type), attributes=attributes)
+        return DsrNode(
+            number=self._node_numbers[node.name], name=str(node.name), type=str(node.type), attributes=attributes
+        )
 
     def _export_edge(self, edge: Edge, document_edge: DsrEdge | None) -> DsrEdge:
         kept_attributes = (
@@ -133,12 +140,17 @@ class _Exporter:
             return replace(document_edge, attributes=attributes)
         origin, label, target = edge.key
         return DsrEdge(
-            origin=self._node_numbers[origin], label=str(label), target=self._node_numbers[target], attributes=attributes
+            origin=self._node_numbers[origin],
+            label=str(label),
+            target=self._node_numbers[target],
+            attributes=attributes,
         )
 
     def _attributes_outside_graph(self, attributes: Mapping[str, DsrValue], owner: PartKey) -> dict[str, DsrValue]:
         """Return the attributes of a node or edge that were read from the file and that the graph does not hold."""
-        return {name: value for name, value in attributes.items() if (*owner, name) not in self._dsr_import.imported_keys}
+        return {
+            name: value for name, value in attributes.items() if (*owner, name) not in self._dsr_import.imported_keys
+        }
 
     def _attributes_with_pose(self, edge: Edge, attributes: dict[str, DsrValue]) -> dict[str, DsrValue]:
         pose = self._snapshot.transform(edge.origin, edge.target).pose
@@ -164,7 +176,10 @@ class _Exporter:
         if not is_placed:
             return {}
         parent_number = self._node_numbers[ancestor_chain[1]] if len(ancestor_chain) > 1 else 0
-        values = (DsrValue(code=ValueCode.UINT64, value=parent_number), DsrValue(code=ValueCode.INT32, value=len(ancestor_chain) - 1))
+        values = (
+            DsrValue(code=ValueCode.UINT64, value=parent_number),
+            DsrValue(code=ValueCode.INT32, value=len(ancestor_chain) - 1),
+        )
         return dict(zip(DERIVED_ATTRIBUTES, values, strict=True))
 
 

@@ -51,9 +51,9 @@ class DsrImport:
     Attributes:
         model: the declarations, with all imported nodes, edges and values; `Knowledge` begins with this model.
         document: the DSR graph.
-        skipped_parts: the parts that the knowledge graph does not hold. `export_dsr` writes a part again if its node or edge
-            still exists.
-        imported_keys: the imported parts.
+        skipped_parts: the parts that the knowledge graph does not hold. `export_dsr` writes a part again if its node or
+            edge still exists.
+        imported_keys: the keys of the imported parts.
         unit_m: the unit of translations, in metres.
     """
 
@@ -91,7 +91,7 @@ class _Importer:
         nodes: the nodes of the start, by name.
         edges: the edges of the start, by origin, label and target.
         skipped_parts: the parts that could not be imported so far.
-        imported_keys: the imported parts so far.
+        imported_keys: the keys of the imported parts so far.
     """
 
     def __init__(self, model: KnowledgeModel, document: DsrGraph, unit_m: float) -> None:
@@ -114,7 +114,9 @@ class _Importer:
             self.imported_keys.add((node.name,))
             node_model = self.nodes.get(node.name) or NodeModel(name=node.name, type=node.type)
             declared_attributes = self._schema.attributes_of_node(_as_node(node.name, node.type))
-            values = dict(self._import_values(declared_attributes, (node.name,), node.name, node.attributes, DERIVED_ATTRIBUTES))
+            values = dict(
+                self._import_values(declared_attributes, (node.name,), node.name, node.attributes, DERIVED_ATTRIBUTES)
+            )
             self.nodes[node.name] = replace(node_model, values={**node_model.values, **values})
 
     def import_edges(self) -> None:
@@ -127,7 +129,9 @@ class _Importer:
             if (origin,) not in self.imported_keys or (target,) not in self.imported_keys:
                 self._skip(subject, "one of its nodes is not in the graph")
                 continue
-            edge_type = self._edge_type_or_reason(edge, _as_node(origin, node_types_by_name[origin]), _as_node(target, node_types_by_name[target]))
+            edge_type = self._edge_type_or_reason(
+                edge, _as_node(origin, node_types_by_name[origin]), _as_node(target, node_types_by_name[target])
+            )
             reason = (
                 edge_type if isinstance(edge_type, str) else self._pose_skip_reason(edge, edge_type, origin, target)
             )
@@ -142,7 +146,9 @@ class _Importer:
         handled_names = (EDGE_TYPE_ATTRIBUTE, *(POSE_ATTRIBUTES if edge_type.model.motion is not None else ()))
         declared_edge = self.edges.get(key)
         values = (
-            dict(declared_edge.values) if declared_edge is not None and declared_edge.type == edge_type.model.name else {}
+            dict(declared_edge.values)
+            if declared_edge is not None and declared_edge.type == edge_type.model.name
+            else {}
         )
         values.update(
             self._import_values(
@@ -192,7 +198,7 @@ class _Importer:
             yield name, converted_value
 
     def _edge_type_or_reason(self, edge: DsrEdge, origin: Node, target: Node) -> EdgeType | str:
-        """Return an edge's type, found by its label, its ends and `EDGE_TYPE_ATTRIBUTE`, or the reason why none is found."""
+        """Return an edge's type, found by its label, its ends and `EDGE_TYPE_ATTRIBUTE`, or the reason why not."""
         labelled_types = self._schema.edge_types_with_label(edge.label)
         fitting_types = [edge_type for edge_type in labelled_types if edge_type.fits(origin, target)]
         type_value = edge.attributes.get(EDGE_TYPE_ATTRIBUTE)
