@@ -19,7 +19,7 @@ from xml.etree.ElementTree import ParseError
 import networkx
 
 from codra_dsl.runtime.knowledge.exchange import DsrEdge, DsrGraph, DsrNode, DsrValue, ExchangeError
-from codra_dsl.runtime.knowledge.exchange.document import MOST_NUMBER, encode_value
+from codra_dsl.runtime.knowledge.exchange.document import MAX_NODE_NUMBER, encode_value
 from codra_dsl.runtime.knowledge.exchange.dsr_json import check_json, read_text, replace_file
 
 __all__ = ["from_networkx", "graphml_text", "parse_graphml", "read_graphml", "to_networkx", "write_graphml"]
@@ -195,7 +195,7 @@ def _read_dsr_data(data: Mapping[str, object], subject: str) -> _DsrData:
     content = _require_mapping(data.get(DSR_KEY, {}), subject)
     codes, extras, extra = (_require_mapping(content.get(key, {}), subject) for key in ("codes", "extras", "extra"))
     number = content.get("number")
-    is_valid_number = isinstance(number, int) and not isinstance(number, bool) and 0 <= number <= MOST_NUMBER
+    is_valid_number = isinstance(number, int) and not isinstance(number, bool) and 0 <= number <= MAX_NODE_NUMBER
     if not (number is None or is_valid_number) or not all(type(code) is int for code in codes.values()):
         raise ExchangeError(f"{subject}: {DSR_KEY!r} does not hold a valid number and valid codes: remove {DSR_KEY!r}")
     for name, value_extra in extras.items():
@@ -213,7 +213,7 @@ def _node_numbers(dsr_data_of_nodes: Mapping[Any, _DsrData]) -> dict[Any, int]:
     if len(set(given_numbers)) < len(given_numbers):
         raise ExchangeError("two nodes have the same number: remove one of the two numbers under 'dsr'")
     used_numbers = set(given_numbers)
-    free_numbers = (number for number in range(1, MOST_NUMBER) if number not in used_numbers)
+    free_numbers = (number for number in range(1, MAX_NODE_NUMBER) if number not in used_numbers)
     return {
         name: next(free_numbers) if dsr_data.number is None else dsr_data.number
         for name, dsr_data in dsr_data_of_nodes.items()

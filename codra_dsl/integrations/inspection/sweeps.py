@@ -22,7 +22,7 @@ from codra_dsl.language.model import Kind, Variable
 from codra_dsl.language.units import convert, parse_number, parse_quantity, parse_unit
 from codra_dsl.runtime.context.package_files import places_in
 from codra_dsl.runtime.loops import CourseModel, InputModel, MapeModel
-from codra_dsl.runtime.loops.places import placed
+from codra_dsl.runtime.loops.places import with_places
 from codra_dsl.runtime.loops.sweep import Sweep
 from codra_dsl.runtime.values.conditions import Value
 
@@ -83,7 +83,7 @@ def subject(plan: BuildPlan, folder: Path, course: str | None = None) -> Subject
         raise SweepError(f"'{spec.name}' has neither metrics nor actions: a sweep has nothing to show")
     package = load_emitted(emit(plan), spec.name, folder)
     model: MapeModel = importlib.import_module(f"{package.__name__}.{MAPE_MODULE}").MAPE
-    model = placed(model, places_in(folder / spec.name, spec.name))
+    model = with_places(model, places_in(folder / spec.name, spec.name))
     course_model = _course(model, course, spec.name)
     names = dict.fromkeys(_variables_read(mape, "" if course_model is None else course_model.name))
     variables = {variable.name: variable for variable in spec.context}

@@ -133,7 +133,7 @@ class _Player:
                 self._commands.adapt(event.name, adaptation["name"], adaptation["what"], adaptation["details"])
             case "rule":
                 rule_event_fields = (details["rule"], details["became"], details.get("message", ""))
-                self._manager.knowledge.write_rule(event.name, *rule_event_fields)
+                self._manager.knowledge.record_rule_state(event.name, *rule_event_fields)
             case _:
                 pass
 
