@@ -31,7 +31,7 @@ GROUPS: Mapping[str, Callable[[Path], Iterator[Row]]] = {
 
 RESULTS = Path(__file__).with_name("results.json")
 
-UNAVAILABLE = 2
+EXIT_UNAVAILABLE = 2
 """The exit code if a requested group does not exist, or its peer is not installed."""
 
 
@@ -41,26 +41,26 @@ def main() -> int:
     unknown = [group for group in wanted if group not in GROUPS]
     if unknown:
         print(f"unknown group {unknown[0]!r}: there are {', '.join(GROUPS)}", file=sys.stderr)
-        return UNAVAILABLE
+        return EXIT_UNAVAILABLE
     print(f"{'row':24} {'ours':>10} {'peer':>10} {'ratio':>8} {'target':>8}")
     return max([_measure(group) for group in wanted])
 
 
 def _measure(group: str) -> int:
     """Measure a group and store its rows; print one line if its peer is not installed."""
-    kept = {row["name"]: row for row in json.loads(RESULTS.read_text("utf-8"))} if RESULTS.exists() else {}
+    records_by_name = {row["name"]: row for row in json.loads(RESULTS.read_text("utf-8"))} if RESULTS.exists() else {}
     try:
         with tempfile.TemporaryDirectory(prefix="codra-bench-") as scratch:
             for row in GROUPS[group](Path(scratch)):
-                kept[row.name] = row.record()
-                met = "met" if row.ratio <= row.target else "missed"
-                line = f"{row.name:24} {row.ours:10.4g} {row.peer:10.4g} {row.ratio:8.3g} {row.target:8} {met}"
+                records_by_name[row.name] = row.record()
+                verdict = "met" if row.ratio <= row.target else "missed"
+                line = f"{row.name:24} {row.ours:10.4g} {row.peer:10.4g} {row.ratio:8.3g} {row.target:8} {verdict}"
                 print(line, flush=True)
-                lines = ",\n".join(map(json.dumps, kept.values()))
+                lines = ",\n".join(map(json.dumps, records_by_name.values()))
                 RESULTS.write_text(f"[\n{lines}\n]\n", "utf-8")
-    except PeerMissingError as missing:
-        print(f"{group}: {missing}", file=sys.stderr, flush=True)
-        return UNAVAILABLE
+    except PeerMissingError as error:
+        print(f"{group}: {error}", file=sys.stderr, flush=True)
+        return EXIT_UNAVAILABLE
     return 0
 
 

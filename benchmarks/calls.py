@@ -13,25 +13,25 @@ from collections.abc import Callable, Sequence
 TURNS = 41
 
 
-def in_turns(sides: Sequence[Callable[[], None]], calls: Sequence[int], turns: int = TURNS) -> list[float]:
+def in_turns(sides: Sequence[Callable[[], None]], call_counts: Sequence[int], turn_count: int = TURNS) -> list[float]:
     """Return the median processor time in seconds that one call of each side takes.
 
     Args:
         sides: the functions to measure.
-        calls: the number of calls of each side in one turn.
-        turns: the number of turns of each side.
+        call_counts: the number of calls of each side in one turn.
+        turn_count: the number of turns of each side.
     """
-    taken_by_side: list[list[float]] = [[] for _ in sides]
+    durations_s_by_side: list[list[float]] = [[] for _ in sides]
     gc.collect()
-    for _ in range(turns):
-        for taken_s, side, count in zip(taken_by_side, sides, calls, strict=True):
-            taken_s.append(_turn_s(side, count))
-    return [statistics.median(taken_s) for taken_s in taken_by_side]
+    for _ in range(turn_count):
+        for durations_s, side, count in zip(durations_s_by_side, sides, call_counts, strict=True):
+            durations_s.append(_turn_s(side, count))
+    return [statistics.median(durations_s) for durations_s in durations_s_by_side]
 
 
-def _turn_s(side: Callable[[], None], calls: int) -> float:
-    repeated = range(calls)
+def _turn_s(side: Callable[[], None], call_count: int) -> float:
+    call_indices = range(call_count)
     began_s = time.process_time()
-    for _ in repeated:
+    for _ in call_indices:
         side()
-    return (time.process_time() - began_s) / calls
+    return (time.process_time() - began_s) / call_count

@@ -35,35 +35,44 @@ def main() -> None:
             codra.set(VARIABLE, True)
             for name in codra.modelled():
                 codra.declare(name)
-            _print("in process", _timed(lambda: codra.decide(VARIABLE, _must_not_look)))
+            _print_quantiles("in process", _decision_durations_s(lambda: codra.decide(VARIABLE, _must_not_look)))
             address = str(Path(folder) / "codra")
             with Server(codra, address), multiprocessing.get_context("spawn").Pool(1) as other:
-                _print("from another process", other.apply(_asked_from_outside, (address,)))
+                _print_quantiles("from another process", other.apply(_remote_durations_s, (address,)))
 
 
-def _asked_from_outside(address: str) -> list[float]:
+def _remote_durations_s(address: str) -> list[float]:
     with RemoteContext(address) as codra:
-        return _timed(lambda: codra.decide(VARIABLE, _must_not_look))
+        return _decision_durations_s(lambda: codra.decide(VARIABLE, _must_not_look))
 
 
 def _must_not_look() -> bool:
     raise RuntimeError("context has no answer: nothing was measured")
 
 
-def _timed(decide: Callable[[], object]) -> list[float]:
-    taken_s = []
+def _decision_durations_s(decide: Callable[[], object]) -> list[float]:
+    durations_s = []
     for _ in range(DECISIONS):
         time.sleep(PAUSE_S)
         began_s = time.perf_counter()
         decide()
-        taken_s.append(time.perf_counter() - began_s)
-    return taken_s
+        durations_s.append(time.perf_counter() - began_s)
+    return durations_s
 
 
-def _print(way: str, taken_s: list[float]) -> None:
-    quantiles_s = statistics.quantiles(taken_s, n=1000)
-    selected = {"median": quantiles_s[499], "p99": quantiles_s[989], "p99.9": quantiles_s[998], "most": max(taken_s)}
-    print(f"{way:22}", *(f"{name} {1000 * quantile_s:.3f} ms" for name, quantile_s in selected.items()), flush=True)
+def _print_quantiles(label: str, durations_s: list[float]) -> None:
+    quantiles_s = statistics.quantiles(durations_s, n=1000)
+    selected_quantiles_s = {
+        "median": quantiles_s[499],
+        "p99": quantiles_s[989],
+        "p99.9": quantiles_s[998],
+        "most": max(durations_s),
+    }
+    print(
+        f"{label:22}",
+        *(f"{name} {1000 * quantile_s:.3f} ms" for name, quantile_s in selected_quantiles_s.items()),
+        flush=True,
+    )
 
 
 if __name__ == "__main__":

@@ -51,12 +51,12 @@ def rows(_: Path) -> Iterator[Row]:
 
     with FuzzyLite(FILES, list(RANGES), contexts) as peer:
         np.testing.assert_allclose([cascade(context) for context in contexts], peer.weights, atol=1e-6)
-        given = itertools.cycle(contexts)
+        context_cycle = itertools.cycle(contexts)
         ours_s, scalar_s, vectorised_s = [], [], []
         for _ in range(TURNS):
             began_s = time.process_time()
             for _ in range(CALLS):
-                cascade(next(given))
+                cascade(next(context_cycle))
             ours_s.append((time.process_time() - began_s) / CALLS)
             scalar_s.append(peer.scalar_s(CALLS))
             vectorised_s.append(peer.vectorised_s(ROWS))

@@ -50,10 +50,10 @@ def rows(scratch: Path) -> Iterator[Row]:
 
 def _robot(scratch: Path, name: str) -> dict[str, Any]:
     """Run a robot with one misbehaving algorithm, and return its figures."""
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, Path(__file__).absolute(), scratch, name], cwd=scratch, check=True, stdout=subprocess.PIPE
     )
-    figures: dict[str, Any] = json.loads(done.stdout)
+    figures: dict[str, Any] = json.loads(process.stdout)
     return figures
 
 
@@ -93,12 +93,15 @@ def main(scratch: Path, bad: str) -> None:
         jobs = codra.record.of(Kind.JOB)
     late_s: list[float] = []
     for other in range(OTHERS):
-        mine = [job for job in jobs if job.name == f"other_{other}" and job.what == "started"]
-        looked_s = (LOOKED_S.get((other, job.details["index"])) for job in mine[1:])
-        due_s = [job.instant_s + PERIOD_S for job in mine]
+        job_starts = [job for job in jobs if job.name == f"other_{other}" and job.what == "started"]
+        looked_s = (LOOKED_S.get((other, job.details["index"])) for job in job_starts[1:])
+        due_s = [job.instant_s + PERIOD_S for job in job_starts]
         late_s += [at_s - due for at_s, due in zip(looked_s, due_s, strict=False) if at_s is not None]
-    failures = {"reason": [reading.reason for reading in readings], "detail": [reading.detail for reading in readings]}
-    print(json.dumps({"p99_s": quantiles(late_s, n=100)[98], "jobs": len(late_s), **failures}))
+    reasons_and_details = {
+        "reason": [reading.reason for reading in readings],
+        "detail": [reading.detail for reading in readings],
+    }
+    print(json.dumps({"p99_s": quantiles(late_s, n=100)[98], "jobs": len(late_s), **reasons_and_details}))
 
 
 if __name__ == "__main__":

@@ -104,19 +104,21 @@ def _transform_rows() -> Iterator[Row]:
             agent.place(f"part_{number}", "stands", f"part_{number + 1}", pose, stamp_s=stamp_s)
     target, source = f"part_{DEPTH}", "part_0"
     matrices = [np.array(pose.matrix()) for pose in steps]
-    instants = (99.0 + step / 1e6 for step in itertools.count(1))
+    instants = (99.0 + offset_us / 1e6 for offset_us in itertools.count(1))
 
-    def by_hand() -> object:
+    def multiply_matrices() -> object:
         product = matrices[0]
         for matrix in matrices[1:]:
             product = product @ matrix
         return np.linalg.inv(product)
 
-    np.testing.assert_allclose(np.array(knowledge.transform(target, source).pose.matrix()), by_hand(), atol=1e-9)
-    repeated = partial(knowledge.transform, target, source, 99.5)
-    yield _row("transform_cached", repeated, by_hand, calls=READS, target=0.5)
-    new_instant = lambda: knowledge.transform(target, source, next(instants))  # noqa: E731 - as short as its peer
-    yield _row("transform_at", new_instant, by_hand, calls=READS, target=4.0)
+    np.testing.assert_allclose(
+        np.array(knowledge.transform(target, source).pose.matrix()), multiply_matrices(), atol=1e-9
+    )
+    transform_at_same_instant = partial(knowledge.transform, target, source, 99.5)
+    yield _row("transform_cached", transform_at_same_instant, multiply_matrices, calls=READS, target=0.5)
+    transform_at_new_instant = lambda: knowledge.transform(target, source, next(instants))  # noqa: E731 - as short as its peer
+    yield _row("transform_at", transform_at_new_instant, multiply_matrices, calls=READS, target=4.0)
 
 
 def _row(name: str, ours: Callable[[], object], peer: Callable[[], object], *, calls: int, target: float) -> Row:

@@ -30,20 +30,20 @@ def run(command: Sequence[str | Path], folder: Path) -> Cost:
     environment = {name: value for name, value in os.environ.items() if name != "CI"}  # with CI there is no cache
     process = subprocess.Popen(command, cwd=folder, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
     assert process.stderr is not None
-    errors = process.stderr.read()
-    _, status, used = os.wait4(process.pid, 0)
+    stderr_output = process.stderr.read()
+    _, status, usage = os.wait4(process.pid, 0)
     wall_s = time.perf_counter() - began_s
     process.returncode = os.waitstatus_to_exitcode(status)
     process.stderr.close()
     if process.returncode != 0:
-        raise RuntimeError(f"{command}: {errors.decode(errors='replace')}")
-    return Cost(wall_s=wall_s, peak_bytes=used.ru_maxrss * 1024)
+        raise RuntimeError(f"{command}: {stderr_output.decode(errors='replace')}")
+    return Cost(wall_s=wall_s, peak_bytes=usage.ru_maxrss * 1024)
 
 
-def in_turns(runs: int, *measurements: Callable[[], Cost]) -> list[Cost]:
+def in_turns(run_count: int, *measurements: Callable[[], Cost]) -> list[Cost]:
     """Run several measurements in turns, so that a slower machine affects all of them; return the median of each."""
     costs_by_side: list[list[Cost]] = [[] for _ in measurements]
-    for _ in range(runs):
+    for _ in range(run_count):
         for costs, measure in zip(costs_by_side, measurements, strict=True):
             costs.append(measure())
     return [

@@ -19,20 +19,20 @@ from xml.etree.ElementTree import ParseError
 import networkx
 
 from codra_dsl.runtime.knowledge.exchange import DsrEdge, DsrGraph, DsrNode, DsrValue, ExchangeError
-from codra_dsl.runtime.knowledge.exchange.document import MOST_NUMBER, encode_value
+from codra_dsl.runtime.knowledge.exchange.document import MAX_NODE_NUMBER, encode_value
 from codra_dsl.runtime.knowledge.exchange.dsr_json import check_json, read_text, replace_file
 
 __all__ = ["from_networkx", "graphml_text", "parse_graphml", "read_graphml", "to_networkx", "write_graphml"]
 
-TYPE = "type"
-DSR = "dsr"
-LABEL = "label"
-_RESERVED = (TYPE, DSR)
-_DEFAULT_TYPE = "node"
-_JSON_KINDS = "json"
+TYPE_KEY = "type"
+DSR_KEY = "dsr"
+LABEL_KEY = "label"
+_RESERVED_KEYS = (TYPE_KEY, DSR_KEY)
+_DEFAULT_NODE_TYPE = "node"
+_JSON_KINDS_KEY = "json"
 """The GraphML attribute that lists attributes written as JSON, because XML or networkx would lose their types."""
 
-_XML_TEXT = re.compile(r"[\t\n\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]+")
+_XML_TEXT_PATTERN = re.compile(r"[\t\n\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]+")
 """The texts that XML can write and return unchanged."""
 
 _READ_ERRORS = (ParseError, networkx.NetworkXError, LookupError, TypeError, ValueError, AttributeError, Warning)
@@ -50,17 +50,19 @@ class _DsrData(NamedTuple):
 
 def to_networkx(graph: DsrGraph) -> networkx.MultiDiGraph[str]:
     """Return a graph as a graph of networkx. `from_networkx` converts it back without losses."""
-    converted: networkx.MultiDiGraph[str] = networkx.MultiDiGraph()
-    converted.graph[DSR] = {"extra": dict(graph.extra), "model_extra": dict(graph.model_extra)}
+    networkx_graph: networkx.MultiDiGraph[str] = networkx.MultiDiGraph()
+    networkx_graph.graph[DSR_KEY] = {"extra": dict(graph.extra), "model_extra": dict(graph.model_extra)}
     names = {node.number: node.name for node in graph.nodes}
     for node in graph.nodes:
         dsr_attribute = {**_dsr_attribute(node.attributes, node.extra), "number": node.number}
-        converted.add_node(node.name, **{TYPE: node.type, **_plain_values(node.attributes), DSR: dsr_attribute})
+        networkx_graph.add_node(
+            node.name, **{TYPE_KEY: node.type, **_plain_values(node.attributes), DSR_KEY: dsr_attribute}
+        )
     for edge in graph.edges:
-        data = {**_plain_values(edge.attributes), DSR: _dsr_attribute(edge.attributes, edge.extra)}
-        converted.add_edge(names[edge.origin], names[edge.target], key=edge.label)
-        converted.edges[names[edge.origin], names[edge.target], edge.label].update(data)
-    return converted
+        data = {**_plain_values(edge.attributes), DSR_KEY: _dsr_attribute(edge.attributes, edge.extra)}
+        networkx_graph.add_edge(names[edge.origin], names[edge.target], key=edge.label)
+        networkx_graph.edges[names[edge.origin], names[edge.target], edge.label].update(data)
+    return networkx_graph
 
 
 def from_networkx(graph: networkx.Graph[Any]) -> DsrGraph:
@@ -75,12 +77,12 @@ def from_networkx(graph: networkx.Graph[Any]) -> DsrGraph:
     if not graph.is_directed():
         raise ExchangeError("the graph is not directed: convert it with to_directed()")
     dsr_data_of_nodes = {name: _read_dsr_data(data, f"node {name!r}") for name, data in graph.nodes(data=True)}
-    numbers = _numbers(dsr_data_of_nodes)
+    node_numbers = _node_numbers(dsr_data_of_nodes)
     nodes = [
         DsrNode(
-            number=numbers[name],
+            number=node_numbers[name],
             name=str(name),
-            type=str(data.get(TYPE) or _DEFAULT_TYPE),
+            type=str(data.get(TYPE_KEY) or _DEFAULT_NODE_TYPE),
             attributes=dict(_dsr_attributes(data, dsr_data_of_nodes[name], f"node {name!r}")),
             extra=dsr_data_of_nodes[name].extra,
         )
@@ -90,12 +92,12 @@ def from_networkx(graph: networkx.Graph[Any]) -> DsrGraph:
         raise ExchangeError("two nodes have the same name as text: node names must be unique")
     if not all(node.name for node in nodes):
         raise ExchangeError("a node has no name: give it a non-empty text")
-    extras = _require_mapping(graph.graph.get(DSR, {}), "the graph")
+    graph_data = _require_mapping(graph.graph.get(DSR_KEY, {}), "the graph")
     return DsrGraph(
         nodes=tuple(nodes),
-        edges=tuple(_edges(graph, numbers)),
-        extra=_require_mapping(extras.get("extra", {}), "the graph"),
-        model_extra=_require_mapping(extras.get("model_extra", {}), "the graph"),
+        edges=tuple(_dsr_edges(graph, node_numbers)),
+        extra=_require_mapping(graph_data.get("extra", {}), "the graph"),
+        model_extra=_require_mapping(graph_data.get("model_extra", {}), "the graph"),
     )
 
 
@@ -123,20 +125,20 @@ def graphml_text(graph: DsrGraph) -> str:
     Raises:
         ExchangeError: if the graph contains a name that XML cannot write.
     """
-    converted, xml_graph = to_networkx(graph), cast("networkx.MultiDiGraph[str]", networkx.MultiDiGraph())
-    xml_graph.graph.update(_xml_attributes(converted.graph, "the graph"))
-    for name, data in converted.nodes(data=True):
+    networkx_graph, xml_graph = to_networkx(graph), cast("networkx.MultiDiGraph[str]", networkx.MultiDiGraph())
+    xml_graph.graph.update(_xml_attributes(networkx_graph.graph, "the graph"))
+    for name, data in networkx_graph.nodes(data=True):
         xml_graph.add_node(_xml_name(name), **_xml_attributes(data, f"node {name!r}"))
-    for index, (origin, target, label, data) in enumerate(converted.edges(keys=True, data=True)):
-        attributes = {_name_beside_label(key): value for key, value in data.items()}
+    for index, (origin, target, label, data) in enumerate(networkx_graph.edges(keys=True, data=True)):
+        attributes = {_avoid_label_key(key): value for key, value in data.items()}
         xml_graph.add_edge(origin, target, key=f"e{index}")  # identifiers are unique in a GraphML file
         xml_graph.edges[origin, target, f"e{index}"].update(
             _xml_attributes(attributes, f"edge {origin} -{label}-> {target}")
         )
-        xml_graph.edges[origin, target, f"e{index}"][LABEL] = _xml_name(label)
-    output = io.BytesIO()
-    networkx.write_graphml_xml(xml_graph, output, edge_id_from_attribute=None)
-    return output.getvalue().decode("utf-8")
+        xml_graph.edges[origin, target, f"e{index}"][LABEL_KEY] = _xml_name(label)
+    buffer = io.BytesIO()
+    networkx.write_graphml_xml(xml_graph, buffer, edge_id_from_attribute=None)
+    return buffer.getvalue().decode("utf-8")
 
 
 def parse_graphml(text: str, source: str = "<text>") -> DsrGraph:
@@ -180,7 +182,7 @@ def _plain_values(attributes: Mapping[str, DsrValue]) -> dict[str, object]:
 
 def _unreserved_name(name: str) -> str:
     """Return a name that is not reserved: `type` becomes `type_`, and `type_` becomes `type__`."""
-    return f"{name}_" if name.rstrip("_") in _RESERVED else name
+    return f"{name}_" if name.rstrip("_") in _RESERVED_KEYS else name
 
 
 def _dsr_attribute(attributes: Mapping[str, DsrValue], extra: Mapping[str, object]) -> dict[str, object]:
@@ -190,12 +192,12 @@ def _dsr_attribute(attributes: Mapping[str, DsrValue], extra: Mapping[str, objec
 
 
 def _read_dsr_data(data: Mapping[str, object], subject: str) -> _DsrData:
-    content = _require_mapping(data.get(DSR, {}), subject)
+    content = _require_mapping(data.get(DSR_KEY, {}), subject)
     codes, extras, extra = (_require_mapping(content.get(key, {}), subject) for key in ("codes", "extras", "extra"))
     number = content.get("number")
-    is_number = isinstance(number, int) and not isinstance(number, bool) and 0 <= number <= MOST_NUMBER
-    if not (number is None or is_number) or not all(type(code) is int for code in codes.values()):
-        raise ExchangeError(f"{subject}: {DSR!r} does not hold a valid number and valid codes: remove {DSR!r}")
+    is_valid_number = isinstance(number, int) and not isinstance(number, bool) and 0 <= number <= MAX_NODE_NUMBER
+    if not (number is None or is_valid_number) or not all(type(code) is int for code in codes.values()):
+        raise ExchangeError(f"{subject}: {DSR_KEY!r} does not hold a valid number and valid codes: remove {DSR_KEY!r}")
     for name, value_extra in extras.items():
         _require_mapping(value_extra, f"{subject}.{name}")
     return _DsrData(
@@ -206,12 +208,12 @@ def _read_dsr_data(data: Mapping[str, object], subject: str) -> _DsrData:
     )
 
 
-def _numbers(dsr_data_of_nodes: Mapping[Any, _DsrData]) -> dict[Any, int]:
+def _node_numbers(dsr_data_of_nodes: Mapping[Any, _DsrData]) -> dict[Any, int]:
     given_numbers = [dsr_data.number for dsr_data in dsr_data_of_nodes.values() if dsr_data.number is not None]
     if len(set(given_numbers)) < len(given_numbers):
         raise ExchangeError("two nodes have the same number: remove one of the two numbers under 'dsr'")
     used_numbers = set(given_numbers)
-    free_numbers = (number for number in range(1, MOST_NUMBER) if number not in used_numbers)
+    free_numbers = (number for number in range(1, MAX_NODE_NUMBER) if number not in used_numbers)
     return {
         name: next(free_numbers) if dsr_data.number is None else dsr_data.number
         for name, dsr_data in dsr_data_of_nodes.items()
@@ -222,27 +224,27 @@ def _dsr_attributes(
     data: Mapping[str, object], dsr_data: _DsrData, subject: str, *ignored_keys: str
 ) -> Iterator[tuple[str, DsrValue]]:
     for key, value in data.items():
-        if key in _RESERVED or key in ignored_keys:
+        if key in _RESERVED_KEYS or key in ignored_keys:
             continue
-        name = key[:-1] if isinstance(key, str) and key.rstrip("_") in _RESERVED else str(key)
+        name = key[:-1] if isinstance(key, str) and key.rstrip("_") in _RESERVED_KEYS else str(key)
         try:
             yield name, encode_value(value, dsr_data.codes.get(name), dsr_data.extras.get(name))
         except (ValueError, OverflowError) as error:
             raise ExchangeError(f"{subject}.{name}: {error}") from None
 
 
-def _edges(graph: networkx.Graph[Any], numbers: Mapping[Any, int]) -> Iterator[DsrEdge]:
+def _dsr_edges(graph: networkx.Graph[Any], node_numbers: Mapping[Any, int]) -> Iterator[DsrEdge]:
     edge_keys: set[tuple[int, str, int]] = set()
     for origin, target, key, data in _edges_with_keys(graph):
-        label = key if isinstance(key, str) and key else str(data.get(LABEL) or "edge")
+        label = key if isinstance(key, str) and key else str(data.get(LABEL_KEY) or "edge")
         subject = f"edge {origin} -{label}-> {target}"
         dsr_data = _read_dsr_data(data, subject)
-        label_keys = () if label == key else (LABEL,)
+        ignored_keys = () if label == key else (LABEL_KEY,)
         edge = DsrEdge(
-            origin=numbers[origin],
+            origin=node_numbers[origin],
             label=label,
-            target=numbers[target],
-            attributes=dict(_dsr_attributes(data, dsr_data, subject, *label_keys)),
+            target=node_numbers[target],
+            attributes=dict(_dsr_attributes(data, dsr_data, subject, *ignored_keys)),
             extra=dsr_data.extra,
         )
         if edge.key in edge_keys:
@@ -262,14 +264,14 @@ def _edges_with_keys(graph: networkx.Graph[Any]) -> Iterator[tuple[Any, Any, obj
 def _require_mapping(content: object, subject: str) -> Mapping[str, object]:
     if isinstance(content, dict) and all(isinstance(key, str) for key in content):
         return content
-    raise ExchangeError(f"{subject}: {DSR!r} holds unexpected contents: remove {DSR!r}")
+    raise ExchangeError(f"{subject}: {DSR_KEY!r} holds unexpected contents: remove {DSR_KEY!r}")
 
 
 # GraphML
 
 
-def _name_beside_label(name: str) -> str:
-    return f"{name}_" if name.rstrip("_") == LABEL else name
+def _avoid_label_key(name: str) -> str:
+    return f"{name}_" if name.rstrip("_") == LABEL_KEY else name
 
 
 def _with_label_keys(parsed_graph: networkx.Graph[Any]) -> networkx.Graph[Any]:
@@ -280,13 +282,13 @@ def _with_label_keys(parsed_graph: networkx.Graph[Any]) -> networkx.Graph[Any]:
     labelled_graph.graph.update(parsed_graph.graph)
     labelled_graph.add_nodes_from(parsed_graph.nodes(data=True))
     for origin, target, key, data in _edges_with_keys(parsed_graph):
-        label = str(data.pop(LABEL, None) or key)
+        label = str(data.pop(LABEL_KEY, None) or key)
         if labelled_graph.has_edge(origin, target, label):
             raise ExchangeError(f"edge {origin} -{label}-> {target}: there are two such edges: labels must differ")
-        is_ours = DSR in data
+        has_dsr_data = DSR_KEY in data
         labelled_graph.add_edge(origin, target, key=label)
         labelled_graph.edges[origin, target, label].update(
-            {(key[:-1] if is_ours and key.rstrip("_") == LABEL else key): value for key, value in data.items()}
+            {(key[:-1] if has_dsr_data and key.rstrip("_") == LABEL_KEY else key): value for key, value in data.items()}
         )
     return labelled_graph
 
@@ -296,28 +298,26 @@ def _xml_attributes(data: Mapping[str, object], subject: str) -> dict[str, objec
     xml_attributes: dict[str, object] = {}
     json_kinds: dict[str, str] = {}
     for key, value in data.items():
-        if _is_plain(value):
+        if _is_plain_value(value):
             xml_attributes[_xml_name(key)] = value
         else:
-            kind, json_form = _json_form(value)
+            kind, json_form = _kind_and_json_form(value)
             check_json(json_form, subject)
             xml_attributes[_xml_name(key)], json_kinds[key] = json.dumps(json_form), kind
-    if _JSON_KINDS in data:
-        raise ExchangeError(f"{subject}.{_JSON_KINDS}: this name is reserved in GraphML: write DSR's JSON instead")
-    return {**xml_attributes, _JSON_KINDS: json.dumps(json_kinds)} if json_kinds else xml_attributes
+    if _JSON_KINDS_KEY in data:
+        raise ExchangeError(f"{subject}.{_JSON_KINDS_KEY}: this name is reserved in GraphML: write DSR's JSON instead")
+    return {**xml_attributes, _JSON_KINDS_KEY: json.dumps(json_kinds)} if json_kinds else xml_attributes
 
 
-def _json_form(value: object) -> tuple[str, object]:
-    kinds: Mapping[type, str] = {bytes: "bytes", tuple: "tuple", float: "float"}
-    kind = kinds.get(type(value), "")
+def _kind_and_json_form(value: object) -> tuple[str, object]:
+    kind_by_type: Mapping[type, str] = {bytes: "bytes", tuple: "tuple", float: "float"}
+    kind = kind_by_type.get(type(value), "")
     if kind == "tuple":
-        return kind, [
-            repr(number) if isinstance(number, float) else number for number in cast("tuple[object, ...]", value)
-        ]
+        return kind, [repr(item) if isinstance(item, float) else item for item in cast("tuple[object, ...]", value)]
     return kind, list(value) if isinstance(value, bytes) else repr(value) if kind == "float" else value
 
 
-_FROM_JSON_FORM: Mapping[str, Callable[[Any], object]] = {
+_JSON_FORM_DECODERS: Mapping[str, Callable[[Any], object]] = {
     "": lambda value: value,
     "bytes": bytes,
     "float": float,
@@ -325,20 +325,20 @@ _FROM_JSON_FORM: Mapping[str, Callable[[Any], object]] = {
 }
 
 
-def _is_plain(value: object) -> bool:
+def _is_plain_value(value: object) -> bool:
     if isinstance(value, str):
-        return _XML_TEXT.fullmatch(value) is not None
+        return _XML_TEXT_PATTERN.fullmatch(value) is not None
     return isinstance(value, (bool, int)) or (isinstance(value, float) and value == value)
 
 
 def _xml_name(name: str) -> str:
-    if _XML_TEXT.fullmatch(name) is None:
+    if _XML_TEXT_PATTERN.fullmatch(name) is None:
         raise ExchangeError(f"the name {name!r:.60} cannot be written in XML: write DSR's JSON instead")
     return name
 
 
 def _decode_json(data: dict[str, Any]) -> None:
-    kinds_text = data.pop(_JSON_KINDS, None)
-    kinds = json.loads(kinds_text) if isinstance(kinds_text, str) else {}
-    for key, kind in kinds.items():
-        data[key] = _FROM_JSON_FORM[kind](json.loads(data[key]))
+    kinds_text = data.pop(_JSON_KINDS_KEY, None)
+    json_kinds = json.loads(kinds_text) if isinstance(kinds_text, str) else {}
+    for key, kind in json_kinds.items():
+        data[key] = _JSON_FORM_DECODERS[kind](json.loads(data[key]))

@@ -70,8 +70,8 @@ def _skills_s(events: Iterable[Event]) -> Mapping[str, float]:
 
 def table(runs: Iterable[tuple[int, Arm, str, Path]]) -> str:
     """Return a table with a line for each run (seed, arm, outcome, journal), and a line for all runs of each arm."""
-    counted = f"{'from context':>12} {'looked':>6}"
-    lines = [f"seed observers outcome   {counted} {'looking s':>9} {'waiting s':>9} {'task s':>9}"]
+    count_headers = f"{'from context':>12} {'looked':>6}"
+    lines = [f"seed observers outcome   {count_headers} {'looking s':>9} {'waiting s':>9} {'task s':>9}"]
     totals: dict[Arm, list[Figures]] = {}
     for seed, arm, outcome, path in runs:
         run_figures = figures(path)
@@ -84,10 +84,16 @@ def table(runs: Iterable[tuple[int, Arm, str, Path]]) -> str:
     return "\n".join(lines)
 
 
-def _line(name: str, arm: Arm, outcome: str, all_figures: Iterable[Figures]) -> str:
-    runs = list(all_figures)
-    answered, looked = sum(run.answered for run in runs), sum(run.looked for run in runs)
-    looked_s, waited_s = sum(run.looked_s for run in runs), sum(run.waited_s for run in runs)
-    task_s = sum(run.duration_s for run in runs)
+def _line(name: str, arm: Arm, outcome: str, figures_of_runs: Iterable[Figures]) -> str:
+    run_figures = list(figures_of_runs)
+    answered, looked = (
+        sum(figures_of_run.answered for figures_of_run in run_figures),
+        sum(figures_of_run.looked for figures_of_run in run_figures),
+    )
+    looked_s, waited_s = (
+        sum(figures_of_run.looked_s for figures_of_run in run_figures),
+        sum(figures_of_run.waited_s for figures_of_run in run_figures),
+    )
+    task_s = sum(figures_of_run.duration_s for figures_of_run in run_figures)
     counts = f"{answered:>12} {looked:>6}"
     return f"{name:>4} {arm:9} {outcome:9} {counts} {looked_s:>9.1f} {waited_s:>9.1f} {task_s:>9.1f}"

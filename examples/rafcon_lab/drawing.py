@@ -47,7 +47,7 @@ RELOCALIZE = """def execute(self, inputs, outputs, gvm):
     return "success"
 """
 
-Ways = Mapping[tuple[str, str], str]
+Transitions = Mapping[tuple[str, str], str]
 """From (name of a state, its outcome) to the name of the next state, or `DONE` or `GAVE_UP`."""
 
 
@@ -81,39 +81,45 @@ def act(name: str, action: str, skill: str, expect: str = "") -> ExecutionState:
 
 
 def hierarchy(
-    name: str, states: Sequence[State], ways: Ways, codra: Mapping[str, object] | None = None
+    name: str, states: Sequence[State], transitions: Transitions, codra: Mapping[str, object] | None = None
 ) -> HierarchyState:
     """Return a hierarchy state that begins with the first state; if a state aborts, the hierarchy state aborts."""
-    parent = HierarchyState(name, state_id=name.upper().replace(" ", "_"))
-    parent.add_outcome(GAVE_UP, 1)
+    hierarchy_state = HierarchyState(name, state_id=name.upper().replace(" ", "_"))
+    hierarchy_state.add_outcome(GAVE_UP, 1)
     if codra:
-        parent.add_semantic_data([], dict(codra), "codra")
+        hierarchy_state.add_semantic_data([], dict(codra), "codra")
     for state in states:
-        parent.add_state(state)
-    parent.add_transition(None, None, states[0].state_id, None, transition_id=0)
-    by_name = {state.name: state for state in states}
-    ends = {DONE: 0, GAVE_UP: 1}
-    for way, ((begin, outcome), end) in enumerate(ways.items(), start=1):
-        from_state = by_name[begin]
-        number = next(number for number, state_outcome in from_state.outcomes.items() if state_outcome.name == outcome)
-        if end in ends:
-            parent.add_transition(from_state.state_id, number, parent.state_id, ends[end], way)
+        hierarchy_state.add_state(state)
+    hierarchy_state.add_transition(None, None, states[0].state_id, None, transition_id=0)
+    states_by_name = {state.name: state for state in states}
+    end_outcome_ids = {DONE: 0, GAVE_UP: 1}
+    for transition_id, ((from_name, outcome), to_name) in enumerate(transitions.items(), start=1):
+        from_state = states_by_name[from_name]
+        outcome_id = next(
+            outcome_id for outcome_id, state_outcome in from_state.outcomes.items() if state_outcome.name == outcome
+        )
+        if to_name in end_outcome_ids:
+            hierarchy_state.add_transition(
+                from_state.state_id, outcome_id, hierarchy_state.state_id, end_outcome_ids[to_name], transition_id
+            )
         else:
-            parent.add_transition(from_state.state_id, number, by_name[end].state_id, None, way)
-    return parent
+            hierarchy_state.add_transition(
+                from_state.state_id, outcome_id, states_by_name[to_name].state_id, None, transition_id
+            )
+    return hierarchy_state
 
 
-def localize(name: str) -> HierarchyState:
+def localization_state(name: str) -> HierarchyState:
     """Return the states that write to context whether the robot is localized, and look around if it is not."""
-    feel = script("Feel", FEEL, {})
-    feel.add_output_data_port("localized", bool, default_value=False, data_port_id=0)
-    write = LibraryState("codra", "set", name="Tell", state_id="TELL")
-    write.set_input_runtime_value(0, "robot_is_localized")
-    write.set_use_input_runtime_value(0, True)
-    lost = look("Localized?", "robot_is_localized")
-    parent = hierarchy(
+    feel_state = script("Feel", FEEL, {})
+    feel_state.add_output_data_port("localized", bool, default_value=False, data_port_id=0)
+    set_state = LibraryState("codra", "set", name="Tell", state_id="TELL")
+    set_state.set_input_runtime_value(0, "robot_is_localized")
+    set_state.set_use_input_runtime_value(0, True)
+    look_state = look("Localized?", "robot_is_localized")
+    hierarchy_state = hierarchy(
         name,
-        [feel, write, lost, script("Look around", RELOCALIZE, {})],
+        [feel_state, set_state, look_state, script("Look around", RELOCALIZE, {})],
         {
             ("Feel", "success"): "Tell",
             ("Tell", "success"): "Localized?",
@@ -123,8 +129,8 @@ def localize(name: str) -> HierarchyState:
             ("Look around", "success"): "Feel",
         },
     )
-    parent.add_data_flow(feel.state_id, 0, write.state_id, 1, data_flow_id=0)
-    return parent
+    hierarchy_state.add_data_flow(feel_state.state_id, 0, set_state.state_id, 1, data_flow_id=0)
+    return hierarchy_state
 
 
 def skill(name: str, before: Sequence[tuple[State, str]], action: State, after: State, goal: str) -> HierarchyState:
@@ -139,18 +145,18 @@ def skill(name: str, before: Sequence[tuple[State, str]], action: State, after: 
         goal: the outcome of `after` for a reached goal.
     """
     states = [*(state for state, _ in before), action, after]
-    ways: dict[tuple[str, str], str] = {}
+    transitions: dict[tuple[str, str], str] = {}
     for number, (state, goes_on) in enumerate(before):
         is_last = number == len(before) - 1
         other = {"true": "false", "false": "true"}[goes_on]
-        ways[state.name, goes_on] = states[number + 1].name
-        ways[state.name, other] = DONE if is_last else GAVE_UP
-        ways[state.name, "not seen"] = GAVE_UP
-    ways[action.name, "success"] = after.name
-    ways[after.name, goal] = DONE
-    ways[after.name, {"true": "false", "false": "true"}[goal]] = action.name
-    ways[after.name, "not seen"] = GAVE_UP
-    return hierarchy(name, states, ways, {"skill": f"{name.lower()}_{MACHINE}"})
+        transitions[state.name, goes_on] = states[number + 1].name
+        transitions[state.name, other] = DONE if is_last else GAVE_UP
+        transitions[state.name, "not seen"] = GAVE_UP
+    transitions[action.name, "success"] = after.name
+    transitions[after.name, goal] = DONE
+    transitions[after.name, {"true": "false", "false": "true"}[goal]] = action.name
+    transitions[after.name, "not seen"] = GAVE_UP
+    return hierarchy(name, states, transitions, {"skill": f"{name.lower()}_{MACHINE}"})
 
 
 def drawn() -> StateMachine:
@@ -163,9 +169,9 @@ def drawn() -> StateMachine:
     drive = hierarchy(
         "Drive",
         [
-            localize("Before"),
+            localization_state("Before"),
             script("Go", DRIVE, {"station": MACHINE}, {"expect": f"unlock_{MACHINE}"}),
-            localize("After"),
+            localization_state("After"),
         ],
         {
             ("Before", DONE): "Go",
@@ -207,10 +213,10 @@ def drawn() -> StateMachine:
             "true",
         ),
     ]
-    ways = {(step.name, GAVE_UP): GAVE_UP for step in steps}
-    ways |= {(step.name, DONE): after.name for step, after in pairwise(steps)}
-    ways[steps[-1].name, DONE] = DONE
-    return StateMachine(hierarchy("Tend", steps, ways), creation_time="2000-01-01 00:00:00")
+    transitions = {(step.name, GAVE_UP): GAVE_UP for step in steps}
+    transitions |= {(step.name, DONE): after.name for step, after in pairwise(steps)}
+    transitions[steps[-1].name, DONE] = DONE
+    return StateMachine(hierarchy("Tend", steps, transitions), creation_time="2000-01-01 00:00:00")
 
 
 def main(folder: Path = FOLDER) -> None:

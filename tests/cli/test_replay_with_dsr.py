@@ -41,7 +41,7 @@ from generated.shop.knowledge import KNOWLEDGE
 
 clock = SimClock()
 start = import_dsr(KNOWLEDGE, read_dsr("shop.json"))
-assert not start.skipped, start.skipped
+assert not start.skipped_parts, start.skipped_parts
 with shop.Shop(shop.MODEL, clock=clock, resources={}, record=Journal("run.mcap"), knowledge=start.model) as codra:
     codra.agent("navigation").graph.set("battery", "load", 79.5)
     clock.sleep(1.0)

@@ -132,13 +132,13 @@ def test_a_value_that_was_changed_in_networkx_keeps_its_type_if_possible() -> No
 
 
 def digraph(*nodes: tuple[object, dict[str, Any]], edges: Any = ()) -> Any:
-    made: Any = networkx.MultiDiGraph()
-    made.add_nodes_from(nodes)
-    made.add_edges_from(edges)
-    return made
+    graph: Any = networkx.MultiDiGraph()
+    graph.add_nodes_from(nodes)
+    graph.add_edges_from(edges)
+    return graph
 
 
-WRONG_GRAPHS = {
+INVALID_GRAPHS = {
     "the graph is not directed: convert it": networkx.Graph([(1, 2)]),
     "node 'a'.pose: DSR has no type for object": digraph(("a", {"pose": object()})),
     "node 'a'.pose: DSR has no type for tuple": digraph(("a", {"pose": (1.0, "x")})),
@@ -151,11 +151,11 @@ WRONG_GRAPHS = {
 }
 
 
-@pytest.mark.parametrize("message", WRONG_GRAPHS)
+@pytest.mark.parametrize("message", INVALID_GRAPHS)
 def test_a_graph_that_cannot_be_converted_is_refused_with_a_message(message: str) -> None:
-    with pytest.raises(ExchangeError) as raised:
-        from_networkx(WRONG_GRAPHS[message])
-    assert str(raised.value).startswith(message)
+    with pytest.raises(ExchangeError) as error_info:
+        from_networkx(INVALID_GRAPHS[message])
+    assert str(error_info.value).startswith(message)
 
 
 BAD_XML = {
@@ -173,9 +173,9 @@ BAD_XML = {
 
 @pytest.mark.parametrize("message", BAD_XML)
 def test_text_that_is_not_graphml_is_refused_with_its_place(message: str) -> None:
-    with pytest.raises(ExchangeError) as raised:
+    with pytest.raises(ExchangeError) as error_info:
         parse_graphml(BAD_XML[message], "f")
-    assert str(raised.value).startswith(message)
+    assert str(error_info.value).startswith(message)
 
 
 @settings(max_examples=60)

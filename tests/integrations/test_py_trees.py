@@ -437,7 +437,7 @@ WITHIN_SKILLS = st.recursive(
 )
 
 
-def built(shape: Shape, clock: SimClock, urgent: list[Urgent]) -> Behaviour:
+def build_behaviour(shape: Shape, clock: SimClock, urgent: list[Urgent]) -> Behaviour:
     """Return the tree of a shape; its `Urgent` nodes are added to the list."""
     what, *rest = shape
     match what:
@@ -449,12 +449,14 @@ def built(shape: Shape, clock: SimClock, urgent: list[Urgent]) -> Behaviour:
         case "is":
             return ContextIs("is", "open", wait_up_to_s=0.5)
         case "acting":
-            return Acting("acting", built(rest[0], clock, urgent))
+            return Acting("acting", build_behaviour(rest[0], clock, urgent))
         case "decide":
-            return Decide("decide", built(rest[0], clock, urgent), "open", result=lambda: True, wait_up_to_s=0.2)
+            return Decide(
+                "decide", build_behaviour(rest[0], clock, urgent), "open", result=lambda: True, wait_up_to_s=0.2
+            )
         case "skill drive" | "skill open_door":
-            return DuringSkill(what, built(rest[0], clock, urgent), what.removeprefix("skill "))
-    children = [built(child, clock, urgent) for child in rest[0]]
+            return DuringSkill(what, build_behaviour(rest[0], clock, urgent), what.removeprefix("skill "))
+    children = [build_behaviour(child, clock, urgent) for child in rest[0]]
     if what == "parallel":
         return Parallel(what, policy=ParallelPolicy.SuccessOnAll(synchronise=False), children=children)
     composite = Selector if what == "selector" else Sequence
@@ -465,7 +467,7 @@ def built(shape: Shape, clock: SimClock, urgent: list[Urgent]) -> Behaviour:
 def test_in_any_tree_exactly_the_running_skills_are_declared(shape: Shape, switches: list[tuple[int, bool]]) -> None:
     with started(Door(angle_rad=1.0)) as (manager, clock):
         urgent: list[Urgent] = []
-        root = DuringSkill("root", built(shape, clock, urgent), "drive")
+        root = DuringSkill("root", build_behaviour(shape, clock, urgent), "drive")
         tree = tree_of(root, manager, clock)
         for which, holds in switches:
             for one in urgent[which : which + 1]:

@@ -85,13 +85,13 @@ def surface(engine: Engine, output: str, inputs: tuple[str, str], fixed: Mapping
     """Return the values that `draw_surface` draws: one row for each of 61 values of the second input, ascending."""
     infer = load_engine(engine).infer
     index = [variable.name for variable in engine.outputs].index(output)
-    default_values = {variable.name: (variable.minimum + variable.maximum) / 2.0 for variable in engine.inputs} | dict(
+    base_values = {variable.name: (variable.minimum + variable.maximum) / 2.0 for variable in engine.inputs} | dict(
         fixed
     )
     x_range, y_range = ((engine.variable(name).minimum, engine.variable(name).maximum) for name in inputs)
     rows = [
         [
-            infer(*(default_values | dict(zip(inputs, (x, y), strict=True))).values()).values[index]
+            infer(*(base_values | dict(zip(inputs, (x, y), strict=True))).values()).values[index]
             for x in np.linspace(*x_range, _SIDE).tolist()
         ]
         for y in np.linspace(*y_range, _SIDE).tolist()

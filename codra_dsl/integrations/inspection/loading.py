@@ -23,7 +23,7 @@ from codra_dsl.language.project import root_of
 from codra_dsl.runtime import ContextManager
 from codra_dsl.runtime.loops import Mape
 
-Start = Callable[..., ContextManager[Any, Any]]
+StartFunction = Callable[..., ContextManager[Any, Any]]
 
 
 class SpecError(Exception):
@@ -43,9 +43,9 @@ class CompiledSpec:
     package: ModuleType
 
     @property
-    def start(self) -> Start:
+    def start(self) -> StartFunction:
         """Return the package's `start`, which starts the observers and returns the context manager."""
-        return cast("Start", self.package.start)
+        return cast("StartFunction", self.package.start)
 
     @property
     def loops(self) -> Callable[..., Mape] | None:
@@ -88,45 +88,45 @@ def source_files(spec: Path) -> tuple[Path, ...]:
     Raises:
         SpecError: if the spec has errors.
     """
-    planned = plan_paths([spec.absolute()], root_of(spec))
-    if has_errors(planned.diagnostics):
-        raise _spec_error(planned.diagnostics)
-    return tuple(planned.root / name for name in (*planned.files, *planned.modules))
+    planned_specs = plan_paths([spec.absolute()], root_of(spec))
+    if has_errors(planned_specs.diagnostics):
+        raise _spec_error(planned_specs.diagnostics)
+    return tuple(planned_specs.root / name for name in (*planned_specs.files, *planned_specs.modules))
 
 
 def _plan_of(source: Path | Spec) -> BuildPlan:
     if isinstance(source, Spec):
-        checked, diagnostics = check(source)
-        if checked is None:
+        checked_spec, diagnostics = check(source)
+        if checked_spec is None:
             raise _spec_error(diagnostics)
-        return plan(checked)
-    planned = plan_paths([source.absolute()], root_of(source))
-    if len(planned.plans) != 1:
-        raise _spec_error(planned.diagnostics, f"'{source}' does not hold exactly one spec")
-    return planned.plans[0]
+        return plan(checked_spec)
+    planned_specs = plan_paths([source.absolute()], root_of(source))
+    if len(planned_specs.plans) != 1:
+        raise _spec_error(planned_specs.diagnostics, f"'{source}' does not hold exactly one spec")
+    return planned_specs.plans[0]
 
 
-def _spec_error(diagnostics: Iterable[Diagnostic], otherwise: str = "") -> SpecError:
-    return SpecError(", ".join(diagnostic.message for diagnostic in diagnostics) or otherwise)
+def _spec_error(diagnostics: Iterable[Diagnostic], fallback_message: str = "") -> SpecError:
+    return SpecError(", ".join(diagnostic.message for diagnostic in diagnostics) or fallback_message)
 
 
-def load_start(files: Mapping[str, str], name: str, folder: Path) -> Start:
+def load_start(file_texts: Mapping[str, str], name: str, folder: Path) -> StartFunction:
     """Write generated files into a folder; import the package `name` among them, and return its `start`.
 
     The arguments are those of `load_emitted`.
     """
-    return cast("Start", load_emitted(files, name, folder).start)
+    return cast("StartFunction", load_emitted(file_texts, name, folder).start)
 
 
-def load_emitted(files: Mapping[str, str], name: str, folder: Path) -> ModuleType:
+def load_emitted(file_texts: Mapping[str, str], name: str, folder: Path) -> ModuleType:
     """Write generated files into a folder; import the package `name` among them, and return it.
 
     Args:
-        files: the texts of the files, as the compiler emits them. The key is the path relative to the folder.
+        file_texts: the texts of the files, as the compiler emits them. The key is the path relative to the folder.
         name: the spec's name.
         folder: an empty folder of this run; its path keeps packages of several runs apart.
     """
-    for path, text in files.items():
+    for path, text in file_texts.items():
         (folder / path).parent.mkdir(parents=True, exist_ok=True)
         (folder / path).write_text(text, encoding="utf-8")
     return load_package(folder / name)
@@ -138,13 +138,13 @@ def load_package(folder: Path) -> ModuleType:
     Raises:
         ImportError: if there is no package. Errors of the package itself are raised as they are.
     """
-    package = f"_codra_{sha256(str(folder.absolute()).encode()).hexdigest()[:16]}_{folder.name}"
+    module_name = f"_codra_{sha256(str(folder.absolute()).encode()).hexdigest()[:16]}_{folder.name}"
     spec = importlib.util.spec_from_file_location(
-        package, folder / "__init__.py", submodule_search_locations=[str(folder)]
+        module_name, folder / "__init__.py", submodule_search_locations=[str(folder)]
     )
     if spec is None or spec.loader is None:
         raise ImportError(f"{folder} cannot be imported")
     module = importlib.util.module_from_spec(spec)
-    sys.modules[package] = module
+    sys.modules[module_name] = module
     spec.loader.exec_module(module)
     return module

@@ -75,21 +75,23 @@ def memberships_svg(axes: Sequence[Axis]) -> bytes:
     return _svg(figure)
 
 
-def sweep_svg(result: Sweep, axis: Axis) -> bytes:
+def sweep_svg(sweep_result: Sweep, axis: Axis) -> bytes:
     """Return a picture of a sweep: the terms of the input, metrics, weights, and the switches of the course."""
     has_terms = axis.terms is not None and not axis.terms.members
-    names = [*(["terms"] if has_terms else []), "metrics", *(["weights"] if result.rows[0].weights else [])]
+    names = [*(["terms"] if has_terms else []), "metrics", *(["weights"] if sweep_result.rows[0].weights else [])]
     figure = Figure(figsize=(8.0, 0.6 + 2.2 * len(names)), layout="constrained")
     panels = dict(zip(names, np.atleast_1d(figure.subplots(len(names), 1, sharex=True)).tolist(), strict=True))
     if has_terms:
         _draw_terms(panels["terms"], axis)
     for name in names[has_terms:]:
-        _draw_curves(panels[name], axis, [row.metrics if name == "metrics" else row.weights for row in result.rows])
+        _draw_curves(
+            panels[name], axis, [row.metrics if name == "metrics" else row.weights for row in sweep_result.rows]
+        )
     for name, panel in panels.items():
         panel.set_ylabel(name)
-        for switch in result.switches:
+        for switch in sweep_result.switches:
             panel.axvline(_between(axis, switch.low, switch.high), color=_GREY, linewidth=0.9, linestyle=":")
-    _name_courses(panels[names[0]], axis, result)
+    _name_courses(panels[names[0]], axis, sweep_result)
     axis.mark(panels[names[-1]], "x")
     return _svg(figure)
 

@@ -22,7 +22,7 @@ from codra_dsl.language.model import Kind, Variable
 from codra_dsl.language.units import convert, parse_number, parse_quantity, parse_unit
 from codra_dsl.runtime.context.package_files import places_in
 from codra_dsl.runtime.loops import CourseModel, InputModel, MapeModel
-from codra_dsl.runtime.loops.places import placed
+from codra_dsl.runtime.loops.places import with_places
 from codra_dsl.runtime.loops.sweep import Sweep
 from codra_dsl.runtime.values.conditions import Value
 
@@ -56,9 +56,9 @@ class Subject:
             SweepError: if no rule reads this input.
         """
         if name not in self.inputs:
-            near = suggest(name, self.inputs)
-            help = f"did you mean '{near}'?" if near else f"rules read {', '.join(self.inputs)}"
-            raise SweepError(f"no rule of '{self.name}' reads '{name}': {help}")
+            suggestion = suggest(name, self.inputs)
+            help_text = f"did you mean '{suggestion}'?" if suggestion else f"rules read {', '.join(self.inputs)}"
+            raise SweepError(f"no rule of '{self.name}' reads '{name}': {help_text}")
         return self.inputs[name]
 
     def terms(self, name: str) -> InputModel | None:
@@ -83,7 +83,7 @@ def subject(plan: BuildPlan, folder: Path, course: str | None = None) -> Subject
         raise SweepError(f"'{spec.name}' has neither metrics nor actions: a sweep has nothing to show")
     package = load_emitted(emit(plan), spec.name, folder)
     model: MapeModel = importlib.import_module(f"{package.__name__}.{MAPE_MODULE}").MAPE
-    model = placed(model, places_in(folder / spec.name, spec.name))
+    model = with_places(model, places_in(folder / spec.name, spec.name))
     course_model = _course(model, course, spec.name)
     names = dict.fromkeys(_variables_read(mape, "" if course_model is None else course_model.name))
     variables = {variable.name: variable for variable in spec.context}
@@ -93,9 +93,11 @@ def subject(plan: BuildPlan, folder: Path, course: str | None = None) -> Subject
 def _course(model: MapeModel, wanted: str | None, spec: str) -> CourseModel | None:
     courses = {course.name: course for course in model.courses}
     if wanted is not None and wanted not in courses:
-        near = suggest(wanted, courses)
+        suggestion = suggest(wanted, courses)
         listed = f"there are {', '.join(courses)}" if courses else "the spec has no courses"
-        raise SweepError(f"'{spec}' has no course '{wanted}': {f'did you mean {near!r}?' if near else listed}")
+        raise SweepError(
+            f"'{spec}' has no course '{wanted}': {f'did you mean {suggestion!r}?' if suggestion else listed}"
+        )
     if wanted is None and len(courses) > 1:
         raise SweepError(f"'{spec}' has several courses: choose one with --course {' or '.join(courses)}")
     return courses[wanted] if wanted is not None else next(iter(courses.values()), None)
@@ -122,14 +124,14 @@ def held(subject: Subject, assignments: Sequence[str]) -> dict[str, Value | None
     Raises:
         SweepError: if a text has no value, or an impossible value.
     """
-    known: dict[str, Value | None] = dict.fromkeys(subject.inputs)
+    values: dict[str, Value | None] = dict.fromkeys(subject.inputs)
     for assignment in assignments:
-        name, equals, text = _split(assignment)
+        name, equals, text = _split_assignment(assignment)
         if not equals:
             raise SweepError(f"'{assignment}' has no value: write {name}=VALUE")
         variable = subject.input(name.strip())
-        known[variable.name] = None if text.strip() == UNKNOWN else value_of(variable, text.strip())
-    return known
+        values[variable.name] = None if text.strip() == UNKNOWN else value_of(variable, text.strip())
+    return values
 
 
 def varied(subject: Subject, assignment: str, steps: int) -> tuple[Variable, tuple[Value, ...]]:
@@ -143,17 +145,17 @@ def varied(subject: Subject, assignment: str, steps: int) -> tuple[Variable, tup
     Raises:
         SweepError: if the text has an impossible value.
     """
-    name, equals, text = _split(assignment)
+    name, equals, text = _split_assignment(assignment)
     variable = subject.input(name.strip())
     if not equals:
         return variable, _all_values(variable, steps)
     first, dots, last = text.partition("..")
     if dots and variable.type.kind in (Kind.FLOAT, Kind.INT):
         return variable, _values_between(variable, _number(variable, first), _number(variable, last), steps)
-    return variable, tuple(value_of(variable, part.strip()) for part in text.split(","))
+    return variable, tuple(value_of(variable, value_text.strip()) for value_text in text.split(","))
 
 
-def _split(assignment: str) -> tuple[str, str, str]:
+def _split_assignment(assignment: str) -> tuple[str, str, str]:
     """Split `NAME=VALUE` at `=`. The name of a pose condition can itself contain this sign, as in `<=`."""
     name, equals, text = _NAME_AND_VALUE.fullmatch(assignment).groups()  # type: ignore[union-attr]  # any text matches
     return name, equals, text
@@ -191,11 +193,12 @@ def value_of(variable: Variable, text: str) -> Value:
     """
     if variable.type.kind not in (Kind.BOOL, Kind.ENUM):
         return _number(variable, text)
-    known = members(variable)
-    if text not in known:
-        near = suggest(text, known)
+    member_names = members(variable)
+    if text not in member_names:
+        suggestion = suggest(text, member_names)
         raise SweepError(
-            f"'{variable.name}' is {' or '.join(known)}, not '{text}'{f': did you mean {near!r}?' if near else ''}"
+            f"'{variable.name}' is {' or '.join(member_names)}, not '{text}'"
+            f"{f': did you mean {suggestion!r}?' if suggestion else ''}"
         )
     return text == "true" if variable.type.kind is Kind.BOOL else text
 
@@ -213,19 +216,19 @@ def _number(variable: Variable, text: str) -> float:
 def _quantity(variable: Variable, text: str) -> float:
     sign = -1 if text.startswith("-") else 1
     try:
-        bare = parse_number(text.removeprefix("-"))
+        magnitude = parse_number(text.removeprefix("-"))
     except ValueError:
-        bare = None
-    if bare is not None:
-        return float(sign * bare)
+        magnitude = None
+    if magnitude is not None:
+        return float(sign * magnitude)
     quantity = parse_quantity(text)
-    own_unit = None if variable.type.unit is None else parse_unit(variable.type.unit)
+    variable_unit = None if variable.type.unit is None else parse_unit(variable.type.unit)
     if quantity is None:
         raise SweepError(f"'{text}' is not a number: write {variable.name}=1.5, or FROM..TO to vary it")
-    if own_unit is None or quantity.unit.dimension != own_unit.dimension:
-        unit_text = f"in {variable.type.unit}" if own_unit is not None else "without a unit"
+    if variable_unit is None or quantity.unit.dimension != variable_unit.dimension:
+        unit_text = f"in {variable.type.unit}" if variable_unit is not None else "without a unit"
         raise SweepError(f"'{variable.name}' is a number {unit_text}, not '{text}'")
-    return float(convert(quantity.value, quantity.unit, own_unit))
+    return float(convert(quantity.value, quantity.unit, variable_unit))
 
 
 def _unit(variable: Variable) -> str:
@@ -262,15 +265,15 @@ def inputs_json(subject: Subject) -> str:
     return _json({"spec": subject.name, "inputs": inputs})
 
 
-def sweep_json(result: Sweep) -> str:
+def sweep_json(sweep_result: Sweep) -> str:
     """Return a sweep as JSON in one line."""
-    data = dataclasses.asdict(result)
-    data["trends"] = {name: str(way) for name, way in result.trends.items()}
-    return _json(data)
+    fields = dataclasses.asdict(sweep_result)
+    fields["trends"] = {name: str(trend) for name, trend in sweep_result.trends.items()}
+    return _json(fields)
 
 
-def _json(data: Mapping[str, object]) -> str:
-    return json.dumps(data, ensure_ascii=False, allow_nan=False) + "\n"
+def _json(fields: Mapping[str, object]) -> str:
+    return json.dumps(fields, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def _possible_values(variable: Variable) -> str:

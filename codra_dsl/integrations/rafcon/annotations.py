@@ -78,7 +78,7 @@ def annotated(root: State, codra: ContextManager[Any, Any]) -> list[tuple[State,
         data = state.semantic_data.get(KEY)
         if data:
             try:
-                annotation = _read(data)
+                annotation = _read_annotation(data)
                 _check(state, annotation, codra)
                 annotations.append((state, annotation))
             except (AnnotationError, UnknownNameError) as error:
@@ -88,7 +88,7 @@ def annotated(root: State, codra: ContextManager[Any, Any]) -> list[tuple[State,
     return annotations
 
 
-def _read(data: object) -> Annotation:
+def _read_annotation(data: object) -> Annotation:
     if not isinstance(data, Mapping):
         raise AnnotationError(f"'{KEY}' holds keys and values, not {data!r}")
     unknown_keys = [key for key in data if key not in _KEYS]
@@ -108,9 +108,9 @@ def _read(data: object) -> Annotation:
     )
 
 
-def _names(names_text: str | Sequence[str]) -> tuple[str, ...]:
+def _names(raw_names: str | Sequence[str]) -> tuple[str, ...]:
     """Return names from a list, or from a text with commas, which RAFCON's editor writes."""
-    names = names_text.split(",") if isinstance(names_text, str) else names_text
+    names = raw_names.split(",") if isinstance(raw_names, str) else raw_names
     return tuple(stripped for name in names if (stripped := name.strip()))
 
 
@@ -143,11 +143,11 @@ def _check_decision(state: State, annotation: Annotation, codra: ContextManager[
         names = ", ".join(repr(port.name) for port in state.output_data_ports.values())
         raise AnnotationError(f"it may be skipped, and then its output {names} is missing: decide in another state")
     outcome_names = {outcome.name for outcome in state.outcomes.values()}
-    needed_outcomes = tuple(annotation.outcomes.values()) or ("true", "false")
-    missing_outcomes = [name for name in needed_outcomes if name not in outcome_names]
-    if missing_outcomes:
+    needed_outcome_names = tuple(annotation.outcomes.values()) or ("true", "false")
+    missing_outcome_names = [name for name in needed_outcome_names if name not in outcome_names]
+    if missing_outcome_names:
         raise AnnotationError(
-            f"it has no outcome {missing_outcomes[0]!r}: add it, or map values to outcomes in 'outcomes'"
+            f"it has no outcome {missing_outcome_names[0]!r}: add it, or map values to outcomes in 'outcomes'"
         )
 
 

@@ -214,12 +214,14 @@ class Bridge:
         if isinstance(state, ContainerState):
             state.execution_history.push_call_history_item(state, CallType.CONTAINER, state, state.input_data)
             state.execution_history.push_return_history_item(state, CallType.CONTAINER, state, state.output_data)
-        numbers = [number for number, state_outcome in state.outcomes.items() if state_outcome.name == outcome]
-        if not numbers:
+        outcome_ids = [
+            outcome_id for outcome_id, state_outcome in state.outcomes.items() if state_outcome.name == outcome
+        ]
+        if not outcome_ids:
             raise ValueError(
                 f"the value from context needs the outcome {outcome!r}, which {state.name!r} does not have"
             )
-        self._finish(state, numbers[0])
+        self._finish(state, outcome_ids[0])
 
     def _finish(self, state: State, outcome: int) -> None:
         state.state_execution_status = StateExecutionStatus.WAIT_FOR_NEXT_STATE

@@ -130,10 +130,10 @@ def run_in_simulated_time(
         raise ValueError(f"{path} runs states concurrently, but simulated time has one thread: use run_in_real_time")
     _check_idle()
     hand_over = HandOver()
-    handles_in_server = {name: hand_over.of(handle) for name, handle in (handles or {}).items()}
+    handle_proxies = {name: hand_over.of(handle) for name, handle in (handles or {}).items()}
     with (
         Bridge(codra, clock, answers=answers, do=hand_over.call).attached(machine),
-        _global_variables(handles_in_server),
+        _global_variables(handle_proxies),
     ):
         state_machine_execution_engine.start(machine.state_machine_id)
         threading.Thread(target=_end_when_done, args=[hand_over], daemon=True).start()

@@ -19,7 +19,7 @@ from codra_dsl.runtime import ContextManager, EventLog, Kind, Why
 from codra_dsl.runtime.why.values import instant, shown
 from codra_dsl.tooling.report.findings import visible_lines
 
-_NEARLY = 1e-9
+_TOLERANCE = 1e-9
 _OUTCOME_TEXTS = {
     "answered": "answered from context",
     "fell_back": "made by looking",
@@ -108,19 +108,19 @@ def _unmet_text(check: Belief, why: Why) -> str | None:
         within = "" if check.within is None else f" within {shown(check.within)}"
         expected_text = f"{shown(check.value)}{_unit_text(why.unit)}{within}" if check.is_stated else "known"
         expected_text += f" from {check.source}" if check.source else ""
-        fits = why.known and _is_value(check, why) and check.source in ("", why.reading.source)
+        fits = why.known and _has_expected_value(check, why) and check.source in ("", why.reading.source)
     if check.because:
         expected_text += f" because of {check.because!r}"
         fits = fits and check.because in str(why)
     return None if fits else expected_text
 
 
-def _is_value(check: Belief, why: Why) -> bool:
+def _has_expected_value(check: Belief, why: Why) -> bool:
     expected, actual = check.value, why.reading.content
     if not check.is_stated:
         return True
     if isinstance(expected, float) and isinstance(actual, int | float):
-        return math.isclose(expected, actual, rel_tol=_NEARLY, abs_tol=max(check.within or 0.0, _NEARLY))
+        return math.isclose(expected, actual, rel_tol=_TOLERANCE, abs_tol=max(check.within or 0.0, _TOLERANCE))
     if check.within is not None and isinstance(expected, int) and isinstance(actual, int):
         return abs(expected - actual) <= check.within
     return expected == actual

@@ -71,13 +71,13 @@ def opened(path: Path, story: str | None, *, clock: SimClock, resources: Mapping
 
 
 def _choose_story(timeline: Timeline, name: str | None) -> Story:
-    stories = {candidate.name: candidate for candidate in timeline.stories}
+    stories = {story.name: story for story in timeline.stories}
     if name is None and len(stories) == 1:
         return timeline.stories[0]
     if name in stories:
         return stories[name]
-    near = suggest(name or "", stories)
-    hint = f": did you mean {near!r}?" if near else f": there is {', '.join(map(repr, stories))}"
+    suggestion = suggest(name or "", stories)
+    hint = f": did you mean {suggestion!r}?" if suggestion else f": there is {', '.join(map(repr, stories))}"
     problem = "choose a story by its name" if name is None else f"{timeline.source.file} has no story {name!r}"
     raise ValueError(f"{problem}{hint}")
 

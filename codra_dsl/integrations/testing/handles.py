@@ -11,7 +11,7 @@ from codra_dsl.integrations.testing.timeline import Alteration, Maker
 from codra_dsl.language.diagnostics import Place
 from codra_dsl.runtime import CallError, Clock
 
-_PLAIN = (bool, int, float, str, type(None))
+_PLAIN_TYPES = (bool, int, float, str, type(None))
 
 
 def make_handle(maker: Maker, clock: Clock) -> object:
@@ -55,7 +55,7 @@ def _set(target: object, attributes: Mapping[str, object], path: str) -> None:
         if not is_mapping and not hasattr(target, name):
             raise CallError(f"{path} has no attribute {name!r}")
         inner = target.get(name) if isinstance(target, MutableMapping) else getattr(target, name)
-        if isinstance(value, Mapping) and not isinstance(inner, _PLAIN):
+        if isinstance(value, Mapping) and not isinstance(inner, _PLAIN_TYPES):
             _set(inner, value, f"{path}.{name}")
         elif isinstance(target, MutableMapping):
             target[name] = value

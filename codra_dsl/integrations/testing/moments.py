@@ -187,7 +187,7 @@ class MomentReader:
         skills = [skill.name for skill in self._package.model.skills]
         names, noun = (skills, "skill") if verb in _OF_SKILLS else (self._package.variables, "context-variable")
         known_names = tuple(
-            name.text for name in self._known_names(node, names, f"{self._missing_prefix} {noun}", steps)
+            name.text for name in self._known_name_nodes(node, names, f"{self._missing_prefix} {noun}", steps)
         )
         return Step(verb=verb, names=known_names, place=self._place(node))
 
@@ -238,12 +238,12 @@ class MomentReader:
             place = reader.origin.of(node.entries[value_keys[0]][0])
             message = f"'{value_keys[0]}' describes a value, but 'unknown' expects none"
             reader.fail("misplaced-key", message, place, f"remove '{value_keys[0]}' or 'unknown'")
-        reasons = {str(reason): reason for reason in Reason}
+        reason_by_text = {str(reason): reason for reason in Reason}
         return Belief(
             variable=key.text,
             place=self._place_of_value(key, node),
             is_unknown=reason_text is not None,
-            reason=reasons.get(reason_text or _ANY),
+            reason=reason_by_text.get(reason_text or _ANY),
             is_stated=value_node is not None,
             value=None if value_node is None else read_value(reader, value_node, type_, *steps, "is"),
             within=None if within_node is None else read_difference(reader, within_node, type_, *steps, "within"),
@@ -253,7 +253,7 @@ class MomentReader:
 
     def _observer_checks(self, node: YamlNode, steps: tuple[str, ...], *, is_running: bool) -> Iterator[Check]:
         names = [observer.name for observer in self._package.model.observers]
-        for name in self._known_names(node, names, f"{self._missing_prefix} observer", steps):
+        for name in self._known_name_nodes(node, names, f"{self._missing_prefix} observer", steps):
             yield Running(observer=name.text, is_running=is_running, place=self._place(name))
 
     def _outcomes(self, node: YamlNode, steps: tuple[str, ...]) -> Iterator[Check]:
@@ -283,7 +283,7 @@ class MomentReader:
             else:
                 self._report_unknown("unknown-key", key, allowed, problem, steps)
 
-    def _known_names(
+    def _known_name_nodes(
         self, node: YamlNode, names: Iterable[str], problem: str, steps: tuple[str, ...]
     ) -> Iterator[ScalarNode]:
         """Yield the items that are among `names`; report the others."""

@@ -87,7 +87,7 @@ def load_package(root: Path, name: str) -> Package:
     Raises:
         PackageError: if there is no compiled spec of this name that is up to date and can be imported.
     """
-    _require(root, name)
+    _require_compiled_spec(root, name)
     _require_fresh(root, name)
     if str(root) not in sys.path:
         sys.path.insert(0, str(root))
@@ -102,11 +102,11 @@ def load_package(root: Path, name: str) -> Package:
     return _package(module)
 
 
-def _require(root: Path, name: str) -> None:
+def _require_compiled_spec(root: Path, name: str) -> None:
     compiled_names = sorted(manifest.parent.name for manifest in (root / FOLDER).glob("*/manifest.json"))
     if name not in compiled_names:
-        near = suggest(name, compiled_names)
-        help_text = f"did you mean '{near}'?" if near else "compile the spec first: codra compile"
+        suggestion = suggest(name, compiled_names)
+        help_text = f"did you mean '{suggestion}'?" if suggestion else "compile the spec first: codra compile"
         raise PackageError(f"there is no compiled spec '{FOLDER}/{name}'", help_text)
 
 
@@ -128,16 +128,16 @@ def _package(module: ModuleType) -> Package:
     """Build the forest once to collect its algorithms; no tree is ticked."""
     model: ContextModel = module.MODEL
     classes = [
-        value for value in vars(module).values() if isinstance(value, type) and issubclass(value, ContextManager)
+        member for member in vars(module).values() if isinstance(member, type) and issubclass(member, ContextManager)
     ]
-    build = next(manager_class for manager_class in classes if manager_class is not ContextManager)
+    generated_class = next(manager_class for manager_class in classes if manager_class is not ContextManager)
     algorithms: dict[str, Algorithm] = {}
 
-    def add(algorithm: Algorithm) -> Callable[..., object]:
+    def collect_algorithm(algorithm: Algorithm) -> Callable[..., object]:
         algorithms[algorithm.name] = algorithm
-        return add
+        return collect_algorithm
 
     handles = {resource.name: None for resource in model.resources if resource.slots is None}
-    build(model, clock=SimClock(), resources=handles, find=add).close()
+    generated_class(model, clock=SimClock(), resources=handles, find=collect_algorithm).close()
     knowledge: KnowledgeModel | None = getattr(module, "KNOWLEDGE", None)
-    return Package(model=model, build=build, algorithms=algorithms, knowledge=knowledge)
+    return Package(model=model, build=generated_class, algorithms=algorithms, knowledge=knowledge)

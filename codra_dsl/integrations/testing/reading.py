@@ -47,12 +47,12 @@ def read_timeline(
             help_text = "begin it with 'codra: 1' and 'timeline: NAME'"
             findings.add("not-a-spec", "the file holds no keys", file_place(relative(path, root)), help=help_text)
         return None, None, findings.all()
-    result = _read(source, node, root, findings)
+    timeline_and_package = _read(source, node, root, findings)
     ordered_findings = in_file_order(findings.all())
     return (
         (None, None, ordered_findings)
-        if result is None or has_errors(ordered_findings)
-        else (*result, ordered_findings)
+        if timeline_and_package is None or has_errors(ordered_findings)
+        else (*timeline_and_package, ordered_findings)
     )
 
 
@@ -133,10 +133,10 @@ class _Reading:
                 yield key, value
 
     def _stories(self) -> Iterator[Story]:
-        start_node = self._node.entries.get("start")
-        first = () if start_node is None else (self._moments.read(0.0, *start_node, "start"),)
+        start_entry = self._node.entries.get("start")
+        first_moments = () if start_entry is None else (self._moments.read(0.0, *start_entry, "start"),)
         for key, node in entries(self._node.value("stories")):
-            moments = (*first, *self._moments_of(key.text, node))
+            moments = (*first_moments, *self._moments_of(key.text, node))
             if not moments:
                 continue
             story = Story(name=key.text, place=self._subject.origin.of(key), moments=moments)
@@ -180,23 +180,21 @@ class _Reading:
 
     def _check_behaviours(self, story: Story) -> None:
         """Report algorithms whose returned values are not stated."""
-        returned_names: dict[str, set[str]] = {}
+        returned_names_by_algorithm: dict[str, set[str]] = {}
         for behaviour in (
             change for moment in story.moments for change in moment.changes if isinstance(change, Behaviour)
         ):
             if behaviour.returns is not None:
-                names_of_algorithm = returned_names.setdefault(behaviour.algorithm, set())
-                names_of_algorithm.update(behaviour.returns)
+                stated_names = returned_names_by_algorithm.setdefault(behaviour.algorithm, set())
+                stated_names.update(behaviour.returns)
                 declared_types = self._package.algorithms[behaviour.algorithm].returns
                 missing_names = [
-                    name
-                    for name, type_ in declared_types.items()
-                    if not type_.optional and name not in names_of_algorithm
+                    name for name, type_ in declared_types.items() if not type_.optional and name not in stated_names
                 ]
                 if missing_names:
                     message = f"{behaviour.algorithm!r} also returns {list_names(missing_names)}"
                     self._findings.add("missing-key", message, behaviour.place, help="add it under 'returns'")
-            elif behaviour.algorithm not in returned_names and (
+            elif behaviour.algorithm not in returned_names_by_algorithm and (
                 behaviour.takes_s is not None or behaviour.evidence_s is not None
             ):
                 message = f"the results of {behaviour.algorithm!r} are not stated, so its own function is called"

@@ -143,7 +143,7 @@ class Run:
             at_s = self._played_s.get(index, self._begun_s + moment.at_s)
             failures += failures_of(moment, at_s, self.clock.now_s(), self.codra, self.record)
         failures += [
-            _unscripted_failure(self._story.place, name, at_s) for name, at_s in self._script.unscripted.items()
+            _unscripted_failure(self._story.place, name, at_s) for name, at_s in self._script.unscripted_since_s.items()
         ]
         if failures:
             raise StoryFailed(failures_text(failures, self._timeline.source))
@@ -239,18 +239,18 @@ class Run:
             case Verb.ACT:
                 self._skills[name].act()
             case Verb.ACTED:
-                self._skills[name].acting.close()
+                self._skills[name].acting_stack.close()
             case _:
                 self._skills.pop(name).end()
 
-    def _decide(self, name: str, arguments: DecisionArguments) -> None:
+    def _decide(self, name: str, decision_arguments: DecisionArguments) -> None:
         self.codra.decide(
             name,
-            otherwise=lambda: arguments.otherwise,
-            max_age_s=arguments.max_age_s,
-            since_s=self._begun_s + arguments.since_s,
-            wait_up_to_s=arguments.wait_up_to_s,
-            shadow=arguments.shadow,
+            otherwise=lambda: decision_arguments.otherwise,
+            max_age_s=decision_arguments.max_age_s,
+            since_s=self._begun_s + decision_arguments.since_s,
+            wait_up_to_s=decision_arguments.wait_up_to_s,
+            shadow=decision_arguments.shadow,
         )
 
 
@@ -258,16 +258,16 @@ class _Skill:
     """A running skill."""
 
     def __init__(self, codra: ContextManager[Any, Any], name: str) -> None:
-        self.acting = ExitStack()
-        self._context = ExitStack()
-        self._skill = self._context.enter_context(codra.skill(name))
+        self.acting_stack = ExitStack()
+        self._skill_stack = ExitStack()
+        self._skill = self._skill_stack.enter_context(codra.skill(name))
 
     def act(self) -> None:
-        self.acting.enter_context(self._skill.acting())
+        self.acting_stack.enter_context(self._skill.acting())
 
     def end(self) -> None:
-        self.acting.close()
-        self._context.close()
+        self.acting_stack.close()
+        self._skill_stack.close()
 
 
 def _unscripted_failure(place: Place, algorithm: str, at_s: float) -> Failure:

@@ -54,15 +54,15 @@ class Script:
     """Replaces perception functions, or adds faults to them.
 
     Attributes:
-        unscripted: the algorithms that were called without stated values, with the instant of the first call.
+        unscripted_since_s: the algorithms that were called without stated values, with the instant of the first call.
     """
 
-    def __init__(self, scripted: Collection[str], handles: Collection[str]) -> None:
+    def __init__(self, scripted_names: Collection[str], handle_names: Collection[str]) -> None:
         """Script some algorithms. Functions of other algorithms are called if the handles that they read exist."""
-        self.unscripted: dict[str, float] = {}
-        self._scripted = scripted
-        self._handles = handles
-        self._states: dict[str, _AlgorithmState] = {}
+        self.unscripted_since_s: dict[str, float] = {}
+        self._scripted_names = scripted_names
+        self._handle_names = handle_names
+        self._algorithm_states: dict[str, _AlgorithmState] = {}
 
     def change(self, behaviour: Behaviour) -> None:
         """Change the behavior of an algorithm from now on."""
@@ -76,44 +76,48 @@ class Script:
         """
         state = self._state_of(algorithm.name)
         # A scripted algorithm is never imported, so tests also run without its libraries.
-        is_called = algorithm.name not in self._scripted and all(name in self._handles for name in algorithm.handles)
-        own_function = imported(algorithm) if is_called else None
+        is_called = algorithm.name not in self._scripted_names and all(
+            name in self._handle_names for name in algorithm.handles
+        )
+        imported_function = imported(algorithm) if is_called else None
 
-        def with_faults(function: Function | None) -> Function:
+        def wrap_with_faults(function: Function | None) -> Function:
             def perceive(*, job: Job, **arguments: Any) -> object:
                 evidence_job = _JobWithEvidence(job)
-                scripted = self._scripted_function(algorithm.name, state, evidence_job)
-                run_without_fault = scripted if function is None else lambda: function(**arguments, job=evidence_job)
+                run_scripted = self._scripted_function(algorithm.name, state, evidence_job)
+                run_without_fault = (
+                    run_scripted if function is None else lambda: function(**arguments, job=evidence_job)
+                )
                 return _with_fault(state.take_fault(), run_without_fault, evidence_job)
 
             return perceive
 
         return (
-            _subclass_with_faults(own_function, with_faults)
-            if isinstance(own_function, type)
-            else with_faults(own_function)
+            _subclass_with_faults(imported_function, wrap_with_faults)
+            if isinstance(imported_function, type)
+            else wrap_with_faults(imported_function)
         )
 
     def _state_of(self, name: str) -> _AlgorithmState:
-        return self._states.setdefault(name, _AlgorithmState())
+        return self._algorithm_states.setdefault(name, _AlgorithmState())
 
     def _scripted_function(self, name: str, state: _AlgorithmState, job: _JobWithEvidence) -> Callable[[], object]:
         def run() -> object:
             if not state.values:
-                self.unscripted.setdefault(name, job.now_s())
+                self.unscripted_since_s.setdefault(name, job.now_s())
                 raise UnscriptedError("the timeline does not state the values that it returns")
             return _run_script(state, job)
 
         return run
 
 
-def _subclass_with_faults(own_class: type[Any], with_faults: Callable[[Function], Function]) -> type[Any]:
+def _subclass_with_faults(algorithm_class: type[Any], wrap_with_faults: Callable[[Function], Function]) -> type[Any]:
     """Return a subclass whose `perceive` is wrapped with faults; `setup` and `close` stay the same."""
 
     def perceive(self: Any, **arguments: Any) -> object:
-        return with_faults(partial(own_class.perceive, self))(**arguments)
+        return wrap_with_faults(partial(algorithm_class.perceive, self))(**arguments)
 
-    return type(own_class.__name__, (own_class,), {"perceive": perceive})
+    return type(algorithm_class.__name__, (algorithm_class,), {"perceive": perceive})
 
 
 class _JobWithEvidence:
@@ -159,17 +163,17 @@ def _with_fault(fault: Fault, run_without_fault: Callable[[], object], job: _Job
     if fault.raises is not None:
         job.delay(fault.late_s)
         raise RuntimeError(fault.raises)
-    result = _with_garbage(fault.garbage[0], run_without_fault) if fault.garbage else run_without_fault()
+    returned_value = _with_garbage(fault.garbage[0], run_without_fault) if fault.garbage else run_without_fault()
     job.delay(fault.late_s)
-    return result
+    return returned_value
 
 
 def _with_garbage(garbage: object, run_without_fault: Callable[[], object]) -> object:
     """Return the garbage. If the garbage is a mapping, return the usual result, updated with this mapping."""
     if not isinstance(garbage, Mapping):
         return garbage
-    result = run_without_fault()
-    return {**result, **garbage} if isinstance(result, Mapping) else garbage
+    returned_value = run_without_fault()
+    return {**returned_value, **garbage} if isinstance(returned_value, Mapping) else garbage
 
 
 class Speakers:

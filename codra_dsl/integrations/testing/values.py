@@ -53,7 +53,7 @@ def _read_data(reader: Reader, node: ScalarNode, type_: ValueType, *steps: str) 
         return node.text
     unit = None if type_.unit is None else parse_unit(type_.unit)
     if type_.kind not in _NUMBERS:
-        return _data_of(reader, node, type_, *steps)
+        return _require_data(reader, node, type_, *steps)
     quantity = parse_quantity(node.text) if node.style is Style.PLAIN and isinstance(node.data, str) else None
     if quantity is not None:
         if unit is not None and quantity.unit.dimension == unit.dimension:
@@ -66,10 +66,10 @@ def _read_data(reader: Reader, node: ScalarNode, type_: ValueType, *steps: str) 
         message = f"{shown(steps[-1])} is in {type_.unit}, and {shown(node.text)} has no unit"
         reader.fail("unit", message, node, f"write '{node.text} {type_.unit}', or another unit", *steps)
         return None
-    return _data_of(reader, node, type_, *steps)
+    return _require_data(reader, node, type_, *steps)
 
 
-def _data_of(reader: Reader, node: ScalarNode, type_: ValueType, *steps: str) -> object:
+def _require_data(reader: Reader, node: ScalarNode, type_: ValueType, *steps: str) -> object:
     if node.data is None:
         reader.fail("wrong-type", f"{shown(steps[-1])} has no value", node, _type_help(type_), *steps)
     return node.data

@@ -14,43 +14,43 @@ from codra_dsl.runtime.behavior_trees.result import Result, TreeError
 from codra_dsl.runtime.behavior_trees.scope import equal, number_in
 
 
-class _After(Enum):
+class _EndPolicy(Enum):
     """The behaviour of a sequence or fallback after a child has ended it."""
 
     RESTART = auto()
     TICK_AGAIN = auto()
 
 
-class _Steps(Enum):
+class _StepPolicy(Enum):
     """Whether the next child is ticked in the same tick after a child that completed within one tick."""
 
     SAME_TICK = auto()
-    ONE_A_TICK = auto()
+    ONE_PER_TICK = auto()
 
 
 def sequence() -> Kind:
     """Tick children in order while they succeed; continue with the running child; restart after a failure."""
-    return _OrderedComposite(Result.SUCCESS, _After.RESTART, _Steps.SAME_TICK)
+    return _OrderedComposite(Result.SUCCESS, _EndPolicy.RESTART, _StepPolicy.SAME_TICK)
 
 
 def async_sequence() -> Kind:
     """As `sequence`, but it can be halted between any two children: it yields after a child completed in one tick."""
-    return _OrderedComposite(Result.SUCCESS, _After.RESTART, _Steps.ONE_A_TICK)
+    return _OrderedComposite(Result.SUCCESS, _EndPolicy.RESTART, _StepPolicy.ONE_PER_TICK)
 
 
 def sequence_with_memory() -> Kind:
     """As `sequence`, but after a failure or a halt it continues at the child that it had reached."""
-    return _OrderedComposite(Result.SUCCESS, _After.TICK_AGAIN, _Steps.ONE_A_TICK)
+    return _OrderedComposite(Result.SUCCESS, _EndPolicy.TICK_AGAIN, _StepPolicy.ONE_PER_TICK)
 
 
 def fallback() -> Kind:
     """Tick children in order while they fail; continue with the running child."""
-    return _OrderedComposite(Result.FAILURE, _After.RESTART, _Steps.SAME_TICK)
+    return _OrderedComposite(Result.FAILURE, _EndPolicy.RESTART, _StepPolicy.SAME_TICK)
 
 
 def async_fallback() -> Kind:
     """As `fallback`, but it can be halted between any two children."""
-    return _OrderedComposite(Result.FAILURE, _After.RESTART, _Steps.ONE_A_TICK)
+    return _OrderedComposite(Result.FAILURE, _EndPolicy.RESTART, _StepPolicy.ONE_PER_TICK)
 
 
 def reactive_sequence() -> Kind:
@@ -66,19 +66,19 @@ def reactive_fallback() -> Kind:
 class _OrderedComposite(Kind):
     """A sequence or a fallback that remembers which child is next."""
 
-    def __init__(self, continue_result: Result, after: _After, steps: _Steps) -> None:
+    def __init__(self, continue_result: Result, end_policy: _EndPolicy, step_policy: _StepPolicy) -> None:
         self._continue_result = continue_result
-        self._after = after
-        self._steps = steps
+        self._end_policy = end_policy
+        self._step_policy = step_policy
         self._child_index = 0
-        self._skipped_children = 0
+        self._skipped_count = 0
 
     def tick(self, node: Node) -> Result:
         """Tick the children from the remembered one."""
         if not node.is_running:
-            self._skipped_children = 0
-        count = len(node.nodes)
-        while self._child_index < count:
+            self._skipped_count = 0
+        child_count = len(node.nodes)
+        while self._child_index < child_count:
             child = node.nodes[self._child_index]
             was_idle = child.result is Result.IDLE
             result = child.execute()
@@ -87,30 +87,30 @@ class _OrderedComposite(Kind):
             if result.is_completed and result is not self._continue_result:
                 return self._end(node, result)
             self._child_index += 1
-            self._skipped_children += result is Result.SKIPPED
-            one_a_tick = self._steps is _Steps.ONE_A_TICK and was_idle and result is not Result.SKIPPED
-            if one_a_tick and self._child_index < count:
+            self._skipped_count += result is Result.SKIPPED
+            must_yield = self._step_policy is _StepPolicy.ONE_PER_TICK and was_idle and result is not Result.SKIPPED
+            if must_yield and self._child_index < child_count:
                 node.wake()
                 return Result.RUNNING
         return self._complete(node)
 
     def halt(self, node: Node) -> None:  # noqa: ARG002
         """Begin with the first child when the node next starts, unless the node has a memory."""
-        if self._after is _After.RESTART:
-            self._child_index = self._skipped_children = 0
+        if self._end_policy is _EndPolicy.RESTART:
+            self._child_index = self._skipped_count = 0
 
     def _end(self, node: Node, result: Result) -> Result:
-        first = self._child_index if self._after is _After.TICK_AGAIN else 0
-        for child in node.nodes[first:]:
+        first_index = self._child_index if self._end_policy is _EndPolicy.TICK_AGAIN else 0
+        for child in node.nodes[first_index:]:
             child.reset()
-        self._child_index = first
+        self._child_index = first_index
         return result
 
     def _complete(self, node: Node) -> Result:
-        all_skipped = self._skipped_children == len(node.nodes)
+        are_all_skipped = self._skipped_count == len(node.nodes)
         node.reset_children()
-        self._child_index = self._skipped_children = 0
-        return Result.SKIPPED if all_skipped else self._continue_result
+        self._child_index = self._skipped_count = 0
+        return Result.SKIPPED if are_all_skipped else self._continue_result
 
 
 class _ReactiveComposite(Kind):
@@ -121,10 +121,10 @@ class _ReactiveComposite(Kind):
 
     def tick(self, node: Node) -> Result:
         """Tick the children from the first one."""
-        all_skipped = True
+        are_all_skipped = True
         for child in node.nodes:
             result = child.execute()
-            all_skipped = all_skipped and result is Result.SKIPPED
+            are_all_skipped = are_all_skipped and result is Result.SKIPPED
             if result is Result.RUNNING:
                 for other in node.nodes:
                     if other is not child:
@@ -134,7 +134,7 @@ class _ReactiveComposite(Kind):
                 node.reset_children()
                 return result
         node.reset_children()
-        return Result.SKIPPED if all_skipped else self._continue_result
+        return Result.SKIPPED if are_all_skipped else self._continue_result
 
 
 class Parallel(Kind):
@@ -147,36 +147,36 @@ class Parallel(Kind):
         """
         self._success_count = success_count
         self._failure_count = failure_count
-        self._results: dict[int, Result] = {}
+        self._results_by_child: dict[int, Result] = {}
 
     def tick(self, node: Node) -> Result:
         """Tick the children in order; once the result is certain, the remaining children are not ticked."""
-        success_count = node.integer(self._success_count)
-        needed_successes = _threshold(success_count, node, "succeed")
-        allowed_failures = _threshold(node.integer(self._failure_count), node, "fail")
-        count, skipped_children = len(node.nodes), 0
+        declared_success_count = node.read_integer(self._success_count)
+        success_threshold = _threshold(declared_success_count, node, "succeed")
+        failure_threshold = _threshold(node.read_integer(self._failure_count), node, "fail")
+        child_count, skipped_count = len(node.nodes), 0
         for index, child in enumerate(node.nodes):
-            if index not in self._results:
+            if index not in self._results_by_child:
                 result = child.execute()
-                skipped_children += result is Result.SKIPPED
+                skipped_count += result is Result.SKIPPED
                 if result.is_completed:
-                    self._results[index] = result
-            results = list(self._results.values())
-            successes, failures = results.count(Result.SUCCESS), results.count(Result.FAILURE)
-            if successes >= needed_successes or (
-                success_count < 0 and successes + skipped_children >= needed_successes
+                    self._results_by_child[index] = result
+            results = list(self._results_by_child.values())
+            succeeded_count, failed_count = results.count(Result.SUCCESS), results.count(Result.FAILURE)
+            if succeeded_count >= success_threshold or (
+                declared_success_count < 0 and succeeded_count + skipped_count >= success_threshold
             ):
                 return self._end(node, Result.SUCCESS)
-            if count - failures < needed_successes or failures >= allowed_failures:
+            if child_count - failed_count < success_threshold or failed_count >= failure_threshold:
                 return self._end(node, Result.FAILURE)
-        return Result.SKIPPED if skipped_children == count else Result.RUNNING
+        return Result.SKIPPED if skipped_count == child_count else Result.RUNNING
 
     def halt(self, node: Node) -> None:  # noqa: ARG002
         """Forget which children have completed."""
-        self._results.clear()
+        self._results_by_child.clear()
 
     def _end(self, node: Node, result: Result) -> Result:
-        self._results.clear()
+        self._results_by_child.clear()
         node.reset_children()
         return result
 
@@ -187,38 +187,38 @@ class ParallelAll(Kind):
     def __init__(self, *, max_failures: Setting = "1") -> None:
         """Set the number of failures that make the node fail; -1 means all children."""
         self._max_failures = max_failures
-        self._results: dict[int, Result] = {}
+        self._results_by_child: dict[int, Result] = {}
 
     def tick(self, node: Node) -> Result:
         """Tick the children that have not completed."""
-        allowed_failures = _threshold(node.integer(self._max_failures), node, "fail")
-        skipped_children = 0
+        failure_threshold = _threshold(node.read_integer(self._max_failures), node, "fail")
+        skipped_count = 0
         for index, child in enumerate(node.nodes):
-            if index in self._results:
+            if index in self._results_by_child:
                 continue
             result = child.execute()
-            skipped_children += result is Result.SKIPPED
+            skipped_count += result is Result.SKIPPED
             if result.is_completed:
-                self._results[index] = result
-        if skipped_children == len(node.nodes):
+                self._results_by_child[index] = result
+        if skipped_count == len(node.nodes):
             return Result.SKIPPED
-        if skipped_children + len(self._results) < len(node.nodes):
+        if skipped_count + len(self._results_by_child) < len(node.nodes):
             return Result.RUNNING
-        failures = list(self._results.values()).count(Result.FAILURE)
-        self._results.clear()
+        failed_count = list(self._results_by_child.values()).count(Result.FAILURE)
+        self._results_by_child.clear()
         node.reset_children()
-        return Result.FAILURE if failures >= allowed_failures else Result.SUCCESS
+        return Result.FAILURE if failed_count >= failure_threshold else Result.SUCCESS
 
     def halt(self, node: Node) -> None:  # noqa: ARG002
         """Forget which children have completed."""
-        self._results.clear()
+        self._results_by_child.clear()
 
 
 def _threshold(declared_count: int, node: Node, verb: str) -> int:
-    count = len(node.nodes)
-    if declared_count > count:
-        raise TreeError(f"{node.name!r} has {count} children: {declared_count} of them can never {verb}")
-    return max(count + declared_count + 1, 0) if declared_count < 0 else declared_count
+    child_count = len(node.nodes)
+    if declared_count > child_count:
+        raise TreeError(f"{node.name!r} has {child_count} children: {declared_count} of them can never {verb}")
+    return max(child_count + declared_count + 1, 0) if declared_count < 0 else declared_count
 
 
 class IfThenElse(Kind):
@@ -228,25 +228,25 @@ class IfThenElse(Kind):
     """
 
     def __init__(self) -> None:
-        self._branch: int | None = None
+        self._branch_index: int | None = None
 
     def tick(self, node: Node) -> Result:
         """Tick the condition unless it has already completed; then tick the branch."""
-        if self._branch is None:
+        if self._branch_index is None:
             condition_result = node.nodes[0].execute()
             if condition_result in (Result.RUNNING, Result.SKIPPED):
                 return condition_result
-            self._branch = 1 if condition_result is Result.SUCCESS else 2
-        missing = self._branch == len(node.nodes)
-        result = Result.FAILURE if missing else node.nodes[self._branch].execute()
+            self._branch_index = 1 if condition_result is Result.SUCCESS else 2
+        is_missing = self._branch_index == len(node.nodes)
+        result = Result.FAILURE if is_missing else node.nodes[self._branch_index].execute()
         if result is not Result.RUNNING:
-            self._branch = None
+            self._branch_index = None
             node.reset_children()
         return result
 
     def halt(self, node: Node) -> None:  # noqa: ARG002
         """Tick the condition again when the node next starts."""
-        self._branch = None
+        self._branch_index = None
 
 
 class WhileDoElse(Kind):
@@ -259,10 +259,10 @@ class WhileDoElse(Kind):
             return condition_result
         result: Result = Result.SKIPPED
         if condition_result is not Result.SKIPPED:
-            branch, other = (1, 2) if condition_result is Result.SUCCESS else (2, 1)
-            for child in node.nodes[other : other + 1]:
+            branch_index, other_index = (1, 2) if condition_result is Result.SUCCESS else (2, 1)
+            for child in node.nodes[other_index : other_index + 1]:
                 child.reset()
-            result = node.nodes[branch].execute() if branch < len(node.nodes) else Result.FAILURE
+            result = node.nodes[branch_index].execute() if branch_index < len(node.nodes) else Result.FAILURE
         if result is not Result.RUNNING:
             node.reset_children()
         return result
@@ -276,32 +276,34 @@ class Switch(Kind):
         self._variable = variable
         self._cases = cases
         self._enums = dict(enums)
-        self._running: Node | None = None
+        self._running_child: Node | None = None
 
     def tick(self, node: Node) -> Result:
         """Choose a child at each tick; a running child is halted when another one is chosen."""
-        child = node.nodes[self._chosen(node)]
-        if self._running is not None and self._running is not child:
-            self._running.reset()
+        child = node.nodes[self._chosen_index(node)]
+        if self._running_child is not None and self._running_child is not child:
+            self._running_child.reset()
         result = child.execute()
-        self._running = child if result is Result.RUNNING else None
+        self._running_child = child if result is Result.RUNNING else None
         if result.is_completed:
             node.reset_children()
         return result
 
     def halt(self, node: Node) -> None:  # noqa: ARG002
         """Forget the running child."""
-        self._running = None
+        self._running_child = None
 
-    def _chosen(self, node: Node) -> int:
-        default = len(self._cases)
+    def _chosen_index(self, node: Node) -> int:
+        default_index = len(self._cases)
         if isinstance(self._variable, Entry) and not node.scope.has(self._variable.key):
-            return default
+            return default_index
         variable = node.read(self._variable)
-        matching = (index for index, case in enumerate(self._cases) if self._equal(variable, node.read(case)))
-        return next(matching, default)
+        matching_indices = (
+            index for index, case in enumerate(self._cases) if self._is_equal(variable, node.read(case))
+        )
+        return next(matching_indices, default_index)
 
-    def _equal(self, variable: object, case: object) -> bool:
+    def _is_equal(self, variable: object, case: object) -> bool:
         if str(variable) == str(case):
             return True
         left, right = self._number(variable), self._number(case)

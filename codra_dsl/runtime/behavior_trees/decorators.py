@@ -10,41 +10,41 @@ from codra_dsl.runtime.behavior_trees.result import Result, TreeError
 from codra_dsl.runtime.behavior_trees.scope import is_true
 
 _S_PER_MS = 0.001
-_TRUTHS = ("false", "true", "0", "1")
-WITHOUT_END = -1
+_BOOLEAN_TEXTS = ("false", "true", "0", "1")
+UNLIMITED = -1
 """The number of cycles or attempts that means no limit."""
 
 
 def inverter() -> Kind:
     """Turn success into failure and failure into success."""
-    return _ResultMapping({Result.SUCCESS: Result.FAILURE, Result.FAILURE: Result.SUCCESS})
+    return _ResultMapper({Result.SUCCESS: Result.FAILURE, Result.FAILURE: Result.SUCCESS})
 
 
 def force_success() -> Kind:
     """Turn every completed result of the child into success."""
-    return _ResultMapping({Result.FAILURE: Result.SUCCESS})
+    return _ResultMapper({Result.FAILURE: Result.SUCCESS})
 
 
 def force_failure() -> Kind:
     """Turn every completed result of the child into failure."""
-    return _ResultMapping({Result.SUCCESS: Result.FAILURE})
+    return _ResultMapper({Result.SUCCESS: Result.FAILURE})
 
 
 def keep_running_until_failure() -> Kind:
     """Tick a child again in the next tick if it succeeded or was skipped."""
-    return _ResultMapping({Result.SUCCESS: Result.RUNNING, Result.SKIPPED: Result.RUNNING})
+    return _ResultMapper({Result.SUCCESS: Result.RUNNING, Result.SKIPPED: Result.RUNNING})
 
 
-class _ResultMapping(Kind):
+class _ResultMapper(Kind):
     """Replaces results of the child by other results."""
 
-    def __init__(self, results: Mapping[Result, Result]) -> None:
-        self._results = results
+    def __init__(self, replacements: Mapping[Result, Result]) -> None:
+        self._replacements = replacements
 
     def tick(self, node: Node) -> Result:
         """Tick the child."""
         result = _tick_child(node)
-        return self._results.get(result, result)
+        return self._replacements.get(result, result)
 
 
 def _tick_child(node: Node) -> Result:
@@ -69,37 +69,37 @@ def retry_until_successful(num_attempts: Setting) -> Kind:
 class _Loop(Kind):
     """Ticks its child again after each success, or after each failure."""
 
-    def __init__(self, rounds: Setting, *, repeat_result: Result) -> None:
-        self._rounds = rounds
+    def __init__(self, round_limit: Setting, *, repeat_result: Result) -> None:
+        self._round_limit = round_limit
         self._repeat_result = repeat_result
-        self._finished_rounds = 0
+        self._finished_round_count = 0
 
     def tick(self, node: Node) -> Result:
         """Run rounds until a round takes more than this tick; yield after each round that took only one tick."""
-        rounds = node.integer(self._rounds)
-        while self._goes_on(rounds):
+        round_limit = node.read_integer(self._round_limit)
+        while self._has_rounds_left(round_limit):
             was_idle = node.nodes[0].result is Result.IDLE
             result = _tick_child(node)
             if result is not self._repeat_result:
-                self._finished_rounds = 0 if result.is_completed else self._finished_rounds
+                self._finished_round_count = 0 if result.is_completed else self._finished_round_count
                 return result
-            self._finished_rounds += 1
+            self._finished_round_count += 1
             # The library reads the port again after a failed attempt, but not after a cycle.
             if self._repeat_result is Result.FAILURE:
-                rounds = node.integer(self._rounds)
-            if was_idle and self._goes_on(rounds):
+                round_limit = node.read_integer(self._round_limit)
+            if was_idle and self._has_rounds_left(round_limit):
                 node.wake()
                 return Result.RUNNING
-        self._finished_rounds = 0
+        self._finished_round_count = 0
         node.reset_children()
         return self._repeat_result
 
     def halt(self, node: Node) -> None:  # noqa: ARG002
         """Count the rounds from 0 when the node next starts."""
-        self._finished_rounds = 0
+        self._finished_round_count = 0
 
-    def _goes_on(self, rounds: int) -> bool:
-        return rounds == WITHOUT_END or self._finished_rounds < rounds
+    def _has_rounds_left(self, round_limit: int) -> bool:
+        return round_limit == UNLIMITED or self._finished_round_count < round_limit
 
 
 class Delay(Kind):
@@ -116,7 +116,7 @@ class Delay(Kind):
     def tick(self, node: Node) -> Result:
         """Wait, then tick the child."""
         if self._due_s is None:
-            self._due_s = node.now_s + node.integer(self._delay_msec) * _S_PER_MS
+            self._due_s = node.now_s + node.read_integer(self._delay_msec) * _S_PER_MS
         if node.now_s < self._due_s:
             node.tick_context.pulse.wait_for(self._due_s)
             return Result.RUNNING
@@ -140,7 +140,7 @@ class Timeout(Kind):
     def tick(self, node: Node) -> Result:
         """Tick the child while there is time."""
         if self._due_s is None:
-            limit_ms = node.integer(self._msec)
+            limit_ms = node.read_integer(self._msec)
             self._due_s = node.now_s + limit_ms * _S_PER_MS if limit_ms > 0 else float("inf")
         elif node.now_s >= self._due_s:
             self._due_s = None
@@ -187,7 +187,7 @@ class Precondition(Kind):
         """Evaluate the condition and tick the child."""
         if node.nodes[0].is_running or is_true(self._condition(node.scope)):
             return _tick_child(node)
-        return _result_named(node, self._otherwise)
+        return _parse_result(node, self._otherwise)
 
 
 def skip_unless_updated(entry: str) -> Kind:
@@ -203,17 +203,17 @@ def wait_value_update(entry: str) -> Kind:
 class _EntryUpdateDecorator(Kind):
     """Starts its child if an entry was written since the last check; there is no check while the child is running."""
 
-    def __init__(self, entry: str, otherwise: Result) -> None:
+    def __init__(self, entry: str, unchanged_result: Result) -> None:
         self._entry = entry
-        self._otherwise = otherwise
-        self._seen_writes = 0
+        self._unchanged_result = unchanged_result
+        self._seen_write_count = 0
 
     def tick(self, node: Node) -> Result:
         """Continue with a running child, or check the entry."""
         if not node.nodes[0].is_running:
-            seen_writes, self._seen_writes = self._seen_writes, node.scope.writes(self._entry)
-            if self._seen_writes == seen_writes:
-                return self._otherwise
+            previous_write_count, self._seen_write_count = self._seen_write_count, node.scope.write_count(self._entry)
+            if self._seen_write_count == previous_write_count:
+                return self._unchanged_result
         return _tick_child(node)
 
 
@@ -247,12 +247,12 @@ class QueueLoop(Kind):
         """Continue with a running child, or take the next item."""
         if node.result is Result.IDLE and isinstance(self._queue, str):
             self._remaining_items = (
-                [self._parsed_item(node, item) for item in self._queue.split(";")] if self._queue else []
+                [self._parse_item(node, item) for item in self._queue.split(";")] if self._queue else []
             )
         if not node.nodes[0].is_running:
             items = self._items(node)
             if not items:
-                return _result_named(node, self._if_empty)
+                return _parse_result(node, self._if_empty)
             item = items.pop(0)
             if self._value is not None:
                 node.scope.create(self._value.key, item)
@@ -266,7 +266,7 @@ class QueueLoop(Kind):
             return queue
         return self._remaining_items
 
-    def _parsed_item(self, node: Node, text: str) -> object:
+    def _parse_item(self, node: Node, text: str) -> object:
         try:
             return self._read(text)
         except ValueError:
@@ -290,16 +290,16 @@ def loop_string(queue: Setting, *, value: Entry | None = None, if_empty: Setting
 
 def loop_bool(queue: Setting, *, value: Entry | None = None, if_empty: Setting = "SUCCESS") -> Kind:
     """Loop over booleans."""
-    return QueueLoop(queue, lambda item: bool(_TRUTHS.index(item) % 2), value=value, if_empty=if_empty)
+    return QueueLoop(queue, lambda item: bool(_BOOLEAN_TEXTS.index(item) % 2), value=value, if_empty=if_empty)
 
 
-def _result_named(node: Node, setting: Setting) -> Result:
+def _parse_result(node: Node, setting: Setting) -> Result:
     """Return the result that the value of a port names."""
-    name = str(node.read(setting)).strip().lower()
-    results = [result for result in Result if result is not Result.IDLE and result.value == name]
-    if not results:
+    result_name = str(node.read(setting)).strip().lower()
+    named_results = [result for result in Result if result is not Result.IDLE and result.value == result_name]
+    if not named_results:
         raise TreeError(f"{node.name!r} needs SUCCESS, FAILURE, SKIPPED or RUNNING, not {node.read(setting)!r}")
-    return results[0]
+    return named_results[0]
 
 
 class Subtree(Kind):

@@ -43,8 +43,8 @@ class Tree:
 
     def tick_exactly_once(self) -> Result:
         """Tick the root once (`tickExactlyOnce`)."""
-        self._pulse.visited.clear()
-        self._pulse.awake = False
+        self._pulse.visited_nodes.clear()
+        self._pulse.needs_tick = False
         self._pulse.due_s = None
         try:
             result = self.root.execute()
@@ -59,7 +59,7 @@ class Tree:
         """Tick the root, and tick it again as long as a node has only yielded between two steps (`tickOnce`)."""
         result = self.tick_exactly_once()
         passes = 1
-        while result is Result.RUNNING and self._pulse.awake and passes < MAX_PASSES:
+        while result is Result.RUNNING and self._pulse.needs_tick and passes < MAX_PASSES:
             result = self.tick_exactly_once()
             passes += 1
         return result

@@ -74,12 +74,12 @@ class WasEntryUpdated(Kind):
 
     def __init__(self, entry: str) -> None:
         self._entry = entry
-        self._seen_writes = 0
+        self._seen_write_count = 0
 
     def tick(self, node: Node) -> Result:
         """Check the entry."""
-        seen_writes, self._seen_writes = self._seen_writes, node.scope.writes(self._entry)
-        return Result.FAILURE if self._seen_writes == seen_writes else Result.SUCCESS
+        previous_write_count, self._seen_write_count = self._seen_write_count, node.scope.write_count(self._entry)
+        return Result.FAILURE if self._seen_write_count == previous_write_count else Result.SUCCESS
 
 
 class Sleep(Kind):
@@ -92,7 +92,7 @@ class Sleep(Kind):
     def tick(self, node: Node) -> Result:
         """Wait."""
         if self._due_s is None:
-            self._due_s = node.now_s + node.integer(self._msec) * _S_PER_MS
+            self._due_s = node.now_s + node.read_integer(self._msec) * _S_PER_MS
         if node.now_s < self._due_s:
             node.tick_context.pulse.wait_for(self._due_s)
             return Result.RUNNING
@@ -257,7 +257,7 @@ class Leaf(Kind):
 
     def tick(self, node: Node) -> Result:
         """Start the action, or continue it."""
-        action, ports = self._action()
+        action, ports = self._action_and_ports()
         result = action.go_on(ports) if node.is_running else action.start(ports)
         if result is Result.IDLE:
             raise TreeError(
@@ -267,10 +267,10 @@ class Leaf(Kind):
 
     def halt(self, node: Node) -> None:  # noqa: ARG002
         """Stop the action."""
-        action, ports = self._action()
+        action, ports = self._action_and_ports()
         action.halt(ports)
 
-    def _action(self) -> tuple[Action, Ports]:
+    def _action_and_ports(self) -> tuple[Action, Ports]:
         if self._binding is None:
             raise TreeError(f"the leaf {self._name!r} is not bound: tick it as part of a Tree")
         return self._binding

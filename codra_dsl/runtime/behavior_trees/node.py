@@ -110,13 +110,13 @@ class Pulse:
     """The reports of a tree's nodes about one tick.
 
     Attributes:
-        visited: the ticked nodes, in the order in which their ticks ended.
-        awake: whether a node needs another tick of the tree at once.
+        visited_nodes: the ticked nodes, in the order in which their ticks ended.
+        needs_tick: whether a node needs another tick of the tree at once.
         due_s: the earliest instant for which a node waits.
     """
 
-    visited: list[Node] = field(default_factory=list)
-    awake: bool = False
+    visited_nodes: list[Node] = field(default_factory=list)
+    needs_tick: bool = False
     due_s: float | None = None
 
     def wait_for(self, instant_s: float) -> None:
@@ -213,7 +213,7 @@ class Node(Behaviour):
         """Return the value of a port: the text of the port, or the value of the port's entry."""
         return self.scope.get(setting.key) if isinstance(setting, Entry) else setting
 
-    def integer(self, setting: Setting) -> int:
+    def read_integer(self, setting: Setting) -> int:
         """Return the value of a port as an integer."""
         value = number_in(self.read(setting))
         if value is None or value != int(value):
@@ -222,7 +222,7 @@ class Node(Behaviour):
 
     def wake(self) -> None:
         """Request another tick at once, because the node has yielded between two of its steps."""
-        self.tick_context.pulse.awake = True
+        self.tick_context.pulse.needs_tick = True
 
     def reset_children(self) -> None:
         """Make all children idle; running ones are halted in order."""
@@ -244,7 +244,7 @@ class Node(Behaviour):
             self._run(self._conditions.on_success if result is Result.SUCCESS else self._conditions.on_failure)
             self._run(self._conditions.post)
         self._set_result(Result.IDLE if result is Result.SKIPPED else result)
-        self.tick_context.pulse.visited.append(self)
+        self.tick_context.pulse.visited_nodes.append(self)
         return result
 
     def reset(self) -> None:
@@ -296,12 +296,12 @@ class Node(Behaviour):
 
     def tick(self) -> Iterator[Behaviour]:
         """Tick the node once and yield all ticked nodes, children first."""
-        visited = self.tick_context.pulse.visited
-        visited.clear()
+        visited_nodes = self.tick_context.pulse.visited_nodes
+        visited_nodes.clear()
         if self.result.is_completed:
             self.reset()
         self.execute()
-        yield from tuple(visited)
+        yield from tuple(visited_nodes)
 
     def update(self) -> Status:
         """Tick the node once and return its status in py_trees."""

@@ -12,13 +12,13 @@ from typing import Any
 
 from codra_dsl.runtime.behavior_trees.result import TreeError
 
-GLOBAL = "@"
+GLOBAL_PREFIX = "@"
 """The prefix for entries of the outermost tree."""
 
-_MAX_EQUAL_DIFFERENCE = 2.0**-23
+_EQUALITY_TOLERANCE = 2.0**-23
 """Scripts treat two numbers as equal up to this difference."""
 
-PRIVATE = "_"
+PRIVATE_PREFIX = "_"
 """The prefix of entries that `_autoremap` never remaps."""
 
 
@@ -27,7 +27,7 @@ class _Entry:
     """A value, with the number of its writes."""
 
     value: object
-    writes: int = 1
+    write_count: int = 1
 
 
 class Scope:
@@ -47,14 +47,14 @@ class Scope:
         self._outer_scope = outer_scope
         self._remapped = dict(remapped or {})
         self._remaps_all = remaps_all
-        self._constants: set[str] = set()
-        self._declared: set[str] = set()
+        self._constant_names: set[str] = set()
+        self._declared_names: set[str] = set()
         self._entries: dict[str, _Entry] = {}
 
     def within(self, remapped: Mapping[str, str], constants: Mapping[str, str], *, remaps_all: bool) -> Scope:
         """Return the scope of a subtree; `constants` are initial values of the subtree's own entries."""
         inner_scope = Scope(self, remapped=remapped, remaps_all=remaps_all)
-        inner_scope._constants.update(constants)
+        inner_scope._constant_names.update(constants)
         for name, value in constants.items():
             inner_scope.create(name, value)
         return inner_scope
@@ -81,15 +81,15 @@ class Scope:
         yield from self._entries
         yield from (name for name in self._remapped if self.has(name))
 
-    def writes(self, name: str) -> int:
+    def write_count(self, name: str) -> int:
         """Return how often an entry was written: 0 if it does not exist."""
         entry = self._find(name)
-        return 0 if entry is None else entry.writes
+        return 0 if entry is None else entry.write_count
 
     def declare(self, name: str) -> None:
         """Declare an entry of a port: from then on the entry can be assigned, even if it has no value yet."""
         owner, own_name = self._owner(name)
-        owner._declared.add(own_name)
+        owner._declared_names.add(own_name)
 
     def create(self, name: str, value: object) -> None:
         """Write an entry, and create it if it does not exist (`:=`).
@@ -107,7 +107,7 @@ class Scope:
             TreeError: if the entry neither exists nor is declared, or has another type.
         """
         owner, own_name = self._owner(name)
-        if own_name not in owner._declared:
+        if own_name not in owner._declared_names:
             self.get(name)
         self.create(name, value)
 
@@ -115,7 +115,7 @@ class Scope:
         """Remove an entry, if it exists."""
         owner, own_name = self._owner(name)
         owner._entries.pop(own_name, None)
-        owner._declared.discard(own_name)
+        owner._declared_names.discard(own_name)
 
     def __getitem__(self, name: str) -> Any:
         """Return the value of an entry for computations in scripts."""
@@ -133,16 +133,16 @@ class Scope:
             if outer_name is None:
                 break
             scope, own_name = scope._outer_scope, outer_name
-        return scope, own_name.removeprefix(GLOBAL)
+        return scope, own_name.removeprefix(GLOBAL_PREFIX)
 
     def _outer_name(self, name: str) -> str | None:
-        if name.startswith(GLOBAL):
+        if name.startswith(GLOBAL_PREFIX):
             return name
-        if name in self._constants:
+        if name in self._constant_names:
             return None
         if name in self._remapped:
             return self._remapped[name]
-        return name if self._remaps_all and not name.startswith(PRIVATE) else None
+        return name if self._remaps_all and not name.startswith(PRIVATE_PREFIX) else None
 
     def _write(self, name: str, value: object) -> None:
         entry = self._entries.get(name)
@@ -151,11 +151,11 @@ class Scope:
         if entry is None:
             self._entries[name] = _Entry(value)
             return
-        entry.value = _converted_value(name, entry.value, value)
-        entry.writes += 1
+        entry.value = _convert_value(name, entry.value, value)
+        entry.write_count += 1
 
 
-def _converted_value(name: str, present_value: object, value: object) -> object:
+def _convert_value(name: str, present_value: object, value: object) -> object:
     """Return a new value for an entry; for an entry that holds a number, the text of a number becomes a number."""
     if _family(present_value) == _family(value):
         return value
@@ -196,7 +196,7 @@ def plain_value(value: object) -> Any:
 def equal(left: object, right: object) -> bool:
     """Return whether two values are equal; numbers may differ by the precision of a `float` in C++ (2**-23)."""
     if isinstance(left, int | float) and isinstance(right, int | float):
-        return left == right or abs(left - right) <= _MAX_EQUAL_DIFFERENCE
+        return left == right or abs(left - right) <= _EQUALITY_TOLERANCE
     return left == right
 
 
@@ -276,7 +276,7 @@ class Operand:
     def __neg__(self) -> Operand:
         return 0 - self
 
-    def _pair(self, other: object) -> tuple[Any, Any]:
+    def _comparable_pair(self, other: object) -> tuple[Any, Any]:
         """Return both values; if one is a number and the other the text of a number, return both as numbers."""
         left, right = self.value, plain_value(other)
         if _family(left) == _family(right):
@@ -285,9 +285,9 @@ class Operand:
         return (left, right) if None in numbers else numbers
 
     def _compare(self, other: object, sign: str, compare: Callable[[Any, Any], bool]) -> bool:
-        left, right = self._pair(other)
-        comparable = (NUMBER, TEXT) if compare is not equal else (NUMBER, TEXT, _family(left))
-        if _family(left) != _family(right) or _family(left) not in comparable:
+        left, right = self._comparable_pair(other)
+        comparable_families = (NUMBER, TEXT) if compare is not equal else (NUMBER, TEXT, _family(left))
+        if _family(left) != _family(right) or _family(left) not in comparable_families:
             raise TreeError(f"{left!r} {sign} {right!r} compares a {_family(left)} with a {_family(right)}")
         return compare(left, right)
 

@@ -96,13 +96,13 @@ class Commands:
         """
         with self._clock:
             self._check_open()
-            self._record("declare", party, variable=name)
+            self._record_input("declare", party, variable=name)
             self.declarations.add(party, name)
 
     def withdraw(self, name: str, party: str = MAIN) -> None:
         """Undo `declare`."""
         with self._clock:
-            self._record("withdraw", party, variable=name)
+            self._record_input("withdraw", party, variable=name)
             self.declarations.remove(party, name)
 
     def expect(self, skills: Iterable[str], party: str = MAIN) -> None:
@@ -110,14 +110,14 @@ class Commands:
         with self._clock:
             self._check_open()
             expected_skills = list(skills)
-            self._record("expect", party, skills=expected_skills)
+            self._record_input("expect", party, skills=expected_skills)
             self._hold_expected(expected_skills, party)
 
     def begin(self, name: str, party: str = MAIN) -> int:
         """Begin a skill; return its number, by which `act`, `acted` and `finish` identify the skill."""
         with self._clock:
             self._check_open()
-            self._record("begin", party, skill=name)
+            self._record_input("begin", party, skill=name)
             self._skill_count += 1
             number, skill = self._skill_count, self._skills[name]
             self._skills_under_way[number] = (party, skill)
@@ -137,7 +137,7 @@ class Commands:
             if number not in self._skills_under_way:
                 raise RuntimeError("a skill that has ended cannot act: begin it again")
             _party, skill = self._skills_under_way[number]
-            self._record("act", number=number)
+            self._record_input("act", number=number)
             for variable in skill.changes:
                 self._store.invalidate(variable, skill.name, MAIN)
             self._event_triggers.act(number, skill.changes)
@@ -146,7 +146,7 @@ class Commands:
     def acted(self, number: int) -> None:
         """End the acting of a skill."""
         with self._clock:
-            self._record("acted", number=number)
+            self._record_input("acted", number=number)
             self._expectations.acted(number)
             self._event_triggers.acted(number, self._clock.now_s())
             self._forest.look_again()
@@ -154,13 +154,13 @@ class Commands:
     def finish(self, number: int) -> None:
         """End a skill."""
         with self._clock:
-            self._record("finish", number=number)
+            self._record_input("finish", number=number)
             self._finish(number)
 
     def leave(self, party: str) -> None:
         """Withdraw all declarations of a main execution that has left or no longer responds."""
         with self._clock:
-            self._record("leave", party)
+            self._record_input("leave", party)
             for number in [
                 number for number, (skill_party, _) in self._skills_under_way.items() if skill_party == party
             ]:
@@ -172,7 +172,7 @@ class Commands:
     def close(self) -> None:
         """Withdraw everything."""
         with self._clock:
-            self._record("close")
+            self._record_input("close")
             self.is_closed = True
             self._expected_skills.clear()
             for holder in self.declarations.holders():
@@ -218,8 +218,8 @@ class Commands:
         """
         with self._clock:
             if self._event_writer.takes_inputs:
-                text = json_text({"name": name, "what": what, "details": details})
-                self._event_writer.write_input(agent, "adapt", told=text)
+                adaptation_text = json_text({"name": name, "what": what, "details": details})
+                self._event_writer.write_input(agent, "adapt", told=adaptation_text)
             self._event_writer.write(Kind.ADAPTATION, name, what, agent=agent, **details)
 
     # Decisions
@@ -228,7 +228,7 @@ class Commands:
         """Return a new decision; it is answered at once if context can answer it."""
         with self._clock:
             self._decision_count += 1
-            self._record("decide", number=self._decision_count, **_request_fields(request))
+            self._record_input("decide", number=self._decision_count, **_request_fields(request))
             now_s, reading = self._clock.now_s(), self._store.reading(request.variable)
             decision = Decision(number=self._decision_count, request=request, asked_s=now_s, reading=reading)
             self._look_up(decision)
@@ -241,7 +241,7 @@ class Commands:
     def resume(self, decision: Decision) -> None:
         """Read the variable of a decision again after the wait; answer the decision, or let the main execution look."""
         with self._clock:
-            self._record("waited", number=decision.number)
+            self._record_input("waited", number=decision.number)
             self._urgencies.answer(decision.number)
             self._look_up(decision)
             self._settle(decision)
@@ -254,7 +254,7 @@ class Commands:
         """
         name, shadow = decision.request.variable, decision.request.shadow
         with self._clock:
-            self._record("found", number=decision.number, value=content, raised=raised)
+            self._record_input("found", number=decision.number, value=content, raised=raised)
             self._urgencies.answer(decision.number)  # the decision may have been abandoned while it waited
             what = "shadowed" if decision.met else "fell_back"
             marks = {"shadow": True} if shadow and not decision.met else {}
@@ -281,7 +281,7 @@ class Commands:
     def request_slots(self, resources: tuple[str, ...], grant: Callable[[], None]) -> int:
         """Request slots for the main execution; return the number of the request, which `release_slots` needs."""
         with self._clock:
-            self._record("request", resources=list(resources))
+            self._record_input("request", resources=list(resources))
             self._slot_request_count += 1
             self._tickets[self._slot_request_count] = self._slots.request(resources, lambda: (MAIN_EXECUTION, 0), grant)
             return self._slot_request_count
@@ -289,7 +289,7 @@ class Commands:
     def release_slots(self, number: int) -> None:
         """Release slots, or cancel their request."""
         with self._clock:
-            self._record("release", number=number)
+            self._record_input("release", number=number)
             self._slots.release(self._tickets.pop(number))
 
     # Internal
@@ -302,7 +302,7 @@ class Commands:
         if self.is_closed:
             raise RuntimeError("the context manager is closed: start() creates a new one")
 
-    def _record(self, what: str, party: str = MAIN, /, **details: object) -> None:
+    def _record_input(self, what: str, party: str = MAIN, /, **details: object) -> None:
         self._event_writer.write_input(party, what, **details)
 
     def _finish(self, number: int) -> None:
@@ -371,11 +371,16 @@ class Commands:
 
     def _record_decision(self, what: str, decision: Decision, **details: object) -> None:
         reading = decision.reading
-        why = {"reason": reading.reason, "detail": reading.detail}
-        about = {"value": reading.content, **why, "asked_s": decision.asked_s, "source": reading.source}
+        reason_details = {"reason": reading.reason, "detail": reading.detail}
+        reading_details = {
+            "value": reading.content,
+            **reason_details,
+            "asked_s": decision.asked_s,
+            "source": reading.source,
+        }
         if self._skills_under_way:  # the last skill that began
-            about["skill"] = next(reversed(self._skills_under_way.values()))[1].name
-        self._event_writer.write(Kind.DECISION, reading.name, what, **about, **details)
+            reading_details["skill"] = next(reversed(self._skills_under_way.values()))[1].name
+        self._event_writer.write(Kind.DECISION, reading.name, what, **reading_details, **details)
 
 
 def _request_fields(request: DecisionRequest) -> dict[str, object]:

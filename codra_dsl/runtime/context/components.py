@@ -94,7 +94,7 @@ class Components:
         """Return the knowledge graph that shares these variables, steps and journal."""
         context_link = ContextLink(
             variables=tuple(variable for variable in self.store.variables.values() if variable.pose_condition is None),
-            steps=self.clock,
+            clock=self.clock,
             event_writer=self.event_writer,
             write=self.store.write,
         )

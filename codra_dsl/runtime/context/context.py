@@ -287,10 +287,14 @@ class ContextManager(Generic[VariableName, SkillName]):
 
     def _variables_of_wakes(self, agent: str, model: KnowledgeModel) -> list[str]:
         """Return the observed variables in the `wakes` patterns of an agent."""
-        wakes = (pattern for agent_model in model.agents if agent_model.name == agent for pattern in agent_model.wakes)
-        read_attributes = {name for pattern in wakes if isinstance(pattern, Term) for name in pattern.variables()}
+        wake_patterns = (
+            pattern for agent_model in model.agents if agent_model.name == agent for pattern in agent_model.wakes
+        )
+        wake_attributes = {
+            name for pattern in wake_patterns if isinstance(pattern, Term) for name in pattern.variables()
+        }
         observed_variables = {name for observer in self.model.observers for name in observer.identifies}
-        return sorted(name for name in observed_variables if f"{self._nodes[name]}.{name}" in read_attributes)
+        return sorted(name for name in observed_variables if f"{self._nodes[name]}.{name}" in wake_attributes)
 
     @property
     def knowledge(self) -> Knowledge:
@@ -343,12 +347,12 @@ class ContextManager(Generic[VariableName, SkillName]):
         try:
             if pending_decision.wait(math.inf) is DecisionState.ANSWERED:
                 return pending_decision.value
-            content_of_look = otherwise()
+            acquired_value = otherwise()
         except BaseException as error:
             pending_decision.abandon(type(error).__name__)
             raise
-        pending_decision.record_result(content_of_look)
-        return content_of_look
+        pending_decision.record_result(acquired_value)
+        return acquired_value
 
     def shadow_report(self) -> ShadowReport:
         """Return how often context agreed with the robot's looks in shadow mode, according to the event log."""
@@ -433,7 +437,7 @@ class ContextManager(Generic[VariableName, SkillName]):
         with self._main_execution_slots.hold(resources):
             yield
 
-    def next_party(self) -> str:
+    def next_party_name(self) -> str:
         """Return the name of a further main execution, for its declarations; each call returns a new name."""
         return f"{MAIN} {next(self._party_numbers)}"
 

@@ -10,17 +10,17 @@ from typing import Any
 
 from codra_dsl.runtime.journal.spec_summary import Place, place_from_data
 
-MANIFEST = "manifest.json"
-SOURCES = "sources.json"
+MANIFEST_FILE = "manifest.json"
+SOURCES_FILE = "sources.json"
 _MANIFEST_FORMAT = "codra-manifest"
 
 
 def package_folder(manager: object) -> Path | None:
     """Return the folder of the generated package that a context manager comes from; None if there is no package."""
     for cls in type(manager).__mro__:
-        file = getattr(sys.modules.get(cls.__module__), "__file__", None)
-        if file is not None and manifest_of(Path(file).parent):
-            return Path(file).parent
+        module_file = getattr(sys.modules.get(cls.__module__), "__file__", None)
+        if module_file is not None and manifest_of(Path(module_file).parent):
+            return Path(module_file).parent
     return None
 
 
@@ -28,7 +28,7 @@ def manifest_of(folder: Path | None) -> Mapping[str, Any]:
     """Return the manifest of a generated package; empty if the folder is not a generated package."""
     if folder is None:
         return {}
-    manifest = _read_json(folder / MANIFEST)
+    manifest = _read_json(folder / MANIFEST_FILE)
     return manifest if manifest.get("format") == _MANIFEST_FORMAT else {}
 
 
@@ -47,7 +47,7 @@ def places_in(folder: Path | None, name: str) -> Mapping[str, Place]:
         folder: the folder of the package.
         name: the name of the spec.
     """
-    sources = {} if folder is None else _read_json(folder / SOURCES)
+    sources = {} if folder is None else _read_json(folder / SOURCES_FILE)
     return {
         key.removeprefix(f"{name}/"): place
         for key, place_data in sources.items()

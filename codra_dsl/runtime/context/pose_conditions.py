@@ -13,8 +13,8 @@ from codra_dsl.logic import Term
 from codra_dsl.runtime.clock import Clock, Timer
 from codra_dsl.runtime.geometry import FrameError, Outcome
 from codra_dsl.runtime.knowledge import Knowledge, Snapshot
-from codra_dsl.runtime.knowledge.change_set import Touched
-from codra_dsl.runtime.knowledge.matching import posed_pairs, truth
+from codra_dsl.runtime.knowledge.change_set import ChangeSubject
+from codra_dsl.runtime.knowledge.matching import relative_pose_pairs, truth
 from codra_dsl.runtime.observers.store import Store
 from codra_dsl.runtime.values.cell import BEFORE_ALL_S, FOREVER_S, Reading, Reason, known_reading
 from codra_dsl.runtime.values.declarations import POSES
@@ -40,14 +40,14 @@ class PoseConditions:
             if variable.pose_condition is not None
         )
         if self._conditions:
-            knowledge.on_touched = self._evaluate_dependent
+            knowledge.on_change = self._evaluate_affected_conditions
         for condition in self._conditions:
             condition.evaluate(self._take_snapshot())
 
-    def _evaluate_dependent(self, touched: Collection[Touched]) -> None:
+    def _evaluate_affected_conditions(self, changed_subjects: Collection[ChangeSubject]) -> None:
         """Compute the variables that a change of the graph may affect."""
-        frames = frozenset(name for kind, name in touched if kind == "frame")
-        has_nodes = any(kind == "node" for kind, _ in touched)
+        frames = frozenset(name for kind, name in changed_subjects if kind == "frame")
+        has_nodes = any(kind == "node" for kind, _ in changed_subjects)
         snapshot = self._take_snapshot()
         for condition in self._conditions if frames or has_nodes else ():
             if has_nodes or condition.depends_on(frames):
@@ -59,12 +59,12 @@ class _InputsStatus(NamedTuple):
 
     Attributes:
         frames: the frames whose poses can change the condition; None if any frame can.
-        next_s: when the condition must be computed again even if the graph does not change.
+        next_update_s: when the condition must be computed again even if the graph does not change.
         reason: why the condition is unknown, if it is unknown.
     """
 
     frames: frozenset[str] | None
-    next_s: float
+    next_update_s: float
     reason: Reason = Reason.NEVER_OBSERVED
     detail: str = ""
 
@@ -113,12 +113,12 @@ class _PoseCondition:
                     source=POSES,
                 )
             self._store.write(reading)
-        self._wake_at(status.next_s)
+        self._wake_at(status.next_update_s)
 
     def _evidence_s(self, snapshot: Snapshot, moved_frames: frozenset[str]) -> float:
         """Return when the newest pose of the condition's moved frames was measured; now, if none of them moved."""
-        moved_inputs = moved_frames & self._frames if self._frames is not None else frozenset[str]()
-        return max((snapshot.measured_s(name) for name in moved_inputs), default=snapshot.instant_s)
+        moved_input_frames = moved_frames & self._frames if self._frames is not None else frozenset[str]()
+        return max((snapshot.measured_s(name) for name in moved_input_frames), default=snapshot.instant_s)
 
     def _wake_at(self, instant_s: float) -> None:
         """Compute the condition again at an instant.
@@ -142,7 +142,7 @@ def _inputs_status(snapshot: Snapshot, term: Term) -> _InputsStatus:
     frames: set[str] = set()
     status = _InputsStatus(None, FOREVER_S)
     has_all_poses = True
-    for first, second in posed_pairs(term):
+    for first, second in relative_pose_pairs(term):
         try:
             motion = snapshot.transform(first, second)
         except FrameError:
@@ -156,7 +156,7 @@ def _inputs_status(snapshot: Snapshot, term: Term) -> _InputsStatus:
             detail = f"the pose of {motion.weakest!r} is too old"
             status = status if status.detail else status._replace(reason=Reason.STALE, detail=detail)
         else:
-            status = status._replace(next_s=min(status.next_s, snapshot.next_s(first, second)))
+            status = status._replace(next_update_s=min(status.next_update_s, snapshot.next_update_s(first, second)))
     return status._replace(frames=frozenset(frames)) if has_all_poses else status
 
 

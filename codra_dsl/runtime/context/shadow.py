@@ -10,7 +10,7 @@ from codra_dsl.logic import Value
 from codra_dsl.runtime.journal.events import Event, Kind
 from codra_dsl.runtime.why.values import instant, shown
 
-MOST_SHOWN = 5
+MAX_SHOWN_DISAGREEMENTS = 5
 """The text shows at most this many disagreements of each row, the newest ones."""
 
 
@@ -138,12 +138,12 @@ def _lines(rows: Iterable[ShadowRow]) -> Iterator[str]:
             yield f"  of {row.decisions} decisions: {', '.join(_uncompared_texts(row))}"
         if row.largest_difference is not None:
             yield f"  differs by {row.largest_difference:.6g} at most"
-        hidden_count = len(row.disagreements) - MOST_SHOWN
+        hidden_count = len(row.disagreements) - MAX_SHOWN_DISAGREEMENTS
         if hidden_count > 0:
             yield f"  {hidden_count} earlier disagreements"
-        for disagreement in row.disagreements[-MOST_SHOWN:]:
-            held_text = f"context held {shown(disagreement.held)} ({disagreement.source})"
-            yield f"  {instant(disagreement.instant_s)}: {held_text}, the robot saw {shown(disagreement.seen)}"
+        for disagreement in row.disagreements[-MAX_SHOWN_DISAGREEMENTS:]:
+            context_text = f"context held {shown(disagreement.held)} ({disagreement.source})"
+            yield f"  {instant(disagreement.instant_s)}: {context_text}, the robot saw {shown(disagreement.seen)}"
 
 
 def _uncompared_texts(row: ShadowRow) -> Iterator[str]:

@@ -32,15 +32,17 @@ def summarise_spec(
         folder: the folder of the generated package, with the places of all elements in the spec.
     """
     places = places_in(folder, name)
-    branches = [(observer.model, branch) for observer in observers for branch in observer.branches]
+    models_and_branches = [(observer.model, branch) for observer in observers for branch in observer.branches]
     return SpecSummary(
         name=name,
         variables={variable.name: variable for variable in variables},
         observers={
-            model.name: _observer_summary(model, [branch for other, branch in branches if other is model], places)
-            for model, _ in branches
+            model.name: _observer_summary(
+                model, [branch for branch_model, branch in models_and_branches if branch_model is model], places
+            )
+            for model, _ in models_and_branches
         },
-        algorithms={branch.algorithm.name: _algorithm_summary(branch, places) for _, branch in branches},
+        algorithms={branch.algorithm.name: _algorithm_summary(branch, places) for _, branch in models_and_branches},
         skills={skill.name: skill for skill in skills},
         places={key: place for key, place in places.items() if key.split("/")[0] in _KINDS_WITH_PLACE},
     )
@@ -59,15 +61,15 @@ def _observer_summary(model: ObserverModel, branches: Sequence[Branch], places: 
 def _algorithm_summary(branch: Branch, places: Mapping[str, Place]) -> AlgorithmSummary:
     algorithm = branch.algorithm
     key = f"perception/{algorithm.name}"
-    identifies = {
+    value_rules = {
         variable: Rule(python=repr(term), place=places.get(f"{key}/identifies/{variable}"))
         for variable, term in branch.value_terms.items()
     }
     return AlgorithmSummary(
         name=algorithm.name,
         conditions=_condition_rules(branch, key, places),
-        accepts=_rules(branch.accepts, f"{key}/accept_when", places),
-        identifies=identifies,
+        accepts=_rules_with_places(branch.accepts, f"{key}/accept_when", places),
+        identifies=value_rules,
         returns=algorithm.returns,
         timeout_s=algorithm.timeout_s,
         place=places.get(key),
@@ -76,16 +78,20 @@ def _algorithm_summary(branch: Branch, places: Mapping[str, Place]) -> Algorithm
 
 def _condition_rules(branch: Branch, key: str, places: Mapping[str, Place]) -> tuple[Rule, ...]:
     """Return the preconditions of a branch. The place of a precondition from `given` is that of the algorithm."""
-    given_conditions = {f"known({name})" for name in branch.algorithm.given}
-    own_conditions = [(text, term) for text, term in branch.conditions if text not in given_conditions]
-    rules = {rule.source_text: rule for rule in _rules(own_conditions, f"{key}/observable_when", places)}
+    given_condition_texts = {f"known({name})" for name in branch.algorithm.given}
+    own_conditions = [(text, term) for text, term in branch.conditions if text not in given_condition_texts]
+    rules_by_text = {
+        rule.source_text: rule for rule in _rules_with_places(own_conditions, f"{key}/observable_when", places)
+    }
     return tuple(
-        rules.get(text, Rule(source_text=text, python=repr(term), place=places.get(key)))
+        rules_by_text.get(text, Rule(source_text=text, python=repr(term), place=places.get(key)))
         for text, term in branch.conditions
     )
 
 
-def _rules(conditions: Sequence[tuple[str, Term]], key: str, places: Mapping[str, Place]) -> tuple[Rule, ...]:
+def _rules_with_places(
+    conditions: Sequence[tuple[str, Term]], key: str, places: Mapping[str, Place]
+) -> tuple[Rule, ...]:
     """Return conditions with their places. If there are places for more conditions, all places are left out."""
     condition_places = [places.get(f"{key}/{number}") for number in range(len(conditions))]
     if f"{key}/{len(conditions)}" in places:

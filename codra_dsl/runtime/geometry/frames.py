@@ -11,7 +11,7 @@ import math
 from dataclasses import dataclass
 
 from codra_dsl.runtime.geometry.motion import ANY_MOTION, Motion, Outcome, Placement, Track
-from codra_dsl.runtime.geometry.pose import IDENTITY, Pose, chain_poses
+from codra_dsl.runtime.geometry.pose import IDENTITY, Pose, compose_poses
 from codra_dsl.runtime.values.persistent import PersistentMap
 
 MAX_CACHED_TRANSFORMS = 4096
@@ -80,7 +80,9 @@ class Frames:
         keeps_parent = len(track) and track.parent == parent and stamp_s >= track.newest_s
         # No cycle can arise if the frame is new, because it has no descendants, or if it keeps its parent.
         if child == parent or (
-            known_track is not None and not keeps_parent and self._is_descendant(parent, child, *track.reach(stamp_s))
+            known_track is not None
+            and not keeps_parent
+            and self._is_descendant(parent, child, *track.affected_interval(stamp_s))
         ):
             raise FrameError(f"{child!r} cannot be placed in {parent!r} from {stamp_s:g} s on: this makes a cycle")
         if parent not in tracks:
@@ -150,14 +152,14 @@ class Frames:
         _, tracks = self._cached_transform(target, source, instant_s)
         return min((track.newest_s + track.motion.valid_for_s for _, track in tracks), default=math.inf)
 
-    def next_s(self, target: str, source: str, instant_s: float) -> float:
-        """Return when to compute the present transform again, if no further poses arrive; see `Track.next_s`.
+    def next_update_s(self, target: str, source: str, instant_s: float) -> float:
+        """Return when to compute the present transform again, if no further poses arrive; see `Track.next_update_s`.
 
         Raises:
             FrameError: if a frame is unknown, or the two were not connected at the instant.
         """
         _, tracks = self._cached_transform(target, source, instant_s)
-        return min((track.next_s(instant_s) for _, track in tracks), default=math.inf)
+        return min((track.next_update_s(instant_s) for _, track in tracks), default=math.inf)
 
     def between(self, target: str, source: str, instant_s: float) -> tuple[str, ...]:
         """Return the frames whose poses determine the transform between two frames.
@@ -177,7 +179,7 @@ class Frames:
                     break
             else:
                 return entry
-        entry = self._compute(target, source, instant_s)
+        entry = self._compute_transform(target, source, instant_s)
         if len(self._cache) >= MAX_CACHED_TRANSFORMS:
             self._cache.clear()
         self._cache[key] = entry
@@ -188,28 +190,38 @@ class Frames:
         frames._tracks, frames._cache = tracks, self._cache
         return frames
 
-    def _compute(self, target: str, source: str, instant_s: float) -> tuple[Transform, tuple[tuple[str, Track], ...]]:
+    def _compute_transform(
+        self, target: str, source: str, instant_s: float
+    ) -> tuple[Transform, tuple[tuple[str, Track], ...]]:
         if instant_s != instant_s:
             raise ValueError("the instant of a transform must not be NaN")
-        ups, downs = self._placements_to_root(source, instant_s), self._placements_to_root(target, instant_s)
-        common = next((name for name in ups if name in downs), None)
-        if common is None:
+        source_placements, target_placements = (
+            self._placements_to_root(source, instant_s),
+            self._placements_to_root(target, instant_s),
+        )
+        common_frame = next((name for name in source_placements if name in target_placements), None)
+        if common_frame is None:
             raise FrameError(
                 f"{source!r} and {target!r} were not connected at {instant_s:g} s: "
-                f"their roots were {list(ups)[-1]!r} and {list(downs)[-1]!r}"
+                f"their roots were {list(source_placements)[-1]!r} and {list(target_placements)[-1]!r}"
             )
-        up, down = _placements_below(common, ups), _placements_below(common, downs)
-        source_pose, target_pose = _chained_pose(up), _chained_pose(down)
-        parts = (*up, *down)
-        worst = max([(placement.outcome, placement.gap_s, name) for name, placement in parts], default=_EXACT_PART)
+        source_chain, target_chain = (
+            _placements_below(common_frame, source_placements),
+            _placements_below(common_frame, target_placements),
+        )
+        source_pose, target_pose = _chained_pose(source_chain), _chained_pose(target_chain)
+        chain = (*source_chain, *target_chain)
+        worst_outcome = max(
+            [(placement.outcome, placement.gap_s, name) for name, placement in chain], default=_EXACT_OUTCOME
+        )
         transform = Transform(
-            pose=target_pose.inverse() @ source_pose if down else source_pose,
-            outcome=worst[0],
-            gap_s=max([placement.gap_s for _, placement in parts], default=0.0),
-            weakest=worst[2] if worst[0] else "",
+            pose=target_pose.inverse() @ source_pose if target_chain else source_pose,
+            outcome=worst_outcome[0],
+            gap_s=max([placement.gap_s for _, placement in chain], default=0.0),
+            weakest=worst_outcome[2] if worst_outcome[0] else "",
         )
         # The ancestors of the common frame do not matter.
-        return transform, tuple([(name, self._tracks[name]) for name, _ in parts])
+        return transform, tuple([(name, self._tracks[name]) for name, _ in chain])
 
     def _placements_to_root(self, name: str, instant_s: float) -> dict[str, Placement | None]:
         """Return a frame and its ancestors at an instant, each with its placement."""
@@ -232,25 +244,25 @@ class Frames:
 
     def _is_descendant(self, name: str, ancestor: str, start_s: float, end_s: float) -> bool:
         """Return whether a frame is the other one, or its descendant, at any instant of a half-open interval."""
-        intervals = [(start_s, end_s, name)]
-        while intervals:
-            from_s, until_s, inner = intervals.pop()
-            if inner == ancestor:
+        pending_spans = [(start_s, end_s, name)]
+        while pending_spans:
+            from_s, until_s, frame = pending_spans.pop()
+            if frame == ancestor:
                 return True
-            track = self._tracks.get(inner)
+            track = self._tracks.get(frame)
             if track is not None:
-                intervals.extend(track.spans(from_s, until_s))
+                pending_spans.extend(track.parent_spans(from_s, until_s))
         return False
 
 
-_EXACT_PART = (Outcome.EXACT, 0.0, "")
+_EXACT_OUTCOME = (Outcome.EXACT, 0.0, "")
 
 
-def _placements_below(common: str, placements: dict[str, Placement | None]) -> list[tuple[str, Placement]]:
+def _placements_below(common_frame: str, placements: dict[str, Placement | None]) -> list[tuple[str, Placement]]:
     """Return the placements below a common ancestor."""
     placements_below: list[tuple[str, Placement]] = []
     for name, placement in placements.items():
-        if name == common or placement is None:
+        if name == common_frame or placement is None:
             break
         placements_below.append((name, placement))
     return placements_below
@@ -260,7 +272,7 @@ def _chained_pose(placements: list[tuple[str, Placement]]) -> Pose:
     """Return the pose of the first frame in the parent of the last frame."""
     if not placements:
         return IDENTITY
-    return chain_poses([placement.pose for _, placement in placements])
+    return compose_poses([placement.pose for _, placement in placements])
 
 
 def _check_instant(stamp_s: float) -> None:

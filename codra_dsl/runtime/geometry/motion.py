@@ -44,7 +44,7 @@ class Motion:
 
 ANY_MOTION = Motion()
 
-LOOK_S = 0.01
+EXTRAPOLATION_PERIOD_S = 0.01
 """The period for computing the pose of a frame while its motion is extrapolated."""
 
 _MIN_OUTDATED_POSES = 64
@@ -119,8 +119,8 @@ class Track:
             track._end = self._end + 1
         else:
             track._copy(self)
-            track._insert(stamp_s, parent, pose, motion)
-        track._drop_old()
+            track._insert_pose(stamp_s, parent, pose, motion)
+        track._drop_old_poses()
         return track
 
     def at(self, instant_s: float) -> Placement | None:
@@ -134,15 +134,15 @@ class Track:
         gap_s = instant_s - stamps_s[last]
         if gap_s == 0.0 or self._motions[last].is_static:
             return Placement(self._parents[last], self._poses[last])
-        if last + 1 < self._end and self._has_same_motion(last):
+        if last + 1 < self._end and self._has_same_edge_as_next(last):
             return self._interpolated_placement(last, gap_s)
-        return self._placement_beyond(last, gap_s)
+        return self._placement_after_pose(last, gap_s)
 
-    def next_s(self, instant_s: float) -> float:
+    def next_update_s(self, instant_s: float) -> float:
         """Return when to compute the present placement again, if no further poses arrive.
 
-        That is the earliest of three instants: `LOOK_S` later, while the motion is extrapolated; the end of the
-        extrapolation; the end of validity. It is infinite if the placement no longer changes.
+        That is the earliest of three instants: `EXTRAPOLATION_PERIOD_S` later, while the motion is extrapolated; the
+        end of the extrapolation; the end of validity. It is infinite if the placement no longer changes.
         """
         if self._start == self._end or self.motion.is_static or self.parent is None:
             return math.inf
@@ -152,14 +152,14 @@ class Track:
             return math.inf
         stale_s = math.inf if motion.valid_for_s == math.inf else _first_instant_s(newest_s, motion.valid_for_s)
         is_moving = (
-            last > self._start and self._has_same_motion(last - 1) and self._poses[last - 1] != self._poses[last]
+            last > self._start and self._has_same_edge_as_next(last - 1) and self._poses[last - 1] != self._poses[last]
         )
         if gap_s > motion.extrapolate_s or not is_moving:
             return stale_s
-        stops_s = _first_instant_s(newest_s, math.nextafter(motion.extrapolate_s, math.inf))
-        return min(stale_s, stops_s, instant_s + LOOK_S)
+        extrapolation_end_s = _first_instant_s(newest_s, math.nextafter(motion.extrapolate_s, math.inf))
+        return min(stale_s, extrapolation_end_s, instant_s + EXTRAPOLATION_PERIOD_S)
 
-    def spans(self, start_s: float, end_s: float) -> Iterator[tuple[float, float, str]]:
+    def parent_spans(self, start_s: float, end_s: float) -> Iterator[tuple[float, float, str]]:
         """Yield the parents in a half-open interval, each with the part of the interval in which it was the parent."""
         first = max(self._start, bisect_right(self._stamps_s, start_s, self._start, self._end) - 1)
         for position in range(first, self._end):
@@ -169,7 +169,7 @@ class Track:
             if parent is not None and from_s < until_s:
                 yield from_s, until_s, parent
 
-    def reach(self, stamp_s: float) -> tuple[float, float]:
+    def affected_interval(self, stamp_s: float) -> tuple[float, float]:
         """Return the interval in which a pose with a given stamp would determine the placement of the frame."""
         after, start = bisect_right(self._stamps_s, stamp_s, self._start, self._end), self._start
         is_first = after == start or (after == start + 1 and self._stamps_s[start] == stamp_s)
@@ -178,24 +178,26 @@ class Track:
     def _until_s(self, position: int) -> float:
         return self._stamps_s[position + 1] if position + 1 < self._end else math.inf
 
-    def _has_same_motion(self, position: int) -> bool:
+    def _has_same_edge_as_next(self, position: int) -> bool:
         """Return whether a pose and the next one have the same parent and motion."""
-        motion, after = self._motions[position], self._motions[position + 1]
-        return self._parents[position + 1] == self._parents[position] and (after is motion or after == motion)
+        motion, next_motion = self._motions[position], self._motions[position + 1]
+        return self._parents[position + 1] == self._parents[position] and (
+            next_motion is motion or next_motion == motion
+        )
 
     def _interpolated_placement(self, position: int, gap_s: float) -> Placement:
         span_s = self._stamps_s[position + 1] - self._stamps_s[position]
         pose = self._poses[position].towards(self._poses[position + 1], gap_s / span_s)
         return Placement(self._parents[position], pose, Outcome.INTERPOLATED, min(gap_s, span_s - gap_s))
 
-    def _placement_beyond(self, last: int, gap_s: float) -> Placement:
+    def _placement_after_pose(self, last: int, gap_s: float) -> Placement:
         """Return the placement of the frame some time after its last pose in a parent."""
         parent, pose, motion = self._parents[last], self._poses[last], self._motions[last]
         if gap_s >= motion.valid_for_s:
             return Placement(parent, pose, Outcome.STALE, gap_s)
         if gap_s > motion.extrapolate_s:
             return Placement(parent, pose, Outcome.CLAMPED, gap_s)
-        if last > self._start and self._has_same_motion(last - 1):
+        if last > self._start and self._has_same_edge_as_next(last - 1):
             span_s = self._stamps_s[last] - self._stamps_s[last - 1]
             pose = self._poses[last - 1].towards(pose, 1.0 + gap_s / span_s)
         return Placement(parent, pose, Outcome.EXTRAPOLATED, gap_s)
@@ -206,12 +208,12 @@ class Track:
         other._start, other._end = start, self._end
 
     def _copy(self, other: Track) -> None:
-        own_range = slice(other._start, other._end)
-        self._stamps_s, self._parents = other._stamps_s[own_range], other._parents[own_range]
-        self._poses, self._motions = other._poses[own_range], other._motions[own_range]
+        used_slice = slice(other._start, other._end)
+        self._stamps_s, self._parents = other._stamps_s[used_slice], other._parents[used_slice]
+        self._poses, self._motions = other._poses[used_slice], other._motions[used_slice]
         self._start, self._end = 0, len(self._stamps_s)
 
-    def _insert(self, stamp_s: float, parent: str | None, pose: Pose, motion: Motion) -> None:
+    def _insert_pose(self, stamp_s: float, parent: str | None, pose: Pose, motion: Motion) -> None:
         """Insert a pose into the lists of this track, which no other track shares."""
         position = bisect_left(self._stamps_s, stamp_s)
         end = position + (position < self._end and self._stamps_s[position] == stamp_s)
@@ -221,7 +223,7 @@ class Track:
         self._motions[position:end] = [motion]
         self._end = len(self._stamps_s)
 
-    def _drop_old(self) -> None:
+    def _drop_old_poses(self) -> None:
         """Drop poses that are older than the history, except the newest of them: it holds when the history begins."""
         begin_s = self._stamps_s[self._end - 1] - self._motions[self._end - 1].history_s
         self._start = max(self._start, bisect_right(self._stamps_s, begin_s, self._start, self._end) - 1)

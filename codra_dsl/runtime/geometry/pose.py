@@ -24,7 +24,7 @@ _NEARLY_PARALLEL_COSINE = 1.0 - 1e-9
 _SMALLEST_NORM = 1e-9
 _ORTHONORMAL_TOLERANCE = 1e-6
 
-_NORM_TOLERANCE = 1e-12
+_SQUARED_NORM_TOLERANCE = 1e-12
 """The tolerance for the squared norm of a unit quaternion; products of many quaternions deviate this far from 1."""
 
 
@@ -62,15 +62,15 @@ class Pose:
         if type(translation_m) is tuple is type(rotation) and len(translation_m) == 3 and len(rotation) == 4:
             (x, y, z), (w, i, j, k) = translation_m, rotation
             try:
-                is_unit = (
-                    abs(w * w + i * i + j * j + k * k - 1.0) < _NORM_TOLERANCE
+                is_rigid = (
+                    abs(w * w + i * i + j * j + k * k - 1.0) < _SQUARED_NORM_TOLERANCE
                     and isfinite(x)
                     and isfinite(y)
                     and isfinite(z)
                 )
             except (TypeError, OverflowError):
-                is_unit = False
-            if is_unit:
+                is_rigid = False
+            if is_rigid:
                 return self
         return Pose.of(translation_m, rotation)
 
@@ -85,8 +85,8 @@ class Pose:
         length = math.hypot(*direction)
         if length < _SMALLEST_NORM:
             raise ValueError("an axis needs a direction: its numbers must not all be 0")
-        half_rad, scale = angle_rad / 2.0, math.sin(angle_rad / 2.0) / length
-        return cls.of(translation_m, (math.cos(half_rad), *(scale * component for component in direction)))
+        half_angle_rad, scale = angle_rad / 2.0, math.sin(angle_rad / 2.0) / length
+        return cls.of(translation_m, (math.cos(half_angle_rad), *(scale * component for component in direction)))
 
     @classmethod
     def from_matrix(cls, matrix: Sequence[Sequence[float]]) -> Pose:
@@ -166,11 +166,11 @@ def _new_pose(translation_m: Vector, rotation: Quaternion) -> Pose:
     """Return a pose in half the time of its constructor: a frozen class sets each of its fields by a call."""
     pose: Any = _MutablePose(translation_m, rotation)
     pose.__class__ = Pose
-    frozen: Pose = pose
-    return frozen
+    frozen_pose: Pose = pose
+    return frozen_pose
 
 
-def chain_poses(poses: Sequence[Pose]) -> Pose:
+def compose_poses(poses: Sequence[Pose]) -> Pose:
     """Return the pose of the first frame in the last, given one or more poses, each in the frame of the next."""
     (x, y, z), rotation = poses[0].translation_m, poses[0].rotation
     for pose in poses[1:]:

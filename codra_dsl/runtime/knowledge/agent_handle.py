@@ -144,7 +144,7 @@ class Transaction(Writer):
     graph as it is then.
     """
 
-    __slots__ = ("_applied_operations", "_attempt", "_error", "_is_over", "_turn")
+    __slots__ = ("_attempt", "_error", "_is_over", "_operations_and_results", "_turn")
 
     def __init__(self, attempt: Callable[[Operation], Any], turn: AbstractContextManager[object]) -> None:
         """Begin without changes.
@@ -158,13 +158,13 @@ class Transaction(Writer):
         self._attempt = attempt
         self._turn = turn
         self._is_over = False
-        self._applied_operations: list[tuple[Operation, Any]] = []
+        self._operations_and_results: list[tuple[Operation, Any]] = []
         self._error: BaseException | None = None
 
     @property
     def operations(self) -> tuple[Operation, ...]:
         """Return the operations applied so far."""
-        return tuple(operation for operation, _ in self._applied_operations)
+        return tuple(operation for operation, _ in self._operations_and_results)
 
     def _execute(self, verb: Verb, arguments: tuple[Any, ...]) -> Any:
         operation = Operation(verb, arguments)
@@ -176,7 +176,7 @@ class Transaction(Writer):
             except BaseException as error:
                 self._error = error
                 raise
-            self._applied_operations.append((operation, result))
+            self._operations_and_results.append((operation, result))
         return result
 
     def end(self) -> None:
@@ -195,14 +195,14 @@ class Transaction(Writer):
         Raises:
             ConflictError: if the result of an operation differs from the one that the program got from it before.
         """
-        for operation, result in self._applied_operations:
+        for operation, result in self._operations_and_results:
             if operation.apply(change_set) != result:
                 raise ConflictError(
                     "the task was requested again while this transaction was open: begin another transaction"
                 )
 
 
-def raise_closed(name: str) -> NoReturn:
+def raise_closed_error(name: str) -> NoReturn:
     """Raise the error for a closed handle.
 
     Raises:
@@ -211,8 +211,8 @@ def raise_closed(name: str) -> NoReturn:
     raise PermissionError(f"this handle of the agent {name!r} is closed")
 
 
-def _raise_closed(name: str, _verb: Verb, _arguments: tuple[Any, ...]) -> NoReturn:
-    raise_closed(name)
+def _refuse_operation(name: str, _verb: Verb, _arguments: tuple[Any, ...]) -> NoReturn:
+    raise_closed_error(name)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -220,18 +220,18 @@ class AgentPort:
     """The functions of the graph that one agent's handle calls.
 
     Attributes:
-        commit: applies an operation as this agent. A closed handle does not call it any more.
-        transact: begins a transaction of this agent.
-        wake: subscribes a callback to the agent's wakes; the subscription keeps the handle alive.
-        execute_rule: returns the execution of a rule, by the rule's name.
+        apply: applies an operation as this agent. A closed handle does not call it any more.
+        begin_transaction: begins a transaction of this agent.
+        subscribe_to_wakes: subscribes a callback to the agent's wakes; the subscription keeps the handle alive.
+        prepare_rule: returns the execution of a rule, by the rule's name.
         close: closes the handle.
         check_open: raises `PermissionError` after `close`.
     """
 
-    commit: Apply
-    transact: Callable[[], AbstractContextManager[Transaction]]
-    wake: Callable[[AgentHandle, Callable[[Change], object]], Subscription]
-    execute_rule: Callable[[str], RuleExecution[Transaction]]
+    apply: Apply
+    begin_transaction: Callable[[], AbstractContextManager[Transaction]]
+    subscribe_to_wakes: Callable[[AgentHandle, Callable[[Change], object]], Subscription]
+    prepare_rule: Callable[[str], RuleExecution[Transaction]]
     close: Callable[[], None]
     check_open: Callable[[], None]
 
@@ -248,7 +248,7 @@ class AgentHandle(Writer):
             name: the name of the agent.
             port: the functions of the graph for this agent.
         """
-        super().__init__(port.commit)
+        super().__init__(port.apply)
         self._name = name
         self._port = port
 
@@ -266,7 +266,7 @@ class AgentHandle(Writer):
     def close(self) -> None:
         """Close the handle: it can no longer write, and its wakes end. `as_agent` can then return a new handle."""
         self._port.close()
-        self._apply = partial(_raise_closed, self._name)
+        self._apply = partial(_refuse_operation, self._name)
 
     def check_open(self) -> None:
         """Check that the handle is open.
@@ -281,7 +281,7 @@ class AgentHandle(Writer):
 
         If one of them fails, none becomes visible.
         """
-        return self._port.transact()
+        return self._port.begin_transaction()
 
     def on_wake(self, callback: Callable[[Change], object]) -> Subscription:
         """Call back whenever a pattern in the agent's `wakes` begins to hold, first for the patterns that hold now.
@@ -296,7 +296,7 @@ class AgentHandle(Writer):
         The subscription keeps the handle alive until it is unsubscribed or the handle is closed. No other handle of
         the agent can be opened meanwhile.
         """
-        return self._port.wake(self, callback)
+        return self._port.subscribe_to_wakes(self, callback)
 
     def acting(self, rule: str) -> RuleExecution[Transaction]:
         """Return the execution of one of this agent's rules, to be used in a `with` statement around the action.
@@ -305,4 +305,4 @@ class AgentHandle(Writer):
             UnknownNameError: if the agent has no such rule.
             RuleError: at the beginning of the statement, if a `before` pattern does not hold.
         """
-        return self._port.execute_rule(rule)
+        return self._port.prepare_rule(rule)

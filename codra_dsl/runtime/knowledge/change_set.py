@@ -23,7 +23,7 @@ from codra_dsl.runtime.knowledge.elements import (
     ElementT,
     History,
     Node,
-    new_tuple,
+    make_tuple,
 )
 from codra_dsl.runtime.knowledge.graph_schema import EdgeType, GraphSchema
 from codra_dsl.runtime.knowledge.state import Handover, State
@@ -34,10 +34,10 @@ from codra_dsl.runtime.values.persistent import PersistentMap
 _convert_name = text().converter()
 """Checks that a name is text that can be written to a file."""
 
-_DELETED_HISTORY_S = 10.0
+_DELETED_NODE_HISTORY_S = 10.0
 """How long the poses of a deleted node are kept if the history of its edge has no limit."""
 
-Touched = tuple[str, str]
+ChangeSubject = tuple[str, str]
 """The subject of a change: `node` or `edge` with a type, `frame` with a node, or a node with an attribute."""
 
 
@@ -70,7 +70,7 @@ class ChangeSet:
         schema: the declarations of the graph.
         agent: the agent that makes the changes.
         now_s: the instant.
-        touched: the subjects of the changes.
+        changed_subjects: the subjects of the changes.
         deadlines: the new deadlines of tasks, each with the handover that it would abort.
         context_readings: readings of attributes that are context-variables, in the order in which they were written.
         records: the changes as events for the event log; None if they are not recorded.
@@ -83,13 +83,13 @@ class ChangeSet:
         "_new_readings",
         "_state",
         "agent",
+        "changed_subjects",
         "context_readings",
         "deadlines",
         "now_s",
         "operation",
         "records",
         "schema",
-        "touched",
     )
 
     def __init__(
@@ -102,7 +102,7 @@ class ChangeSet:
         self._new_readings: dict[str | EdgeKey, _NewReadings] = {}
         self.agent = agent
         self.now_s = now_s
-        self.touched: list[Touched] = []
+        self.changed_subjects: list[ChangeSubject] = []
         self.deadlines: tuple[tuple[float, Handover], ...] = ()
         self.context_readings: tuple[Reading[Value], ...] = ()
         self.records = records
@@ -114,39 +114,39 @@ class ChangeSet:
         Call this method once, and only if the change set starts from the present state.
         """
         state = self._state
-        for key, readings in self._new_readings.items():
+        for key, histories_and_readings in self._new_readings.items():
             if isinstance(key, str):
-                self._grow(state.nodes, self._new_nodes, key, readings)
+                self._append_readings(state.nodes, self._new_nodes, key, histories_and_readings)
             else:
-                self._grow(state.edges, self._new_edges, key, readings)
+                self._append_readings(state.edges, self._new_edges, key, histories_and_readings)
         if self._new_nodes:
             state.nodes = state.nodes.with_changes(self._new_nodes)
         if self._new_edges:
             state.edges = state.edges.with_changes(self._new_edges)
         index = state.index
-        if index.additions > index.compaction_threshold:
+        if index.addition_count > index.compaction_threshold:
             state.index = index.compacted_index(state.nodes, state.edges)
         return state
 
-    def _grow(
+    def _append_readings(
         self,
         elements: PersistentMap[KeyT, ElementT],
         changed_elements: dict[KeyT, ElementT | None],
         key: KeyT,
-        readings: _NewReadings,
+        histories_and_readings: _NewReadings,
     ) -> None:
         """Add readings to the histories of attributes; new histories are stored in the node or edge."""
         element = changed_elements.get(key) or elements[key]
-        for history, reading in readings:
-            known_history = element.histories.get(history.attribute.model.name)
-            longer_history = (known_history or history).with_reading(reading, self._state.version)
-            if longer_history is not known_history:
-                changed_elements[key] = element = element.with_history(longer_history)
+        for history, reading in histories_and_readings:
+            existing_history = element.histories.get(history.attribute.model.name)
+            updated_history = (existing_history or history).with_reading(reading, self._state.version)
+            if updated_history is not existing_history:
+                changed_elements[key] = element = element.with_history(updated_history)
 
     def undo(self) -> None:
         """Remove the readings that `state` has added to histories, because that state will never be the present one."""
-        for readings in self._new_readings.values():
-            for history, reading in readings:
+        for histories_and_readings in self._new_readings.values():
+            for history, reading in histories_and_readings:
                 history.remove(reading)
 
     def starts_from(self, state: State) -> bool:
@@ -175,9 +175,9 @@ class ChangeSet:
         state = self._state
         number = state.next_number
         state.next_number = number + 1
-        self._new_nodes[name] = new_tuple(Node, (name, type_name, number, NO_HISTORIES, self.agent, self.now_s, 0))
+        self._new_nodes[name] = make_tuple(Node, (name, type_name, number, NO_HISTORIES, self.agent, self.now_s, 0))
         state.index.add_node(name, type_name)
-        self.touched.append(("node", type_name))
+        self.changed_subjects.append(("node", type_name))
         if self.records is not None:
             self._record(name, "node_inserted", type=type_name)
         for attribute, value in values.items():
@@ -195,14 +195,14 @@ class ChangeSet:
             raise NotASourceError(f"the node {name!r} cannot be deleted: context-variables are its attributes")
         if permissions.is_ranked:
             permissions.check_rank(self.agent, node.writer, name)
-        for key in sorted({*self._state.index.keys_from(name), *self._state.index.keys_to(name)}):
-            self.remove(key)
+        for key in sorted({*self._state.index.outgoing_keys(name), *self._state.index.incoming_keys(name)}):
+            self.discard_edge(key)
         self._new_nodes[name] = None  # readings of the deleted node must not go to a new node of the same name
         self._new_readings.pop(name, None)
         if name in self._state.frames:
             self._end_frame(name)
-        self.touched.append(("node", node.type))
-        self.touched.extend((name, attribute) for attribute in node.histories)
+        self.changed_subjects.append(("node", node.type))
+        self.changed_subjects.extend((name, attribute) for attribute in node.histories)
         if self.records is not None:
             self._record(name, "node_deleted", type=node.type)
 
@@ -229,7 +229,7 @@ class ChangeSet:
         self._write(name, self.history(name, attribute), value, None)
 
     def _write(self, name: str, history: History, value: object, evidence_s: float | None) -> None:
-        reading = history.new_reading(self.agent, self.now_s, value, evidence_s, self._state.version - 1)
+        reading = history.make_reading(self.agent, self.now_s, value, evidence_s, self._state.version - 1)
         self.add_reading(name, history, reading)
         if history.attribute.variable:
             self.context_readings += (reading,)
@@ -244,7 +244,7 @@ class ChangeSet:
     def add_reading(self, name: str, history: History, reading: Reading[Value]) -> None:
         """Add a reading of an attribute of a node."""
         self._new_readings.setdefault(name, []).append((history, reading))
-        self.touched.append((name, history.attribute.model.name))
+        self.changed_subjects.append((name, history.attribute.model.name))
 
     # Edges
 
@@ -269,15 +269,16 @@ class ChangeSet:
                 if edge_type.permissions.is_ranked:
                     edge_type.permissions.check_rank(self.agent, present_edge.writer, str(present_edge))
                 self._new_edges[key] = present_edge._replace(writer=self.agent)
-                self.touched.append(("edge", type_name))
+                self.changed_subjects.append(("edge", type_name))
                 if self.records is not None:
                     self._record_edge(present_edge, "edge_inserted")
             return
-        start, end = self.node(origin), self.node(target)
-        if not edge_type.fits(start, end):
+        origin_node, target_node = self.node(origin), self.node(target)
+        if not edge_type.fits(origin_node, target_node):
             raise NotOfTypeError(
                 f"edges of type {type_name!r} go from {' or '.join(edge_type.model.origins)} to "
-                f"{' or '.join(edge_type.model.targets)}, not from {start.type} {origin!r} to {end.type} {target!r}"
+                f"{' or '.join(edge_type.model.targets)}, "
+                f"not from {origin_node.type} {origin!r} to {target_node.type} {target!r}"
             )
         if present_edge is not None:
             self._remove_edge(present_edge)
@@ -285,9 +286,9 @@ class ChangeSet:
         number = state.next_number
         state.next_number = number + 1
         fields = (origin, label, target, type_name, number, NO_HISTORIES, self.agent, self.now_s, 0)
-        self._new_edges[key] = edge = new_tuple(Edge, fields)
+        self._new_edges[key] = edge = make_tuple(Edge, fields)
         state.index.add_edge(key)
-        self.touched.append(("edge", type_name))
+        self.changed_subjects.append(("edge", type_name))
         if self.records is not None:
             self._record_edge(edge, "edge_inserted")
 
@@ -315,9 +316,9 @@ class ChangeSet:
         attribute_declaration = self.schema.attribute_of_edge(edge, attribute)
         history = edge.histories.get(attribute) or History(attribute_declaration, f"{edge}.{attribute}")
         attribute_declaration.permissions.check(self.agent, history.subject)
-        reading = history.new_reading(self.agent, self.now_s, value, evidence_s, self._state.version - 1)
+        reading = history.make_reading(self.agent, self.now_s, value, evidence_s, self._state.version - 1)
         self._new_readings.setdefault(edge.key, []).append((history, reading))
-        self.touched.append(("edge", type_name))
+        self.changed_subjects.append(("edge", type_name))
         if self.records is not None:
             self._record_reading(attribute_declaration, reading, f"{origin} -{type_name}-> {target}.{attribute}")
 
@@ -325,7 +326,7 @@ class ChangeSet:
         new_edges = self._new_edges
         return new_edges[key] if new_edges and key in new_edges else self._state.edges.get(key)
 
-    def remove(self, key: EdgeKey) -> None:
+    def discard_edge(self, key: EdgeKey) -> None:
         """Remove an edge, if it exists, without a permission check."""
         edge = self._edge_at(key)
         if edge is not None:
@@ -373,7 +374,7 @@ class ChangeSet:
             self._place_on_another_edge(edge_type, origin, target, pose, stamp_s, present_edge)
         else:
             self._state.frames = self._state.frames.with_pose(target, origin, pose, stamp_s, motion)
-        self.touched.append(("frame", target))
+        self.changed_subjects.append(("frame", target))
         if self.records is not None:
             pose_details = {"translation_m": list(pose.translation_m), "rotation": list(pose.rotation)}
             self._record(f"{origin} -{type_name}-> {target}", "placed", label=RT, evidence_s=stamp_s, **pose_details)
@@ -415,20 +416,20 @@ class ChangeSet:
             self._state.frames = self._state.frames.without(name)
             return
         self._state.frames = self._state.frames.without_parent(name, max(self.now_s, track.newest_s))
-        self._state.deletion_times_s = {**self._forget_old_poses(), name: self.now_s}
+        self._state.deletion_times_s = {**self._prune_deleted_frames(), name: self.now_s}
 
-    def _forget_old_poses(self) -> Mapping[str, float]:
+    def _prune_deleted_frames(self) -> Mapping[str, float]:
         """Remove the poses of nodes that were deleted too long ago; return the deletion times of the other nodes."""
-        kept_times_s: dict[str, float] = {}
-        for name, deletion_s in self._state.deletion_times_s.items():
+        kept_deletion_times_s: dict[str, float] = {}
+        for name, deletion_time_s in self._state.deletion_times_s.items():
             if self.has_node(name):
                 continue
             history_s = self._state.frames.track(name).motion.history_s
-            if deletion_s < self.now_s - (history_s if history_s < math.inf else _DELETED_HISTORY_S):
+            if deletion_time_s < self.now_s - (history_s if history_s < math.inf else _DELETED_NODE_HISTORY_S):
                 self._state.frames = self._state.frames.without(name)
             else:
-                kept_times_s[name] = deletion_s
-        return kept_times_s
+                kept_deletion_times_s[name] = deletion_time_s
+        return kept_deletion_times_s
 
     # Edges
 
@@ -436,14 +437,14 @@ class ChangeSet:
         if self.schema.edge_type(edge.type).model.motion is not None and self._parent_edge(edge.target) == edge:
             newest_s = self._state.frames.track(edge.target).newest_s
             self._state.frames = self._state.frames.without_parent(edge.target, max(self.now_s, newest_s))
-            self.touched.append(("frame", edge.target))
+            self.changed_subjects.append(("frame", edge.target))
         self._detach(edge)
 
     def _detach(self, edge: Edge) -> None:
         """Remove an edge from the graph, but keep the past poses of its target."""
         self._new_edges[edge.key] = None
         self._new_readings.pop(edge.key, None)
-        self.touched.append(("edge", edge.type))
+        self.changed_subjects.append(("edge", edge.type))
         if self.records is not None:
             self._record_edge(edge, "edge_deleted")
 

@@ -41,13 +41,13 @@ class ContextLink:
 
     Attributes:
         variables: the variables of the context.
-        steps: makes each write a step, and each deadline an event.
+        clock: makes each write a step, and each deadline an event.
         event_writer: writes the journal.
         write: writes a reading of a variable to the context, which passes it to the graph's `mirror`.
     """
 
     variables: Sequence[VariableModel]
-    steps: LockedClock
+    clock: LockedClock
     event_writer: EventWriter
     write: Callable[[Reading[Value]], None]
 
@@ -76,30 +76,33 @@ class ContextLink:
         if variable:
             self.event_writer.write(Kind.VARIABLE, variable, "refused", value=value, source=agent)
 
-    def write_rule(self, agent: str, rule: str, state: str, message: str) -> None:
+    def record_rule_state(self, agent: str, rule: str, state: str, message: str) -> None:
         """Record the new state of an agent's rule."""
         details = {"rule": rule, "message": message or None}
         self.event_writer.write_input(agent, "rule", became=state, **details)
         self.event_writer.write(Kind.KNOWLEDGE, f"{agent}.{rule}", state, agent=agent, **details)
 
-    def refused_write(self, operation: Operation, message: str, nodes: Mapping[str, str]) -> RefusedWrite:
+    def make_refused_write(
+        self, operation: Operation, message: str, nodes_by_variable: Mapping[str, str]
+    ) -> RefusedWrite:
         """Return the record of a refused operation.
 
         Args:
             operation: the refused operation.
             message: the message of the error.
-            nodes: for each context-variable, the name of the node that has it as an attribute.
+            nodes_by_variable: for each context-variable, the name of the node that has it as an attribute.
         """
         if operation.verb is not Verb.SET:
             return RefusedWrite(operation.subject, message)
         node, name, value, _ = operation.arguments
         variable = next(
-            (candidate for candidate in self.variables if candidate.name == name and nodes[name] == node), None
+            (candidate for candidate in self.variables if candidate.name == name and nodes_by_variable[name] == node),
+            None,
         )
         if variable is None:
             return RefusedWrite(operation.subject, message)
         try:
-            content = None if value is None else variable.type.convert(value)
+            converted_value = None if value is None else variable.type.convert(value)
         except NotOfTypeError:
-            content = None
-        return RefusedWrite(operation.subject, message, name, content)
+            converted_value = None
+        return RefusedWrite(operation.subject, message, name, converted_value)

@@ -243,12 +243,12 @@ class Path:
     links: tuple[Link, ...]
 
     def __str__(self) -> str:
-        parts = [_place_text(self.places[0])]
+        element_texts = [_place_text(self.places[0])]
         for link, place in zip(self.links, self.places[1:], strict=True):
             is_forward = link.direction is Direction.FORWARD
-            parts.append(f"-{link.edge}->" if is_forward else f"<-{link.edge}-")
-            parts.append(_place_text(place))
-        return " ".join(parts)
+            element_texts.append(f"-{link.edge}->" if is_forward else f"<-{link.edge}-")
+            element_texts.append(_place_text(place))
+        return " ".join(element_texts)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -21,7 +21,7 @@ from codra_dsl.runtime.values.model import NotOfTypeError
 _MIN_OUTDATED_READINGS = 64
 """The minimum number of outdated readings that a history holds before a new history without them replaces it."""
 
-_BEFORE_ALL_VERSIONS = -1
+_VERSION_BEFORE_ALL = -1
 """A number below every version of a graph."""
 
 
@@ -69,15 +69,17 @@ class History:
         entries = self._entries
         first_version, reading = entries[-1]
         return (
-            reading if first_version <= version else entries[bisect_right(entries, version, key=_first_version) - 1][1]
+            reading
+            if first_version <= version
+            else entries[bisect_right(entries, version, key=_get_first_version) - 1][1]
         )
 
     def readings_at(self, version: int) -> tuple[Reading[Value], ...]:
         """Return the readings in a version of the graph, the oldest first."""
-        end = bisect_right(self._entries, version, key=_first_version)
+        end = bisect_right(self._entries, version, key=_get_first_version)
         return tuple(reading for _, reading in self._entries[max(0, end - self.attribute.model.history) : end])
 
-    def new_reading(
+    def make_reading(
         self, agent: str, now_s: float, value: object, evidence_s: float | None, version: int
     ) -> Reading[Value]:
         """Return the reading for a value that an agent writes; None and NaN give an unknown reading.
@@ -121,13 +123,11 @@ class History:
             entries.append((version, reading))
             return self
         max_readings = max(1, self.attribute.model.history)
-        longer_history = History(self.attribute, self.subject)
-        longer_history._entries = [
-            (_BEFORE_ALL_VERSIONS, reading_before) for _, reading_before in entries[-max_readings:]
-        ]
-        insort_right(longer_history._entries, (_BEFORE_ALL_VERSIONS, reading), key=lambda entry: entry[1].evidence_s)
-        del longer_history._entries[:-max_readings]
-        return longer_history
+        new_history = History(self.attribute, self.subject)
+        new_history._entries = [(_VERSION_BEFORE_ALL, kept_reading) for _, kept_reading in entries[-max_readings:]]
+        insort_right(new_history._entries, (_VERSION_BEFORE_ALL, reading), key=lambda entry: entry[1].evidence_s)
+        del new_history._entries[:-max_readings]
+        return new_history
 
     def remove(self, reading: Reading[Value]) -> None:
         """Remove a reading that was added for a version which will never be the present one."""
@@ -219,7 +219,7 @@ NO_HISTORIES: Mapping[str, History] = MappingProxyType({})
 
 def element_at_version(element: ElementT, version: int) -> ElementT:
     """Return a node or edge for a version of the graph that contains it."""
-    return new_tuple(type(element), (*element[:-1], version)) if element.histories else element
+    return make_tuple(type(element), (*element[:-1], version)) if element.histories else element
 
 
 def present_reading(element: Node | Edge, name: str, attribute: str) -> Reading[Value]:
@@ -239,7 +239,7 @@ def _readings(histories: Mapping[str, History], version: int) -> Mapping[str, Re
     )
 
 
-new_tuple = tuple.__new__
+make_tuple = tuple.__new__
 """Creates a named tuple from all its fields, in half the time of a call of its class."""
 
-_first_version = itemgetter(0)
+_get_first_version = itemgetter(0)

@@ -21,52 +21,52 @@ class GraphIndex:
     while it holds the graph's turn, the lock for writes; reading needs no lock.
 
     Attributes:
-        additions: the number of added entries.
+        addition_count: the number of added entries.
         compaction_threshold: the number of additions at which the index is next checked for obsolete entries.
     """
 
-    __slots__ = ("_keys_from", "_keys_to", "_names_of_type", "additions", "compaction_threshold")
+    __slots__ = ("_incoming_keys", "_names_by_type", "_outgoing_keys", "addition_count", "compaction_threshold")
 
     def __init__(self) -> None:
         """Create an empty index."""
-        self._names_of_type: defaultdict[str, dict[str, None]] = defaultdict(dict)
-        self._keys_from: defaultdict[str, dict[EdgeKey, None]] = defaultdict(dict)
-        self._keys_to: defaultdict[str, dict[EdgeKey, None]] = defaultdict(dict)
-        self.additions = 0
+        self._names_by_type: defaultdict[str, dict[str, None]] = defaultdict(dict)
+        self._outgoing_keys: defaultdict[str, dict[EdgeKey, None]] = defaultdict(dict)
+        self._incoming_keys: defaultdict[str, dict[EdgeKey, None]] = defaultdict(dict)
+        self.addition_count = 0
         self.compaction_threshold = _MIN_ADDITIONS
 
     def add_node(self, name: str, type_name: str) -> None:
         """Add a node."""
-        self._names_of_type[type_name][name] = None
-        self.additions += 1
+        self._names_by_type[type_name][name] = None
+        self.addition_count += 1
 
     def add_edge(self, key: EdgeKey) -> None:
         """Add an edge."""
-        self._keys_from[key[0]][key] = None
-        self._keys_to[key[2]][key] = None
-        self.additions += 1
+        self._outgoing_keys[key[0]][key] = None
+        self._incoming_keys[key[2]][key] = None
+        self.addition_count += 1
 
     def names_of_type(self, type_name: str) -> Iterable[str]:
         """Return the names of the nodes of a type, and possibly names that the reader's state does not contain."""
-        return tuple(self._names_of_type.get(type_name, ()))
+        return tuple(self._names_by_type.get(type_name, ()))
 
-    def keys_from(self, name: str) -> Iterable[EdgeKey]:
+    def outgoing_keys(self, name: str) -> Iterable[EdgeKey]:
         """Return the keys of the edges from a node, and possibly keys that the reader's state does not contain."""
-        return tuple(self._keys_from.get(name, ()))
+        return tuple(self._outgoing_keys.get(name, ()))
 
-    def keys_to(self, name: str) -> Iterable[EdgeKey]:
+    def incoming_keys(self, name: str) -> Iterable[EdgeKey]:
         """Return the keys of the edges to a node, and possibly keys that the reader's state does not contain."""
-        return tuple(self._keys_to.get(name, ()))
+        return tuple(self._incoming_keys.get(name, ()))
 
     def compacted_index(self, nodes: PersistentMap[str, Node], edges: PersistentMap[EdgeKey, Edge]) -> GraphIndex:
         """Return an index for a state with these nodes and edges: this one, unless most of its entries are obsolete."""
-        if self.additions <= 2 * (len(nodes) + len(edges)):
-            self.compaction_threshold = 2 * self.additions
+        if self.addition_count <= 2 * (len(nodes) + len(edges)):
+            self.compaction_threshold = 2 * self.addition_count
             return self
         index = GraphIndex()
         for node in nodes.values():
             index.add_node(node.name, node.type)
         for edge in edges.values():
             index.add_edge(edge.key)
-        index.compaction_threshold = 2 * index.additions + _MIN_ADDITIONS
+        index.compaction_threshold = 2 * index.addition_count + _MIN_ADDITIONS
         return index

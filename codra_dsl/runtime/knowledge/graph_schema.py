@@ -70,7 +70,7 @@ class GraphSchema:
         tasks: the tasks, by name.
         agents: the names of all agents that are declared or may write something; the main execution is
             one of them if it may write.
-        variables: for each context-variable, the name of the node that has it as an attribute.
+        nodes_by_variable: for each context-variable, the name of the node that has it as an attribute.
         nodes_of_context: the names of all nodes that have a context-variable as an attribute.
     """
 
@@ -87,9 +87,9 @@ class GraphSchema:
         """
         # Variables with a pose condition are computed from poses, so they are not attributes.
         variables = [variable for variable in variables if variable.pose_condition is None]
-        self.variables: Mapping[str, str] = nodes_of_variables(model, variables)
-        self.nodes_of_context = frozenset(self.variables.values())
-        self.model = model = _with_context_node(model, self.variables)
+        self.nodes_by_variable: Mapping[str, str] = nodes_of_variables(model, variables)
+        self.nodes_of_context = frozenset(self.nodes_by_variable.values())
+        self.model = model = _with_context_node(model, self.nodes_by_variable)
         self.tasks: Mapping[str, TaskModel] = {task.name: task for task in model.tasks}
         node_types, edge_types = list(model.node_types), list(model.edge_types)
         if model.tasks:
@@ -100,17 +100,17 @@ class GraphSchema:
         _check_unique("type of edges", [edge_type.name for edge_type in edge_types])
         self._node_types = {node_type.name: _node_type(node_type) for node_type in node_types}
         self._edge_types = {edge_type.name: _edge_type(edge_type) for edge_type in edge_types}
-        variable_attributes = _variable_attributes(self.variables, variables)
-        task_attributes = {
+        variable_attributes = _variable_attributes(self.nodes_by_variable, variables)
+        task_types_and_attributes = {
             task.name: (TASK, {**_task_attributes(task), **variable_attributes.get(task.name, {})})
             for task in model.tasks
         }
-        self._attributes_of_nodes: Mapping[str, tuple[str, Mapping[str, Attribute]]] = {
+        self._types_and_attributes_by_node: Mapping[str, tuple[str, Mapping[str, Attribute]]] = {
             **{
                 node.name: (node.type, self._node_attributes(node, variable_attributes.get(node.name, {})))
                 for node in model.nodes
             },
-            **task_attributes,
+            **task_types_and_attributes,
         }
         writers = (source for variable in variables for source in variable.sources)
         self.agents = frozenset((*_agents(model), *writers)) - {OBSERVER}
@@ -150,12 +150,12 @@ class GraphSchema:
 
     def attributes_of_node(self, node: Node) -> Mapping[str, Attribute]:
         """Return the attributes that a node may have."""
-        entry = self._attributes_of_nodes.get(node.name)
+        entry = self._types_and_attributes_by_node.get(node.name)
         return entry[1] if entry is not None and entry[0] == node.type else self._node_types[node.type].attributes
 
     def attribute(self, node: Node, name: str) -> Attribute:
         """Return an attribute of a node; raise `UnknownNameError` if it is not declared for the node."""
-        entry = self._attributes_of_nodes.get(node.name)
+        entry = self._types_and_attributes_by_node.get(node.name)
         attributes = entry[1] if entry is not None and entry[0] == node.type else self._node_types[node.type].attributes
         attribute = attributes.get(name)
         if attribute is None:
@@ -191,9 +191,9 @@ def nodes_of_variables(model: KnowledgeModel, variables: Sequence[VariableModel]
     Variables that are computed from poses are left out: they are not attributes of a node.
     """
     owners: tuple[NodeModel | TaskModel, ...] = (*model.nodes, *model.tasks)
-    declaring_nodes = {attribute.name: owner.name for owner in owners for attribute in owner.attributes}
+    owners_by_attribute = {attribute.name: owner.name for owner in owners for attribute in owner.attributes}
     return {
-        variable.name: declaring_nodes.get(variable.name, CONTEXT)
+        variable.name: owners_by_attribute.get(variable.name, CONTEXT)
         for variable in variables
         if variable.pose_condition is None
     }
@@ -248,17 +248,17 @@ def _task_attributes(task: TaskModel) -> Mapping[str, Attribute]:
     The requesters write each declared attribute that has no sources of its own. Only the steps of the handshake write
     the attributes of the handshake.
     """
-    step_models = (
+    handshake_attribute_models = (
         AttributeModel(name="request", type=integer(low=0)),
         AttributeModel(name="requester", type=text()),
         AttributeModel(name="result", type=member(*task.results)),
         AttributeModel(name="reason", type=text()),
     )
-    request_attributes = {
+    declared_attributes = {
         attribute.name: _attribute(attribute, attribute.sources or by(*task.requesters))
         for attribute in task.attributes
     }
-    return {**request_attributes, **_attributes(step_models)}
+    return {**declared_attributes, **_attributes(handshake_attribute_models)}
 
 
 def _agents(model: KnowledgeModel) -> Iterable[str]:
@@ -272,6 +272,6 @@ def _agents(model: KnowledgeModel) -> Iterable[str]:
 
 
 def _check_unique(kind: str, names: Sequence[str]) -> None:
-    duplicates = [name for position, name in enumerate(names) if name in names[:position]]
-    if duplicates:
-        raise ValueError(f"the {kind} {str(duplicates[0])!r} is declared twice, or is reserved for tasks")
+    duplicate_names = [name for position, name in enumerate(names) if name in names[:position]]
+    if duplicate_names:
+        raise ValueError(f"the {kind} {str(duplicate_names[0])!r} is declared twice, or is reserved for tasks")

@@ -20,7 +20,7 @@ from codra_dsl.runtime.errors import unknown
 from codra_dsl.runtime.knowledge.change_set import ChangeSet
 from codra_dsl.runtime.knowledge.declarations import TaskModel, by
 from codra_dsl.runtime.knowledge.graph_schema import GraphSchema, Stage
-from codra_dsl.runtime.knowledge.permissions import START, Permissions
+from codra_dsl.runtime.knowledge.permissions import GRAPH_WRITER, Permissions
 from codra_dsl.runtime.knowledge.state import Handover, Request
 
 REQUESTER = "requester"
@@ -55,7 +55,7 @@ def acknowledge(change_set: ChangeSet, request: Request) -> None:
     """Acknowledge a task as its executor: the task has begun."""
     model = _model_of_request(change_set.schema, request)
     Permissions(by(model.by)).check(change_set.agent, f"the acknowledgement of {request.task}")
-    before = _handover_at(change_set, request, Stage.WANTS)
+    before = _require_handover(change_set, request, Stage.WANTS)
     after = before._replace(stage=Stage.IS, since_s=change_set.now_s, deadline_s=change_set.now_s + model.finish_s)
     _write(change_set, model, before, after)
 
@@ -66,7 +66,7 @@ def finish(change_set: ChangeSet, request: Request, result: str) -> None:
     Permissions(by(model.by)).check(change_set.agent, f"the result of {request.task}")
     if result not in model.results:
         raise unknown(f"result of {request.task!r}", result, model.results)
-    before = _handover_at(change_set, request, Stage.IS)
+    before = _require_handover(change_set, request, Stage.IS)
     after = before._replace(stage=Stage.FINISHED, since_s=change_set.now_s, deadline_s=math.inf, result=str(result))
     _write(change_set, model, before, after)
 
@@ -75,7 +75,7 @@ def abort(change_set: ChangeSet, request: Request) -> None:
     """Abort a task as its requester, before it has finished."""
     model = _model_of_request(change_set.schema, request)
     Permissions(by(*model.requesters)).check(change_set.agent, f"the abortion of {request.task}")
-    before = _handover_at(change_set, request, Stage.WANTS, Stage.IS)
+    before = _require_handover(change_set, request, Stage.WANTS, Stage.IS)
     Permissions(by(before.requester)).check(
         change_set.agent, f"the abortion of request {request.number} of {request.task}"
     )
@@ -109,15 +109,15 @@ def _present_handover(change_set: ChangeSet, model: TaskModel) -> Handover:
         return handover
     reason = UNACKNOWLEDGED if handover.stage is Stage.WANTS else OVERDUE
     aborted_handover = _aborted_copy(handover, handover.deadline_s, reason)
-    writer, change_set.agent = change_set.agent, START
+    previous_agent, change_set.agent = change_set.agent, GRAPH_WRITER
     try:
         _write(change_set, model, handover, aborted_handover)
     finally:
-        change_set.agent = writer
+        change_set.agent = previous_agent
     return aborted_handover
 
 
-def _handover_at(change_set: ChangeSet, request: Request, *stages: Stage) -> Handover:
+def _require_handover(change_set: ChangeSet, request: Request, *stages: Stage) -> Handover:
     """Return the handover of a request, if it is the latest one and at one of the given stages."""
     handover = _present_handover(change_set, _model(change_set.schema, request.task))
     if handover.request == request and handover.stage in stages:
@@ -138,7 +138,7 @@ def _write(change_set: ChangeSet, model: TaskModel, before: Handover, after: Han
     """Write the handover of a task: its edge, and the attributes of its node."""
     change_set.set_handover(after)
     if before.stage is not None:
-        change_set.remove((model.origin, before.stage, model.name))
+        change_set.discard_edge((model.origin, before.stage, model.name))
     # When the task ends, the node that does the task may have been deleted.
     if after.stage is not None and (after.is_open or change_set.has_node(model.origin)):
         change_set.upsert_edge(change_set.schema.edge_type(after.stage), model.origin, model.name)

@@ -26,14 +26,14 @@ from codra_dsl.runtime.clock import Clock
 from codra_dsl.runtime.errors import AgentTakenError, unknown
 from codra_dsl.runtime.geometry import Transform
 from codra_dsl.runtime.knowledge import handshake
-from codra_dsl.runtime.knowledge.agent_handle import AgentHandle, AgentPort, Transaction, raise_closed
-from codra_dsl.runtime.knowledge.change_set import ChangeRecord, ChangeSet, Touched
+from codra_dsl.runtime.knowledge.agent_handle import AgentHandle, AgentPort, Transaction, raise_closed_error
+from codra_dsl.runtime.knowledge.change_set import ChangeRecord, ChangeSet, ChangeSubject
 from codra_dsl.runtime.knowledge.context_link import ContextLink, RefusedWrite
 from codra_dsl.runtime.knowledge.declarations import KnowledgeModel, Pattern
 from codra_dsl.runtime.knowledge.graph_schema import GraphSchema
 from codra_dsl.runtime.knowledge.matching import subjects_of_patterns
 from codra_dsl.runtime.knowledge.operations import HANDLERS, SET, Operation, Verb, operations_of
-from codra_dsl.runtime.knowledge.permissions import START, Audit, Refusal
+from codra_dsl.runtime.knowledge.permissions import GRAPH_WRITER, Audit, Refusal
 from codra_dsl.runtime.knowledge.rule_execution import RuleError, RuleExecution
 from codra_dsl.runtime.knowledge.snapshot import Snapshot
 from codra_dsl.runtime.knowledge.state import State
@@ -42,16 +42,16 @@ from codra_dsl.runtime.knowledge.watches import (
     View,
     Watch,
     Watches,
-    functions_for_attribute,
-    functions_for_matches,
-    functions_for_wakes,
+    watch_functions_for_attribute,
+    watch_functions_for_matches,
+    watch_functions_for_wakes,
 )
 from codra_dsl.runtime.values.cell import Reading
 
 ResultT = TypeVar("ResultT")
 ValueT = TypeVar("ValueT")
 
-MOST_PAST = 4_096
+MAX_PAST_INSTANTS = 4_096
 """The maximum number of instants with changes that `at` can go back."""
 
 
@@ -67,7 +67,7 @@ class Knowledge:
 
     Attributes:
         model: the declarations.
-        on_touched: a callback with the subjects of each change, called in the same step; for the context manager.
+        on_change: a callback with the subjects of each change, called in the same step; for the context manager.
     """
 
     def __init__(self, model: KnowledgeModel, *, clock: Clock, context_link: ContextLink | None = None) -> None:
@@ -88,19 +88,19 @@ class Knowledge:
         self._now_s = clock.now_s
         self._context_link = context_link
         # Every write holds the turn. With a context manager the turn is a step, which holds the lock of both sides.
-        self._steps: Clock = clock if context_link is None else context_link.steps
-        self._step_now_s = self._steps.now_s
-        self._turn: AbstractContextManager[object] = threading.RLock() if context_link is None else context_link.steps
+        self._step_clock: Clock = clock if context_link is None else context_link.clock
+        self._step_now_s = self._step_clock.now_s
+        self._turn: AbstractContextManager[object] = threading.RLock() if context_link is None else context_link.clock
         self._state = State.empty(self._step_now_s())
-        self._past_states: deque[State] = deque(maxlen=MOST_PAST - 1)
-        self._own_readings: Sequence[Reading[Value]] = ()
+        self._past_states: deque[State] = deque(maxlen=MAX_PAST_INSTANTS - 1)
+        self._readings_in_commit: Sequence[Reading[Value]] = ()
         self._audit = Audit()
         self._watches = Watches()
-        self.on_touched: Callable[[Collection[Touched]], None] | None = None
+        self.on_change: Callable[[Collection[ChangeSubject]], None] | None = None
         self._handles: weakref.WeakValueDictionary[str, AgentHandle] = weakref.WeakValueDictionary()
         self._handles_lock = threading.Lock()
         self._held_handles: dict[int, AgentHandle] = {}  # handles that a subscription keeps alive
-        self._write(START, lambda change_set: change_set.insert_initial_graph(self.model))
+        self._write(GRAPH_WRITER, lambda change_set: change_set.insert_initial_graph(self.model))
 
     # Writing
 
@@ -174,7 +174,7 @@ class Knowledge:
         """
         self.snapshot().match(*patterns)
         return self._watch(
-            subjects_of_patterns(self._schema, patterns), *functions_for_matches(self._schema, patterns, callback)
+            subjects_of_patterns(self._schema, patterns), *watch_functions_for_matches(self._schema, patterns, callback)
         )
 
     def follow(self, name: str, attribute: str, callback: Callable[[Reading[Any]], object]) -> Subscription:
@@ -185,7 +185,7 @@ class Knowledge:
             UnknownNameError: if nodes of its type have no such attribute.
         """
         self.get(name, attribute)
-        return self._watch([(name, attribute)], *functions_for_attribute(name, attribute, callback))
+        return self._watch([(name, attribute)], *watch_functions_for_attribute(name, attribute, callback))
 
     def wait_for(self, *patterns: Pattern, timeout_s: float) -> bool:
         """Wait until the patterns hold, but at most `timeout_s`; return whether they hold.
@@ -200,17 +200,17 @@ class Knowledge:
 
     def mirror(self, reading: Reading[Value]) -> None:
         """Add a reading of a context-variable to the graph, whoever wrote it; the caller must be in a step."""
-        if self._own_readings and any(own_reading is reading for own_reading in self._own_readings):
+        if self._readings_in_commit and any(other_reading is reading for other_reading in self._readings_in_commit):
             return  # the graph itself wrote this reading, together with other changes
         change_set = ChangeSet(self._schema, self._state, self._step_now_s(), reading.source)
-        node = self._schema.variables[reading.name]
+        node = self._schema.nodes_by_variable[reading.name]
         change_set.add_reading(node, change_set.history(node, reading.name), reading)
         self._publish(change_set)
-        self._watches.request_evaluations(change_set.touched)
+        self._watches.request_evaluations(change_set.changed_subjects)
 
     def step_snapshot(self) -> Snapshot:
         """Return a snapshot of the graph at the instant of the present step."""
-        return Snapshot(self._schema, self._state, self._steps.now_s())
+        return Snapshot(self._schema, self._state, self._step_clock.now_s())
 
     def audit_refusal(self, agent: str, message: str) -> None:
         """Add a refused write of a context-variable to the audit; the context has recorded it already."""
@@ -224,11 +224,11 @@ class Knowledge:
         """
         operations = operations_of(plain_operations)
 
-        def do(change_set: ChangeSet) -> None:
+        def apply_all(change_set: ChangeSet) -> None:
             for operation in operations:
                 operation.apply(change_set)
 
-        self._write(agent, do, operations)
+        self._write(agent, apply_all, operations)
 
     def replay_refusal(self, agent: str, refused_write: RefusedWrite) -> None:
         """Repeat a refusal from a journal."""
@@ -243,9 +243,9 @@ class Knowledge:
 
         def check_open() -> None:
             if is_closed:
-                raise_closed(name)
+                raise_closed_error(name)
 
-        def wake(handle: AgentHandle, callback: Callable[[Change], object]) -> Subscription:
+        def subscribe_to_wakes(handle: AgentHandle, callback: Callable[[Change], object]) -> Subscription:
             check_open()
             wakes.append(self._on_wake(handle, callback))
             return wakes[-1]
@@ -260,10 +260,10 @@ class Knowledge:
                 subscription.unsubscribe()
 
         port = AgentPort(
-            commit=partial(self._apply_verb, name),
-            transact=lambda: self._transaction(name, check_open, lambda: None),
-            wake=wake,
-            execute_rule=partial(self._execute_rule, name, check_open),
+            apply=partial(self._apply_verb, name),
+            begin_transaction=lambda: self._transaction(name, check_open, lambda: None),
+            subscribe_to_wakes=subscribe_to_wakes,
+            prepare_rule=partial(self._prepare_rule, name, check_open),
             close=close,
             check_open=check_open,
         )
@@ -273,52 +273,52 @@ class Knowledge:
         wakes = tuple(pattern for agent in self.model.agents if agent.name == handle.name for pattern in agent.wakes)
         return self._watch(
             subjects_of_patterns(self._schema, wakes),
-            *functions_for_wakes(self._schema, wakes, callback),
+            *watch_functions_for_wakes(self._schema, wakes, callback),
             kept_handle=handle,
         )
 
-    def _execute_rule(self, agent: str, check_open: Callable[[], None], name: str) -> RuleExecution[Transaction]:
+    def _prepare_rule(self, agent: str, check_open: Callable[[], None], name: str) -> RuleExecution[Transaction]:
         rules = {rule.name: rule for model in self.model.agents if model.name == agent for rule in model.rules}
         if name not in rules:
             raise unknown(f"rule of {agent!r}", name, rules)
         return RuleExecution(
             rules[name],
-            begin=partial(self._begin_rule, agent, name),
-            transact=partial(self._transaction, agent, check_open),
+            check_rule=partial(self._check_rule, agent, name),
+            begin_transaction=partial(self._transaction, agent, check_open),
             take_snapshot=self.snapshot,
-            record=partial(self.write_rule, agent, name),
+            record=partial(self.record_rule_state, agent, name),
             subscribe=self.subscribe,
         )
 
-    def _begin_rule(self, agent: str, name: str, explain_missing: Callable[[Snapshot], str]) -> None:
+    def _check_rule(self, agent: str, name: str, explain_missing: Callable[[Snapshot], str]) -> None:
         """Raise `RuleError` if a rule does not allow its action in the present graph."""
         with self._turn:
-            missing = explain_missing(self.step_snapshot())
-            if missing:
-                message = f"the rule {name!r} of {agent!r} cannot begin: {missing}"
+            missing_text = explain_missing(self.step_snapshot())
+            if missing_text:
+                message = f"the rule {name!r} of {agent!r} cannot begin: {missing_text}"
                 self._record_refusal(agent, RefusedWrite(f"{agent}.{name}", message))
                 raise RuleError(message)
 
-    def write_rule(self, agent: str, name: str, state: str, message: str) -> None:
+    def record_rule_state(self, agent: str, name: str, state: str, message: str) -> None:
         """Record the new state of an agent's rule in the journal."""
         if self._context_link is not None:
             with self._turn:
-                self._context_link.write_rule(agent, name, state, message)
+                self._context_link.record_rule_state(agent, name, state, message)
 
     @contextmanager
     def _transaction(
         self, name: str, check_open: Callable[[], None], check_allowed: Callable[[], None]
     ) -> Iterator[Transaction]:
         check_open()
-        base = self._state
-        change_set = ChangeSet(self._schema, base, self._now_s(), name)
+        base_state = self._state
+        change_set = ChangeSet(self._schema, base_state, self._now_s(), name)
 
         def attempt(operation: Operation) -> Any:
             change_set.now_s = self._step_now_s()  # evidence may have been taken since the transaction began
             try:
                 return operation.apply(change_set)
             except PermissionError as error:
-                self._record_refusal(name, self._refused_write(operation, str(error)))
+                self._record_refusal(name, self._make_refused_write(operation, str(error)))
                 raise
 
         transaction = Transaction(attempt, self._turn)
@@ -327,25 +327,25 @@ class Knowledge:
         finally:
             transaction.end()
         transaction.check()
-        if change_set.touched:
+        if change_set.changed_subjects:
             check_open()
             with self._turn:  # nothing can change between `check_allowed` and the write
                 check_allowed()
                 self._write(
-                    name, partial(self._adopt_transaction, base, change_set, transaction), transaction.operations
+                    name, partial(self._adopt_transaction, base_state, change_set, transaction), transaction.operations
                 )
 
     def _adopt_transaction(
-        self, base: State, change_set: ChangeSet, transaction: Transaction, present_changes: ChangeSet
+        self, base_state: State, change_set: ChangeSet, transaction: Transaction, present_change_set: ChangeSet
     ) -> None:
         """Take over the changes of a transaction; apply them again if the graph has changed since it began.
 
         With a context manager the changes are always applied again, so that all of them have the instant of the step.
         """
-        if self._context_link is None and present_changes.starts_from(base):
-            present_changes.adopt(change_set)
+        if self._context_link is None and present_change_set.starts_from(base_state):
+            present_change_set.adopt(change_set)
         else:
-            transaction.reapply(present_changes)
+            transaction.reapply(present_change_set)
 
     def _write(
         self, agent: str, change: Callable[[ChangeSet], ResultT], operations: Sequence[Operation] = ()
@@ -358,10 +358,10 @@ class Knowledge:
             try:
                 result = change(change_set)
             except PermissionError as error:
-                self._record_refusal(agent, self._refused_write(change_set.operation, str(error)))
+                self._record_refusal(agent, self._make_refused_write(change_set.operation, str(error)))
                 raise
             try:
-                if change_set.touched:
+                if change_set.changed_subjects:
                     self._commit(change_set, operations)
             except _OvertakenError:
                 return self._write(agent, change, operations)
@@ -380,10 +380,10 @@ class Knowledge:
                 change_set = ChangeSet(self._schema, self._state, self._step_now_s(), agent, records)
                 result = HANDLERS[verb](change_set, *arguments)
             except PermissionError as error:
-                self._record_refusal(agent, self._refused_write(Operation(verb, arguments), str(error)))
+                self._record_refusal(agent, self._make_refused_write(Operation(verb, arguments), str(error)))
                 raise
             try:
-                if change_set.touched:
+                if change_set.changed_subjects:
                     self._commit(change_set, () if self._context_link is None else (Operation(verb, arguments),))
             except _OvertakenError:
                 return self._apply_verb(agent, verb, arguments)
@@ -406,13 +406,13 @@ class Knowledge:
         if history is None or agent not in history.attribute.permissions.writers:
             return False
         after = state.next(self._step_now_s())
-        reading = history.new_reading(agent, after.since_s, value, evidence_s, state.version)
+        reading = history.make_reading(agent, after.since_s, value, evidence_s, state.version)
         if self._state is not state:
             return False
         try:
-            longer_history = history.with_reading(reading, after.version)
-            if longer_history is not history:
-                after.nodes = state.nodes.with_entry(name, node.with_history(longer_history))
+            updated_history = history.with_reading(reading, after.version)
+            if updated_history is not history:
+                after.nodes = state.nodes.with_entry(name, node.with_history(updated_history))
             self._replace_state(state, after)
         except BaseException as error:  # an interrupt
             history.remove(reading)
@@ -431,16 +431,16 @@ class Knowledge:
         else:
             context_link.write_input(change_set.agent, operations)
             self._publish(change_set)
-            self._own_readings = change_set.context_readings
+            self._readings_in_commit = change_set.context_readings
             try:
                 context_link.commit(change_set, self._state.version)
             finally:
-                self._own_readings = ()
+                self._readings_in_commit = ()
         for instant_s, handover in change_set.deadlines:
-            self._steps.call_at(instant_s, partial(self._expire, handover.task))
-        if self.on_touched is not None:
-            self.on_touched(change_set.touched)
-        self._watches.request_evaluations(change_set.touched)
+            self._step_clock.call_at(instant_s, partial(self._expire, handover.task))
+        if self.on_change is not None:
+            self.on_change(change_set.changed_subjects)
+        self._watches.request_evaluations(change_set.changed_subjects)
         self._clock.notify()
 
     def _publish(self, change_set: ChangeSet) -> None:
@@ -462,23 +462,23 @@ class Knowledge:
             raise _OvertakenError
         self._state = after
 
-    def _refused_write(self, operation: Operation, message: str) -> RefusedWrite:
+    def _make_refused_write(self, operation: Operation, message: str) -> RefusedWrite:
         if self._context_link is None:
             return RefusedWrite(operation.subject, message)
-        return self._context_link.refused_write(operation, message, self._schema.variables)
+        return self._context_link.make_refused_write(operation, message, self._schema.nodes_by_variable)
 
     def _record_refusal(self, agent: str, refused_write: RefusedWrite) -> None:
         """Record a refusal; the caller holds the turn."""
-        self._audit.refuse(Refusal(instant_s=self._steps.now_s(), agent=agent, why=refused_write.message))
+        self._audit.refuse(Refusal(instant_s=self._step_clock.now_s(), agent=agent, why=refused_write.message))
         if self._context_link is not None:
             self._context_link.record_refusal(agent, refused_write)
 
     def _expire(self, task: str) -> None:
-        self._write(START, lambda change_set: handshake.expire(change_set, task))
+        self._write(GRAPH_WRITER, lambda change_set: handshake.expire(change_set, task))
 
     def _watch(
         self,
-        subjects: Iterable[Touched],
+        subjects: Iterable[ChangeSubject],
         evaluate: Callable[[Snapshot], View[ValueT]],
         notify: Callable[[Snapshot, ValueT], None],
         kept_handle: AgentHandle | None = None,

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, Protocol
 
 from codra_dsl.logic import Term, Value
 from codra_dsl.runtime.errors import UnknownNameError
-from codra_dsl.runtime.knowledge.change_set import AbsentError, Touched
+from codra_dsl.runtime.knowledge.change_set import AbsentError, ChangeSubject
 from codra_dsl.runtime.knowledge.declarations import Absence, Direction, Link, Path, Pattern, Place
 from codra_dsl.runtime.knowledge.elements import Edge, EdgeKey, Node
 from codra_dsl.runtime.knowledge.graph_schema import GraphSchema
@@ -61,11 +61,11 @@ class GraphReader(Protocol):
         """Return the nodes of a type, or all nodes, in the order of their insertion."""
         ...
 
-    def keys_from(self, name: str) -> Iterable[EdgeKey]:
+    def outgoing_keys(self, name: str) -> Iterable[EdgeKey]:
         """Return the keys of edges from a node; some of these edges may not exist."""
         ...
 
-    def keys_to(self, name: str) -> Iterable[EdgeKey]:
+    def incoming_keys(self, name: str) -> Iterable[EdgeKey]:
         """Return the keys of edges to a node; some of these edges may not exist."""
         ...
 
@@ -120,9 +120,9 @@ def matches(snapshot: GraphReader, schema: GraphSchema, patterns: Sequence[Patte
     )
 
 
-def subjects_of_patterns(schema: GraphSchema, patterns: Iterable[Pattern]) -> frozenset[Touched]:
+def subjects_of_patterns(schema: GraphSchema, patterns: Iterable[Pattern]) -> frozenset[ChangeSubject]:
     """Return the subjects whose changes can change the matches of patterns; the matches can also change with time."""
-    subjects: set[Touched] = set()
+    subjects: set[ChangeSubject] = set()
     for pattern in patterns:
         if isinstance(pattern, Term):
             subjects.update(subject for name in pattern.variables() for subject in _subjects_of_name(name))
@@ -136,17 +136,17 @@ def subjects_of_patterns(schema: GraphSchema, patterns: Iterable[Pattern]) -> fr
 
 def truth(snapshot: GraphReader, term: Term) -> bool | None:
     """Return the result of a condition that uses names of nodes and not of places; None if the result is unknown."""
-    result = term.evaluate(_Scope(snapshot, {}))
-    return result if isinstance(result, bool) else None
+    truth_value = term.evaluate(_Scope(snapshot, {}))
+    return truth_value if isinstance(truth_value, bool) else None
 
 
-def posed_pairs(term: Term) -> tuple[tuple[str, str], ...]:
+def relative_pose_pairs(term: Term) -> tuple[tuple[str, str], ...]:
     """Return the pairs of nodes whose relative pose a condition reads."""
     calls = (_CALL.fullmatch(name) for name in sorted(term.variables()))
     return tuple(dict.fromkeys((call[2], call[3]) for call in calls if call is not None))
 
 
-def next_s(snapshot: GraphReader, schema: GraphSchema, patterns: Sequence[Pattern]) -> float:
+def next_change_s(snapshot: GraphReader, schema: GraphSchema, patterns: Sequence[Pattern]) -> float:
     """Return when the matches of patterns can next change without new writes; infinite if never."""
     terms = [pattern for pattern in patterns if isinstance(pattern, Term)]
     instants_s = [math.inf]
@@ -185,15 +185,15 @@ def _follow_path(
     """
     bindings, edges = partial_match
     places = path.places
-    start = next((at for at, place in enumerate(places) if place.name or place.called in bindings), 0)
-    forward_steps = [(at, at + 1, path.links[at]) for at in range(start, len(places) - 1)]
-    backward_steps = [(at, at - 1, _reversed_link(path.links[at - 1])) for at in range(start, 0, -1)]
+    start = next((index for index, place in enumerate(places) if place.name or place.called in bindings), 0)
+    forward_steps = [(index, index + 1, path.links[index]) for index in range(start, len(places) - 1)]
+    backward_steps = [(index, index - 1, _reverse_link(path.links[index - 1])) for index in range(start, 0, -1)]
     for name in _candidates(snapshot, schema, places[start], bindings):
         start_bindings = {**bindings, places[start].called: name} if places[start].called else bindings
         for path_bindings, edge_keys in _follow_steps(
             snapshot, schema, places, [*forward_steps, *backward_steps], name, start_bindings
         ):
-            yield path_bindings, (*edges, *(edge_keys[at] for at in range(len(path.links))))
+            yield path_bindings, (*edges, *(edge_keys[index] for index in range(len(path.links))))
 
 
 _Steps = Sequence[tuple[int, int, Link]]
@@ -212,30 +212,30 @@ def _follow_steps(  # noqa: PLR0917 - shared by the two directions of a path
     """Yield all matches of some steps from a node, depth first, without recursion, because paths can be very long."""
     nodes_by_place: _NodesByPlace = {steps[0][0]: start_node} if steps else {}
     edge_keys: _EdgeKeysByLink = {}
-    bindings_before = [bindings]
-    candidates = [_neighbours(snapshot, schema, start_node, steps[0][2])] if steps else []
+    bindings_stack = [bindings]
+    neighbours_stack = [_neighbours(snapshot, schema, start_node, steps[0][2])] if steps else []
     if not steps:
         yield bindings, edge_keys
-    while candidates:
-        at = len(candidates) - 1
-        from_place, to_place, _ = steps[at]
-        edge, neighbour = next(candidates[at], (None, ""))
+    while neighbours_stack:
+        step_index = len(neighbours_stack) - 1
+        from_index, to_index, _ = steps[step_index]
+        edge, neighbour = next(neighbours_stack[step_index], (None, ""))
         if edge is None:
-            candidates.pop()
-            bindings_before.pop()
-        elif _fits(snapshot, places[to_place], neighbour, bindings_before[at]):
+            neighbours_stack.pop()
+            bindings_stack.pop()
+        elif _fits(snapshot, places[to_index], neighbour, bindings_stack[step_index]):
             bindings_after = (
-                {**bindings_before[at], places[to_place].called: neighbour}
-                if places[to_place].called
-                else bindings_before[at]
+                {**bindings_stack[step_index], places[to_index].called: neighbour}
+                if places[to_index].called
+                else bindings_stack[step_index]
             )
-            nodes_by_place[to_place], edge_keys[min(from_place, to_place)] = neighbour, edge.key
-            if len(candidates) == len(steps):
+            nodes_by_place[to_index], edge_keys[min(from_index, to_index)] = neighbour, edge.key
+            if len(neighbours_stack) == len(steps):
                 yield bindings_after, edge_keys
                 continue
-            bindings_before.append(bindings_after)
-            next_place, _, link = steps[at + 1]
-            candidates.append(_neighbours(snapshot, schema, nodes_by_place[next_place], link))
+            bindings_stack.append(bindings_after)
+            next_index, _, link = steps[step_index + 1]
+            neighbours_stack.append(_neighbours(snapshot, schema, nodes_by_place[next_index], link))
 
 
 def _candidates(snapshot: GraphReader, schema: GraphSchema, place: Place, bindings: Mapping[str, str]) -> Iterable[str]:
@@ -259,14 +259,14 @@ def _neighbours(snapshot: GraphReader, schema: GraphSchema, name: str, link: Lin
     """Yield the edges at a node that match a link, in the order of their insertion, each with its other end."""
     types = schema.types_of_edges(link.edge)
     is_forward = link.direction is Direction.FORWARD
-    keys = snapshot.keys_from(name) if is_forward else snapshot.keys_to(name)
+    keys = snapshot.outgoing_keys(name) if is_forward else snapshot.incoming_keys(name)
     edges = (snapshot.edge_of(key) for key in keys)
     suitable_edges = [edge for edge in edges if edge is not None and edge.type in types]
     for edge in sorted(suitable_edges, key=lambda edge: edge.number):
         yield edge, edge.target if is_forward else edge.origin
 
 
-def _reversed_link(link: Link) -> Link:
+def _reverse_link(link: Link) -> Link:
     is_forward = link.direction is Direction.FORWARD
     return Link(edge=link.edge, direction=Direction.BACKWARD if is_forward else Direction.FORWARD)
 
@@ -277,7 +277,7 @@ def _holds(snapshot: GraphReader, schema: GraphSchema, pattern: Pattern, binding
     return isinstance(pattern, Term) and pattern.holds(_Scope(snapshot, bindings))
 
 
-def _subjects_of_name(name: str) -> Iterator[Touched]:
+def _subjects_of_name(name: str) -> Iterator[ChangeSubject]:
     """Yield the subjects whose changes can change the value of a name in a condition."""
     if _CALL.fullmatch(name):
         yield ("frame", ANY)

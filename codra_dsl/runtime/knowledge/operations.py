@@ -17,7 +17,7 @@ from codra_dsl.runtime.knowledge.change_set import ChangeSet
 from codra_dsl.runtime.knowledge.state import Request
 from codra_dsl.runtime.values.model import unbox
 
-_POSE_NUMBERS = 7
+_POSE_NUMBER_COUNT = 7
 
 
 class Verb(StrEnum):
@@ -67,7 +67,7 @@ class Operation(NamedTuple):
 
     def plain_data(self) -> list[Any]:
         """Return the operation as data for JSON: the verb, then the arguments."""
-        return [self.verb, *map(_plain, self.arguments)]
+        return [self.verb, *map(_to_plain_data, self.arguments)]
 
 
 def edge_name(origin: str, type_name: str, target: str) -> str:
@@ -92,17 +92,17 @@ def operations_of(plain_data: Iterable[list[Any]]) -> tuple[Operation, ...]:
 def _operation_of(verb: Verb, *arguments: Any) -> Operation:
     if verb is Verb.PLACE:
         *edge, pose, stamp_s = arguments
-        return Operation(verb, (*edge, Pose(tuple(pose[:3]), tuple(pose[3:_POSE_NUMBERS])), stamp_s))
+        return Operation(verb, (*edge, Pose(tuple(pose[:3]), tuple(pose[3:_POSE_NUMBER_COUNT])), stamp_s))
     if verb in (Verb.ACKNOWLEDGE, Verb.FINISH, Verb.ABORT):
         return Operation(verb, (Request(*arguments[0]), *arguments[1:]))
     return Operation(verb, arguments)
 
 
-def _plain(argument: Any) -> Any:
+def _to_plain_data(argument: Any) -> Any:
     if isinstance(argument, Pose):
         return [float(number) for number in (*argument.translation_m, *argument.rotation)]
     if isinstance(argument, Mapping):
-        return {str(name): _plain(part) for name, part in argument.items()}
+        return {str(name): _to_plain_data(nested_value) for name, nested_value in argument.items()}
     return list(argument) if isinstance(argument, tuple) else unbox(argument)
 
 

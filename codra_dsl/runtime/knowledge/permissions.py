@@ -14,10 +14,10 @@ from typing import NoReturn
 from codra_dsl.runtime.errors import NotASourceError
 from codra_dsl.runtime.knowledge.declarations import Writer
 
-MOST_REFUSALS = 10_000
+MAX_REFUSALS = 10_000
 """The maximum number of refusals in the audit."""
 
-START = ""
+GRAPH_WRITER = ""
 """The writer of the initial graph, and of changes by the graph itself."""
 
 
@@ -52,7 +52,7 @@ class Permissions:
 
     def __init__(self, writers: Sequence[Writer]) -> None:
         self._priorities = {writer.agent: writer.priority for writer in writers}
-        self.writers = frozenset((*self._priorities, START))
+        self.writers = frozenset((*self._priorities, GRAPH_WRITER))
         self.is_ranked = len(set(self._priorities.values())) > 1
 
     def check(self, agent: str, subject: str) -> None:
@@ -73,16 +73,17 @@ class Permissions:
         writers_text = " or ".join(self._priorities) or "no agent"
         raise NotASourceError(f"{subject!r} is for {writers_text} to write, not for {agent!r}")
 
-    def check_rank(self, agent: str, other: str, subject: str) -> None:
+    def check_rank(self, agent: str, previous_writer: str, subject: str) -> None:
         """Check that an agent may overwrite the valid value of another agent.
 
         Raises:
             OutrankedError: if the other agent has a higher priority.
         """
-        if agent == START or self._priorities.get(other, 0) <= self._priorities[agent]:
+        if agent == GRAPH_WRITER or self._priorities.get(previous_writer, 0) <= self._priorities[agent]:
             return
         raise OutrankedError(
-            f"{agent!r} cannot overwrite {subject!r}: {other!r} wrote it with a higher priority, and it is still valid"
+            f"{agent!r} cannot overwrite {subject!r}: "
+            f"{previous_writer!r} wrote it with a higher priority, and it is still valid"
         )
 
 
@@ -95,7 +96,7 @@ class Audit:
 
     def __init__(self) -> None:
         self.count = 0
-        self._refusals: deque[Refusal] = deque(maxlen=MOST_REFUSALS)
+        self._refusals: deque[Refusal] = deque(maxlen=MAX_REFUSALS)
         self._lock = threading.Lock()
 
     def refuse(self, refusal: Refusal) -> None:

@@ -50,8 +50,8 @@ class RuleExecution(Generic[TransactionT_co]):
         self,
         rule: RuleModel,
         *,
-        begin: Callable[[Callable[[Snapshot], str]], None],
-        transact: Callable[[Callable[[], None]], AbstractContextManager[TransactionT_co]],
+        check_rule: Callable[[Callable[[Snapshot], str]], None],
+        begin_transaction: Callable[[Callable[[], None]], AbstractContextManager[TransactionT_co]],
         take_snapshot: Callable[[], Snapshot],
         record: Callable[[str, str], None],
         subscribe: Callable[..., Subscription],
@@ -60,16 +60,16 @@ class RuleExecution(Generic[TransactionT_co]):
 
         Args:
             rule: the declaration of the rule.
-            begin: calls a function that returns what is missing, and raises `RuleError` if anything is missing.
-            transact: begins a transaction with a check that must succeed when its changes become visible.
+            check_rule: calls a function that returns what is missing, and raises `RuleError` if anything is missing.
+            begin_transaction: begins a transaction with a check that must succeed when its changes become visible.
             take_snapshot: returns a snapshot of the present graph.
             record: records the new state of the rule in the event log.
             subscribe: subscribes to patterns.
         """
         self.rule = rule
         self.state: RuleState | None = None
-        self._begin = begin
-        self._transact = transact
+        self._check_rule = check_rule
+        self._begin_transaction = begin_transaction
         self._take_snapshot = take_snapshot
         self._record = record
         self._subscribe = subscribe
@@ -84,7 +84,7 @@ class RuleExecution(Generic[TransactionT_co]):
         self._check_before()
         self._set_state(RuleState.BEGUN, "")
         if self.rule.during:
-            self._subscription = self._subscribe(self._look, *self.rule.during)
+            self._subscription = self._subscribe(self._check_during, *self.rule.during)
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -92,8 +92,8 @@ class RuleExecution(Generic[TransactionT_co]):
             self._is_over = True
         if self._subscription is not None:
             self._subscription.unsubscribe()
-        missing = explain_missing(self._take_snapshot(), self.rule.after)
-        self._set_state(RuleState.UNFULFILLED if missing else RuleState.FULFILLED, missing)
+        missing_text = explain_missing(self._take_snapshot(), self.rule.after)
+        self._set_state(RuleState.UNFULFILLED if missing_text else RuleState.FULFILLED, missing_text)
 
     def transaction(self) -> AbstractContextManager[TransactionT_co]:
         """Begin changes that become visible together, and only if the `before` patterns still hold at that instant.
@@ -104,7 +104,7 @@ class RuleExecution(Generic[TransactionT_co]):
             RuleError: at the end of the `with` statement, if a `before` pattern does not hold. Then no change becomes
                 visible.
         """
-        return self._transact(self._check_before)
+        return self._begin_transaction(self._check_before)
 
     @property
     def may_go_on(self) -> bool:
@@ -112,18 +112,18 @@ class RuleExecution(Generic[TransactionT_co]):
         return self.state is not RuleState.BROKEN
 
     def _check_before(self) -> None:
-        self._begin(lambda snapshot: explain_missing(snapshot, self.rule.before))
+        self._check_rule(lambda snapshot: explain_missing(snapshot, self.rule.before))
 
-    def _look(self, change: Change) -> None:
+    def _check_during(self, change: Change) -> None:
         """Break the rule if the `during` patterns have held and no longer hold before the `after` patterns hold."""
         with self._lock:
             if change.matches or self._is_over or not self._has_held:
                 self._has_held = self._has_held or bool(change.matches)
                 return
-            missing = explain_missing(change.snapshot, self.rule.during)
+            missing_text = explain_missing(change.snapshot, self.rule.during)
             is_done = not explain_missing(change.snapshot, self.rule.after)
             if not is_done and self.state is RuleState.BEGUN:
-                self._set_state(RuleState.BROKEN, missing)
+                self._set_state(RuleState.BROKEN, missing_text)
 
     def _set_state(self, state: RuleState, message: str) -> None:
         self.state = state
@@ -149,8 +149,8 @@ def _explanation(snapshot: Snapshot, pattern: Pattern) -> str:
     """Return the unwanted edges, or the missing node or type of nodes; empty if the pattern explains enough."""
     if isinstance(pattern, Absence):
         edge_keys = snapshot.match(pattern.path)[0].edges
-        edges = " and ".join(f"{origin} -{label}-> {target}" for origin, label, target in edge_keys)
-        return f": there is {edges}" if edges else ""
+        edges_text = " and ".join(f"{origin} -{label}-> {target}" for origin, label, target in edge_keys)
+        return f": there is {edges_text}" if edges_text else ""
     places = pattern.places if isinstance(pattern, Path) else ()
     for place in places:
         if place.name and place.name not in snapshot:

@@ -74,19 +74,19 @@ class Snapshot:
         Raises:
             UnknownNameError: if the type is not declared, or its nodes do not have an attribute of the condition.
         """
-        result: Iterable[Node] = self._state.nodes.values()
+        selected_nodes: Iterable[Node] = self._state.nodes.values()
         if type_name:
             self._schema.node_type(type_name)
             nodes = self._state.nodes
             candidates = map(nodes.get, self._state.index.names_of_type(type_name))
-            result = [node for node in candidates if node is not None and node.type == type_name]
-        result = [element_at_version(node, self._state.version) for node in result]
+            selected_nodes = [node for node in candidates if node is not None and node.type == type_name]
+        selected_nodes = [element_at_version(node, self._state.version) for node in selected_nodes]
         if where is not None and not isinstance(where, Term):
             raise TypeError(f"`where` must be a condition over attributes, not {where!r}")
         if where is not None:
-            self._check_attributes(type_name, result, where)
-            result = [node for node in result if where.holds(_Attributes(node, self.instant_s))]
-        return tuple(sorted(result, key=_number))
+            self._check_attributes(type_name, selected_nodes, where)
+            selected_nodes = [node for node in selected_nodes if where.holds(_Attributes(node, self.instant_s))]
+        return tuple(sorted(selected_nodes, key=_number))
 
     def _check_attributes(self, type_name: str, nodes: Iterable[Node], where: Term) -> None:
         """Raise an error for a condition over an attribute that neither the type nor one of the nodes declares."""
@@ -257,13 +257,13 @@ class Snapshot:
 
     # For matching paths
 
-    def keys_from(self, name: str) -> Iterable[EdgeKey]:
+    def outgoing_keys(self, name: str) -> Iterable[EdgeKey]:
         """Return the keys of edges from a node, in no order. Some of these edges may not exist; see `edge_of`."""
-        return self._state.index.keys_from(name)
+        return self._state.index.outgoing_keys(name)
 
-    def keys_to(self, name: str) -> Iterable[EdgeKey]:
-        """Return the keys of edges to a node, as `keys_from` does."""
-        return self._state.index.keys_to(name)
+    def incoming_keys(self, name: str) -> Iterable[EdgeKey]:
+        """Return the keys of edges to a node, as `outgoing_keys` does."""
+        return self._state.index.incoming_keys(name)
 
     def edge_of(self, key: EdgeKey) -> Edge | None:
         """Return the edge with a key; None if the edge does not exist."""
@@ -281,9 +281,9 @@ class Snapshot:
             return math.inf
         return until_s if until_s > self.instant_s else math.inf
 
-    def next_s(self, a: str, b: str) -> float:
+    def next_update_s(self, a: str, b: str) -> float:
         """Return when the relative pose of two nodes must next be computed; it raises the errors of `transform`."""
-        return self._state.frames.next_s(a, b, self.instant_s)
+        return self._state.frames.next_update_s(a, b, self.instant_s)
 
     def frames_between(self, a: str, b: str) -> tuple[str, ...]:
         """Return the nodes whose poses define the relative pose of two nodes; it raises the errors of `transform`."""
@@ -295,15 +295,15 @@ class Snapshot:
 
     def _candidate_keys(self, types: frozenset[str] | None, origin: str, target: str) -> Iterable[EdgeKey]:
         if origin:
-            return self.keys_from(origin)
+            return self.outgoing_keys(origin)
         if target:
-            return self.keys_to(target)
+            return self.incoming_keys(target)
         if types is None:
             return self._state.edges
         ends = frozenset[str]().union(*(self._schema.edge_type(name).origins for name in types))
         names_of_type = self._state.index.names_of_type
         origins = dict.fromkeys(node for end in ends for node in (end, *names_of_type(end)))
-        return (key for node in origins for key in self.keys_from(node))
+        return (key for node in origins for key in self.outgoing_keys(node))
 
     def _fresh_transform(self, target: str, source: str) -> Transform | None:
         try:

@@ -9,11 +9,11 @@ from typing import Any, Generic, NamedTuple, TypeVar
 
 from codra_dsl.runtime.callbacks import CallbackQueue, Subscription
 from codra_dsl.runtime.clock import Clock, Timer
-from codra_dsl.runtime.knowledge.change_set import Touched
+from codra_dsl.runtime.knowledge.change_set import ChangeSubject
 from codra_dsl.runtime.knowledge.declarations import Pattern
 from codra_dsl.runtime.knowledge.elements import EdgeKey
 from codra_dsl.runtime.knowledge.graph_schema import GraphSchema
-from codra_dsl.runtime.knowledge.matching import ANY, Match, next_s
+from codra_dsl.runtime.knowledge.matching import ANY, Match, next_change_s
 from codra_dsl.runtime.knowledge.snapshot import Snapshot
 from codra_dsl.runtime.values.cell import Reading
 
@@ -27,20 +27,20 @@ class Change(NamedTuple):
         snapshot: the snapshot that has these matches.
         matches: all present matches.
         new: the matches that are new.
-        over: the matches that have ended.
+        ended: the matches that have ended.
     """
 
     snapshot: Snapshot
     matches: tuple[Match, ...]
     new: tuple[Match, ...]
-    over: tuple[Match, ...]
+    ended: tuple[Match, ...]
 
 
 class View(NamedTuple, Generic[ValueT]):
     """The value of a watch in a snapshot, and when it can next change without new writes."""
 
     value: ValueT
-    next_s: float = math.inf
+    next_change_s: float = math.inf
 
 
 _WakingMatches = tuple[tuple[int, Match, tuple[int, ...]], ...]
@@ -60,7 +60,7 @@ class Watch(Generic[ValueT]):
         take_snapshot: Callable[[], Snapshot],
         evaluate: Callable[[Snapshot], View[ValueT]],
         notify: Callable[[Snapshot, ValueT], None],
-        end: Callable[[], None],
+        on_end: Callable[[], None],
     ) -> None:
         """Wait for changes.
 
@@ -69,13 +69,15 @@ class Watch(Generic[ValueT]):
             take_snapshot: returns a snapshot of the present graph.
             evaluate: returns the view of a snapshot.
             notify: is called with the first value, and then with each value that differs from the value before.
-            end: is called when the subscription has ended.
+            on_end: is called when the subscription has ended.
         """
         self._clock = clock
         self._take_snapshot = take_snapshot
         self._evaluate = evaluate
         self._notify = notify
-        self._queue: CallbackQueue[None] = CallbackQueue(clock, self._evaluate_and_notify, lambda _: self._close(end))
+        self._queue: CallbackQueue[None] = CallbackQueue(
+            clock, self._evaluate_and_notify, lambda _: self._close(on_end)
+        )
         self._lock = threading.Lock()
         self._is_queued = False
         self._is_closed = False
@@ -101,7 +103,7 @@ class Watch(Generic[ValueT]):
         snapshot = self._take_snapshot()
         view, last_view = self._evaluate(snapshot), self._last_view
         self._last_view = view
-        self._schedule_evaluation(view.next_s)
+        self._schedule_evaluation(view.next_change_s)
         if last_view is None or last_view.value != view.value:
             self._notify(snapshot, view.value)
 
@@ -111,12 +113,12 @@ class Watch(Generic[ValueT]):
                 self._timer.cancel()
             self._timer = None if self._is_closed else self._clock.call_at(instant_s, self.request_evaluation)
 
-    def _close(self, end: Callable[[], None]) -> None:
+    def _close(self, on_end: Callable[[], None]) -> None:
         with self._lock:
             self._is_closed = True
             if self._timer is not None:
                 self._timer.cancel()
-        end()
+        on_end()
 
 
 class Watches:
@@ -124,16 +126,16 @@ class Watches:
 
     def __init__(self) -> None:
         """Begin without watches."""
-        self._watches_by_subject: dict[Touched, tuple[Watch[Any], ...]] = {}
+        self._watches_by_subject: dict[ChangeSubject, tuple[Watch[Any], ...]] = {}
         self._lock = threading.Lock()
 
-    def add(self, watch: Watch[Any], subjects: Iterable[Touched]) -> None:
+    def add(self, watch: Watch[Any], subjects: Iterable[ChangeSubject]) -> None:
         """Add a watch that evaluates the graph after each change of one of the subjects."""
         with self._lock:
             for subject in subjects:
                 self._watches_by_subject[subject] = (*self._watches_by_subject.get(subject, ()), watch)
 
-    def remove(self, watch: Watch[Any], subjects: Iterable[Touched]) -> None:
+    def remove(self, watch: Watch[Any], subjects: Iterable[ChangeSubject]) -> None:
         """Remove a watch."""
         with self._lock:
             for subject in subjects:
@@ -145,7 +147,7 @@ class Watches:
                 else:
                     self._watches_by_subject.pop(subject, None)
 
-    def request_evaluations(self, subjects: Iterable[Touched]) -> None:
+    def request_evaluations(self, subjects: Iterable[ChangeSubject]) -> None:
         """Make each watch evaluate the graph if changes of these subjects can have changed its value."""
         watches_by_subject = self._watches_by_subject
         if not watches_by_subject:
@@ -159,29 +161,29 @@ class Watches:
             watch.request_evaluation()
 
 
-def functions_for_matches(
+def watch_functions_for_matches(
     schema: GraphSchema, patterns: Sequence[Pattern], callback: Callable[[Change], object]
 ) -> tuple[Callable[[Snapshot], View[tuple[Match, ...]]], Callable[[Snapshot, tuple[Match, ...]], None]]:
     """Return the functions `evaluate` and `notify` for a watch of patterns."""
     _check_callback(callback)
 
     def evaluate(snapshot: Snapshot) -> View[tuple[Match, ...]]:
-        return View(snapshot.match(*patterns), next_s(snapshot, schema, patterns))
+        return View(snapshot.match(*patterns), next_change_s(snapshot, schema, patterns))
 
-    before: dict[Match, None] = {}
+    previous_matches: dict[Match, None] = {}
 
     def notify(snapshot: Snapshot, present_matches: tuple[Match, ...]) -> None:
-        new = tuple(match for match in present_matches if match not in before)
-        over = tuple(match for match in before if match not in present_matches)
-        before.clear()
-        before.update(dict.fromkeys(present_matches))
-        if new or over:
-            callback(Change(snapshot, present_matches, new, over))
+        new_matches = tuple(match for match in present_matches if match not in previous_matches)
+        ended_matches = tuple(match for match in previous_matches if match not in present_matches)
+        previous_matches.clear()
+        previous_matches.update(dict.fromkeys(present_matches))
+        if new_matches or ended_matches:
+            callback(Change(snapshot, present_matches, new_matches, ended_matches))
 
     return evaluate, notify
 
 
-def functions_for_wakes(
+def watch_functions_for_wakes(
     schema: GraphSchema, wakes: Sequence[Pattern], callback: Callable[[Change], object]
 ) -> tuple[Callable[[Snapshot], View[_WakingMatches]], Callable[[Snapshot, _WakingMatches], None]]:
     """Return the functions `evaluate` and `notify` for a watch of the patterns that wake an agent.
@@ -198,17 +200,17 @@ def functions_for_wakes(
             for number, pattern in enumerate(wakes)
             for match in snapshot.match(pattern)
         )
-        return View(matches, min((next_s(snapshot, schema, [pattern]) for pattern in wakes), default=math.inf))
+        return View(matches, min((next_change_s(snapshot, schema, [pattern]) for pattern in wakes), default=math.inf))
 
-    before: _WakingMatches = ()
+    previous_matches: _WakingMatches = ()
 
     def notify(snapshot: Snapshot, present_matches: _WakingMatches) -> None:
-        nonlocal before
-        new = tuple(entry[1] for entry in present_matches if entry not in before)
-        over = tuple(entry[1] for entry in before if entry not in present_matches)
-        before = present_matches
-        if new or not wakes:
-            callback(Change(snapshot, tuple(entry[1] for entry in present_matches), new, over))
+        nonlocal previous_matches
+        new_matches = tuple(entry[1] for entry in present_matches if entry not in previous_matches)
+        ended_matches = tuple(entry[1] for entry in previous_matches if entry not in present_matches)
+        previous_matches = present_matches
+        if new_matches or not wakes:
+            callback(Change(snapshot, tuple(entry[1] for entry in present_matches), new_matches, ended_matches))
 
     return evaluate, notify
 
@@ -218,7 +220,7 @@ def _edge_number(snapshot: Snapshot, key: EdgeKey) -> int:
     return -1 if edge is None else edge.number
 
 
-def functions_for_attribute(
+def watch_functions_for_attribute(
     name: str, attribute: str, callback: Callable[[Reading[Any]], object]
 ) -> tuple[Callable[[Snapshot], View[Reading[Any] | None]], Callable[[Snapshot, Reading[Any] | None], None]]:
     """Return the functions `evaluate` and `notify` for a watch of one attribute; a missing node causes no call."""

@@ -12,19 +12,19 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 
 from codra_dsl.runtime.loops.declarations import InputModel, MapeModel, OutputModel, StageModel
-from codra_dsl.runtime.loops.fuzzy.bounds import UNKNOWN, Bounds, is_finite, joined
+from codra_dsl.runtime.loops.fuzzy.bounds import UNKNOWN, Bounds, is_finite, join
 from codra_dsl.runtime.loops.observations import Observation, Scene, number_of, possible_values
 from codra_dsl.runtime.values.cell import BEFORE_ALL_S
 
-MOST_BOXES = 256
+MAX_BOXES = 256
 """The largest number of boxes of unknown inputs for which one output is computed."""
 
 Box = tuple[Bounds, ...]
 
-MOST_CACHED_BOUNDS = 4096
+MAX_CACHED_BOUNDS = 4096
 """The number of cached bounds: while an input is unknown, every change of another input needs bounds."""
 
-_MOST_CACHED_INFERENCES = 64
+_MAX_CACHED_INFERENCES = 64
 """The number of cached stage results: most changes that wake a loop do not change the inputs of its rules."""
 
 _ROUNDING = 1e-9
@@ -112,13 +112,13 @@ def assess(model: MapeModel, scene: Scene, *, metrics: Mapping[str, float | None
         scene: everything that the stages read, except metrics.
         metrics: values that replace the computed values of some metrics in the second stage.
     """
-    first = Stage() if model.metrics is None else infer(model.metrics, scene)
-    metric_observations = {output.variable: _observation_of(output) for output in first.outputs}
+    metrics_stage = Stage() if model.metrics is None else infer(model.metrics, scene)
+    metric_observations = {output.variable: _observation_of(output) for output in metrics_stage.outputs}
     full_scene = {**scene, **metric_observations}
     for variable, value in (metrics or {}).items():
         full_scene[variable] = Observation(variable=variable, value=value, evidence_s=full_scene[variable].evidence_s)
-    second = Stage() if model.actions is None else infer(model.actions, full_scene)
-    return Assessment(scene=full_scene, metrics=first, actions=second)
+    actions_stage = Stage() if model.actions is None else infer(model.actions, full_scene)
+    return Assessment(scene=full_scene, metrics=metrics_stage, actions=actions_stage)
 
 
 def _observation_of(output: OutputResult) -> Observation:
@@ -129,7 +129,9 @@ def _observation_of(output: OutputResult) -> Observation:
 def infer(model: StageModel, scene: Scene) -> Stage:
     """Return the result of a stage."""
     inputs = tuple(scene[model_input.variable] for model_input in model.inputs)
-    numbers = (number_of(model_input, seen.value) for model_input, seen in zip(model.inputs, inputs, strict=True))
+    numbers = (
+        number_of(model_input, observation.value) for model_input, observation in zip(model.inputs, inputs, strict=True)
+    )
     inference = _inference_of(model, tuple(None if number != number else number for number in numbers))
     return Stage(
         inputs=inputs,
@@ -151,15 +153,15 @@ class _StageInference:
     values: tuple[Bounds, ...]
 
 
-@lru_cache(maxsize=_MOST_CACHED_INFERENCES)
-def _inference_of(model: StageModel, known: tuple[float | None, ...]) -> _StageInference:
+@lru_cache(maxsize=_MAX_CACHED_INFERENCES)
+def _inference_of(model: StageModel, input_numbers: tuple[float | None, ...]) -> _StageInference:
     """Return the result of a stage for its inputs; None is an unknown input."""
-    numbers = [math.nan if number is None else number for number in known]
-    certain_inference = model.infer(*numbers)
-    values = [Bounds(value, value) if value == value else UNKNOWN for value in certain_inference.values]
-    strengths = [Bounds(strength, strength) for strength in certain_inference.strengths]
+    numbers = [math.nan if number is None else number for number in input_numbers]
+    point_inference = model.infer(*numbers)
+    values = [Bounds(value, value) if value == value else UNKNOWN for value in point_inference.values]
+    strengths = [Bounds(strength, strength) for strength in point_inference.strengths]
     unknown_variables = {
-        model_input.variable for model_input, number in zip(model.inputs, known, strict=True) if number is None
+        model_input.variable for model_input, number in zip(model.inputs, input_numbers, strict=True) if number is None
     }
     if unknown_variables:
         _widen(model, numbers, unknown_variables, values, strengths)
@@ -184,24 +186,24 @@ def _widen(
 ) -> None:
     """Replace the values and strengths that depend on an unknown input by bounds."""
     for index, output in enumerate(model.outputs):
-        reads = _variables_read_for(model, output)
-        if unknown_variables & reads:
+        variables_read = _variables_read_for_output(model, output)
+        if unknown_variables & variables_read:
             inputs_with_numbers = zip(model.inputs, numbers, strict=True)
-            read_numbers = (
-                number if number == number and model_input.variable in reads else None
+            numbers_read = (
+                number if number == number and model_input.variable in variables_read else None
                 for model_input, number in inputs_with_numbers
             )
-            values[index] = _bounds(model, index, tuple(read_numbers))
-    choices = [
+            values[index] = _bounds(model, index, tuple(numbers_read))
+    input_hulls = [
         _hull(possible_values(model_input, number)) for model_input, number in zip(model.inputs, numbers, strict=True)
     ]
-    widened_strengths = model.infer_bounds(*choices).strengths
+    widened_strengths = model.infer_bounds(*input_hulls).strengths
     for index, rule in enumerate(model.rules):
         if unknown_variables & set(rule.reads):
             strengths[index] = widened_strengths[index]
 
 
-@lru_cache(maxsize=MOST_CACHED_BOUNDS)
+@lru_cache(maxsize=MAX_CACHED_BOUNDS)
 def _bounds(model: StageModel, index: int, numbers: tuple[float | None, ...]) -> Bounds:
     """Return the bounds of all possible values of an output.
 
@@ -223,20 +225,20 @@ class _BoxCutter:
     def __init__(self, model: StageModel, numbers: Sequence[float | None], index: int) -> None:
         self._model = model
         self._index = index
-        self._ranges = [model_input.range.high - model_input.range.low for model_input in model.inputs]
-        reads = _variables_read_for(model, model.outputs[index])
+        self._range_widths = [model_input.range.high - model_input.range.low for model_input in model.inputs]
+        variables_read = _variables_read_for_output(model, model.outputs[index])
         inputs_with_numbers = list(zip(model.inputs, numbers, strict=True))
-        self._is_open = [
-            number is None and model_input.variable in reads and not model_input.members
+        self._open_flags = [
+            number is None and model_input.variable in variables_read and not model_input.members
             for model_input, number in inputs_with_numbers
         ]
         self._choices = [
             possible_values(model_input, math.nan if number is None else number)
-            if number is not None or model_input.variable in reads
+            if number is not None or model_input.variable in variables_read
             else (model_input.range,)
             for model_input, number in inputs_with_numbers
         ]
-        self._boxes_left = MOST_BOXES
+        self._remaining_box_count = MAX_BOXES
 
     def bounds(self) -> Bounds:
         """Return the bounds of all possible values of the output."""
@@ -244,23 +246,25 @@ class _BoxCutter:
         pending_boxes = list(self._boxes())
         while pending_boxes:
             box = pending_boxes.pop()
-            self._boxes_left -= 1
+            self._remaining_box_count -= 1
             value = self._model.infer_bounds(*box).values[self._index]
-            halves = self._halves(box) if value.may_be_unknown and self._boxes_left > 0 else ()
+            halves = self._halves(box) if value.may_be_unknown and self._remaining_box_count > 0 else ()
             pending_boxes.extend(halves)
             if not halves:
-                union = value if union is None else joined(union, value)
+                union = value if union is None else join(union, value)
         assert union is not None
         return union
 
     def _boxes(self) -> Iterator[Box]:
         """Yield the initial boxes: one for each member, and equal pieces of ranges."""
-        open_count = sum(self._is_open)
-        max_range_boxes = max(1.0, MOST_BOXES / 4 / math.prod(map(len, self._choices)))
-        pieces = max(1, min(self._model.pieces, int(max_range_boxes ** (1 / max(1, open_count)) + _ROUNDING)))
+        open_input_count = sum(self._open_flags)
+        max_range_box_count = max(1.0, MAX_BOXES / 4 / math.prod(map(len, self._choices)))
+        piece_count = max(
+            1, min(self._model.pieces, int(max_range_box_count ** (1 / max(1, open_input_count)) + _ROUNDING))
+        )
         pieces_of_inputs = [
-            tuple(part for choice in choices for part in _pieces(choice, pieces if is_open else 1))
-            for choices, is_open in zip(self._choices, self._is_open, strict=True)
+            tuple(part for choice in choices for part in _split(choice, piece_count if is_open else 1))
+            for choices, is_open in zip(self._choices, self._open_flags, strict=True)
         ]
         yield from itertools.product(*pieces_of_inputs)
 
@@ -268,22 +272,28 @@ class _BoxCutter:
         """Return both halves of a box along its longest side; nothing if no rule acts in the middle of the box."""
         middle = [bounds.low + (bounds.high - bounds.low) / 2.0 for bounds in box]
         value = self._model.infer(*middle).values[self._index]
-        sides = [self._side(index, bounds) for index, bounds in enumerate(box)]
-        longest = max(range(len(box)), key=sides.__getitem__)
-        if value != value or sides[longest] <= 0.0:
+        side_lengths = [self._relative_side_length(index, bounds) for index, bounds in enumerate(box)]
+        longest_index = max(range(len(box)), key=side_lengths.__getitem__)
+        if value != value or side_lengths[longest_index] <= 0.0:
             return ()
-        parts = _pieces(box[longest], 2)
-        return tuple((*box[:longest], part, *box[longest + 1 :]) for part in parts)
+        half_ranges = _split(box[longest_index], 2)
+        return tuple((*box[:longest_index], part, *box[longest_index + 1 :]) for part in half_ranges)
 
-    def _side(self, index: int, bounds: Bounds) -> float:
-        width = self._ranges[index]
-        return (bounds.high - bounds.low) / width if self._is_open[index] and width and is_finite(bounds) else 0.0
+    def _relative_side_length(self, index: int, bounds: Bounds) -> float:
+        range_width = self._range_widths[index]
+        return (
+            (bounds.high - bounds.low) / range_width
+            if self._open_flags[index] and range_width and is_finite(bounds)
+            else 0.0
+        )
 
 
-def _pieces(bounds: Bounds, pieces: int) -> tuple[Bounds, ...]:
-    if pieces == 1 or not (bounds.low < bounds.high and is_finite(bounds)):
+def _split(bounds: Bounds, piece_count: int) -> tuple[Bounds, ...]:
+    if piece_count == 1 or not (bounds.low < bounds.high and is_finite(bounds)):
         return (bounds,)
-    ends = [bounds.low + (bounds.high - bounds.low) * index / pieces for index in range(pieces)] + [bounds.high]
+    ends = [bounds.low + (bounds.high - bounds.low) * index / piece_count for index in range(piece_count)] + [
+        bounds.high
+    ]
     return tuple(Bounds(low, max(low, high)) for low, high in itertools.pairwise(ends))
 
 
@@ -291,13 +301,13 @@ def _hull(choices: Sequence[Bounds]) -> Bounds:
     return Bounds(min(choice.low for choice in choices), max(choice.high for choice in choices))
 
 
-def _variables_read_for(model: StageModel, output: OutputModel) -> set[str]:
+def _variables_read_for_output(model: StageModel, output: OutputModel) -> set[str]:
     return {variable for rule in model.rules if output.name in rule.concludes for variable in rule.reads}
 
 
 def _output_result(model: StageModel, output: OutputModel, bounds: Bounds, scene: Scene) -> OutputResult:
     worse_end = bounds.worse(output.worse)
-    observations = (scene[variable] for variable in _variables_read_for(model, output))
+    observations = (scene[variable] for variable in _variables_read_for_output(model, output))
     stamps_s = [observation.evidence_s for observation in observations if observation.value is not None]
     return OutputResult(
         name=output.name,

@@ -14,14 +14,14 @@ from enum import StrEnum
 
 from codra_dsl.logic import Value
 from codra_dsl.runtime.loops.analysis import Assessment, assess
-from codra_dsl.runtime.loops.course_filters import leads, threshold
+from codra_dsl.runtime.loops.course_filters import lead_threshold, leads
 from codra_dsl.runtime.loops.courses import Decision, hard_rule
 from codra_dsl.runtime.loops.declarations import CourseModel, InputModel, MapeModel
 from codra_dsl.runtime.loops.observations import Observation, number_of, value_of
 
-_STEPS = 64
-_HALVINGS = 30
-_MARGIN = 1e-6
+_GRID_STEPS = 64
+_BISECTION_STEPS = 30
+_WEIGHT_MARGIN = 1e-6
 
 
 class ChangeKind(StrEnum):
@@ -50,7 +50,7 @@ class Counterfactual:
 
 
 def smallest_changes(
-    model: MapeModel, course: CourseModel, decision: Decision, more: Iterable[InputModel] = ()
+    model: MapeModel, course: CourseModel, decision: Decision, hard_rule_inputs: Iterable[InputModel] = ()
 ) -> tuple[Counterfactual, ...]:
     """Return the smallest change of an input and the smallest change of a weight that would have kept the course.
 
@@ -60,22 +60,22 @@ def smallest_changes(
         model: the model of the loops.
         course: the model of the course.
         decision: the decision to leave the old action.
-        more: inputs that hard rules read and no stage reads.
+        hard_rule_inputs: inputs that hard rules read and no stage reads.
     """
-    if not decision.before or would_keep(course, decision.assessment, decision.before, decision.instant_s):
+    if not decision.before or would_keep_course(course, decision.assessment, decision.before, decision.instant_s):
         return ()  # smoothed or held weights decided; the present weights would have kept the course
-    model_inputs = {model_input.variable: model_input for model_input in (*more, *_inputs(model))}
+    model_inputs = {model_input.variable: model_input for model_input in (*hard_rule_inputs, *_stage_inputs(model))}
     input_changes = [
         change
         for model_input in model_inputs.values()
         for change in _input_changes(model, course, decision, model_input)
     ]
     weight_changes = [] if decision.rule is not None else list(_weight_changes(course, decision))
-    smallest = [min(changes, key=_share) for changes in (input_changes, weight_changes) if changes]
-    return tuple(sorted(smallest, key=_share))
+    smallest_per_kind = [min(changes, key=_get_share) for changes in (input_changes, weight_changes) if changes]
+    return tuple(sorted(smallest_per_kind, key=_get_share))
 
 
-def would_keep(course: CourseModel, assessment: Assessment, action: str, now_s: float) -> bool:
+def would_keep_course(course: CourseModel, assessment: Assessment, action: str, now_s: float) -> bool:
     """Return whether an action stays the course.
 
     The first hard rule that holds decides. If no hard rule holds, the action's weight must be known, and no other
@@ -91,11 +91,11 @@ def would_keep(course: CourseModel, assessment: Assessment, action: str, now_s: 
     return not any(leads(course, weights[other], action_weight) for other in course.choose if other != action)
 
 
-def _share(change: Counterfactual) -> float:
+def _get_share(change: Counterfactual) -> float:
     return change.share
 
 
-def _inputs(model: MapeModel) -> Iterator[InputModel]:
+def _stage_inputs(model: MapeModel) -> Iterator[InputModel]:
     """Yield the inputs that the stages read and no stage computes, each once."""
     stages = [stage for stage in (model.metrics, model.actions) if stage is not None]
     metric_variables = set() if model.metrics is None else {output.variable for output in model.metrics.outputs}
@@ -114,77 +114,79 @@ def _input_changes(
     """Yield the nearest value of an input that would have kept the course."""
     scene = decision.assessment.scene
     observation = scene[model_input.variable]
-    number, width = number_of(model_input, observation.value), model_input.range.high - model_input.range.low
+    number, range_width = number_of(model_input, observation.value), model_input.range.high - model_input.range.low
 
-    def keeps_course(other: float) -> bool:
+    def keeps_course(candidate: float) -> bool:
         changed_observation = Observation(
-            variable=model_input.variable, value=value_of(model_input, other), evidence_s=decision.instant_s
+            variable=model_input.variable, value=value_of(model_input, candidate), evidence_s=decision.instant_s
         )
         assessment = assess(model, {**scene, model_input.variable: changed_observation})
-        return would_keep(course, assessment, decision.before, decision.instant_s)
+        return would_keep_course(course, assessment, decision.before, decision.instant_s)
 
-    nearest = _nearest(model_input, number, keeps_course)
-    if nearest is not None:
-        value = value_of(model_input, nearest)
-        share = 1.0 if number != number else abs(nearest - number) / width
+    nearest_number = _nearest_keeping_number(model_input, number, keeps_course)
+    if nearest_number is not None:
+        value = value_of(model_input, nearest_number)
+        share = 1.0 if number != number else abs(nearest_number - number) / range_width
         yield Counterfactual(
             kind=ChangeKind.INPUT, name=model_input.variable, value=observation.value, other=value, share=share
         )
 
 
-def _nearest(model_input: InputModel, number: float, keeps_course: Callable[[float], bool]) -> float | None:
+def _nearest_keeping_number(
+    model_input: InputModel, number: float, keeps_course: Callable[[float], bool]
+) -> float | None:
     """Return the value that keeps the course and is nearest to a number, or the least such value if that is NaN."""
     low, high = model_input.range.low, model_input.range.high
     if model_input.members:
         candidates = [float(index) for index in range(len(model_input.members)) if index != number]
     elif math.isfinite(high - low):
-        candidates = [low + (high - low) * index / _STEPS for index in range(_STEPS + 1)]
+        candidates = [low + (high - low) * index / _GRID_STEPS for index in range(_GRID_STEPS + 1)]
     else:
         return None
-    start = number if number == number else low
-    nearest = next(
+    reference_number = number if number == number else low
+    nearest_number = next(
         (
             candidate
-            for candidate in sorted(candidates, key=lambda candidate: abs(candidate - start))
+            for candidate in sorted(candidates, key=lambda candidate: abs(candidate - reference_number))
             if keeps_course(candidate)
         ),
         None,
     )
-    if nearest is None or model_input.members or number != number:
-        return nearest
-    return _bisect(number, nearest, keeps_course)
+    if nearest_number is None or model_input.members or number != number:
+        return nearest_number
+    return _bisect(number, nearest_number, keeps_course)
 
 
-def _bisect(failing: float, keeping: float, keeps_course: Callable[[float], bool]) -> float:
+def _bisect(failing_number: float, keeping_number: float, keeps_course: Callable[[float], bool]) -> float:
     """Return a value that keeps the course and is as near as bisection can determine."""
-    for _ in range(_HALVINGS):
-        middle = (failing + keeping) / 2.0
+    for _ in range(_BISECTION_STEPS):
+        middle = (failing_number + keeping_number) / 2.0
         if keeps_course(middle):
-            keeping = middle
+            keeping_number = middle
         else:
-            failing = middle
-    return keeping
+            failing_number = middle
+    return keeping_number
 
 
 def _weight_changes(course: CourseModel, decision: Decision) -> Iterator[Counterfactual]:
     """Yield the changes of a single weight that would have kept the course."""
     weights = decision.assessment.weights()
-    course_weight, lead = weights[decision.before], threshold(course)
-    rivals = (weights[action] for action in course.choose if action != decision.before)
-    rival_weights = [value for value in rivals if value is not None]
-    sufficient_weights = {decision.before: max(rival_weights, default=0.0) - lead + _MARGIN}
+    course_weight, min_lead = weights[decision.before], lead_threshold(course)
+    all_rival_weights = (weights[action] for action in course.choose if action != decision.before)
+    known_rival_weights = [value for value in all_rival_weights if value is not None]
+    sufficient_weights = {decision.before: max(known_rival_weights, default=0.0) - min_lead + _WEIGHT_MARGIN}
     if course_weight is not None:
-        sufficient_weights[decision.action] = course_weight + lead - _MARGIN
+        sufficient_weights[decision.action] = course_weight + min_lead - _WEIGHT_MARGIN
     for action, weight in sufficient_weights.items():
-        nearest = min(1.0, max(0.0, weight))
-        if _would_keep_with(course, decision, action, nearest):
+        clamped_weight = min(1.0, max(0.0, weight))
+        if _would_keep_course_with_weight(course, decision, action, clamped_weight):
             value = weights[action]
-            share = 1.0 if value is None else abs(nearest - value)
-            yield Counterfactual(kind=ChangeKind.WEIGHT, name=action, value=value, other=nearest, share=share)
+            share = 1.0 if value is None else abs(clamped_weight - value)
+            yield Counterfactual(kind=ChangeKind.WEIGHT, name=action, value=value, other=clamped_weight, share=share)
 
 
-def _would_keep_with(course: CourseModel, decision: Decision, action: str, weight: float) -> bool:
+def _would_keep_course_with_weight(course: CourseModel, decision: Decision, action: str, weight: float) -> bool:
     stage = decision.assessment.actions
     outputs = tuple(replace(output, value=weight) if output.name == action else output for output in stage.outputs)
     changed_assessment = replace(decision.assessment, actions=replace(stage, outputs=outputs))
-    return would_keep(course, changed_assessment, decision.before, decision.instant_s)
+    return would_keep_course(course, changed_assessment, decision.before, decision.instant_s)

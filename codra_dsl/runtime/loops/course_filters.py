@@ -18,7 +18,7 @@ from codra_dsl.runtime.loops.declarations import CourseModel
 JUST_AFTER_S = 1e-6
 """A filter's next step is this much later than the computed instant, so that rounding never makes it too early."""
 
-LEAST_LEAD = 1e-9
+MIN_LEAD = 1e-9
 """The lead that is used instead of 0, so that equal weights do not switch the course."""
 
 _ROUNDING_S = 1e-9
@@ -52,12 +52,12 @@ class TrackedAction:
 
     Attributes:
         weight: the weight of the last step; None if unknown.
-        smoothed: the smoothed weight, which decisions use.
+        smoothed_weight: the smoothed weight, which decisions use.
         leads_since_s: since when the action leads without a break; None if it does not lead, or is itself the course.
     """
 
     weight: float | None = None
-    smoothed: float | None = None
+    smoothed_weight: float | None = None
     leads_since_s: float | None = None
 
 
@@ -69,7 +69,7 @@ class FilterState:
         instant_s: the instant of the filter's last step.
         action: the action that is the course; empty before the first step.
         since_s: since when this action is the course; minus infinity for a first choice without known weights.
-        tracked: the actions by name.
+        tracked_actions: the actions by name.
         left_s: when each action was last left.
         unknown_since_s: since when no weight is known; None if a weight is known.
     """
@@ -77,7 +77,7 @@ class FilterState:
     instant_s: float = -math.inf
     action: str = ""
     since_s: float = -math.inf
-    tracked: Mapping[str, TrackedAction] = field(default_factory=dict)
+    tracked_actions: Mapping[str, TrackedAction] = field(default_factory=dict)
     left_s: Mapping[str, float] = field(default_factory=dict)
     unknown_since_s: float | None = None
 
@@ -91,7 +91,7 @@ class FilterState:
 
     def after_pause(self) -> FilterState:
         """Return the state after a pause, without smoothed weights and leads: the weights in the pause are unknown."""
-        return replace(self, tracked={}, unknown_since_s=None)
+        return replace(self, tracked_actions={}, unknown_since_s=None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -132,13 +132,13 @@ def step(
     """
     tracked = {action: _track(model, state, action, now_s, weights[action]) for action in model.choose}
     tracked = _with_leads(model, tracked, state.action, now_s)
-    is_known = any(candidate.smoothed is not None for candidate in tracked.values())
+    is_known = any(candidate.smoothed_weight is not None for candidate in tracked.values())
     unknown_since_s = None if is_known else now_s if state.unknown_since_s is None else state.unknown_since_s
     before = FilterState(
         instant_s=now_s,
         action=state.action,
         since_s=state.since_s,
-        tracked=tracked,
+        tracked_actions=tracked,
         left_s=state.left_s,
         unknown_since_s=unknown_since_s,
     )
@@ -151,62 +151,72 @@ def step(
     return FilterStep(state=after, before=before, because=reason, due_s=_due_s(model, after, (), forced_action))
 
 
-def threshold(model: CourseModel) -> float:
+def lead_threshold(model: CourseModel) -> float:
     """Return by how much a weight must exceed the weight of the course."""
-    return max(model.lead, LEAST_LEAD)
+    return max(model.lead, MIN_LEAD)
 
 
-def leads(model: CourseModel, weight: float | None, of_course: float | None) -> bool:
+def leads(model: CourseModel, weight: float | None, course_weight: float | None) -> bool:
     """Return whether a weight leads the weight of the course.
 
     An unknown weight never leads. A known weight leads a course whose weight is unknown.
     """
     if weight is None:
         return False
-    return of_course is None or weight - of_course >= threshold(model)
+    return course_weight is None or weight - course_weight >= lead_threshold(model)
 
 
 def _track(model: CourseModel, state: FilterState, action: str, now_s: float, weight: float | None) -> TrackedAction:
     """Return the state of an action at an instant, including changes of its lead since the last step."""
-    old, course = state.tracked.get(action, TrackedAction()), state.tracked.get(state.action, TrackedAction())
-    smoothed = _smooth(model, old, now_s - state.instant_s, weight)
+    tracked_before, course = (
+        state.tracked_actions.get(action, TrackedAction()),
+        state.tracked_actions.get(state.action, TrackedAction()),
+    )
+    smoothed_weight = _smooth(model, tracked_before, now_s - state.instant_s, weight)
     if not state.action or action == state.action:
-        return TrackedAction(weight=weight, smoothed=smoothed)
-    since_s = _leads_since_s(model, old, course, state.instant_s, now_s)
-    return TrackedAction(weight=weight, smoothed=smoothed, leads_since_s=since_s)
+        return TrackedAction(weight=weight, smoothed_weight=smoothed_weight)
+    since_s = _leads_since_s(model, tracked_before, course, state.instant_s, now_s)
+    return TrackedAction(weight=weight, smoothed_weight=smoothed_weight, leads_since_s=since_s)
 
 
-def _smooth(model: CourseModel, old: TrackedAction, elapsed_s: float, weight: float | None) -> float | None:
-    if weight is None or old.smoothed is None or old.weight is None or model.smooth_s <= 0.0:
+def _smooth(model: CourseModel, tracked_before: TrackedAction, elapsed_s: float, weight: float | None) -> float | None:
+    if (
+        weight is None
+        or tracked_before.smoothed_weight is None
+        or tracked_before.weight is None
+        or model.smooth_s <= 0.0
+    ):
         return weight
-    return old.weight + (old.smoothed - old.weight) * math.exp(-elapsed_s / model.smooth_s)
+    return tracked_before.weight + (tracked_before.smoothed_weight - tracked_before.weight) * math.exp(
+        -elapsed_s / model.smooth_s
+    )
 
 
 def _leads_since_s(
-    model: CourseModel, old: TrackedAction, course: TrackedAction, then_s: float, now_s: float
+    model: CourseModel, tracked_before: TrackedAction, course: TrackedAction, then_s: float, now_s: float
 ) -> float | None:
     """Return the instant since which an action leads, just before the new weights apply; None if it does not lead."""
-    if old.smoothed is None:
+    if tracked_before.smoothed_weight is None:
         return None
-    if course.smoothed is None:
-        return old.leads_since_s
-    gap, limit = _gaps(model, old, course)
-    lead = threshold(model)
+    if course.smoothed_weight is None:
+        return tracked_before.leads_since_s
+    gap, limit = _gaps(model, tracked_before, course)
+    min_lead = lead_threshold(model)
     elapsed_s = now_s - then_s
     gap_now = limit + (gap - limit) * math.exp(-elapsed_s / model.smooth_s) if model.smooth_s > 0.0 else limit
-    if gap_now < lead:
+    if gap_now < min_lead:
         return None
-    if old.leads_since_s is not None:
-        return old.leads_since_s
+    if tracked_before.leads_since_s is not None:
+        return tracked_before.leads_since_s
     crossing_s = _crossing_s(model, gap, limit)
     return then_s + min(crossing_s, elapsed_s)
 
 
 def _gaps(model: CourseModel, candidate: TrackedAction, course: TrackedAction) -> tuple[float, float]:
     """Return by how much an action leads the course now, and the limit of this lead if no weight changes."""
-    assert candidate.smoothed is not None
-    assert course.smoothed is not None
-    gap = candidate.smoothed - course.smoothed
+    assert candidate.smoothed_weight is not None
+    assert course.smoothed_weight is not None
+    gap = candidate.smoothed_weight - course.smoothed_weight
     if model.smooth_s <= 0.0 or candidate.weight is None or course.weight is None:
         return gap, gap
     return gap, candidate.weight - course.weight
@@ -214,12 +224,12 @@ def _gaps(model: CourseModel, candidate: TrackedAction, course: TrackedAction) -
 
 def _crossing_s(model: CourseModel, gap: float, limit: float) -> float:
     """Return the seconds until a gap that approaches a limit reaches the lead; infinite if it never does."""
-    lead = threshold(model)
-    if gap >= lead:
+    min_lead = lead_threshold(model)
+    if gap >= min_lead:
         return 0.0
-    if limit <= lead:
+    if limit <= min_lead:
         return math.inf
-    return model.smooth_s * math.log((limit - gap) / (limit - lead))
+    return model.smooth_s * math.log((limit - gap) / (limit - min_lead))
 
 
 def _with_leads(
@@ -228,10 +238,10 @@ def _with_leads(
     """Return all actions with their leads at an instant, including leads that begin at this instant."""
     if not course:
         return dict(tracked)
-    of_course = tracked[course].smoothed
+    course_weight = tracked[course].smoothed_weight
     tracked_with_leads = {}
     for action, candidate in tracked.items():
-        is_ahead = action != course and leads(model, candidate.smoothed, of_course)
+        is_ahead = action != course and leads(model, candidate.smoothed_weight, course_weight)
         since_s = now_s if candidate.leads_since_s is None else candidate.leads_since_s
         tracked_with_leads[action] = replace(candidate, leads_since_s=since_s if is_ahead else None)
     return tracked_with_leads
@@ -263,7 +273,9 @@ def _decide(
 
 def _best_action(model: CourseModel, state: FilterState, allowed_actions: Collection[str]) -> str:
     """Return the first action with the highest weight; empty if no weight is known."""
-    weights = [(state.tracked[action].smoothed, action) for action in model.choose if action in allowed_actions]
+    weights = [
+        (state.tracked_actions[action].smoothed_weight, action) for action in model.choose if action in allowed_actions
+    ]
     known_weights = [(weight, action) for weight, action in weights if weight is not None]
     return max(known_weights, key=lambda pair: pair[0])[1] if known_weights else ""
 
@@ -275,8 +287,8 @@ def _free_s(model: CourseModel, state: FilterState, action: str) -> float:
 
 def _ready_s(model: CourseModel, state: FilterState, action: str, urgent_actions: Collection[str]) -> float:
     """Return when an action can be chosen if no weight changes; infinite if it cannot be chosen then."""
-    candidate, course = state.tracked[action], state.tracked[state.action]
-    if action == state.action or candidate.smoothed is None:
+    candidate, course = state.tracked_actions[action], state.tracked_actions[state.action]
+    if action == state.action or candidate.smoothed_weight is None:
         return math.inf
     leads_s = candidate.leads_since_s
     if leads_s is None:
@@ -290,8 +302,8 @@ def _due_s(model: CourseModel, state: FilterState, urgent_actions: Collection[st
     if forced_action:
         return math.inf
     if state.unknown_since_s is not None:
-        is_left = state.action == model.otherwise
-        return math.inf if is_left else state.unknown_since_s + model.hold_s + JUST_AFTER_S
+        is_otherwise = state.action == model.otherwise
+        return math.inf if is_otherwise else state.unknown_since_s + model.hold_s + JUST_AFTER_S
     return min(_ready_s(model, state, action, urgent_actions) for action in model.choose) + JUST_AFTER_S
 
 
@@ -299,13 +311,15 @@ def _state_after_switch(
     model: CourseModel, before: FilterState, action: str, reason: SwitchReason | None
 ) -> FilterState:
     now_s = before.instant_s
-    without_leads = {name: replace(candidate, leads_since_s=None) for name, candidate in before.tracked.items()}
+    tracked_without_leads = {
+        name: replace(candidate, leads_since_s=None) for name, candidate in before.tracked_actions.items()
+    }
     # A first choice that no known weight supports has no dwell.
     is_makeshift = not before.action and reason is SwitchReason.NOTHING_KNOWN
     return replace(
         before,
         action=action,
         since_s=-math.inf if is_makeshift else now_s,
-        tracked=_with_leads(model, without_leads, action, now_s),
+        tracked_actions=_with_leads(model, tracked_without_leads, action, now_s),
         left_s={**before.left_s, before.action: now_s} if before.action else before.left_s,
     )

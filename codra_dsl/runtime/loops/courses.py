@@ -11,7 +11,7 @@ from codra_dsl.runtime.loops.declarations import CourseModel, HardRuleModel, Map
 from codra_dsl.runtime.loops.fuzzy.bounds import End
 from codra_dsl.runtime.loops.observations import SceneScope
 
-_TOLERANCE = 1e-9
+_METRIC_TOLERANCE = 1e-9
 
 Metrics = Mapping[str, float | None]
 """The value that counts for each metric, by variable."""
@@ -55,13 +55,14 @@ def metrics_of(model: MapeModel, assessment: Assessment) -> Metrics:
     return {metric.variable: _number(assessment.scene[metric.variable].value) for metric in outputs}
 
 
-def values_before_worsening(model: MapeModel, now: Metrics, then: Metrics) -> Metrics:
+def values_before_worsening(model: MapeModel, metrics_now: Metrics, metrics_then: Metrics) -> Metrics:
     """Return the old values of the metrics that have become worse."""
     outputs = () if model.metrics is None else model.metrics.outputs
     return {
-        metric.variable: then[metric.variable]
+        metric.variable: metrics_then[metric.variable]
         for metric in outputs
-        if metric.variable in then and _is_worse(metric, now[metric.variable], then[metric.variable])
+        if metric.variable in metrics_then
+        and _is_worse(metric, metrics_now[metric.variable], metrics_then[metric.variable])
     }
 
 
@@ -79,9 +80,9 @@ def urgent_actions(
     What makes an action urgent is the effect on the weights, not the size of the metric's change: the action would not
     lead if the metrics that have become worse still had the values that they had at the last switch.
     """
-    running = course_state.state.action
+    running_action = course_state.state.action
     former_metrics = (
-        values_before_worsening(model, metrics_of(model, assessment), course_state.metrics) if running else {}
+        values_before_worsening(model, metrics_of(model, assessment), course_state.metrics) if running_action else {}
     )
     if not former_metrics:
         return frozenset()
@@ -90,8 +91,8 @@ def urgent_actions(
     return frozenset(
         action
         for action in course.choose
-        if leads(course, weights[action], weights[running])
-        and not leads(course, former_weights[action], former_weights[running])
+        if leads(course, weights[action], weights[running_action])
+        and not leads(course, former_weights[action], former_weights[running_action])
     )
 
 
@@ -128,10 +129,14 @@ def choose(
     return CourseState(state=filter_step.state, metrics=metrics_of(model, assessment)), decision, filter_step.due_s
 
 
-def _is_worse(output: OutputModel, now: float | None, then: float | None) -> bool:
-    if then is None or now is None:
-        return then is not None
-    return now < then - _TOLERANCE if output.worse is End.LOW else now > then + _TOLERANCE
+def _is_worse(output: OutputModel, value_now: float | None, value_then: float | None) -> bool:
+    if value_then is None or value_now is None:
+        return value_then is not None
+    return (
+        value_now < value_then - _METRIC_TOLERANCE
+        if output.worse is End.LOW
+        else value_now > value_then + _METRIC_TOLERANCE
+    )
 
 
 def _number(value: object) -> float | None:

@@ -19,7 +19,7 @@ Details = dict[str, Any]
 
 def chain_of(loop: str, course: CourseModel, decision: Decision) -> Details:
     """Return the chain of a decision, from the readings to the action."""
-    before = decision.chosen.before
+    filter_state = decision.chosen.before
     rule = decision.rule
     return _without_none(
         loop=loop,
@@ -29,8 +29,8 @@ def chain_of(loop: str, course: CourseModel, decision: Decision) -> Details:
         because=str(decision.because),
         rule=None if rule is None else f"{rule.text} then {rule.action}",
         place=(course.place if rule is None else rule.place) or None,
-        since_s=_finite(before.since_s),
-        dwell_until_s=_finite(before.dwell_until_s(course)),
+        since_s=_finite_or_none(filter_state.since_s),
+        dwell_until_s=_finite_or_none(filter_state.dwell_until_s(course)),
         weights=[
             _weight_details(course, decision, weight)
             for weight in decision.assessment.actions.outputs
@@ -40,16 +40,16 @@ def chain_of(loop: str, course: CourseModel, decision: Decision) -> Details:
     )
 
 
-def evidence_of(assessment: Assessment, more: Iterable[str] = ()) -> Details:
+def evidence_of(assessment: Assessment, extra_variables: Iterable[str] = ()) -> Details:
     """Return the readings, and the results of the stages.
 
     Args:
         assessment: the assessment of the instant.
-        more: variables that a condition reads, even if no stage does.
+        extra_variables: variables that a condition reads, even if no stage does.
     """
     stages = (assessment.metrics, assessment.actions)
     return {
-        "readings": _readings_details(stages, [assessment.scene[name] for name in sorted(set(more))]),
+        "readings": _readings_details(stages, [assessment.scene[name] for name in sorted(set(extra_variables))]),
         "degrees": [
             _degree_details(degree) for degree in dict.fromkeys(degree for stage in stages for degree in stage.degrees)
         ],
@@ -87,8 +87,8 @@ class _ExplainedOutput:
 
     def details(self) -> Details:
         """Return the output, and the variables that its rules read."""
-        reads = [observation.variable for observation in self.inputs]
-        return _output_details(self.output) | {"variable": self.output.variable, "reads": reads}
+        variables_read = [observation.variable for observation in self.inputs]
+        return _output_details(self.output) | {"variable": self.output.variable, "reads": variables_read}
 
 
 def _explain_outputs(model: StageModel, stage: Stage, variables: Collection[str]) -> tuple[_ExplainedOutput, ...]:
@@ -97,19 +97,21 @@ def _explain_outputs(model: StageModel, stage: Stage, variables: Collection[str]
 
 
 def _explain_output(model: StageModel, stage: Stage, output: OutputResult) -> _ExplainedOutput:
-    rules_of_output = [
-        (rule, fired) for rule, fired in zip(model.rules, stage.rules, strict=True) if output.name in rule.concludes
+    rules_and_activations = [
+        (rule, activation)
+        for rule, activation in zip(model.rules, stage.rules, strict=True)
+        if output.name in rule.concludes
     ]
-    reads = {variable for rule, _ in rules_of_output for variable in rule.reads}
+    variables_read = {variable for rule, _ in rules_and_activations for variable in rule.reads}
     return _ExplainedOutput(
         output=output,
-        inputs=tuple(observation for observation in stage.inputs if observation.variable in reads),
-        degrees=tuple(degree for degree in stage.degrees if degree.variable in reads),
-        rules=tuple(fired for _, fired in rules_of_output if fired.high > 0.0),
+        inputs=tuple(observation for observation in stage.inputs if observation.variable in variables_read),
+        degrees=tuple(degree for degree in stage.degrees if degree.variable in variables_read),
+        rules=tuple(activation for _, activation in rules_and_activations if activation.high > 0.0),
     )
 
 
-def kept_by(counterfactuals: Iterable[Counterfactual]) -> list[Details]:
+def counterfactual_details(counterfactuals: Iterable[Counterfactual]) -> list[Details]:
     """Return the details of changes that would have kept a course."""
     return [
         _without_none(
@@ -123,8 +125,8 @@ def kept_by(counterfactuals: Iterable[Counterfactual]) -> list[Details]:
     ]
 
 
-def _readings_details(stages: Sequence[Stage], more: Sequence[Observation]) -> list[Details]:
-    inputs = [*(observation for stage in stages for observation in stage.inputs), *more]
+def _readings_details(stages: Sequence[Stage], extra_observations: Sequence[Observation]) -> list[Details]:
+    inputs = [*(observation for stage in stages for observation in stage.inputs), *extra_observations]
     observations: dict[str, Observation] = {observation.variable: observation for observation in inputs}
     computed_variables = {output.variable for stage in stages for output in stage.outputs}
     return [
@@ -138,7 +140,7 @@ def _reading_details(observation: Observation) -> Details:
     return _without_none(
         variable=observation.variable,
         value=None if observation.value is None else json_text(observation.value),
-        evidence_s=_finite(observation.evidence_s),
+        evidence_s=_finite_or_none(observation.evidence_s),
         because=observation.because or None,
     )
 
@@ -148,36 +150,38 @@ def _rule_details(rule: RuleActivation) -> Details:
         text=rule.text,
         concludes=list(rule.concludes),
         place=rule.place or None,
-        low=_finite(rule.low),
-        high=_finite(rule.high),
+        low=_finite_or_none(rule.low),
+        high=_finite_or_none(rule.high),
     )
 
 
 def _degree_details(degree: Degree) -> Details:
-    return _without_none(variable=degree.variable, term=degree.term, low=_finite(degree.low), high=_finite(degree.high))
+    return _without_none(
+        variable=degree.variable, term=degree.term, low=_finite_or_none(degree.low), high=_finite_or_none(degree.high)
+    )
 
 
 def _output_details(output: OutputResult) -> Details:
     return _without_none(
         name=output.name,
-        low=_finite(output.bounds.low),
-        high=_finite(output.bounds.high),
+        low=_finite_or_none(output.bounds.low),
+        high=_finite_or_none(output.bounds.high),
         value=output.value,
-        evidence_s=_finite(output.evidence_s),
+        evidence_s=_finite_or_none(output.evidence_s),
     )
 
 
 def _weight_details(course: CourseModel, decision: Decision, weight: OutputResult) -> Details:
-    before = decision.chosen.before
-    tracked = before.tracked[weight.name]
+    filter_state = decision.chosen.before
+    tracked_action = filter_state.tracked_actions[weight.name]
     return _output_details(weight) | _without_none(
-        smoothed=tracked.smoothed,
-        leads_since_s=tracked.leads_since_s,
-        cooldown_until_s=_finite(before.cooldown_until_s(course, weight.name)),
+        smoothed=tracked_action.smoothed_weight,
+        leads_since_s=tracked_action.leads_since_s,
+        cooldown_until_s=_finite_or_none(filter_state.cooldown_until_s(course, weight.name)),
     )
 
 
-def _finite(number: float) -> float | None:
+def _finite_or_none(number: float) -> float | None:
     return number if math.isfinite(number) else None
 
 
@@ -185,6 +189,6 @@ def _without_none(**details: object) -> Details:
     return {key: detail for key, detail in details.items() if detail is not None}
 
 
-def plain(details: Mapping[str, object]) -> Details:
+def without_none_values(details: Mapping[str, object]) -> Details:
     """Return the details without values that are None."""
     return _without_none(**details)

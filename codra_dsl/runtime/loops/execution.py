@@ -82,7 +82,7 @@ class Execution:
         self._abort_s = abort_s
         self._record_event = record_event
         self._result = Result.IDLE
-        self._ending: _EndingBranch | None = None
+        self._ending_branch: _EndingBranch | None = None
         self._is_resting = False
         self._report_lock = threading.Lock()
 
@@ -97,16 +97,16 @@ class Execution:
         old_action, now_s = self.action, self._clock.now_s()
         self.action = action
         self._is_resting = False
-        if self._ending is not None or not old_action:
+        if self._ending_branch is not None or not old_action:
             self.due_s = now_s
             return
         result = "halted" if self._result is Result.RUNNING else str(self._result)
-        ending = _EndingBranch(old_action, self.branch, now_s, now_s + self._abort_s, result)
-        self._ending = ending
-        self._clock.call_at(ending.until_s, lambda: self._record_overdue(ending))
+        ending_branch = _EndingBranch(old_action, self.branch, now_s, now_s + self._abort_s, result)
+        self._ending_branch = ending_branch
+        self._clock.call_at(ending_branch.until_s, lambda: self._record_overdue(ending_branch))
         if not self._attempt(self.halt):
-            ending.result = FAILED
-        ending.is_halting = False
+            ending_branch.result = FAILED
+        ending_branch.is_halting = False
         self.due_s = self._clock.now_s()
 
     def tick(self) -> None:
@@ -117,8 +117,8 @@ class Execution:
             self._schedule()
 
     def _advance(self) -> None:
-        if self._ending is None or self._has_ended(self._ending):
-            self._ending = None
+        if self._ending_branch is None or self._has_ended(self._ending_branch):
+            self._ending_branch = None
             if self.action and self.branch != self.model.branches[self.action]:
                 self.tree.scope.create(self.model.entry, self.model.branches[self.action])
             if not self._is_resting and (self.action or not self.model.course):
@@ -143,29 +143,33 @@ class Execution:
             return False
         return True
 
-    def _has_ended(self, ending: _EndingBranch) -> bool:
+    def _has_ended(self, ending_branch: _EndingBranch) -> bool:
         now_s, open_tasks = self._clock.now_s(), self._open_tasks()
-        if open_tasks and now_s < ending.until_s:
+        if open_tasks and now_s < ending_branch.until_s:
             return False
-        self._record_overdue(ending)
+        self._record_overdue(ending_branch)
         if not open_tasks:
-            ending.is_reported = True
-            details = {"action": ending.action, "branch": ending.branch, "result": ending.result}
+            ending_branch.is_reported = True
+            details = {"action": ending_branch.action, "branch": ending_branch.branch, "result": ending_branch.result}
             self._record_event(
-                self.model.name, "ended", {**self._course_details(), **details, "took_s": now_s - ending.since_s}
+                self.model.name, "ended", {**self._course_details(), **details, "took_s": now_s - ending_branch.since_s}
             )
         return True
 
-    def _record_overdue(self, ending: _EndingBranch) -> None:
+    def _record_overdue(self, ending_branch: _EndingBranch) -> None:
         """Report once that a branch has not ended in time."""
         now_s, open_tasks = self._clock.now_s(), self._open_tasks()
         with self._report_lock:
-            if ending.is_reported or now_s < ending.until_s or not (open_tasks or ending.is_halting):
+            if (
+                ending_branch.is_reported
+                or now_s < ending_branch.until_s
+                or not (open_tasks or ending_branch.is_halting)
+            ):
                 return
-            ending.is_reported = True
-        details = {"action": ending.action, "branch": ending.branch, "tasks": open_tasks}
+            ending_branch.is_reported = True
+        details = {"action": ending_branch.action, "branch": ending_branch.branch, "tasks": open_tasks}
         self._record_event(
-            self.model.name, "overdue", {**self._course_details(), **details, "took_s": now_s - ending.since_s}
+            self.model.name, "overdue", {**self._course_details(), **details, "took_s": now_s - ending_branch.since_s}
         )
 
     def _course_details(self) -> dict[str, object]:
@@ -181,5 +185,5 @@ class Execution:
         now_s, tree_due_s = self._clock.now_s(), self.tree.due_s
         if tree_due_s is None or tree_due_s <= now_s:  # the node that waited for this instant has been halted
             tree_due_s = math.inf
-        limit_s = math.inf if self._ending is None else self._ending.until_s
-        self.due_s = min(now_s + self.model.period_s, tree_due_s, limit_s)
+        ending_limit_s = math.inf if self._ending_branch is None else self._ending_branch.until_s
+        self.due_s = min(now_s + self.model.period_s, tree_due_s, ending_limit_s)

@@ -29,17 +29,23 @@ from codra_dsl.runtime.context.shared_acquisition import SharedAcquisition, decl
 from codra_dsl.runtime.errors import unknown
 from codra_dsl.runtime.loops.courses import CourseState, Decision
 from codra_dsl.runtime.loops.declarations import LoopModel, MapeModel, TreeModel
-from codra_dsl.runtime.loops.event_details import analysis_of, chain_of, evidence_of, kept_by, plain
+from codra_dsl.runtime.loops.event_details import (
+    analysis_of,
+    chain_of,
+    counterfactual_details,
+    evidence_of,
+    without_none_values,
+)
 from codra_dsl.runtime.loops.execution import Execution
-from codra_dsl.runtime.loops.places import placed
-from codra_dsl.runtime.loops.planning import Plan, Planner, Planners, Planning, Setting, Written
+from codra_dsl.runtime.loops.places import with_places
+from codra_dsl.runtime.loops.planning import Plan, Planner, Planners, Planning, Setting, VariableWrite
 from codra_dsl.runtime.values.cell import BEFORE_ALL_S
 
 _LOGGER = logging.getLogger(__name__)
 
 Manager = ContextManager[Any, Any]
 
-MOST_CHANGES_AT_ONCE = 10
+MAX_CHANGES_PER_INSTANT = 10
 """If an adaptation changes this often at one instant, the loop treats it as circular."""
 
 
@@ -75,7 +81,7 @@ class Mape:
             ValueError: if the course of a tree does not exist, or the tree has no branch for one of its actions.
             AgentTakenError: if the handle of the analyst or of the adapter is already taken.
         """
-        self.model = model = placed(model, places_in(package_folder(codra), codra.model.name))
+        self.model = model = with_places(model, places_in(package_folder(codra), codra.model.name))
         self._writers = _AgentWriters(codra, model)
         leaves = _robots_of_trees(model, Robot() if robot is None else robot)
         types = {variable.name: variable.type for variable in codra.model.variables}
@@ -143,17 +149,17 @@ class _AgentWriters:
         if model.parameters or any(course.variable for course in model.courses):
             self._agents[model.adapter] = codra.agent(model.adapter)
 
-    def write(self, agent: str, written: Written, now_s: float) -> None:
+    def write(self, agent: str, variable_write: VariableWrite, now_s: float) -> None:
         """Write a variable.
 
         The stamp never goes back, even if an input with older evidence arrives: otherwise the value with the newer
         evidence would stay.
         """
-        known_s = now_s if written.evidence_s == BEFORE_ALL_S else written.evidence_s
-        stamp_s = min(now_s, max(known_s, self._stamps_s.get(written.variable, -math.inf)))
-        self._stamps_s[written.variable] = stamp_s
-        value = math.nan if written.value is None else written.value  # NaN is unknown
-        self._agents[agent].set(written.variable, value, evidence_s=stamp_s)
+        known_s = now_s if variable_write.evidence_s == BEFORE_ALL_S else variable_write.evidence_s
+        stamp_s = min(now_s, max(known_s, self._stamps_s.get(variable_write.variable, -math.inf)))
+        self._stamps_s[variable_write.variable] = stamp_s
+        value = math.nan if variable_write.value is None else variable_write.value  # NaN is unknown
+        self._agents[agent].set(variable_write.variable, value, evidence_s=stamp_s)
 
     def close(self) -> None:
         for agent in self._agents.values():
@@ -194,9 +200,9 @@ class Loop:
         self._is_busy = False
         self._has_changed = False
         self._analysis_due_s = -math.inf
-        self._changed_s = -math.inf
+        self._last_change_s = -math.inf
         self._change_counts: Counter[str] = Counter()
-        self._unexplained: list[Decision] = []
+        self._unexplained_decisions: list[Decision] = []
         self._is_explaining = False
         self._timer: Timer | None = None
         self._subscription: Subscription | None = None
@@ -230,7 +236,7 @@ class Loop:
             clock=self._clock,
             knowledge=knowledge,
             abort_s=min((course.abort_s for course in courses), default=0.0),
-            record_event=self._record,
+            record_event=self._record_event,
         )
 
     @property
@@ -245,7 +251,7 @@ class Loop:
                 return
             self._is_on, self._has_changed = True, True
         self.planning.resume()
-        self._record(self._loop.name, "started", {"adapts": list(self._loop.adapt)})
+        self._record_event(self._loop.name, "started", {"adapts": list(self._loop.adapt)})
         self._declaration.begin()
         self._listener.begin()
         self._wake_at(self._clock.now_s())
@@ -268,7 +274,7 @@ class Loop:
         for tree in self.trees.values():
             tree.halt()
         self._declaration.end()
-        self._record(self._loop.name, "stopped", {})
+        self._record_event(self._loop.name, "stopped", {})
 
     def _listen(self) -> None:
         watched_variables = self.planning.watches()
@@ -289,7 +295,9 @@ class Loop:
     def _next_analysis_s(self) -> float:
         """Return when to analyse changes: now, or a period later if an adaptation keeps changing at this instant."""
         now_s = self._clock.now_s()
-        is_circling = now_s == self._changed_s and max(self._change_counts.values(), default=0) >= MOST_CHANGES_AT_ONCE
+        is_circling = (
+            now_s == self._last_change_s and max(self._change_counts.values(), default=0) >= MAX_CHANGES_PER_INSTANT
+        )
         return now_s + self._loop.period_s if is_circling else now_s
 
     def _wake_at(self, instant_s: float) -> None:
@@ -322,13 +330,13 @@ class Loop:
         finally:
             self._end(due_s)
 
-    def _attempt(self, part: Callable[[], None]) -> None:
+    def _attempt(self, run_part: Callable[[], None]) -> None:
         """Run a part of a round; the other parts run even if it fails."""
         try:
-            part()
+            run_part()
         except Exception as error:
             _LOGGER.exception("a part of the loop %r failed", self._loop.name)
-            self._record(self._loop.name, "failed", {"message": f"{type(error).__name__}: {error}"})
+            self._record_event(self._loop.name, "failed", {"message": f"{type(error).__name__}: {error}"})
 
     def _end(self, due_s: float) -> None:
         with self._lock:
@@ -351,7 +359,7 @@ class Loop:
         for tree in self.trees.values():
             if self._clock.now_s() >= tree.due_s:
                 self._attempt(tree.tick)
-        if self._unexplained and not self._is_explaining:
+        if self._unexplained_decisions and not self._is_explaining:
             self._attempt(self._explain_in_background)
         return min([self._analysis_due_s, *(tree.due_s for tree in self.trees.values())])
 
@@ -359,50 +367,50 @@ class Loop:
         now_s = self._clock.now_s()
         plan = self.planning.plan(self._codra, now_s)
         self._analysis_due_s = min(now_s + self._loop.period_s, plan.due_s)
-        for written in plan.analysed:
-            self._attempt(partial(self._writers.write, self._model.analyst, written, now_s))
+        for variable_write in plan.values_to_write:
+            self._attempt(partial(self._writers.write, self._model.analyst, variable_write, now_s))
         if plan.changed:
             details = analysis_of(self.planning.model, plan.assessment, plan.changed)
-            self._attempt(partial(self._record, self._loop.name, "analysed", details))
+            self._attempt(partial(self._record_event, self._loop.name, "analysed", details))
         for decision in plan.decisions:
             self._attempt(partial(self._adapt, decision))
             if decision.before:
-                self._unexplained.append(decision)
+                self._unexplained_decisions.append(decision)
         for setting in plan.settings:
             self._attempt(partial(self._set, setting))
-        for refusal in plan.refused:
-            about = {"variable": refusal.parameter.variable, "message": refusal.message}
-            self._attempt(partial(self._record, refusal.parameter.name, "failed", about))
+        for refusal in plan.refusals:
+            event_details = {"variable": refusal.parameter.variable, "message": refusal.message}
+            self._attempt(partial(self._record_event, refusal.parameter.name, "failed", event_details))
         self._count(plan, now_s)
 
     def _count(self, plan: Plan, now_s: float) -> None:
         """Count the changes of one instant, and report an adaptation that depends on itself."""
-        if now_s != self._changed_s:
-            self._changed_s, self._change_counts = now_s, Counter()
+        if now_s != self._last_change_s:
+            self._last_change_s, self._change_counts = now_s, Counter()
         changed_adaptations = [
             *(decision.course for decision in plan.decisions),
             *(setting.parameter.name for setting in plan.settings),
         ]
         self._change_counts.update(changed_adaptations)
         for name in changed_adaptations:
-            if self._change_counts[name] == MOST_CHANGES_AT_ONCE:
-                message = f"'{name}' has changed {MOST_CHANGES_AT_ONCE} times at one instant: it depends on itself"
-                self._record(self._loop.name, "failed", {"message": message})
+            if self._change_counts[name] == MAX_CHANGES_PER_INSTANT:
+                message = f"'{name}' has changed {MAX_CHANGES_PER_INSTANT} times at one instant: it depends on itself"
+                self._record_event(self._loop.name, "failed", {"message": message})
 
     def _adapt(self, decision: Decision) -> None:
         course = self.planning.courses[decision.course]
         now_s = decision.instant_s
-        self._record(course.name, "chosen", chain_of(self._loop.name, course, decision))
+        self._record_event(course.name, "chosen", chain_of(self._loop.name, course, decision))
         for tree in self.trees.values():
             if tree.model.course == course.name:
                 self._attempt(partial(tree.choose, decision.action))
         if course.variable:
-            written = Written(variable=course.variable, value=decision.action, evidence_s=now_s)
-            self._writers.write(self._model.adapter, written, now_s)
+            variable_write = VariableWrite(variable=course.variable, value=decision.action, evidence_s=now_s)
+            self._writers.write(self._model.adapter, variable_write, now_s)
 
     def _explain_in_background(self) -> None:
         """Record counterfactuals outside the rounds, because this can take long and no decision should wait for it."""
-        decisions, self._unexplained = self._unexplained, []
+        decisions, self._unexplained_decisions = self._unexplained_decisions, []
         self._clock.start(lambda _: self._explain_all(decisions), _ignore)
 
     def _explain_all(self, decisions: Sequence[Decision]) -> None:
@@ -415,16 +423,18 @@ class Loop:
         """Record the counterfactuals of a decision, unless the loop has been stopped meanwhile."""
         course = self.planning.courses[decision.course]
         counterfactuals = self.planning.kept_by(decision)
-        about = {"variable": course.variable or None, "action": decision.action, "before": decision.before}
+        event_details = {"variable": course.variable or None, "action": decision.action, "before": decision.before}
         if self._is_on:
-            self._record(course.name, "explained", {**about, "kept_by": kept_by(counterfactuals)})
+            self._record_event(
+                course.name, "explained", {**event_details, "kept_by": counterfactual_details(counterfactuals)}
+            )
 
     def _set(self, setting: Setting) -> None:
         model = setting.parameter
-        written = Written(variable=model.variable, value=setting.value, evidence_s=setting.instant_s)
-        self._writers.write(self._model.adapter, written, setting.instant_s)
+        variable_write = VariableWrite(variable=model.variable, value=setting.value, evidence_s=setting.instant_s)
+        self._writers.write(self._model.adapter, variable_write, setting.instant_s)
         was_set = math.isfinite(setting.since_s)
-        self._record(
+        self._record_event(
             model.name,
             "set",
             {
@@ -439,12 +449,12 @@ class Loop:
             },
         )
 
-    def _record(self, name: str, what: str, details: Mapping[str, object]) -> None:
-        about = {"loop": self._loop.name, **details}
+    def _record_event(self, name: str, what: str, details: Mapping[str, object]) -> None:
+        event_details = {"loop": self._loop.name, **details}
         course = self.planning.courses.get(str(details.get("course", "")))
         if course is not None:  # so that a search for the variable also finds events about branches of the course
-            about["variable"] = course.variable or None
-        self._codra.commands.adapt(self._model.adapter, name, what, plain(about))
+            event_details["variable"] = course.variable or None
+        self._codra.commands.adapt(self._model.adapter, name, what, without_none_values(event_details))
 
 
 def _robots_of_trees(model: MapeModel, robot: Leaves | Mapping[str, Leaves]) -> Mapping[str, Leaves]:
@@ -461,7 +471,7 @@ def _ignore(_: object) -> None:
 def _check_names(model: MapeModel, loop: LoopModel) -> None:
     """Raise an error if a loop uses a name that is not declared."""
     metrics = () if model.metrics is None else model.metrics.outputs
-    names_by_kind = {
+    used_and_declared_names = {
         "rate": (loop.rates, [rate.variable for rate in model.rates]),
         "metric": (loop.analyse, [metric.name for metric in metrics]),
         "course or parameter": (
@@ -470,7 +480,7 @@ def _check_names(model: MapeModel, loop: LoopModel) -> None:
         ),
         "tree": (loop.execute, [tree.name for tree in model.trees]),
     }
-    for kind, (used_names, declared_names) in names_by_kind.items():
+    for kind, (used_names, declared_names) in used_and_declared_names.items():
         for name in used_names:
             if name not in declared_names:
                 raise unknown(kind, name, declared_names)

@@ -11,7 +11,7 @@ from codra_dsl.runtime.loops.declarations import InputModel, RateModel
 from codra_dsl.runtime.loops.fuzzy.bounds import Bounds, point
 from codra_dsl.runtime.values.cell import BEFORE_ALL_S, Reading
 
-LEAST_SPAN_SHARE = 0.5
+MIN_SPAN_SHARE = 0.5
 """The smallest share of a rate's window that the readings must span."""
 
 
@@ -55,8 +55,8 @@ class SceneScope:
 
     def age_s(self, name: str) -> float | None:
         """Return the time since the evidence was taken, or None when the value is unknown."""
-        observed = self.scene[name]
-        return None if observed.value is None else self.now_s - observed.evidence_s
+        observation = self.scene[name]
+        return None if observation.value is None else self.now_s - observation.evidence_s
 
 
 def number_of(model: InputModel, value: Value | None) -> float:
@@ -102,7 +102,7 @@ def rate(
         return Observation(variable=model.variable, because=f"{model.of} is unknown")
     points = _points(history, now_s - model.over_s)
     span_s = points[-1][0] - points[0][0] if points else 0.0
-    if span_s < LEAST_SPAN_SHARE * model.over_s or span_s <= 0.0:
+    if span_s < MIN_SPAN_SHARE * model.over_s or span_s <= 0.0:
         return Observation(variable=model.variable, because=f"{model.of} is known for {span_s:g} s only")
     slope = _slope(points) * model.factor
     if not math.isfinite(slope):

@@ -15,7 +15,7 @@ from codra_dsl.runtime.loops.declarations import CourseModel, MapeModel, StageMo
 Places = Mapping[str, Place]
 
 
-def placed(model: MapeModel, places: Places) -> MapeModel:
+def with_places(model: MapeModel, places: Places) -> MapeModel:
     """Return the loops, with places added where they are missing.
 
     Args:
@@ -38,12 +38,12 @@ def placed(model: MapeModel, places: Places) -> MapeModel:
 def _stage_with_places(model: StageModel | None, kind: str, places: Places) -> StageModel | None:
     if model is None:
         return None
-    numbers: Counter[str] = Counter()
+    rule_counts: Counter[str] = Counter()
     rules: list[StageRuleModel] = []
     for rule in model.rules:
         name = rule.concludes[0]
-        rules.append(replace(rule, place=rule.place or _place_text(places, f"{kind}/{name}/rules/{numbers[name]}")))
-        numbers[name] += 1
+        rules.append(replace(rule, place=rule.place or _place_text(places, f"{kind}/{name}/rules/{rule_counts[name]}")))
+        rule_counts[name] += 1
     return replace(model, rules=tuple(rules))
 
 

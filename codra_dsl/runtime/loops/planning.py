@@ -26,7 +26,7 @@ from codra_dsl.runtime.loops.observations import Observation, Scene, SceneScope,
 from codra_dsl.runtime.values.cell import Reading
 from codra_dsl.runtime.values.model import NotOfTypeError, ValueType
 
-KEPT_DECISIONS = 100
+MAX_KEPT_DECISIONS = 100
 """The number of decisions of a course that are kept in memory."""
 
 _ROUNDING_S = 1e-9
@@ -45,7 +45,7 @@ class Context(Protocol):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Written:
+class VariableWrite:
     """A value to write to a variable.
 
     Attributes:
@@ -88,20 +88,20 @@ class Plan:
     """The result of one analysis.
 
     Attributes:
-        analysed: rates, metrics and weights, to be written by the analyst.
+        values_to_write: rates, metrics and weights, to be written by the analyst.
         changed: the variables of the metrics and weights that have changed since the last analysis. An `analysed` event
             records only these, so `why` has the chain of each metric, and nothing is recorded while nothing changes.
         due_s: when to analyse again if no input changes.
-        refused: values that cannot be set; a refused value is reported again only after another value was computed.
+        refusals: values that cannot be set; a refused value is reported again only after another value was computed.
     """
 
     assessment: Assessment
-    analysed: tuple[Written, ...]
+    values_to_write: tuple[VariableWrite, ...]
     changed: frozenset[str]
     decisions: tuple[Decision, ...]
     settings: tuple[Setting, ...]
     due_s: float
-    refused: tuple[Refusal, ...] = ()
+    refusals: tuple[Refusal, ...] = ()
 
 
 class Planner(Protocol):
@@ -150,7 +150,7 @@ Planners = Callable[[MapeModel, LoopModel, Mapping[str, ValueType]], Planner]
 @dataclass(slots=True)
 class _ParameterState:
     value: Value | None = None
-    refused: Value | None = None
+    refused_value: Value | None = None
     since_s: float = -math.inf
     metrics: Metrics = field(default_factory=dict)
 
@@ -177,7 +177,7 @@ class Planning:
         self._course_states = {name: CourseState() for name in self.courses}
         self._parameter_states = {parameter.name: _ParameterState() for parameter in self._parameters}
         self._bounds: dict[str, Bounds] = {}
-        self.decisions: dict[str, deque[Decision]] = {name: deque(maxlen=KEPT_DECISIONS) for name in self.courses}
+        self.decisions: dict[str, deque[Decision]] = {name: deque(maxlen=MAX_KEPT_DECISIONS) for name in self.courses}
         self._read_variables = tuple(sorted(self._find_read_variables()))
 
     def resume(self) -> None:
@@ -215,12 +215,12 @@ class Planning:
         settings, next_due_s = self._set(target_values, assessment, now_s)
         return Plan(
             assessment=assessment,
-            analysed=tuple(self._values_to_write(assessment)),
+            values_to_write=tuple(self._values_to_write(assessment)),
             changed=frozenset(self._changed_variables(assessment)),
             decisions=decisions,
             settings=settings,
             due_s=min(due_s, next_due_s, self._next_flip_s(assessment.scene, now_s)),
-            refused=refusals,
+            refusals=refusals,
         )
 
     # Reading
@@ -253,12 +253,12 @@ class Planning:
 
     # Results to write
 
-    def _values_to_write(self, assessment: Assessment) -> Iterator[Written]:
+    def _values_to_write(self, assessment: Assessment) -> Iterator[VariableWrite]:
         for name in self._rates:
             observation = assessment.scene[name]
-            yield Written(variable=name, value=observation.value, evidence_s=observation.evidence_s)
+            yield VariableWrite(variable=name, value=observation.value, evidence_s=observation.evidence_s)
         for output in self._outputs(assessment):
-            yield Written(variable=output.variable, value=output.value, evidence_s=output.evidence_s)
+            yield VariableWrite(variable=output.variable, value=output.value, evidence_s=output.evidence_s)
 
     def _outputs(self, assessment: Assessment) -> Iterator[OutputResult]:
         """Yield the metrics and weights that this loop computes."""
@@ -268,7 +268,7 @@ class Planning:
 
     def _changed_variables(self, assessment: Assessment) -> Iterator[str]:
         for output in self._outputs(assessment):
-            if not _are_same(self._bounds.get(output.variable), output.bounds):
+            if not _are_same_bounds(self._bounds.get(output.variable), output.bounds):
                 self._bounds[output.variable] = output.bounds
                 yield output.variable
 
@@ -295,13 +295,13 @@ class Planning:
         """Yield a refusal for each value that its variable cannot take; store the values, to report each only once."""
         for model in self._parameters:
             state, value = self._parameter_states[model.name], target_values[model.name]
-            refused_before, state.refused = state.refused, None
+            refused_value_before, state.refused_value = state.refused_value, None
             try:
                 if value is not None:
                     self._types[model.variable].convert(value)
             except NotOfTypeError as error:
-                state.refused = value
-                if value != refused_before:
+                state.refused_value = value
+                if value != refused_value_before:
                     message = f"{model.variable!r} is not set: {error}; bound the value, or state a wider range"
                     yield Refusal(parameter=model, message=message)
 
@@ -312,7 +312,7 @@ class Planning:
         metrics = metrics_of(self.model, assessment)
         for model in self._parameters:
             state, value = self._parameter_states[model.name], target_values[model.name]
-            if value is None or value in (state.value, state.refused):
+            if value is None or value in (state.value, state.refused_value):
                 continue
             free_s = state.since_s + model.dwell_s
             is_free = free_s <= now_s + _ROUNDING_S
@@ -352,19 +352,23 @@ class Planning:
         return min((now_s + wait_s for wait_s in waits_s if wait_s is not None), default=math.inf)
 
 
-def _are_same(before: Bounds | None, now: Bounds) -> bool:
+def _are_same_bounds(before: Bounds | None, now: Bounds) -> bool:
     """Return whether bounds are unchanged; NaN equals NaN here."""
     return before is not None and repr(before) == repr(now)
 
 
-def _is_bounded(kind: ValueType) -> bool:
-    return kind.kind == "bool" or bool(kind.members) or (kind.range is not None and kind.kind in ("int", "float"))
+def _is_bounded(value_type: ValueType) -> bool:
+    return (
+        value_type.kind == "bool"
+        or bool(value_type.members)
+        or (value_type.range is not None and value_type.kind in ("int", "float"))
+    )
 
 
-def _as_input(name: str, kind: ValueType) -> InputModel:
-    if kind.kind == "bool":
+def _as_input(name: str, value_type: ValueType) -> InputModel:
+    if value_type.kind == "bool":
         return InputModel(variable=name, range=Bounds(0.0, 1.0), members=("false", "true"))
-    if kind.members:
-        return InputModel(variable=name, range=Bounds(0.0, len(kind.members) - 1.0), members=kind.members)
-    low, high = kind.range or (-math.inf, math.inf)
+    if value_type.members:
+        return InputModel(variable=name, range=Bounds(0.0, len(value_type.members) - 1.0), members=value_type.members)
+    low, high = value_type.range or (-math.inf, math.inf)
     return InputModel(variable=name, range=Bounds(low, high))

@@ -20,7 +20,7 @@ from codra_dsl.runtime.loops.observations import Observation, Scene
 
 __all__ = ["Row", "Shift", "Sweep", "Switch", "Trend", "surface", "sweep"]
 
-_HALVINGS = 40
+_BISECTION_STEPS = 40
 _TOLERANCE = 1e-9
 
 
@@ -110,24 +110,24 @@ class Sweep:
     @property
     def trends(self) -> Mapping[str, Trend]:
         """Return the trend of each metric while the input rises, or passes the members in the order of the rows."""
-        rows = sorted(self.rows, key=_position)
+        rows = sorted(self.rows, key=_sort_key)
         return {name: trend([row.metrics[name] for row in rows]) for name in self.rows[0].metrics}
 
     def __str__(self) -> str:
         return "\n".join(_lines(self))
 
 
-def _position(row: Row) -> float:
+def _sort_key(row: Row) -> float:
     return 0.0 if isinstance(row.value, (str, bool)) else row.value
 
 
 def trend(values: Sequence[float | None]) -> Trend:
     """Return the trend of numbers; differences up to 1e-9 are ignored."""
-    known = [value for value in values if value is not None]
-    if len(known) < len(values):
+    known_values = [value for value in values if value is not None]
+    if len(known_values) < len(values):
         return Trend.UNKNOWN
-    steps = [other - one for one, other in itertools.pairwise(known)]
-    rises, falls = any(step > _TOLERANCE for step in steps), any(step < -_TOLERANCE for step in steps)
+    differences = [other - one for one, other in itertools.pairwise(known_values)]
+    rises, falls = any(step > _TOLERANCE for step in differences), any(step < -_TOLERANCE for step in differences)
     if rises and falls:
         return Trend.TURNS
     return Trend.RISES if rises else Trend.FALLS if falls else Trend.CONSTANT
@@ -171,8 +171,8 @@ def surface(
     model: MapeModel,
     course: CourseModel | None,
     known: Mapping[str, Value | None],
-    across: tuple[str, Sequence[Value]],
-    up: tuple[str, Sequence[Value]],
+    x_input: tuple[str, Sequence[Value]],
+    y_input: tuple[str, Sequence[Value]],
 ) -> tuple[tuple[Row, ...], ...]:
     """Return the metrics, weights and actions for the values of two inputs.
 
@@ -180,17 +180,17 @@ def surface(
         model: the model of the loops.
         course: the same as for `sweep`.
         known: the same as for `sweep`.
-        across: the input that differs within a row, and its values.
-        up: the input that differs from row to row, and its values.
+        x_input: the input that differs within a row, and its values.
+        y_input: the input that differs from row to row, and its values.
 
     Raises:
         UnknownNameError: if one of the two inputs is read by no stage and no hard rule.
     """
-    for name in (across[0], up[0]):
+    for name in (x_input[0], y_input[0]):
         if name not in known:
             raise unknown("input", name, known)
-    sweepers = (_Sweeper(model, course, _scene({**known, up[0]: value}), across[0]) for value in up[1])
-    return tuple(tuple(sweeper.row(value) for value in across[1]) for sweeper in sweepers)
+    sweepers = (_Sweeper(model, course, _scene({**known, y_input[0]: value}), x_input[0]) for value in y_input[1])
+    return tuple(tuple(sweeper.row(value) for value in x_input[1]) for sweeper in sweepers)
 
 
 def _scene(known: Mapping[str, Value | None]) -> Scene:
@@ -205,8 +205,8 @@ class _Sweeper:
     variable: str
 
     def assess_at(self, value: Value) -> Assessment:
-        seen = Observation(variable=self.variable, value=value, evidence_s=0.0)
-        return assess(self.model, {**self.scene, self.variable: seen})
+        observation = Observation(variable=self.variable, value=value, evidence_s=0.0)
+        return assess(self.model, {**self.scene, self.variable: observation})
 
     def row(self, value: Value) -> Row:
         assessment = self.assess_at(value)
@@ -241,7 +241,7 @@ class _Sweeper:
 
     def _bisect(self, one: Row, other: Row) -> tuple[Row, Row]:
         """Return two rows on both sides of the switch, narrowed by bisection for numbers."""
-        for _ in range(_HALVINGS):
+        for _ in range(_BISECTION_STEPS):
             low, high = one.value, other.value
             if isinstance(low, (str, bool)) or isinstance(high, (str, bool)):
                 break
@@ -289,15 +289,15 @@ def _strength_change(shift: Shift) -> float:
     return abs(shift.after - shift.before)
 
 
-def _lines(result: Sweep) -> Iterator[str]:
-    yield from _other_input_lines(result.known)
-    yield from _table_lines(result)
-    for switch in result.switches:
-        yield f"{switch.before} -> {switch.after} {_position_text(result, switch)}:"
+def _lines(sweep_result: Sweep) -> Iterator[str]:
+    yield from _other_input_lines(sweep_result.known)
+    yield from _table_lines(sweep_result)
+    for switch in sweep_result.switches:
+        yield f"{switch.before} -> {switch.after} {_position_text(sweep_result, switch)}:"
         for rule in switch.rules:
             place = f"  [{rule.place}]" if rule.place else ""
             yield f"  {rule.text}: {rule.before:.3g} -> {rule.after:.3g}{place}"
-    for name, trend_of_metric in result.trends.items():
+    for name, trend_of_metric in sweep_result.trends.items():
         yield f"{name} {_TREND_TEXTS[trend_of_metric]}"
 
 
@@ -317,13 +317,13 @@ def _other_input_lines(known: Mapping[str, Value | None]) -> Iterator[str]:
     yield from [f"unknown: {', '.join(unknown_names)}"] if unknown_names else []
 
 
-def _table_lines(result: Sweep) -> Iterator[str]:
-    first = result.rows[0]
-    input_title = f"{result.variable} ({result.unit})" if result.unit else result.variable
+def _table_lines(sweep_result: Sweep) -> Iterator[str]:
+    first = sweep_result.rows[0]
+    input_title = f"{sweep_result.variable} ({sweep_result.unit})" if sweep_result.unit else sweep_result.variable
     has_course = bool(first.action)
-    titles = [input_title, *first.metrics, *first.weights, *(["action"] if has_course else [])]
-    lines = [titles]
-    for row in result.rows:
+    column_titles = [input_title, *first.metrics, *first.weights, *(["action"] if has_course else [])]
+    lines = [column_titles]
+    for row in sweep_result.rows:
         cells = [_cell_text(row.value), *map(_cell_text, row.metrics.values()), *map(_cell_text, row.weights.values())]
         lines.append([*cells, *([row.action] if has_course else [])])
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
@@ -331,8 +331,8 @@ def _table_lines(result: Sweep) -> Iterator[str]:
         yield "  ".join(cell.rjust(width) for cell, width in zip(line, widths, strict=True))
 
 
-def _position_text(result: Sweep, switch: Switch) -> str:
-    low, high = (f"{_cell_text(value)} {result.unit}".rstrip() for value in (switch.low, switch.high))
+def _position_text(sweep_result: Sweep, switch: Switch) -> str:
+    low, high = (f"{_cell_text(value)} {sweep_result.unit}".rstrip() for value in (switch.low, switch.high))
     return f"at {low}" if low == high else f"between {low} and {high}"
 
 

@@ -42,13 +42,17 @@ class Activation:
                 that it needs.
             stop: called for each observer that stops.
         """
-        self._observer_of = {variable: name for name, variables in identifies.items() for variable in variables}
+        self._observer_by_variable = {
+            variable: name for name, variables in identifies.items() for variable in variables
+        }
         successors = {
-            name: sorted({self._observer_of[need] for need in needs[name] if need in self._observer_of})
+            name: sorted(
+                {self._observer_by_variable[need] for need in needs[name] if need in self._observer_by_variable}
+            )
             for name in sorted(identifies)
         }
         self._components = strongly_connected(successors)
-        self._component_of = {name: index for index, members in enumerate(self._components) for name in members}
+        self._index_by_name = {name: index for index, members in enumerate(self._components) for name in members}
         self._needed = [self._successors(index, successors) for index in range(len(self._components))]
         self._levels: list[int] = []
         for needed in self._needed:
@@ -63,7 +67,7 @@ class Activation:
 
         An additional observer that no other observer needs does not change the order of the others.
         """
-        return tuple(sorted(self._component_of, key=lambda name: (self._levels[self._component_of[name]], name)))
+        return tuple(sorted(self._index_by_name, key=lambda name: (self._levels[self._index_by_name[name]], name)))
 
     def running(self) -> frozenset[str]:
         """Return the observers that run."""
@@ -73,15 +77,15 @@ class Activation:
 
     def declare(self, variable: str) -> None:
         """Add a variable to C_E(t), which must not contain the variable yet."""
-        observer = self._observer_of.get(variable)
+        observer = self._observer_by_variable.get(variable)
         if observer is not None:
-            self._change(self._component_of[observer], 1, self._start)
+            self._change(self._index_by_name[observer], 1, self._start)
 
     def withdraw(self, variable: str) -> None:
         """Remove a variable from C_E(t), which must contain the variable."""
-        observer = self._observer_of.get(variable)
+        observer = self._observer_by_variable.get(variable)
         if observer is not None:
-            self._change(self._component_of[observer], -1, self._stop)
+            self._change(self._index_by_name[observer], -1, self._stop)
 
     def _change(self, component: int, step: int, act: Callable[[str], None]) -> None:
         pending = [component]
@@ -95,10 +99,10 @@ class Activation:
                 pending.extend(reversed(self._needed[index]))
 
     def _successors(self, index: int, successors: Mapping[str, Sequence[str]]) -> list[int]:
-        reached_components = {
-            self._component_of[other] for name in self._components[index] for other in successors[name]
+        successor_indices = {
+            self._index_by_name[other] for name in self._components[index] for other in successors[name]
         }
-        return sorted(reached_components - {index})
+        return sorted(successor_indices - {index})
 
 
 def strongly_connected(successors: Mapping[str, Sequence[str]]) -> list[list[str]]:

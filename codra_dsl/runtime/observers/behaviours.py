@@ -48,8 +48,8 @@ class Precondition(Behaviour):
         """Succeed while the condition holds, or while complete evidence waits for its result."""
         truth = self._term.evaluate(self._branches[0].observer.context_now())
         self.feedback_message = "" if truth is True else "unknown" if truth is None else "does not hold"
-        waits = truth is not True and any(branch.evidence_is_taken for branch in self._branches)
-        return Status.SUCCESS if truth is True or waits else Status.FAILURE
+        is_waiting = truth is not True and any(branch.evidence_is_taken for branch in self._branches)
+        return Status.SUCCESS if truth is True or is_waiting else Status.FAILURE
 
 
 class DueOrRunning(Behaviour):
@@ -69,7 +69,7 @@ class DueOrRunning(Behaviour):
         """Succeed if the branch is due or busy; otherwise wait, or give way to an alternative by FAILURE."""
         if self._branch.is_busy:
             return Status.SUCCESS
-        next_branch = self._branch.observer.next_in_turn(self._branch)
+        next_branch = self._branch.observer.next_branch_in_turn(self._branch)
         if next_branch is self._branch:
             return Status.SUCCESS
         is_idle = next_branch is None and not any(rival.is_busy for rival in self._branch.rivals)
@@ -91,9 +91,9 @@ class Perceive(Behaviour):
         if not branch.is_busy:
             branch.start()
             return Status.RUNNING
-        broken_condition = branch.broken_condition()
-        if broken_condition is not None:
-            branch.void(broken_condition)
+        violated_condition = branch.violated_condition()
+        if violated_condition is not None:
+            branch.void(violated_condition)
             return Status.FAILURE
         if not branch.is_finished:
             return Status.RUNNING

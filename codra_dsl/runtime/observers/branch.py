@@ -63,11 +63,11 @@ class BranchObserver(Protocol):
         """Return the context as it is at this tick."""
         ...
 
-    def next_in_turn(self, branch: Branch) -> Branch | None:
+    def next_branch_in_turn(self, branch: Branch) -> Branch | None:
         """Return the branch, among a branch and its rivals, that may start a job now; None if there is none."""
         ...
 
-    def touch(self) -> None:
+    def request_tick(self) -> None:
         """Request a tick of the observer, because the tick may have an effect."""
         ...
 
@@ -206,18 +206,18 @@ class Branch:
     def start(self) -> None:
         """Request a job."""
         self._job_run = self.observer.services.perception.request(
-            self.algorithm, self._precedence, self._begin, self.observer.touch
+            self.algorithm, self._precedence, self._begin, self.observer.request_tick
         )
 
-    def broken_condition(self) -> str | None:
+    def violated_condition(self) -> str | None:
         """Return a precondition that was broken, up to now, while the evidence was taken; None if there is none."""
         interval = self._job_run.evidence(self.observer.now_s) if self._job_run is not None else None
         if interval is None:
             return None
         end_s = self.observer.now_s if interval.stamp_s is None else interval.stamp_s
         cells = self.observer.services.cells
-        broken_conditions = (name for name, term in self.conditions if not held(term, cells, interval.start_s, end_s))
-        return next(broken_conditions, None)
+        violated_conditions = (name for name, term in self.conditions if not held(term, cells, interval.start_s, end_s))
+        return next(violated_conditions, None)
 
     def cancel(self) -> None:
         """Cancel the job."""
@@ -295,11 +295,11 @@ class Branch:
             if first_s is None:
                 return False
             start_s = min(start_s, first_s)
-        counts = self.observer.write(variable, content, self.algorithm.name, start_s, self._stamp_s())
-        if counts and not self._is_accepted:
+        is_counted = self.observer.write(variable, content, self.algorithm.name, start_s, self._stamp_s())
+        if is_counted and not self._is_accepted:
             self._is_accepted = True
             self._cost_meter.accepted += 1
-        return counts
+        return is_counted
 
     # Within
 
@@ -405,8 +405,8 @@ class Branch:
         self._add_failed_looks(variables, reason, detail, self._stamp_s())
 
     def _record_refusal(self, variables: Iterable[str], reason: Reason, detail: str) -> None:
-        about = {"index": self._index, "variables": list(variables), "reason": reason, "message": detail}
-        self.observer.services.event_writer.write(Kind.JOB, self.algorithm.name, "rejected", **about)
+        refusal_details = {"index": self._index, "variables": list(variables), "reason": reason, "message": detail}
+        self.observer.services.event_writer.write(Kind.JOB, self.algorithm.name, "rejected", **refusal_details)
 
     def _add_failed_looks(self, variables: Iterable[str], reason: Reason, detail: str, since_s: float) -> None:
         for variable in variables:

@@ -100,7 +100,7 @@ class _WatchedExpectation:
         """Return whether the outcome is final."""
         return self.is_over or self.outcome in (Outcome.MET, Outcome.VIOLATED)
 
-    def outcome_if(self, holds: Value | None, *, at_end: bool) -> Outcome | None:
+    def determine_outcome(self, holds: Value | None, *, at_end: bool) -> Outcome | None:
         """Return the outcome, given whether the condition holds; None if the outcome is still open.
 
         Args:
@@ -143,48 +143,52 @@ class Expectations:
         self._clock = clock
         self._event_writer = event_writer
         self._on_verdict = on_verdict
-        self._by_skill: dict[int, tuple[_WatchedExpectation, ...]] = {}
-        self._by_variable: dict[str, list[tuple[int, _WatchedExpectation]]] = {}
+        self._expectations_by_skill: dict[int, tuple[_WatchedExpectation, ...]] = {}
+        self._expectations_by_variable: dict[str, list[tuple[int, _WatchedExpectation]]] = {}
 
     def act(self, number: int, skill: SkillModel) -> None:
         """Start the expectations of a skill now. Open expectations of an earlier acting end as `NOT_SEEN`."""
         self.finish(number)
         now_s = self._clock.now_s()
         watched_expectations = tuple(_WatchedExpectation(model, skill.name, now_s) for model in skill.expects)
-        self._by_skill[number] = watched_expectations
-        for watched in watched_expectations:
-            self._by_variable.setdefault(watched.model.variable, []).append((number, watched))
-            if watched.model.within_s < math.inf:
-                watched.timer = self._clock.call_at(
-                    now_s + watched.model.within_s, self._deadline_callback(number, watched)
+        self._expectations_by_skill[number] = watched_expectations
+        for expectation in watched_expectations:
+            self._expectations_by_variable.setdefault(expectation.model.variable, []).append((number, expectation))
+            if expectation.model.within_s < math.inf:
+                expectation.timer = self._clock.call_at(
+                    now_s + expectation.model.within_s, self._deadline_callback(number, expectation)
                 )
-            self._judge(number, watched, at_end=False)
+            self._judge(number, expectation, at_end=False)
 
     def acted(self, number: int) -> None:
         """Judge the expectations that were to stay true while the skill acted."""
-        for watched in self._by_skill.get(number, ()):
-            if not watched.model.is_to_become:
-                self._judge(number, watched, at_end=True)
+        for expectation in self._expectations_by_skill.get(number, ()):
+            if not expectation.model.is_to_become:
+                self._judge(number, expectation, at_end=True)
 
     def finish(self, number: int) -> None:
         """End the skill; its open expectations end as `NOT_SEEN`, and no later observation changes an outcome."""
-        for watched in self._by_skill.pop(number, ()):
-            if watched.outcome is None:
-                self._conclude(number, watched, Outcome.NOT_SEEN)
-            watched.is_over = True
-            if watched.timer is not None:
-                watched.timer.cancel()
-            other_entries = [entry for entry in self._by_variable[watched.model.variable] if entry[1] is not watched]
-            self._by_variable[watched.model.variable] = other_entries
+        for expectation in self._expectations_by_skill.pop(number, ()):
+            if expectation.outcome is None:
+                self._conclude(number, expectation, Outcome.NOT_SEEN)
+            expectation.is_over = True
+            if expectation.timer is not None:
+                expectation.timer.cancel()
+            other_entries = [
+                entry
+                for entry in self._expectations_by_variable[expectation.model.variable]
+                if entry[1] is not expectation
+            ]
+            self._expectations_by_variable[expectation.model.variable] = other_entries
 
     def changed(self, variable: str) -> None:
         """Judge the expectations of a variable that has another reading."""
-        for number, watched in self._by_variable.get(variable, ()):
-            self._judge(number, watched, at_end=False)
+        for number, expectation in self._expectations_by_variable.get(variable, ()):
+            self._judge(number, expectation, at_end=False)
 
     def is_settled(self, number: int) -> bool:
         """Return whether all expectations of a skill have an outcome. Any thread may call this, without the lock."""
-        return all(entry.outcome is not None for entry in self._by_skill.get(number, ()))
+        return all(expectation.outcome is not None for expectation in self._expectations_by_skill.get(number, ()))
 
     def verification(self, number: int, skill: str) -> Verification:
         """Return the present outcomes of all expectations of a skill. Any thread may call this, without the lock.
@@ -192,37 +196,40 @@ class Expectations:
         Raises:
             RuntimeError: if the skill has not acted, or has ended.
         """
-        watched = self._by_skill.get(number)
-        if watched is None:
+        expectations = self._expectations_by_skill.get(number)
+        if expectations is None:
             raise RuntimeError(f"skill {skill!r} has ended, or has not acted: its expectations start with `acting`")
-        return Verification(skill=skill, verdicts=tuple(entry.verdict or self._verdict(entry) for entry in watched))
+        return Verification(
+            skill=skill,
+            verdicts=tuple(expectation.verdict or self._verdict(expectation) for expectation in expectations),
+        )
 
     # Internal
 
-    def _deadline_callback(self, number: int, watched: _WatchedExpectation) -> Callable[[], None]:
-        return lambda: self._judge(number, watched, at_end=True)
+    def _deadline_callback(self, number: int, expectation: _WatchedExpectation) -> Callable[[], None]:
+        return lambda: self._judge(number, expectation, at_end=True)
 
-    def _judge(self, number: int, watched: _WatchedExpectation, *, at_end: bool) -> None:
-        if watched.is_settled:
+    def _judge(self, number: int, expectation: _WatchedExpectation, *, at_end: bool) -> None:
+        if expectation.is_settled:
             return
         now_s = self._clock.now_s()
-        outcome = watched.outcome_if(
-            watched.model.condition.evaluate(ContextNow(self._store.cells, now_s)), at_end=at_end
+        outcome = expectation.determine_outcome(
+            expectation.model.condition.evaluate(ContextNow(self._store.cells, now_s)), at_end=at_end
         )
-        if outcome is not None and outcome is not watched.outcome:
-            self._conclude(number, watched, outcome)
+        if outcome is not None and outcome is not expectation.outcome:
+            self._conclude(number, expectation, outcome)
 
-    def _conclude(self, number: int, watched: _WatchedExpectation, outcome: Outcome) -> None:
-        watched.outcome = outcome
-        verdict = watched.verdict = self._verdict(watched)
+    def _conclude(self, number: int, expectation: _WatchedExpectation, outcome: Outcome) -> None:
+        expectation.outcome = outcome
+        verdict = expectation.verdict = self._verdict(expectation)
         reading = self._store.reading(verdict.variable)
         self._event_writer.write(
             Kind.EXPECTATION,
             verdict.variable,
             outcome,
-            skill=watched.skill,
+            skill=expectation.skill,
             expected=verdict.expected,
-            acting_s=watched.since_s,
+            acting_s=expectation.since_s,
             value=reading.content,
             reason=reading.reason,
             detail=reading.detail,
@@ -230,14 +237,14 @@ class Expectations:
         )
         self._on_verdict(number, verdict)
 
-    def _verdict(self, watched: _WatchedExpectation) -> Verdict:
+    def _verdict(self, expectation: _WatchedExpectation) -> Verdict:
         return Verdict(
-            skill=watched.skill,
-            variable=watched.model.variable,
-            expected=watched.model.text,
-            outcome=watched.outcome or Outcome.NOT_SEEN,
+            skill=expectation.skill,
+            variable=expectation.model.variable,
+            expected=expectation.model.text,
+            outcome=expectation.outcome or Outcome.NOT_SEEN,
             instant_s=self._clock.now_s(),
-            value=self._store.reading(watched.model.variable).content,
+            value=self._store.reading(expectation.model.variable).content,
         )
 
 

@@ -25,16 +25,18 @@ class FailedLook:
     algorithm: str
 
 
-def decisive_look(reading: Reading[Value], failed_looks: Iterable[FailedLook], *, forgets: bool) -> FailedLook | None:
+def decisive_look(
+    reading: Reading[Value], failed_looks: Iterable[FailedLook], *, does_forget: bool
+) -> FailedLook | None:
     """Return the failed look that makes a variable unknown, or gives an unknown variable a new reason; otherwise None.
 
     This is called when it is clear that no alternative delivers a value. A failure makes the variable unknown only if
     the failed algorithm wrote the present value: a newer value of another writer stays. A rejection makes the variable
-    unknown only if the variable `forgets`. A variable that is already unknown gets the latest reason.
+    unknown only if the variable forgets. A variable that is already unknown gets the latest reason.
     """
     latest_look: FailedLook | None = None
     for failed_look in failed_looks:
-        if failed_look.since_s >= reading.evidence_s and _counts(reading, failed_look, forgets):
+        if failed_look.since_s >= reading.evidence_s and _has_effect(reading, failed_look, does_forget):
             latest_look = failed_look
     is_reported = latest_look is not None and (latest_look.reason, latest_look.detail) == (
         reading.reason,
@@ -43,9 +45,9 @@ def decisive_look(reading: Reading[Value], failed_looks: Iterable[FailedLook], *
     return None if is_reported else latest_look
 
 
-def _counts(reading: Reading[Value], failed_look: FailedLook, forgets: bool) -> bool:
+def _has_effect(reading: Reading[Value], failed_look: FailedLook, does_forget: bool) -> bool:
     if not reading.known:
         return True
     if failed_look.reason.is_failure:
         return failed_look.algorithm == reading.source
-    return forgets
+    return does_forget

@@ -51,31 +51,31 @@ class Forest:
         self._event_writer: EventWriter = services.event_writer
         self._commit = commit
         self._on_stop = on_stop
-        self._observers = {model.name: Observer(model, services, self.touch) for model in models}
+        self._observers = {model.name: Observer(model, services, self.request_tick) for model in models}
         self._activation = Activation(
             {name: observer.model.identifies for name, observer in self._observers.items()},
             {name: observer.needs() for name, observer in self._observers.items()},
             self._start,
             self._stop,
         )
-        self._position = {name: position for position, name in enumerate(self._activation.order)}
+        self._position_by_name = {name: position for position, name in enumerate(self._activation.order)}
         self._readers, self._readers_of_age = self._find_readers()
         self._on_event_observers = [
             observer
             for observer in map(self._observers.__getitem__, self._activation.order)
             if observer.on_event_variables
         ]
-        self._observer_of = {
+        self._observer_by_variable = {
             name: observer for observer in self._observers.values() for name in observer.model.identifies
         }
-        self._observers_needing: dict[str, list[Observer]] = {}
+        self._observers_by_need: dict[str, list[Observer]] = {}
         for observer in self._observers.values():
             for name in observer.on_event_needs:
-                self._observers_needing.setdefault(name, []).append(observer)
-        self._observers_ticked_with = {
-            name: self._serving_observers(observer) for name, observer in self._observers.items()
+                self._observers_by_need.setdefault(name, []).append(observer)
+        self._supplier_names_by_observer = {
+            name: self._supplier_names(observer) for name, observer in self._observers.items()
         }
-        self._touched_names: set[str] = set()
+        self._names_to_tick: set[str] = set()
         self._timers: dict[str, Timer] = {}
         self._round: Timer | None = None
 
@@ -93,7 +93,7 @@ class Forest:
 
         Any thread may call this, without the lock.
         """
-        observer = self._observer_of.get(variable)
+        observer = self._observer_by_variable.get(variable)
         if observer is None:
             return None
         return (
@@ -107,8 +107,8 @@ class Forest:
         Then the declaration can make the variable due, so the observer is ticked.
         """
         self._activation.declare(variable)
-        if variable in self._observers_needing and variable in self._observer_of:
-            self.touch(self._observer_of[variable])
+        if variable in self._observers_by_need and variable in self._observer_by_variable:
+            self.request_tick(self._observer_by_variable[variable])
 
     def withdraw(self, variable: str) -> None:
         """Stop the observers that are no longer needed when a variable leaves C_E(t)."""
@@ -125,7 +125,7 @@ class Forest:
         readers = self._readers_of_age if is_renewed else self._readers
         for observer in readers.get(variable, ()):
             if observer.is_wanted:
-                self._touched_names.add(observer.name)
+                self._names_to_tick.add(observer.name)
                 if self._round is None:
                     self._let_settle()
 
@@ -135,34 +135,34 @@ class Forest:
         If observers need each other's variables in a cycle, this alone does not count: something outside the cycle must
         ask for one variable of the cycle.
         """
-        visited, pending = {variable}, [variable]
-        while pending:
-            name = pending.pop()
+        visited_variables, pending_variables = {variable}, [variable]
+        while pending_variables:
+            name = pending_variables.pop()
             if name in declarations:
                 return True
             branches = [
                 branch
-                for observer in self._observers_needing.get(name, ())
+                for observer in self._observers_by_need.get(name, ())
                 for branch in observer.branches_asking_for(name)
             ]
             if not all(branch.is_on_event for branch in branches):
                 return True  # a periodic look needs its preconditions in any case
-            due_variables = {due for branch in branches for due in branch.due_variables()} - visited
-            visited |= due_variables
-            pending.extend(due_variables)
+            due_variables = {due for branch in branches for due in branch.due_variables()} - visited_variables
+            visited_variables |= due_variables
+            pending_variables.extend(due_variables)
         return False
 
     def look_again(self) -> None:
         """Tick the running observers that have variables with `refresh: on_event`, because they may be due now."""
         for observer in self._on_event_observers:
             if observer.is_wanted:
-                self.touch(observer)
+                self.request_tick(observer)
 
-    def touch(self, observer: Observer) -> None:
+    def request_tick(self, observer: Observer) -> None:
         """Tick an observer in the next round, at this instant. If the observer does not run, this has no effect."""
         if not observer.is_wanted:
             return
-        self._touched_names.add(observer.name)
+        self._names_to_tick.add(observer.name)
         if self._round is None:
             self._let_settle()
 
@@ -183,12 +183,12 @@ class Forest:
 
     def _run_rounds(self) -> bool:
         for _ in range(MAX_ROUNDS):
-            if not self._touched_names:
+            if not self._names_to_tick:
                 return True
-            names_to_tick = self._touched_names.union(
-                *map(self._observers_ticked_with.__getitem__, self._touched_names)
+            names_with_suppliers = self._names_to_tick.union(
+                *map(self._supplier_names_by_observer.__getitem__, self._names_to_tick)
             )
-            names, self._touched_names = sorted(names_to_tick, key=self._position.__getitem__), set()
+            names, self._names_to_tick = sorted(names_with_suppliers, key=self._position_by_name.__getitem__), set()
             now_s = self._clock.now_s()
             for reading in [reading for name in names for reading in self._tick(self._observers[name], now_s)]:
                 self._commit(reading)
@@ -215,13 +215,13 @@ class Forest:
         # A timer may fire while `_wake_at` replaces it. Then the next line removes the entry of the new timer. This is
         # harmless: the tick schedules the next one.
         self._timers.pop(observer.name, None)
-        self.touch(observer)
+        self.request_tick(observer)
 
     def _start(self, name: str) -> None:
         observer = self._observers[name]
         observer.start()
         self._event_writer.write(Kind.OBSERVER, name, "started")
-        self.touch(observer)
+        self.request_tick(observer)
 
     def _stop(self, name: str) -> None:
         observer = self._observers[name]
@@ -230,18 +230,22 @@ class Forest:
         self._tick(observer, self._clock.now_s())  # a last tick: the control flag fails, which cancels its jobs
         self._on_stop(observer)
 
-    def _serving_observers(self, observer: Observer) -> frozenset[str]:
-        """Return the observers of the variables with `refresh: on_event` that an observer needs.
+    def _supplier_names(self, observer: Observer) -> frozenset[str]:
+        """Return the names of the observers of all variables with `refresh: on_event` that an observer needs.
 
-        It may need them directly or indirectly. When a change ticks the observer, these observers are ticked too.
+        Indirect needs count. When a change ticks the observer, the returned observers are ticked too.
         """
-        serving_names: set[str] = set()
+        supplier_names: set[str] = set()
         pending = [observer]
         while pending:
-            names = {self._observer_of[name].name for name in pending.pop().on_event_needs if name in self._observer_of}
-            pending.extend(self._observers[name] for name in names - serving_names)
-            serving_names |= names
-        return frozenset(serving_names)
+            names = {
+                self._observer_by_variable[name].name
+                for name in pending.pop().on_event_needs
+                if name in self._observer_by_variable
+            }
+            pending.extend(self._observers[name] for name in names - supplier_names)
+            supplier_names |= names
+        return frozenset(supplier_names)
 
     def _find_readers(self) -> tuple[dict[str, list[Observer]], dict[str, list[Observer]]]:
         """Return two mappings: from a variable to the observers that read it, and to those that depend on its age."""
@@ -253,6 +257,6 @@ class Forest:
                 readers.setdefault(need, []).append(observer)
             # whether the observer looks depends on the age of its own variables
             has_own = observer.on_event_variables if observer.on_event_needs else ()
-            for need in sorted({*observer.aged_needs(), *has_own}):
+            for need in sorted({*observer.age_sensitive_needs(), *has_own}):
                 readers_of_age.setdefault(need, []).append(observer)
         return readers, readers_of_age

@@ -44,14 +44,16 @@ class ObserverModel:
 class Observer:
     """O_i of P1: one behaviour tree that identifies one or more context-variables."""
 
-    def __init__(self, model: ObserverModel, services: ObserverServices, on_touch: Callable[[Observer], None]) -> None:
+    def __init__(
+        self, model: ObserverModel, services: ObserverServices, on_tick_request: Callable[[Observer], None]
+    ) -> None:
         self.model = model
         self.name = model.name
         self.services = services
         self.is_wanted = False
         self.now_s = services.now_s()
         self._context_now = ContextNow(services.cells, self.now_s)
-        self._on_touch = on_touch
+        self._on_tick_request = on_tick_request
         self._branches: list[Branch] = []
         self._writes: list[Reading[Value]] = []
         self._failed_looks: dict[str, list[FailedLook]] = {}
@@ -60,7 +62,7 @@ class Observer:
         self.tree: Behaviour = model.build(self)
         for branch in self._branches:
             branch.rivals = self._rivals(branch)
-        self._branches_of = {
+        self._branches_by_variable = {
             name: [branch for branch in self._branches if name in branch.identifies] for name in model.identifies
         }
         self.on_event_variables = tuple(
@@ -69,7 +71,7 @@ class Observer:
         for branch in self._branches:
             branch.is_on_event = set(branch.identifies) <= set(self.on_event_variables)
         self.on_event_needs = tuple(name for name in self.needs() if services.variables[name].refresh == "on_event")
-        self._aging_terms = [term for term in self._terms() if reads_ages(term)]
+        self._age_sensitive_terms = [term for term in self._terms() if reads_ages(term)]
         self._watches = {
             name: Watch(term) for name in model.identifies if (term := self.observability_condition(name)) is not None
         }
@@ -96,19 +98,19 @@ class Observer:
         """
         return tuple(sorted({*self.needs(), *self.on_event_variables}))
 
-    def aged_needs(self) -> tuple[str, ...]:
+    def age_sensitive_needs(self) -> tuple[str, ...]:
         """Return the context-variables whose age the observer reads, sorted.
 
         Newer evidence for them may matter even if the value stays the same.
         """
-        return tuple(sorted({name for term in self._aging_terms for name in term.variables()}))
+        return tuple(sorted({name for term in self._age_sensitive_terms for name in term.variables()}))
 
     def observability_condition(self, variable: str) -> Term | None:
         """Return the condition under which a variable can be observed: all preconditions of one of its algorithms hold.
 
         Return None if the variable can always be observed.
         """
-        conditions = [[term for _, term in branch.conditions] for branch in self._branches_of[variable]]
+        conditions = [[term for _, term in branch.conditions] for branch in self._branches_by_variable[variable]]
         return reduce(or_, (reduce(and_, terms) for terms in conditions)) if conditions and all(conditions) else None
 
     def context_now(self) -> ContextNow:
@@ -126,12 +128,12 @@ class Observer:
         if self._failure is not None:
             return f"{self.name} failed and is stopped: withdraw {variable} and declare it again"
         context_now = ContextNow(self.services.cells, self.services.now_s())
-        conditions = [branch.blocking_condition(context_now) for branch in self._branches_of[variable]]
+        conditions = [branch.blocking_condition(context_now) for branch in self._branches_by_variable[variable]]
         return "; ".join(name for name in conditions if name is not None) if all(conditions) else ""
 
-    def touch(self) -> None:
+    def request_tick(self) -> None:
         """Request a tick, because the tick may have an effect."""
-        self._on_touch(self)
+        self._on_tick_request(self)
 
     # Called by its branches
 
@@ -155,7 +157,7 @@ class Observer:
         self._writes.append(known_reading(variable, content, stamp_s, start_s, self.now_s, expires_s, algorithm))
         return True
 
-    def next_in_turn(self, branch: Branch) -> Branch | None:
+    def next_branch_in_turn(self, branch: Branch) -> Branch | None:
         """Return the branch, among a branch and its rivals, that may start a job now; None if there is none.
 
         An algorithm is needed if at least one of its variables is not served by any algorithm of better rank. Among the
@@ -196,7 +198,7 @@ class Observer:
         for variable in self.model.identifies:
             self._settle(variable)
         if self._has_job_ended and self._is_unsettled():
-            self.touch()
+            self.request_tick()
         return self._writes
 
     def fail(self, message: str) -> list[Reading[Value]]:
@@ -215,7 +217,7 @@ class Observer:
         """Return when a tick will next have an effect if nothing changes before; None if there is no such instant."""
         if not self.is_wanted or self._failure is not None:
             return None
-        flips = (term.flips_s(self._context_now) for term in self._aging_terms)
+        flips = (term.flips_s(self._context_now) for term in self._age_sensitive_terms)
         instants = [self.now_s + wait_s for wait_s in flips if wait_s]
         for branch in self._branches:
             start_s = branch.next_start_s()
@@ -257,12 +259,14 @@ class Observer:
 
     def _settle(self, variable: str) -> None:
         """Decide whether a tick makes a variable unknown, or gives an unknown variable a new reason."""
-        forgets = self._forgets(variable)
+        does_forget = self._forgets(variable)
         if variable in self._failed_looks and not self._has_job_ended and not self._alternative_is_busy(variable):
-            failed_look = decisive_look(self._reading(variable), self._failed_looks.pop(variable, ()), forgets=forgets)
+            failed_look = decisive_look(
+                self._reading(variable), self._failed_looks.pop(variable, ()), does_forget=does_forget
+            )
             if failed_look is not None:
                 self._make_unknown(variable, failed_look)
-        if forgets and variable in self._watches:
+        if does_forget and variable in self._watches:
             self._forget_unseen(variable)
 
     def _forgets(self, variable: str) -> bool:
@@ -283,7 +287,8 @@ class Observer:
         """Return whether a busy algorithm without a failed look may still deliver a value."""
         tried_algorithms = {failed_look.algorithm for failed_look in self._failed_looks.get(variable, ())}
         return any(
-            branch.is_busy and branch.algorithm.name not in tried_algorithms for branch in self._branches_of[variable]
+            branch.is_busy and branch.algorithm.name not in tried_algorithms
+            for branch in self._branches_by_variable[variable]
         )
 
     def _forget_unseen(self, variable: str) -> None:
@@ -297,7 +302,7 @@ class Observer:
             self._make_unknown(variable, FailedLook(Reason.FORGOTTEN, self._blocked_by(variable), since_s, self.name))
 
     def _blocked_by(self, variable: str) -> str:
-        conditions = (branch.blocking_condition(self.context_now()) for branch in self._branches_of[variable])
+        conditions = (branch.blocking_condition(self.context_now()) for branch in self._branches_by_variable[variable])
         return "; ".join(name or "a condition that did not hold for a moment" for name in conditions)
 
     def _make_unknown(self, variable: str, failed_look: FailedLook) -> None:

@@ -27,11 +27,13 @@ class Urgencies:
             identifies: the variables of each observer.
             needs: the variables that each observer reads (P1, Equation 7).
         """
-        self._observer_of = {variable: name for name, variables in identifies.items() for variable in variables}
+        self._observer_by_variable = {
+            variable: name for name, variables in identifies.items() for variable in variables
+        }
         self._needs = needs
         self._awaited_variables: dict[int, str] = {}
         self._levels: dict[str, Urgency] = {}
-        self._computed_for: tuple[int, tuple[str, ...]] | None = None
+        self._cache_key: tuple[int, tuple[str, ...]] | None = None
 
     def wait(self, number: int, variable: str) -> None:
         """Note that a decision waits for a variable."""
@@ -43,9 +45,9 @@ class Urgencies:
 
     def of(self, observer: str, declarations: Declarations) -> Urgency:
         """Return how urgent an observer is now."""
-        needs_key = (declarations.version, tuple(self._awaited_variables.values()))
-        if needs_key != self._computed_for:
-            self._computed_for, self._levels = needs_key, {}
+        cache_key = (declarations.version, tuple(self._awaited_variables.values()))
+        if cache_key != self._cache_key:
+            self._cache_key, self._levels = cache_key, {}
             for urgency, variables in self._needs_by_urgency(declarations):
                 self._spread(urgency, variables)
         return self._levels.get(observer, Urgency.DECLARED)
@@ -62,7 +64,7 @@ class Urgencies:
         """
         pending = list(variables)
         while pending:
-            observer = self._observer_of.get(pending.pop())
+            observer = self._observer_by_variable.get(pending.pop())
             if observer is not None and observer not in self._levels:
                 self._levels[observer] = urgency
                 pending.extend(self._needs[observer])

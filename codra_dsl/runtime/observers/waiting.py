@@ -21,23 +21,23 @@ def wait_for(term: Term, cells: Mapping[str, Cell], clock: Clock, timeout_s: flo
         timeout_s: the longest wait.
     """
     until_s = end_s = clock.now_s() + timeout_s
-    holds = False
+    is_condition_met = False
 
-    def flips_at_s() -> float:
+    def next_flip_at_s() -> float:
         now_s = clock.now_s()
         flips_s = term.flips_s(ContextNow(cells, now_s))
         return math.inf if flips_s is None else now_s + flips_s
 
     def should_wake() -> bool:
         """Return whether the condition holds, or may become true through time alone earlier than was expected."""
-        nonlocal holds
-        holds = term.holds(ContextNow(cells, clock.now_s()))
-        return holds or flips_at_s() < until_s - PUNCTUAL_S
+        nonlocal is_condition_met
+        is_condition_met = term.holds(ContextNow(cells, clock.now_s()))
+        return is_condition_met or next_flip_at_s() < until_s - PUNCTUAL_S
 
     while True:  # ages grow without events: check again when a comparison with an age changes
-        until_s = min(end_s, flips_at_s())
+        until_s = min(end_s, next_flip_at_s())
         was_woken = clock.wait_until(should_wake, max(until_s - clock.now_s(), 0.0))
-        if holds:
+        if is_condition_met:
             return True
         if not was_woken and (
             until_s == end_s or clock.now_s() < until_s - PUNCTUAL_S

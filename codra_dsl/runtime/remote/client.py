@@ -177,7 +177,7 @@ class RemoteContext:
         """
         future = Future[Plain]()
         future.add_done_callback(
-            lambda answered: self._register(answered, callback)
+            lambda answered: self._register_callback(answered, callback)
         )  # the callback is registered before the first reading can arrive
         variables = [names] if isinstance(names, str) else list(names)
         with self._lock:
@@ -227,15 +227,15 @@ class RemoteContext:
         try:
             with self._socket.makefile("rb") as stream:
                 while (line := read_line(stream)) is not None:
-                    self._handle(message_of(line))
+                    self._handle_message(message_of(line))
         except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
             reason = f"the manager is gone: {error}"
         self._end(reason)
 
-    def _handle(self, message: Any) -> None:
-        last_message = message if message.get("notice") == "lease_over" else message.get("error", {})
-        if "lease_over" in (last_message.get("notice"), last_message.get("kind")):
-            raise OSError(last_message["message"])
+    def _handle_message(self, message: Any) -> None:
+        notice_or_error = message if message.get("notice") == "lease_over" else message.get("error", {})
+        if "lease_over" in (notice_or_error.get("notice"), notice_or_error.get("kind")):
+            raise OSError(notice_or_error["message"])
         if message.get("notice") == "reading":
             self._reading_notices.put(message)
         elif (future := self._futures.pop(message["id"], None)) is None:
@@ -262,9 +262,9 @@ class RemoteContext:
             with contextlib.suppress(ConnectionError):
                 self._ask("keep")
 
-    def _register(self, answered: Future[Plain], callback: Callback) -> None:
-        if answered.exception() is None:
-            self._callbacks[answered.result()["subscription"]] = callback
+    def _register_callback(self, future: Future[Plain], callback: Callback) -> None:
+        if future.exception() is None:
+            self._callbacks[future.result()["subscription"]] = callback
 
     def _unsubscribe(self, number: int) -> None:
         self._callbacks.pop(number, None)

@@ -228,12 +228,12 @@ def _finite(number: float) -> float | None:
 
 def _check_fields(ask: str, fields: Plain) -> None:
     shape = REQUESTS[ask]
-    types = {**shape.required, **shape.optional}
+    field_types = {**shape.required, **shape.optional}
     for name in shape.required:
         if name not in fields:
             raise MessageError(f"`{ask}` needs `{name}`: {shape.required[name]}")
     for name, value in fields.items():
-        if name not in types:
-            raise MessageError(f"`{ask}` has no field {name!r}{nearest(str(name), types)}")
-        if not types[name].holds(value):
-            raise MessageError(f"`{name}` of `{ask}` must be {types[name]}")
+        if name not in field_types:
+            raise MessageError(f"`{ask}` has no field {name!r}{nearest(str(name), field_types)}")
+        if not field_types[name].holds(value):
+            raise MessageError(f"`{name}` of `{ask}` must be {field_types[name]}")

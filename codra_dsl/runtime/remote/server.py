@@ -29,7 +29,7 @@ _LOGGER = logging.getLogger(__name__)
 PAUSE_S = 1.0
 """How long the server waits after a failure to accept a connection."""
 
-MOST_UNSENT_MESSAGES = 10_000
+MAX_UNSENT_MESSAGES = 10_000
 """The maximum number of messages that a main execution has not read. If there are more, its session ends."""
 
 
@@ -128,7 +128,7 @@ class _Connection:
         self._forget(self)
 
     def _send(self, message: Plain) -> None:
-        if self._unsent_messages.qsize() < MOST_UNSENT_MESSAGES:
+        if self._unsent_messages.qsize() < MAX_UNSENT_MESSAGES:
             self._unsent_messages.put(message)
         else:
             self.close("the main execution does not read its messages")

@@ -36,7 +36,7 @@ from codra_dsl.runtime.values.cell import Reading
 from codra_dsl.runtime.values.declarations import MAIN
 from codra_dsl.runtime.values.model import VariableModel
 
-MOST_LOOKING_DECISIONS = 1_000
+MAX_LOOKING_DECISIONS = 1_000
 """The maximum number of decisions for which the main execution looks itself.
 
 If there are more, the oldest decision is abandoned.
@@ -55,7 +55,7 @@ def open_session(codra: ContextManager[Any, Any], send: Send) -> Session:
         codra: the context manager.
         send: receives answers and notices, in any thread; it must neither wait nor raise an exception.
     """
-    return Session(codra, codra.clock, codra.next_party(), send)
+    return Session(codra, codra.clock, codra.next_party_name(), send)
 
 
 class Session:
@@ -102,7 +102,7 @@ class Session:
                 request = request_of(message)
                 self._check_alive()
                 self._last_message_s = self._clock.now_s()
-                answer = self._handle(request)
+                answer = self._handle_request(request)
             except REPORTED_ERRORS as error:
                 self._send(error_to(id_of(message), error))
                 return
@@ -133,7 +133,7 @@ class Session:
 
     # Requests: the handler of request `NAME` is `_NAME`
 
-    def _handle(self, request: Request) -> Plain | None:
+    def _handle_request(self, request: Request) -> Plain | None:
         if request.ask == "decide":
             return self._decide(request.id, **request.fields)
         handler: Callable[..., Plain] = getattr(self, f"_{request.ask}")
@@ -231,7 +231,7 @@ class Session:
             decision=decision,
             request_id=request_id,
             timer=self._clock.call_at(self._clock.now_s() + options["wait_up_to_s"], lambda: self._resume(decision)),
-            acquisition=self._codra.follow(variable, lambda: self._resume(decision)),
+            subscription=self._codra.follow(variable, lambda: self._resume(decision)),
         )
         self._resume(decision)  # for events that happened before `follow` could call back
         return None
@@ -248,7 +248,7 @@ class Session:
     def _decision_answer(self, decision: PendingDecision) -> Plain:
         if decision.state is DecisionState.LOOKING:
             self._looking_decisions[decision.number] = decision
-            if len(self._looking_decisions) > MOST_LOOKING_DECISIONS:
+            if len(self._looking_decisions) > MAX_LOOKING_DECISIONS:
                 self._looking_decisions.pop(next(iter(self._looking_decisions))).abandon("no value was sent")
         answer = {"decision": decision.number, "answered": decision.state is DecisionState.ANSWERED}
         return {**answer, "reading": plain_reading(decision.reading)}
@@ -309,8 +309,8 @@ class _Wait:
     decision: PendingDecision
     request_id: int | str | None
     timer: Timer
-    acquisition: Subscription
+    subscription: Subscription
 
     def end(self) -> None:
         self.timer.cancel()
-        self.acquisition.unsubscribe()
+        self.subscription.unsubscribe()

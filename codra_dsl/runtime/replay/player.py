@@ -111,7 +111,7 @@ class _Player:
         number = details.get("number", 0)
         match event.what:
             case "decide":
-                request_fields = {key: part for key, part in details.items() if key not in _POSITION_DETAILS}
+                request_fields = {key: value for key, value in details.items() if key not in _POSITION_DETAILS}
                 self._decisions[number] = self._commands.ask(DecisionRequest(**request_fields))
             case "waited":
                 self._commands.resume(self._decisions[number])
@@ -121,19 +121,19 @@ class _Player:
             case "graph":
                 self._manager.knowledge.replay_operations(event.name, json.loads(details["operations"]))
             case "refused":
-                refused_write = (
+                refused_write_fields = (
                     details["subject"],
                     details["message"],
                     details.get("variable", ""),
                     details.get("value"),
                 )
-                self._manager.knowledge.replay_refusal(event.name, RefusedWrite(*refused_write))
+                self._manager.knowledge.replay_refusal(event.name, RefusedWrite(*refused_write_fields))
             case "adapt":
                 adaptation = json.loads(details["told"])
                 self._commands.adapt(event.name, adaptation["name"], adaptation["what"], adaptation["details"])
             case "rule":
-                rule_event = (details["rule"], details["became"], details.get("message", ""))
-                self._manager.knowledge.write_rule(event.name, *rule_event)
+                rule_event_fields = (details["rule"], details["became"], details.get("message", ""))
+                self._manager.knowledge.record_rule_state(event.name, *rule_event_fields)
             case _:
                 pass
 
@@ -158,8 +158,8 @@ def replay(  # noqa: PLR0917 - the parts of a journal and of a package
         knowledge: the knowledge graph of the spec, if it has one.
     """
     comparison = Comparison([event for event in events if event.kind is not Kind.INPUT], copy)
-    _, _, because = _play_journal(header, events, model, build, comparison, knowledge)
-    comparison.miss(because)
+    _, _, divergence_text = _play_journal(header, events, model, build, comparison, knowledge)
+    comparison.miss(divergence_text)
     comparison.end()
     return Replayed(
         compared=comparison.position,
@@ -188,9 +188,9 @@ def knowledge_at(
         raise ValueError(f"the run begins at {header.start_s}, after {instant_s}: ask for a later instant")
     past_events = [event for event in events if event.instant_s <= instant_s]
     comparison = Comparison([event for event in past_events if event.kind is not Kind.INPUT], None)
-    manager, clock, because = _play_journal(header, past_events, model, ContextManager, comparison, knowledge)
-    if comparison.difference is not None or because:
-        raise ValueError(f"the journal does not follow from its inputs: {because or comparison.difference}")
+    manager, clock, divergence_text = _play_journal(header, past_events, model, ContextManager, comparison, knowledge)
+    if comparison.difference is not None or divergence_text:
+        raise ValueError(f"the journal does not follow from its inputs: {divergence_text or comparison.difference}")
     clock.advance(instant_s)
     return manager.knowledge.at(instant_s)
 
@@ -207,8 +207,14 @@ def _play_journal(  # noqa: PLR0917 - the arguments of `replay`
     jobs = ReplayedJobs(events)
     clock = ReplayedClock(header.start_s, jobs)
     handles = {resource.name: None for resource in model.resources if resource.slots is None}
-    services = {"clock": clock, "resources": handles, "seed": header.seed, "record": comparison, "find": jobs.find}
-    manager = build(model, **services, knowledge=knowledge)
+    manager_arguments = {
+        "clock": clock,
+        "resources": handles,
+        "seed": header.seed,
+        "record": comparison,
+        "find": jobs.find,
+    }
+    manager = build(model, **manager_arguments, knowledge=knowledge)
     inputs = [event for event in events if event.kind is Kind.INPUT]
     player = _Player(manager, model, jobs, inputs)
     try:

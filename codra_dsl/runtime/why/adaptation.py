@@ -11,9 +11,9 @@ from codra_dsl.runtime.journal.latest_events import LatestEvents
 from codra_dsl.runtime.values.cell import Reading, Reason
 from codra_dsl.runtime.why.values import Why, instant, seconds, shown
 
-Part = Mapping[str, Any]
+Details = Mapping[str, Any]
 
-_REASONS = {
+_REASON_TEXTS = {
     "first": "it had the highest weight when the loop began",
     "leads": "its weight was higher for the required time",
     "worse": "its weight was higher, and a metric became worse, which ends the dwell time",
@@ -41,11 +41,12 @@ def explain_course(latest_events: LatestEvents, name: str, at_s: float) -> Why |
 
 
 def _explain_undecided(events: Mapping[str, Event], name: str, at_s: float) -> Why | None:
-    start = events.get("started")
-    if start is None or name not in start.details.get("adapts", ()):
+    start_event = events.get("started")
+    if start_event is None or name not in start_event.details.get("adapts", ()):
         return None
     start_text = (
-        f"loop {start.details['loop']} has been running since {instant(start.instant_s)} and has not decided it yet"
+        f"loop {start_event.details['loop']} has been running since {instant(start_event.instant_s)} "
+        "and has not decided it yet"
     )
     reading: Reading[Any] = Reading(name=name, reason=Reason.NEVER_OBSERVED)
     return Why(at_s=at_s, reading=reading, story=(start_text, *_failure_lines(events)))
@@ -70,13 +71,15 @@ def _analysis_lines(latest_events: LatestEvents, variable: str) -> Iterator[str]
         event = latest_events.adaptations.get(f"context/{name}", {}).get("analysed")
         if event is None:
             continue
-        parts = {part["variable"]: part for part in (*event.details["metrics"], *event.details["weights"])}
-        part = parts[name]
-        rules = [rule for rule in event.details["rules"] if part["name"] in rule["concludes"]]
-        yield f"{name} has been {_result_text(part)} since {instant(event.instant_s)}:"
-        yield from _rule_lines(rules, part["name"])
+        outputs_by_variable = {
+            output["variable"]: output for output in (*event.details["metrics"], *event.details["weights"])
+        }
+        output = outputs_by_variable[name]
+        rules = [rule for rule in event.details["rules"] if output["name"] in rule["concludes"]]
+        yield f"{name} has been {_output_text(output)} since {instant(event.instant_s)}:"
+        yield from _rule_lines(rules, output["name"])
         for reading in event.details["readings"]:
-            if reading["variable"] in part["reads"] and reading["variable"] not in explained_variables:
+            if reading["variable"] in output["reads"] and reading["variable"] not in explained_variables:
                 explained_variables.add(reading["variable"])
                 yield f"  {_reading_text(event.details, reading)}"
                 pending_variables.append(reading["variable"])
@@ -87,35 +90,40 @@ def _chain_lines(events: Mapping[str, Event]) -> Iterator[str]:
         yield from _setting_lines(events["set"])
     yield from _failure_lines(events)
     if "chosen" in events:
-        chosen = events["chosen"]
-        yield from _choice_lines(chosen)
-        yield from _weight_lines(chosen.details)
-        yield from _evidence_lines(chosen.details)
-        after = [event for event in events.values() if event.instant_s >= chosen.instant_s]
-        yield from (sentence for event in after for sentence in _aftermath_lines(event))
+        choice_event = events["chosen"]
+        yield from _choice_lines(choice_event)
+        yield from _weight_lines(choice_event.details)
+        yield from _metric_and_reading_lines(choice_event.details)
+        later_events = [event for event in events.values() if event.instant_s >= choice_event.instant_s]
+        yield from (sentence for event in later_events for sentence in _consequence_lines(event))
 
 
 def _failure_lines(events: Mapping[str, Event]) -> Iterator[str]:
     """Yield the error of a parameter's last setting, if that setting failed."""
-    failure = events.get("failed")
-    is_of_parameter = failure is not None and "variable" in failure.details and "chosen" not in events
-    if failure is not None and is_of_parameter and failure.instant_s >= events.get("set", failure).instant_s:
-        yield f"at {instant(failure.instant_s)}: {failure.details['message']}"
+    failure_event = events.get("failed")
+    is_of_parameter = failure_event is not None and "variable" in failure_event.details and "chosen" not in events
+    if (
+        failure_event is not None
+        and is_of_parameter
+        and failure_event.instant_s >= events.get("set", failure_event).instant_s
+    ):
+        yield f"at {instant(failure_event.instant_s)}: {failure_event.details['message']}"
 
 
 def _choice_lines(event: Event) -> Iterator[str]:
     details = event.details
-    action, before, because = details["action"], details.get("before"), details["because"]
+    action, previous_action, reason_key = details["action"], details.get("before"), details["because"]
     rule_text = f"by the hard rule: {details.get('rule')}"
-    reason = rule_text if because == "hard_rule" else _REASONS[because]
+    reason_text = rule_text if reason_key == "hard_rule" else _REASON_TEXTS[reason_key]
     place_text = f"  [{details['place']}]" if "place" in details else ""
-    before_text = "" if before is None else f" instead of {before}"
-    yield f"{action} was chosen at {instant(event.instant_s)}{before_text}: {reason}{place_text}"
-    if before is not None and "dwell_until_s" in details:
-        is_within = details["dwell_until_s"] > event.instant_s
-        end_text = ", which this decision ended early" if is_within else ""
-        yield f"{before} had been the course since {_instant_text(details, 'since_s')}, with a dwell time until " + (
-            f"{_instant_text(details, 'dwell_until_s')}{end_text}"
+    previous_action_text = "" if previous_action is None else f" instead of {previous_action}"
+    yield f"{action} was chosen at {instant(event.instant_s)}{previous_action_text}: {reason_text}{place_text}"
+    if previous_action is not None and "dwell_until_s" in details:
+        is_within_dwell = details["dwell_until_s"] > event.instant_s
+        end_text = ", which this decision ended early" if is_within_dwell else ""
+        yield (
+            f"{previous_action} had been the course since {_instant_text(details, 'since_s')}, with a dwell time until "
+            + (f"{_instant_text(details, 'dwell_until_s')}{end_text}")
         )
 
 
@@ -125,42 +133,42 @@ def _setting_lines(event: Event) -> Iterator[str]:
     yield f"set at {instant(event.instant_s)} to {shown(details['value'])}: {details['rule']}{place_text}"
     if details["because"] == "worse":
         yield f"a metric became worse, which ended the dwell time before {_instant_text(details, 'dwell_until_s')}"
-    yield from _evidence_lines(details)
+    yield from _metric_and_reading_lines(details)
 
 
-def _weight_lines(details: Part) -> Iterator[str]:
+def _weight_lines(details: Details) -> Iterator[str]:
     for weight in details["weights"]:
         smoothed_text = f", smoothed {shown(weight['smoothed'])}" if "smoothed" in weight else ""
         lead_text = f", leading since {_instant_text(weight, 'leads_since_s')}" if "leads_since_s" in weight else ""
-        yield f"weight of {weight['name']}: {_result_text(weight)}{smoothed_text}{lead_text}"
+        yield f"weight of {weight['name']}: {_output_text(weight)}{smoothed_text}{lead_text}"
         yield from _rule_lines(details["rules"], weight["name"])
 
 
-def _evidence_lines(details: Part) -> Iterator[str]:
+def _metric_and_reading_lines(details: Details) -> Iterator[str]:
     for metric in details["metrics"]:
-        yield f"metric {metric['name']}: {_result_text(metric)}"
+        yield f"metric {metric['name']}: {_output_text(metric)}"
         yield from _rule_lines(details["rules"], metric["name"])
     for reading in details["readings"]:
         yield _reading_text(details, reading)
 
 
-def _reading_text(details: Part, reading: Part) -> str:
-    degrees = ", ".join(
+def _reading_text(details: Details, reading: Details) -> str:
+    degrees_text = ", ".join(
         f"{degree['term']} {_bounds_text(degree)}"
         for degree in details["degrees"]
         if degree["variable"] == reading["variable"]
     )
-    return f"{_observation_text(reading)}{f' ({degrees})' if degrees else ''}"
+    return f"{_observation_text(reading)}{f' ({degrees_text})' if degrees_text else ''}"
 
 
-def _rule_lines(rules: Sequence[Part], name: str) -> Iterator[str]:
+def _rule_lines(rules: Sequence[Details], name: str) -> Iterator[str]:
     for rule in rules:
         if name in rule["concludes"] and rule.get("high", 1.0) > 0.0:
             place_text = f"  [{rule['place']}]" if "place" in rule else ""
             yield f"  {rule['text']}: activation {_bounds_text(rule)}{place_text}"
 
 
-def _aftermath_lines(event: Event) -> Iterator[str]:
+def _consequence_lines(event: Event) -> Iterator[str]:
     details = event.details
     match event.what:
         case "ended":
@@ -177,13 +185,13 @@ def _aftermath_lines(event: Event) -> Iterator[str]:
             pass
 
 
-def _change_text(change: Part) -> str:
+def _change_text(change: Details) -> str:
     name = change["name"] if change["kind"] == "input" else f"the weight of {change['name']}"
-    old_text = shown(json.loads(change["value"])) if "value" in change else "unknown"
-    return f"{name} = {shown(json.loads(change['other']))} instead of {old_text}"
+    actual_text = shown(json.loads(change["value"])) if "value" in change else "unknown"
+    return f"{name} = {shown(json.loads(change['other']))} instead of {actual_text}"
 
 
-def _observation_text(reading: Part) -> str:
+def _observation_text(reading: Details) -> str:
     if "value" not in reading:
         return f"{reading['variable']} was unknown: {reading.get('because', '')}"
     evidence_text = (
@@ -192,18 +200,18 @@ def _observation_text(reading: Part) -> str:
     return f"{reading['variable']} was {shown(json.loads(reading['value']))}{evidence_text}"
 
 
-def _result_text(part: Part) -> str:
-    if "value" not in part:
+def _output_text(output: Details) -> str:
+    if "value" not in output:
         return "unknown"
-    if part.get("low") == part.get("high"):
-        return shown(part["value"])
-    return f"{shown(part['value'])}, the worse bound of {_bounds_text(part)}"
+    if output.get("low") == output.get("high"):
+        return shown(output["value"])
+    return f"{shown(output['value'])}, the worse bound of {_bounds_text(output)}"
 
 
-def _bounds_text(part: Part) -> str:
-    low, high = part.get("low"), part.get("high")
+def _bounds_text(details: Details) -> str:
+    low, high = details.get("low"), details.get("high")
     return shown(low) if low == high else f"{shown(low)} to {shown(high)}"
 
 
-def _instant_text(part: Part, key: str) -> str:
-    return instant(part[key]) if key in part else "the beginning"
+def _instant_text(details: Details, key: str) -> str:
+    return instant(details[key]) if key in details else "the beginning"

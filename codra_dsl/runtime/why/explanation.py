@@ -11,7 +11,7 @@ from codra_dsl.runtime.journal.spec_summary import AlgorithmSummary, Rule, SpecS
 from codra_dsl.runtime.values.cell import Reading, Reason
 from codra_dsl.runtime.values.declarations import POSES
 from codra_dsl.runtime.why.adaptation import adaptation_lines, explain_course
-from codra_dsl.runtime.why.knowledge import explain_knowledge, poses_between
+from codra_dsl.runtime.why.knowledge import explain_knowledge, pose_edges_between
 from codra_dsl.runtime.why.story import job_text, story
 from codra_dsl.runtime.why.unmet_conditions import find_solution
 from codra_dsl.runtime.why.values import Condition, Look, Missing, Way, Why
@@ -41,7 +41,7 @@ def explain(summary: SpecSummary, latest_events_at: LatestEventsAt, name: str, a
     if node and summary.nodes.get(attribute) == node:
         name = attribute  # `node.attribute` is another name of this context-variable
     if name not in summary.variables:
-        name = _weight_or_name(summary, latest_events_at(at_s), name)
+        name = _resolve_action_name(summary, latest_events_at(at_s), name)
     if name in summary.variables:
         why = _Explanation(summary, latest_events_at).why(name, at_s, ())
         return replace(why, story=(*why.story, *adaptation_lines(latest_events_at(at_s), name)))
@@ -49,7 +49,7 @@ def explain(summary: SpecSummary, latest_events_at: LatestEventsAt, name: str, a
     return explain_course(latest_events, name, at_s) or explain_knowledge(summary, latest_events, name, at_s)
 
 
-def _weight_or_name(summary: SpecSummary, latest_events: LatestEvents, name: str) -> str:
+def _resolve_action_name(summary: SpecSummary, latest_events: LatestEvents, name: str) -> str:
     """Return the variable of an action's weight if only an action has this name; otherwise return the name."""
     weight = f"weight_of_{name}"
     is_other = (
@@ -166,7 +166,7 @@ class _Explanation:
     def _poses(self, name: str, context: _PastContext) -> tuple[Why, ...]:
         """Explain the edges whose poses determine a variable."""
         explanations: list[Why] = []
-        for edge in poses_between(context.latest_events, name):
+        for edge in pose_edges_between(context.latest_events, name):
             why = explain_knowledge(self._summary, context.latest_events, edge, context.at_s)
             key = (edge, id(context.latest_events.knowledge[edge]["placed"]))
             explanations.append(replace(why, story=(), is_told=True) if key in self._explained_readings else why)
@@ -174,8 +174,8 @@ class _Explanation:
         return tuple(explanations)
 
     def _condition(self, rule: Rule, context: _PastContext, path: tuple[str, ...]) -> Condition:
-        result = rule.term.evaluate(context)
-        holds = None if result is None else result is True
+        truth = rule.term.evaluate(context)
+        holds = None if truth is None else truth is True
         names = sorted(name for name in rule.term.variables() if name in self._summary.variables)
         because = tuple(self.why(name, context.at_s, path) for name in names)
         return Condition(text=rule.text, holds=holds, because=because, place=rule.place)
@@ -192,11 +192,11 @@ class _Explanation:
             algorithm=algorithm.name,
             conditions=conditions,
             doing=job_text(algorithm, context.latest_events),
-            missing=tuple(self._missing_of_algorithm(algorithm, context)),
+            missing=tuple(self._changes_for_algorithm(algorithm, context)),
             place=algorithm.place,
         )
 
-    def _missing_of_algorithm(self, algorithm: AlgorithmSummary, context: _PastContext) -> Iterator[Missing]:
+    def _changes_for_algorithm(self, algorithm: AlgorithmSummary, context: _PastContext) -> Iterator[Missing]:
         """Yield the changes that an algorithm needs before it can look."""
         failing_rules = [rule for rule in algorithm.conditions if not rule.term.holds(context)]
         values = (

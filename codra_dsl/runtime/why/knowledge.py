@@ -14,8 +14,8 @@ from codra_dsl.runtime.journal.spec_summary import Place, SpecSummary
 from codra_dsl.runtime.values.cell import FOREVER_S, Reading, Reason
 from codra_dsl.runtime.why.values import Why, instant, shown
 
-_STAGES = ("wants", "is", "finished", "aborted")
-_RULES = ("begun", "broken", "fulfilled", "unfulfilled")
+_TASK_STAGES = ("wants", "is", "finished", "aborted")
+_RULE_STATES = ("begun", "broken", "fulfilled", "unfulfilled")
 _CHANGE_TEXTS = {
     "node_inserted": "inserted",
     "node_deleted": "deleted",
@@ -24,10 +24,10 @@ _CHANGE_TEXTS = {
 }
 _STAGE_TEXTS = {"wants": "requested", "is": "begun", "finished": "finished", "aborted": "aborted"}
 
-_POSE_COMPARISON = re.compile(r"\b(?:distance|in_view)\((\w+), (\w+)\)")
+_POSE_COMPARISON_PATTERN = re.compile(r"\b(?:distance|in_view)\((\w+), (\w+)\)")
 
-_SOME_TYPE = re.compile(r"\bsome (\w+)")
-_MOST_LISTED_NODES = 10
+_SOME_TYPE_PATTERN = re.compile(r"\bsome (\w+)")
+_MAX_LISTED_NODES = 10
 
 _ElementEvents = Mapping[str, Event]
 """The last event of each `what` about one element, ordered by time."""
@@ -44,73 +44,77 @@ def explain_knowledge(summary: SpecSummary, latest_events: LatestEvents, name: s
     reading = _reading(name, events, latest_events, at_s)
     unit = str(events["written"].details.get("unit") or "") if "written" in events else ""
     story = tuple(_story(events))
-    return Why(at_s=at_s, reading=reading, unit=unit, place=_place(name, events, summary), story=story)
+    return Why(at_s=at_s, reading=reading, unit=unit, place=_declaration_place(name, events, summary), story=story)
 
 
-def poses_between(latest_events: LatestEvents, condition: str) -> tuple[str, ...]:
+def pose_edges_between(latest_events: LatestEvents, condition: str) -> tuple[str, ...]:
     """Return the edges whose poses determine the result of a comparison of poses, without duplicates.
 
     Args:
         latest_events: the latest events.
         condition: the comparison, e.g. `distance(a, b) < 0.9 m`.
     """
-    edges = {
+    edge_by_target = {
         edge.partition("-> ")[2]: edge
-        for edge, events in sorted(latest_events.knowledge.items(), key=_insertion_order)
-        if _is_placed(events)
+        for edge, events in sorted(latest_events.knowledge.items(), key=_insertion_sort_key)
+        if _has_pose(events)
     }
     determining_edges: dict[str, None] = {}
-    for first, second in _POSE_COMPARISON.findall(condition):
-        first_chain, second_chain = _pose_edges_above(edges, first), _pose_edges_above(edges, second)
+    for first, second in _POSE_COMPARISON_PATTERN.findall(condition):
+        first_chain, second_chain = _pose_edges_above(edge_by_target, first), _pose_edges_above(edge_by_target, second)
         determining_edges |= dict.fromkeys(
             edge for edge in (*first_chain, *second_chain) if not (edge in first_chain and edge in second_chain)
         )
     return tuple(determining_edges)
 
 
-def _pose_edges_above(edges: Mapping[str, str], node: str) -> list[str]:
+def _pose_edges_above(edge_by_target: Mapping[str, str], node: str) -> list[str]:
     """Return the edges with poses from a node up to the root of its frames."""
     chain: list[str] = []
-    while node in edges and edges[node] not in chain:
-        chain.append(edges[node])
+    while node in edge_by_target and edge_by_target[node] not in chain:
+        chain.append(edge_by_target[node])
         node = chain[-1].partition(" -")[0]
     return chain
 
 
-def _is_placed(events: _ElementEvents) -> bool:
+def _has_pose(events: _ElementEvents) -> bool:
     """Return whether an edge exists and has a pose."""
     if "placed" not in events or "edge_inserted" not in events:
         return False
-    return "edge_deleted" not in events or _order(events["edge_deleted"]) < _order(events["edge_inserted"])
+    return "edge_deleted" not in events or _time_sort_key(events["edge_deleted"]) < _time_sort_key(
+        events["edge_inserted"]
+    )
 
 
-def _insertion_order(entry: tuple[str, _ElementEvents]) -> tuple[float, int]:
-    return _order(entry[1]["edge_inserted"]) if "edge_inserted" in entry[1] else (-math.inf, 0)
+def _insertion_sort_key(entry: tuple[str, _ElementEvents]) -> tuple[float, int]:
+    return _time_sort_key(entry[1]["edge_inserted"]) if "edge_inserted" in entry[1] else (-math.inf, 0)
 
 
 def _name_in_events(summary: SpecSummary, latest_events: LatestEvents, name: str) -> str:
     """Return the name that events use for an element; an edge may be given by its label."""
-    origin, arrow, rest = name.partition(" -")
-    label, _, target = rest.partition("-> ")
-    task_events = latest_events.knowledge.get(target, {}) if label in _STAGES else {}
-    if any(stage in task_events for stage in _STAGES):
+    origin, arrow, label_and_target = name.partition(" -")
+    label, _, target = label_and_target.partition("-> ")
+    task_events = latest_events.knowledge.get(target, {}) if label in _TASK_STAGES else {}
+    if any(stage in task_events for stage in _TASK_STAGES):
         return target  # events about the edge of a task carry the name of the task
     if name in latest_events.knowledge:
         return name
-    for other, other_events in latest_events.knowledge.items():
-        is_between = arrow and other.startswith(f"{origin} -") and other.endswith(f"-> {target}")
+    for other_name, other_events in latest_events.knowledge.items():
+        is_between = arrow and other_name.startswith(f"{origin} -") and other_name.endswith(f"-> {target}")
         if is_between and any(event.details.get("label") == label for event in other_events.values()):
-            return other
-    kind = "variable, and until then no element of the graph, named" if latest_events.knowledge else "variable"
-    raise _pattern_error(latest_events, name) or unknown(kind, name, (*summary.variables, *latest_events.knowledge))
+            return other_name
+    kind_text = "variable, and until then no element of the graph, named" if latest_events.knowledge else "variable"
+    raise _pattern_error(latest_events, name) or unknown(
+        kind_text, name, (*summary.variables, *latest_events.knowledge)
+    )
 
 
 def _pattern_error(latest_events: LatestEvents, name: str) -> UnknownNameError | None:
     """Return the error for a pattern with `some TYPE`, which names no single node or edge; None for any other name."""
-    type_match = _SOME_TYPE.search(name)
+    type_match = _SOME_TYPE_PATTERN.search(name)
     if type_match is None:
         return None
-    nodes = [
+    nodes_of_type = [
         node
         for node, events in latest_events.knowledge.items()
         if any(
@@ -118,7 +122,9 @@ def _pattern_error(latest_events: LatestEvents, name: str) -> UnknownNameError |
         )
     ]
     existing_text = (
-        f"there were {', '.join(sorted(nodes)[:_MOST_LISTED_NODES])}" if nodes else "there was none until then"
+        f"there were {', '.join(sorted(nodes_of_type)[:_MAX_LISTED_NODES])}"
+        if nodes_of_type
+        else "there was none until then"
     )
     return UnknownNameError(
         f"{name!r} names no single node or edge: ask about one {type_match[1]} by its name; {existing_text}"
@@ -130,12 +136,12 @@ def _reading(name: str, events: _ElementEvents, latest_events: LatestEvents, at_
 
     The value for a node or an edge is whether it exists; the value for a task or a rule is its state.
     """
-    stage_events = [event for event in events.values() if event.what in (*_STAGES, *_RULES)]
+    state_events = [event for event in events.values() if event.what in (*_TASK_STAGES, *_RULE_STATES)]
     if "written" in events:
         return _attribute_reading(name, events["written"], latest_events, at_s)
-    if stage_events:
-        return _known_reading(name, stage_events[-1].what, stage_events[-1])
-    change_events = [event for what, event in events.items() if what in (*_CHANGE_TEXTS, "placed")]
+    if state_events:
+        return _known_reading(name, state_events[-1].what, state_events[-1])
+    change_events = [event for kind, event in events.items() if kind in (*_CHANGE_TEXTS, "placed")]
     if not change_events:  # all events about the element are refusals
         return Reading(name=name, reason=Reason.NEVER_OBSERVED)
     return _known_reading(name, not change_events[-1].what.endswith("deleted"), change_events[-1])
@@ -162,7 +168,7 @@ def _attribute_reading(name: str, event: Event, latest_events: LatestEvents, at_
     return reading.at(at_s)
 
 
-def _deletion_after(events: _ElementEvents, written: Event) -> Event | None:
+def _deletion_after(events: _ElementEvents, write_event: Event) -> Event | None:
     """Return the event that deleted the node or edge of an attribute after the attribute was written.
 
     A deletion in the same change counts if the node or edge was not inserted again.
@@ -171,8 +177,8 @@ def _deletion_after(events: _ElementEvents, written: Event) -> Event | None:
     deletion = next((event for event in change_events if event.what.endswith("deleted")), None)
     if deletion is None:
         return None
-    is_for_good = deletion is change_events[-1] and _order(deletion) == _order(written)
-    return deletion if is_for_good or _order(deletion) > _order(written) else None
+    is_final_in_change = deletion is change_events[-1] and _time_sort_key(deletion) == _time_sort_key(write_event)
+    return deletion if is_final_in_change or _time_sort_key(deletion) > _time_sort_key(write_event) else None
 
 
 def _known_reading(name: str, content: Value, event: Event) -> Reading[Value]:
@@ -182,31 +188,31 @@ def _known_reading(name: str, content: Value, event: Event) -> Reading[Value]:
 
 def _story(events: _ElementEvents) -> Iterator[str]:
     """Yield the history of an element, in order of time."""
-    for event in sorted(events.values(), key=_order):
-        details, at = event.details, instant(event.instant_s)
-        writer = f"agent {details['agent']}" if details["agent"] else "the graph itself"
+    for event in sorted(events.values(), key=_time_sort_key):
+        details, at_text = event.details, instant(event.instant_s)
+        writer_text = f"agent {details['agent']}" if details["agent"] else "the graph itself"
         change_text = f", change {details['version']}" if "version" in details else ""
         if event.what == "refused":
-            yield f"{writer} was refused at {at}: {details['message']}"
-        elif event.what in _RULES:
+            yield f"{writer_text} was refused at {at_text}: {details['message']}"
+        elif event.what in _RULE_STATES:
             message_text = f": {details['message']}" if details.get("message") else ""
-            yield f"rule {details['rule']} of {writer} {event.what} at {at}{message_text}"
-        elif event.what in _STAGES:
-            yield f"{_STAGE_TEXTS[event.what]} by {writer} at {at}{change_text}{_task_text(details)}"
+            yield f"rule {details['rule']} of {writer_text} {event.what} at {at_text}{message_text}"
+        elif event.what in _TASK_STAGES:
+            yield f"{_STAGE_TEXTS[event.what]} by {writer_text} at {at_text}{change_text}{_task_text(details)}"
         elif not details["agent"] and details["version"] == 1:
             action_text = "present" if event.what.endswith("inserted") else _change_text(event)
-            yield f"{action_text} from the start, {at}{_evidence_text(event)}"
+            yield f"{action_text} from the start, {at_text}{_evidence_text(event)}"
         else:
-            yield f"{_change_text(event)} by {writer} at {at}{change_text}{_evidence_text(event)}"
+            yield f"{_change_text(event)} by {writer_text} at {at_text}{change_text}{_evidence_text(event)}"
 
 
 def _task_text(details: Mapping[str, object]) -> str:
-    parts = [f"request {details['request']} of {details['requester']}"]
-    parts += [f"result {details['result']}"] if details.get("result") else []
-    parts += [str(details["message"])] if details.get("message") else []
+    clauses = [f"request {details['request']} of {details['requester']}"]
+    clauses += [f"result {details['result']}"] if details.get("result") else []
+    clauses += [str(details["message"])] if details.get("message") else []
     deadline_s = details.get("deadline_s")
-    parts += [f"until {instant(deadline_s)} at the latest"] if isinstance(deadline_s, float) else []
-    return f" ({', '.join(parts)})"
+    clauses += [f"until {instant(deadline_s)} at the latest"] if isinstance(deadline_s, float) else []
+    return f" ({', '.join(clauses)})"
 
 
 def _change_text(event: Event) -> str:
@@ -214,7 +220,7 @@ def _change_text(event: Event) -> str:
     if event.what == "written":
         return "written as unknown" if details.get("value") is None else f"written as {shown(details['value'])}"
     if event.what == "placed":
-        return f"placed at ({', '.join(f'{number:.6g}' for number in details['translation_m'])}) m"
+        return f"placed at ({', '.join(f'{coordinate:.6g}' for coordinate in details['translation_m'])}) m"
     return _CHANGE_TEXTS[event.what]
 
 
@@ -228,14 +234,14 @@ def _evidence_text(event: Event) -> str:
     return text
 
 
-def _order(event: Event) -> tuple[float, int]:
+def _time_sort_key(event: Event) -> tuple[float, int]:
     return event.instant_s, int(event.details.get("version", 0))
 
 
-def _place(name: str, events: _ElementEvents, summary: SpecSummary) -> Place | None:
+def _declaration_place(name: str, events: _ElementEvents, summary: SpecSummary) -> Place | None:
     """Return the place in the spec that declares an element or the element's type."""
     type_names = {str(event.details["type"]) for event in events.values() if "type" in event.details}
     edge_type = name.partition(" -")[2].partition("-> ")[0]
-    keys = [f"task/{name}", f"node/{name}", f"node/{name.partition('.')[0]}", f"edge/{edge_type}"]
-    keys += [f"{section}/{type_name}" for type_name in type_names for section in ("edge", "type")]
-    return next((summary.places[key] for key in keys if key in summary.places), None)
+    place_keys = [f"task/{name}", f"node/{name}", f"node/{name.partition('.')[0]}", f"edge/{edge_type}"]
+    place_keys += [f"{section}/{type_name}" for type_name in type_names for section in ("edge", "type")]
+    return next((summary.places[key] for key in place_keys if key in summary.places), None)

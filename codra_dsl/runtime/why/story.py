@@ -22,7 +22,7 @@ def story(name: str, reading: Reading[Value], latest_events: LatestEvents, summa
         yield from _value_lines(reading, summary)
     else:
         yield from _unknown_lines(reading, latest_events, summary)
-    yield from _later_lines(name, latest_events)
+    yield from _later_event_lines(name, latest_events)
     observer = summary.observer_of(name)
     if observer is not None:
         yield _observer_text(observer.name, latest_events.observers.get(observer.name))
@@ -43,17 +43,17 @@ def _value_lines(reading: Reading[Value], summary: SpecSummary) -> Iterator[str]
         )
         yield f"determined by poses since {instant(reading.evidence_s)}{learned_text}"
     else:
-        writer = reading.source if reading.source == MAIN else f"agent {reading.source}"
+        writer_text = reading.source if reading.source == MAIN else f"agent {reading.source}"
         evidence_text = f", from evidence taken at {instant(reading.evidence_s)}"
         evidence = "" if reading.evidence_s == reading.identified_s else evidence_text
-        yield f"written by {writer} at {instant(reading.identified_s)}{evidence}"
+        yield f"written by {writer_text} at {instant(reading.identified_s)}{evidence}"
     if reading.expires_s < math.inf:
         yield f"valid until {instant(reading.expires_s)}"
 
 
 def _unknown_lines(reading: Reading[Value], latest_events: LatestEvents, summary: SpecSummary) -> Iterator[str]:
     name, since = reading.name, instant(reading.identified_s) if reading.identified_s > -math.inf else ""
-    last_known = latest_events.known.get(name)
+    last_known_event = latest_events.known.get(name)
     match reading.reason:
         case _ if reading.source == POSES:
             yield f"unknown from {since} on: {reading.detail}"
@@ -74,28 +74,31 @@ def _unknown_lines(reading: Reading[Value], latest_events: LatestEvents, summary
             yield f"its observer {reading.detail} stopped at {since}"
         case _:
             yield f"{reading.reason} at {since}: {reading.detail} ({reading.source})"
-    if last_known is not None:
-        value, source = shown(last_known.details.get("value")), last_known.details["source"]
-        yield f"it was {value} before, from {source} at {instant(last_known.instant_s)}"
+    if last_known_event is not None:
+        value, source = shown(last_known_event.details.get("value")), last_known_event.details["source"]
+        yield f"it was {value} before, from {source} at {instant(last_known_event.instant_s)}"
 
 
-def _later_lines(name: str, latest_events: LatestEvents) -> Iterator[str]:
+def _later_event_lines(name: str, latest_events: LatestEvents) -> Iterator[str]:
     """Yield the events after the present reading that did not replace it."""
-    superseded = latest_events.later.get(name)
-    for what, last in () if superseded is None else superseded.last.items():
-        count = superseded.counts[what] if superseded is not None else 0
-        at = f"the last at {instant(last.instant_s)}" if count > 1 else f"at {instant(last.instant_s)}"
+    superseded_events = latest_events.later.get(name)
+    for what, last_event in () if superseded_events is None else superseded_events.last.items():
+        count = superseded_events.counts[what] if superseded_events is not None else 0
+        at_text = f"the last at {instant(last_event.instant_s)}" if count > 1 else f"at {instant(last_event.instant_s)}"
         match what:
             case "rejected":
-                message = last.details.get("message", "")
-                yield f"{_count_text(count, 'look')} rejected since then, {at}: {message} ({last.name})"
+                message = last_event.details.get("message", "")
+                yield f"{_count_text(count, 'look')} rejected since then, {at_text}: {message} ({last_event.name})"
             case "too_old":
-                yield f"{_count_text(count, 'value')} did not count, {at}: a skill acted while the evidence was taken"
+                yield (
+                    f"{_count_text(count, 'value')} did not count, {at_text}: "
+                    "a skill acted while the evidence was taken"
+                )
             case "refused":
-                yield f"{_count_text(count, 'write')} by {last.details['source']} refused, {at}"
+                yield f"{_count_text(count, 'write')} by {last_event.details['source']} refused, {at_text}"
             case _:
-                source = last.details["source"]
-                yield f"{_count_text(count, 'value')} with older evidence arrived since then, {at} from {source}"
+                source = last_event.details["source"]
+                yield f"{_count_text(count, 'value')} with older evidence arrived since then, {at_text} from {source}"
 
 
 def _expectation_text(event: Event, summary: SpecSummary) -> str:
@@ -123,20 +126,21 @@ def _observer_text(name: str, last_event: Event | None) -> str:
 
 def job_text(algorithm: AlgorithmSummary, latest_events: LatestEvents) -> str:
     """Return a sentence about an algorithm's running or last job; empty if the algorithm never had a job."""
-    start, end = latest_events.started.get(algorithm.name), latest_events.ended.get(algorithm.name)
-    if start is not None and (end is None or end.details["index"] < start.details["index"]):
-        return f"job {start.details['index']} has been looking since {instant(start.instant_s)}"
-    if end is None:
+    start_event, end_event = latest_events.started.get(algorithm.name), latest_events.ended.get(algorithm.name)
+    if start_event is not None and (end_event is None or end_event.details["index"] < start_event.details["index"]):
+        return f"job {start_event.details['index']} has been looking since {instant(start_event.instant_s)}"
+    if end_event is None:
         return ""
-    index, at_text = end.details["index"], instant(end.instant_s)
-    match end.what:
+    index, at_text = end_event.details["index"], instant(end_event.instant_s)
+    match end_event.what:
         case "returned":
             return f"job {index} returned at {at_text}"
         case "failed":
-            return f"job {index} failed at {at_text}: {end.details.get('message', '')}"
+            return f"job {index} failed at {at_text}: {end_event.details.get('message', '')}"
         case "voided":
             return (
-                f"job {index} was voided at {at_text}: {end.details.get('condition', '')} did not hold while it looked"
+                f"job {index} was voided at {at_text}: "
+                f"{end_event.details.get('condition', '')} did not hold while it looked"
             )
         case _:
             return f"job {index} was cancelled at {at_text}"

@@ -11,8 +11,8 @@ from codra_dsl.logic import Scope, Term, Value
 from codra_dsl.runtime.values.condition_text import literals_of
 from codra_dsl.runtime.values.model import NotOfTypeError, VariableModel
 
-_MOST_ASSIGNMENTS = 20_000
-_SMALL_RANGE = 100
+_MAX_ASSIGNMENTS = 20_000
+_MAX_ENUMERATED_RANGE = 100
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,9 +56,9 @@ def _groups(terms: Iterable[Term], free_variables: set[str]) -> list[list[Term]]
     """Return the terms in independent groups; terms of different groups share no free variable."""
     groups: list[list[Term]] = []
     for term in terms:
-        tied_groups = [group for group in groups if free_variables & _variables_of(group) & term.variables()]
-        groups = [group for group in groups if not any(group is other for other in tied_groups)]
-        groups.append([*(other for group in tied_groups for other in group), term])
+        connected_groups = [group for group in groups if free_variables & _variables_of(group) & term.variables()]
+        groups = [group for group in groups if not any(group is other for other in connected_groups)]
+        groups.append([*(other for group in connected_groups for other in group), term])
     return groups
 
 
@@ -70,7 +70,7 @@ def _solve(
     terms: Sequence[Term], free_variables: Sequence[str], scope: Scope, variables: Mapping[str, VariableModel]
 ) -> dict[str, Value] | None:
     texts = [repr(term) for term in terms]
-    for values in islice(_assignments(free_variables, variables, texts), _MOST_ASSIGNMENTS):
+    for values in islice(_assignments(free_variables, variables, texts), _MAX_ASSIGNMENTS):
         changed_scope = _ChangedScope(scope, values)
         if all(term.holds(changed_scope) for term in terms):
             return values
@@ -102,12 +102,12 @@ def _candidates(variable: VariableModel, literals: Iterable[Value]) -> Iterator[
     yielded_values: set[Value] = set()
     for value in raw_values:
         try:
-            converted = value_type.convert(value)
+            converted_value = value_type.convert(value)
         except NotOfTypeError:
             continue
-        if converted is not None and converted not in yielded_values:
-            yielded_values.add(converted)
-            yield converted
+        if converted_value is not None and converted_value not in yielded_values:
+            yielded_values.add(converted_value)
+            yield converted_value
 
 
 def _numbers(literals: Iterable[Value], bounds: tuple[float, float] | None) -> Iterator[Value]:
@@ -118,12 +118,14 @@ def _numbers(literals: Iterable[Value], bounds: tuple[float, float] | None) -> I
         yield from (number, number + 1.0, number - 1.0, number * 1.1, number * 0.9)
     simple_numbers = sorted({0.0, *map(float, numbers), *ends})
     yield from simple_numbers
-    if len(ends) == 2 and ends[1] - ends[0] <= _SMALL_RANGE:
+    if len(ends) == 2 and ends[1] - ends[0] <= _MAX_ENUMERATED_RANGE:
         yield from range(math.ceil(ends[0]), math.floor(ends[1]) + 1)
     pairs = [(first, second) for first in simple_numbers for second in simple_numbers if first != second]
-    results = [(first + second) / 2 for first, second in pairs]
-    results += [result for first, second in pairs for result in (first - second, first + second, first * second)]
-    results += [first / second for first, second in pairs if second]
-    for number in (*simple_numbers, *results):
+    derived_numbers = [(first + second) / 2 for first, second in pairs]
+    derived_numbers += [
+        derived_number for first, second in pairs for derived_number in (first - second, first + second, first * second)
+    ]
+    derived_numbers += [first / second for first, second in pairs if second]
+    for number in (*simple_numbers, *derived_numbers):
         for step in (0.0, 1.0, -1.0, 0.1 * abs(number) or 0.1, -0.1 * abs(number) or -0.1):
             yield from (number + step, -number - step)

@@ -9,8 +9,8 @@ from tests.campaigns.crowd.crowd import THREADS, Crowd, Figures
 
 def main(operations: int, seeds: list[int]) -> int:
     """Run a crowd for each seed; return 1 if a mistake was found."""
-    results = [print_figures(seed, Crowd(seed, operations).run()) for seed in seeds]
-    return 1 if any(figures.mistakes for figures in results) else 0
+    figures_of_runs = [print_figures(seed, Crowd(seed, operations).run()) for seed in seeds]
+    return 1 if any(figures.mistakes for figures in figures_of_runs) else 0
 
 
 def print_figures(seed: int, figures: Figures) -> Figures:

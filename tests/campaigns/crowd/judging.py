@@ -51,10 +51,10 @@ def eventually(ready: Callable[[], bool]) -> bool:
 def judge_life(model: ContextModel, manager: Manager, declared: set[str]) -> int:
     """Require that the running observers are the result of P1's Algorithm 1 on the declarations."""
     running, context = papers_answer(model, manager)
-    wanted = {name for name, observer in manager._forest.observers.items() if observer.is_wanted}
+    wanted_names = {name for name, observer in manager._forest.observers.items() if observer.is_wanted}
     require(manager.declared() == declared, f"declared are not {sorted(manager.declared() ^ declared)}")
     require(manager.running() == running, f"missing or left running: {sorted(manager.running() ^ running)}")
-    require(running_by_record(manager) == running == wanted, "the event log or a control flag differs")
+    require(running_by_record(manager) == running == wanted_names, "the event log or a control flag differs")
     require(manager.in_force() == context, "C_M(t) differs from the paper")
     return len(running)
 

@@ -40,7 +40,7 @@ class Member:
             "set": (12, self._set),
             "set by an agent": (12, self._set_by_agent),
             "expire": (4, self._expire),
-            "break or repair perception": (4, self._break_or_repair),
+            "break or repair perception": (4, self._break_or_repair_algorithm),
             "decide": (8, self._decide),
             "wait for mail": (8, self._wait_for_mail),
             "use a slot": (3, self._use_slot),
@@ -54,10 +54,10 @@ class Member:
         if life is not self._life:
             self.leave()
             self._life, self._mine = life, set()
-        action = self._chance.choices(list(self._actions), [weight for weight, _ in self._actions.values()])[0]
-        self._crowd.figures.done[action] += 1
+        action_name = self._chance.choices(list(self._actions), [weight for weight, _ in self._actions.values()])[0]
+        self._crowd.figures.done[action_name] += 1
         try:
-            self._actions[action][1](life.manager)
+            self._actions[action_name][1](life.manager)
         except RuntimeError as error:
             if not (life.is_closing and "closed" in str(error)):
                 raise
@@ -138,7 +138,7 @@ class Member:
         is_newer = reading.known and reading.evidence_s + validity_s > expires_s
         require(is_stale or is_newer, f"{name} should be stale: {reading}")
 
-    def _break_or_repair(self, _: Manager) -> None:
+    def _break_or_repair_algorithm(self, _: Manager) -> None:
         broken, name = self._crowd.perception.broken, f"look_v{self._chance.randrange(OBSERVED)}"
         if name in broken:
             broken.discard(name)

@@ -100,7 +100,9 @@ class Perception:
 
     def finds(self, model: ContextModel) -> dict[str, object]:
         """Return the functions of the algorithms of all observers of a model."""
-        names = [f"{verb}_{model_.identifies[0]}" for model_ in model.observers for verb in ("look", "feel")]
+        names = [
+            f"{verb}_{observer_model.identifies[0]}" for observer_model in model.observers for verb in ("look", "feel")
+        ]
         return {name: self._moody(name) for name in names}
 
     @contextmanager
@@ -119,11 +121,11 @@ class Perception:
             with self._counted():
                 if name in self.broken:
                     raise ValueError("broken")
-                return {"seen": True} if name == f"look_{BEACON}" else self._result(job)
+                return {"seen": True} if name == f"look_{BEACON}" else self._random_result(job)
 
         return look
 
-    def _result(self, job: Any) -> object:
+    def _random_result(self, job: Any) -> object:
         mood = job.random.random()
         if mood < 0.08:
             raise ValueError("no picture")

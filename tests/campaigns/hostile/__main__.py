@@ -20,8 +20,10 @@ def main(count: int = 10_000, seed: int = 2026, first: int = 0) -> int:
     """Print the figures and return the exit code."""
     session = run(seed, first, count)
     print(session.report())
-    broken = session.breaches or any(outcome.crash or outcome.seconds > MOST_SECONDS for outcome in session.outcomes)
-    return int(bool(broken) or session.peak_bytes > MOST_BYTES)
+    has_breach = session.breaches or any(
+        outcome.crash or outcome.seconds > MOST_SECONDS for outcome in session.outcomes
+    )
+    return int(bool(has_breach) or session.peak_bytes > MOST_BYTES)
 
 
 if __name__ == "__main__":

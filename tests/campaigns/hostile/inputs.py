@@ -176,26 +176,26 @@ class _Grower:
 
     def spec(self) -> dict[str, object]:
         names = [self.name() for _ in range(self.chance.randrange(2, 6))]
-        keys: dict[str, object] = {"codra": 1, "name": self.one(("spec",), NAMES)}
-        keys["context"] = {name: self.variable() for name in names}
-        keys["resources"] = {self.name(): self.one(({}, {"slots": 1}), ({"slots": -1}, {"slots": 10**30}, None))}
-        keys["perception"] = {self.name(): self.algorithm(names) for _ in range(self.chance.randrange(4))}
-        keys["skills"] = {self.name(): {"preview": self.some(names), "monitor": self.some(names)}}
+        document: dict[str, object] = {"codra": 1, "name": self.one(("spec",), NAMES)}
+        document["context"] = {name: self.variable() for name in names}
+        document["resources"] = {self.name(): self.one(({}, {"slots": 1}), ({"slots": -1}, {"slots": 10**30}, None))}
+        document["perception"] = {self.name(): self.algorithm(names) for _ in range(self.chance.randrange(4))}
+        document["skills"] = {self.name(): {"preview": self.some(names), "monitor": self.some(names)}}
         if self.chance.random() < 0.3:
-            keys["observers"] = {self.name(): {"identifies": self.some(names), "period": self.duration()}}
+            document["observers"] = {self.name(): {"identifies": self.some(names), "period": self.duration()}}
         if self.chance.random() < 0.3:
             template = self.name()
-            keys["templates"] = {template: self.template(names)}
-            keys["use"] = {self.name(): {"template": self.one((template,), NAMES), "p": self.text()}}
+            document["templates"] = {template: self.template(names)}
+            document["use"] = {self.name(): {"template": self.one((template,), NAMES), "p": self.text()}}
         if self.chance.random() < self.wild:
-            keys["include"] = [
+            document["include"] = [
                 self.chance.choice(("/etc/passwd", "../spec.yaml", "spec.yaml", ".", "x.yaml", "a\0b", "~"))
             ]
         if self.chance.random() < self.wild:
-            keys[self.chance.choice((*SECTIONS, *NAMES))] = self.chance.choice(
+            document[self.chance.choice((*SECTIONS, *NAMES))] = self.chance.choice(
                 (None, [], {}, 3, "x", [[[]]], {"a": {"b": {}}})
             )
-        return keys
+        return document
 
     def one(self, tame: Sequence[object], hostile: Sequence[object]) -> object:
         return self.chance.choice(hostile if self.chance.random() < self.wild else tame)
@@ -256,9 +256,9 @@ class _Grower:
         }
 
     def some(self, names: list[str]) -> list[str]:
-        some_names = list(dict.fromkeys(self.chance.choice(names) for _ in range(self.chance.randrange(3))))
+        chosen_names = list(dict.fromkeys(self.chance.choice(names) for _ in range(self.chance.randrange(3))))
         hostile = ("a becomes true within 1 s", "a stays 3 m", self.name(), self.text())
-        return [*some_names, self.chance.choice(hostile)] if self.chance.random() < self.wild else some_names
+        return [*chosen_names, self.chance.choice(hostile)] if self.chance.random() < self.wild else chosen_names
 
     def condition(self, names: list[str]) -> str:
         form = str(self.one(CONDITIONS, TEXTS))
@@ -335,11 +335,11 @@ def _encoded(files: Mapping[str, str]) -> Files:
 
 def _projects() -> tuple[dict[str, str], ...]:
     """Return the valid projects of this repository, each with its spec as `spec.yaml`."""
-    specs = []
+    project_files = []
     for files in projects().values():
         (_, spec), *parts = files.items()
-        specs.append({"spec.yaml": spec, **dict(parts)})
-    return tuple(specs)
+        project_files.append({"spec.yaml": spec, **dict(parts)})
+    return tuple(project_files)
 
 
 _PROJECTS = _projects()

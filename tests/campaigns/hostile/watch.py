@@ -76,13 +76,13 @@ class Watch:
             return
         self.armed = False  # the check itself opens files
         try:
-            breach = self._judged(event, arguments)
+            breach = self._breach_of(event, arguments)
         finally:
             self.armed = True
         if breach is not None:
             self.breaches.append(breach)
 
-    def _judged(self, event: str, arguments: tuple[object, ...]) -> str | None:
+    def _breach_of(self, event: str, arguments: tuple[object, ...]) -> str | None:
         if event == "open":
             return self._opened(*arguments)
         if event in CHANGES or event.startswith("shutil."):
@@ -108,8 +108,8 @@ class Watch:
 
     @staticmethod
     def _is_within(path: object, folder: str) -> bool:
-        resolved = os.path.realpath(os.fsdecode(path))  # type: ignore[arg-type]
-        return resolved == folder or resolved.startswith(folder + os.sep)
+        real_path = os.path.realpath(os.fsdecode(path))  # type: ignore[arg-type]
+        return real_path == folder or real_path.startswith(folder + os.sep)
 
 
 def _is_of_a_library(code: object) -> bool:
@@ -154,8 +154,8 @@ class Session:
     @property
     def peak_bytes(self) -> int:
         """Return the peak memory of this process; `ru_maxrss` would include that of its parent."""
-        status = Path("/proc/self/status").read_text(encoding="utf-8")
-        return int(status.split("VmHWM:")[1].split()[0]) * 1024
+        status_text = Path("/proc/self/status").read_text(encoding="utf-8")
+        return int(status_text.split("VmHWM:")[1].split()[0]) * 1024
 
     def report(self) -> str:
         """Return the figures of the run."""
@@ -218,7 +218,7 @@ def _compiled(root: Path, out: Path) -> tuple[str, ...]:
     with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
         compilation = compile_paths([root / "spec.yaml"], root)
         diagnostics = compilation.planned.diagnostics
-        _show(diagnostics, lambda file: (root / file).read_text("utf-8", errors="replace"))
+        _render_findings(diagnostics, lambda file: (root / file).read_text("utf-8", errors="replace"))
         if compilation.files:
             write(compilation.files, out, compilation.covered)
             freshness(compilation.files, out, compilation.covered)
@@ -226,7 +226,7 @@ def _compiled(root: Path, out: Path) -> tuple[str, ...]:
     return tuple(diagnostic.code for diagnostic in diagnostics)
 
 
-def _show(diagnostics: Sequence[Diagnostic], sources: Callable[[str], str | None]) -> None:
+def _render_findings(diagnostics: Sequence[Diagnostic], sources: Callable[[str], str | None]) -> None:
     from codra_dsl.tooling.report.findings import render_concise, render_full, render_json
     from codra_dsl.tooling.report.github import render_github, render_summary
     from codra_dsl.tooling.report.junit import render_junit

@@ -16,17 +16,20 @@ def main(trials: int, seed: int) -> int:
     chance = Random(seed)
     with tempfile.TemporaryDirectory(prefix="codra-kills-") as folder:
         outcomes = [trial(Path(folder), chance) for _ in range(trials)]
-    begun = [outcome for outcome in outcomes if outcome.acknowledged is not None]
-    beyond = [(outcome.written or 0) - (outcome.acknowledged or 0) for outcome in begun]
-    wrong = [mistake for outcome in outcomes for mistake in outcome.mistakes]
-    torn = sum(outcome.torn for outcome in begun)
-    print(f"{trials} writers killed, seed {seed}: {len(begun)} had begun, {torn} journals torn")
+    begun_outcomes = [outcome for outcome in outcomes if outcome.acknowledged is not None]
+    unacknowledged_counts = [(outcome.written or 0) - (outcome.acknowledged or 0) for outcome in begun_outcomes]
+    mistakes = [mistake for outcome in outcomes for mistake in outcome.mistakes]
+    torn_count = sum(outcome.torn for outcome in begun_outcomes)
+    print(f"{trials} writers killed, seed {seed}: {len(begun_outcomes)} had begun, {torn_count} journals torn")
     print(f"{sum(outcome.messages for outcome in outcomes)} messages recovered")
-    print(f"writes held beyond the last acknowledged one: {min(beyond, default=0)} to {max(beyond, default=0)}")
-    print(f"mistakes: {len(wrong)}")
-    for mistake in wrong[:20]:
+    print(
+        f"writes held beyond the last acknowledged one: "
+        f"{min(unacknowledged_counts, default=0)} to {max(unacknowledged_counts, default=0)}"
+    )
+    print(f"mistakes: {len(mistakes)}")
+    for mistake in mistakes[:20]:
         print(f"  {mistake}")
-    return 1 if wrong else 0
+    return 1 if mistakes else 0
 
 
 def robots(trials: int, seed: int) -> int:
@@ -35,15 +38,15 @@ def robots(trials: int, seed: int) -> int:
     for _ in range(trials):
         with tempfile.TemporaryDirectory(prefix="codra-kills-") as folder:
             outcomes.append(robot_trial(Path(folder), chance))
-    wrong = [mistake for outcome in outcomes for mistake in outcome.mistakes]
-    lived = [outcome.lived_s for outcome in outcomes]
-    print(f"{trials} robots killed, seed {seed}, after {min(lived):.2f} s to {max(lived):.2f} s")
+    mistakes = [mistake for outcome in outcomes for mistake in outcome.mistakes]
+    lifetimes_s = [outcome.lived_s for outcome in outcomes]
+    print(f"{trials} robots killed, seed {seed}, after {min(lifetimes_s):.2f} s to {max(lifetimes_s):.2f} s")
     print(f"{sum(outcome.messages for outcome in outcomes)} messages recovered")
     print(f"lost at most: {max(outcome.lost_s for outcome in outcomes):.3f} s")
-    print(f"mistakes: {len(wrong)}")
-    for mistake in wrong[:20]:
+    print(f"mistakes: {len(mistakes)}")
+    for mistake in mistakes[:20]:
         print(f"  {mistake}")
-    return 1 if wrong or any(outcome.lost_s > 1.0 for outcome in outcomes) else 0
+    return 1 if mistakes or any(outcome.lost_s > 1.0 for outcome in outcomes) else 0
 
 
 if __name__ == "__main__":

@@ -46,19 +46,19 @@ class RobotOutcome:
 def robot_trial(folder: Path, chance: Random) -> RobotOutcome:
     """Let a robot work, kill it at a random instant, and check its journal."""
     killed, mended = folder / "killed.mcap", folder / "mended.mcap"
-    printed_s = _killed(killed, chance)
+    last_printed_s = _killed(killed, chance)
     mistakes = [] if _codra("journal", "recover", str(killed), "--output", str(mended))[0] == 0 else ["not recovered"]
     with mended.open("rb") as stream:
         times = [message.log_time for *_, message in make_reader(stream, validate_crcs=True).iter_messages()]
-    code, output = _codra("replay", str(mended))
-    if code:
+    exit_code, output = _codra("replay", str(mended))
+    if exit_code:
         mistakes.append(f"its replay differs: {output}")
     _strip(mended, folder / "stripped.mcap")
-    code, output = _codra("replay", str(folder / "stripped.mcap"), "--journal", str(folder / "again.mcap"))
-    if code or not _come_back(mended, folder / "stripped.mcap", folder / "again.mcap"):
+    exit_code, output = _codra("replay", str(folder / "stripped.mcap"), "--journal", str(folder / "again.mcap"))
+    if exit_code or not _come_back(mended, folder / "stripped.mcap", folder / "again.mcap"):
         mistakes.append(f"variables and decisions are not derived again: {output}")
     edited, mistake = _edited(mended, folder, chance)
-    lost_s = max(0.0, printed_s - times[-1] / 1e9)
+    lost_s = max(0.0, last_printed_s - times[-1] / 1e9)
     lived_s = (times[-1] - times[0]) / 1e9
     return RobotOutcome(lived_s, lost_s, len(times), edited, (*mistakes, *mistake))
 
@@ -103,14 +103,16 @@ def _come_back(mended: Path, stripped: Path, again: Path) -> bool:
     The robot is killed amid the consequences of one event. So one journal may hold some events at its end that the
     other does not, from the last instant of the stripped journal on.
     """
-    last_s = _events(stripped)[-1].instant_s
+    last_instant_s = _events(stripped)[-1].instant_s
     recorded, derived = _events(mended), _events(again)
-    together = min(len(recorded), len(derived))
-    surplus = (*recorded[together:], *derived[together:])
-    same = [message_of(event) for event in recorded[:together]] == [message_of(event) for event in derived[:together]]
+    common_length = min(len(recorded), len(derived))
+    surplus = (*recorded[common_length:], *derived[common_length:])
+    are_equal = [message_of(event) for event in recorded[:common_length]] == [
+        message_of(event) for event in derived[:common_length]
+    ]
     if not surplus:
         return mended.read_bytes() == again.read_bytes()
-    return same and all(event.instant_s >= last_s for event in surplus)
+    return are_equal and all(event.instant_s >= last_instant_s for event in surplus)
 
 
 def _events(path: Path) -> list[Event]:
@@ -122,10 +124,17 @@ def _edited(path: Path, folder: Path, chance: Random) -> tuple[str, list[str]]:
     """Replay with a negated precondition of an algorithm that has looked; return a description of the edit."""
     with JournalReader(path) as reader:
         summary = reader.header().summary
-        looked = {event.name for event in reader.events() if event.kind is Kind.JOB and event.what == "started"}
-    rules = [rule for name in sorted(looked) for rule in summary.algorithms[name].conditions if rule.place is not None]
-    stated = [rule for rule in rules if rule.source_text and not rule.source_text.startswith("known(")]
-    place = chance.choice([rule.place for rule in stated])
+        started_algorithms = {
+            event.name for event in reader.events() if event.kind is Kind.JOB and event.what == "started"
+        }
+    rules = [
+        rule
+        for name in sorted(started_algorithms)
+        for rule in summary.algorithms[name].conditions
+        if rule.place is not None
+    ]
+    stated_rules = [rule for rule in rules if rule.source_text and not rule.source_text.startswith("known(")]
+    place = chance.choice([rule.place for rule in stated_rules])
     assert place is not None
     lines = (ROOT / SPEC).read_text().splitlines(keepends=True)
     before = lines[place.line - 1]
@@ -133,10 +142,10 @@ def _edited(path: Path, folder: Path, chance: Random) -> tuple[str, list[str]]:
     (folder / "specs").mkdir(exist_ok=True)
     (folder / "pyproject.toml").write_text("[tool.codra]\n")
     (folder / SPEC).write_text("".join(lines))
-    code, output = _codra("replay", str(path), "--spec", SPEC, cwd=folder)
+    exit_code, output = _codra("replay", str(path), "--spec", SPEC, cwd=folder)
     edited = f"line {place.line}, {before.strip()[2:]}: {output}"
     difference = re.search(
         r"^differs at event \d+, [-\d:. ]+ UTC: \w+ \w+( for [\w, ]+)?  \[specs/kitchen\.yaml:\d+", output, re.M
     )
     named = re.search(rf"the spec differs: \w+, observable_when: .*\[specs/kitchen\.yaml:{place.line}\b", output)
-    return edited, [] if code == 1 and difference and named else [f"the edit is not named: {edited}"]
+    return edited, [] if exit_code == 1 and difference and named else [f"the edit is not named: {edited}"]

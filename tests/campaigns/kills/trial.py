@@ -58,7 +58,7 @@ def trial(folder: Path, chance: Random) -> Outcome:
     time.sleep(chance.random() * LONGEST_S)
     os.kill(writer, signal.SIGKILL)
     os.waitpid(writer, 0)
-    acknowledged = _last(reads)
+    acknowledged = _last_acknowledged(reads)
     try:
         torn = recover(path, target).damage.is_torn
     except (JournalError, FileNotFoundError) as error:
@@ -67,18 +67,18 @@ def trial(folder: Path, chance: Random) -> Outcome:
     return _judged(target, acknowledged, torn)
 
 
-def _last(reads: int) -> int | None:
+def _last_acknowledged(reads: int) -> int | None:
     with os.fdopen(reads, "rb") as pipe:
-        data = pipe.read()
-    end = len(data) // ACKNOWLEDGED_BYTES * ACKNOWLEDGED_BYTES
-    return int.from_bytes(data[end - ACKNOWLEDGED_BYTES : end]) if end else None
+        acknowledgements = pipe.read()
+    end = len(acknowledgements) // ACKNOWLEDGED_BYTES * ACKNOWLEDGED_BYTES
+    return int.from_bytes(acknowledgements[end - ACKNOWLEDGED_BYTES : end]) if end else None
 
 
 def _judged(target: Path, acknowledged: int | None, torn: bool) -> Outcome:
     mistakes = []
     with target.open("rb") as stream:
-        notes = make_reader(stream, validate_crcs=True).iter_messages(log_time_order=False)
-        messages = [(channel.topic, message) for _, channel, message in notes]
+        mcap_records = make_reader(stream, validate_crcs=True).iter_messages(log_time_order=False)
+        messages = [(channel.topic, message) for _, channel, message in mcap_records]
     counts = [json.loads(message.data)["value"] for topic, message in messages if topic == "/codra/context/count"]
     written = counts[-1] if counts else 0
     if [message.sequence for _, message in messages] != list(range(1, len(messages) + 1)):

@@ -18,9 +18,9 @@ from tests.campaigns.mutants.mutation import Mutant, Slip, laid_out
 
 SUGGESTION = re.compile(r"did you mean (?P<quote>['\"])(?P<name>.*?)(?P=quote)")
 QUOTED = re.compile(r"'([^']*)'|\"([^\"]*)\"")
-FOR_PEOPLE = re.compile(r"^\s*(?:-\s*)?\{?.*\b(?:label|description|title)\b")
+HUMAN_TEXT_LINE = re.compile(r"^\s*(?:-\s*)?\{?.*\b(?:label|description|title)\b")
 DECLARED = re.compile(r"(?!call:|with:)[\w$()]+:|name: ")
-LEFT_OUT = {"sources.json", "manifest.json"}
+IGNORED_FILES = {"sources.json", "manifest.json"}
 
 
 class Fate(StrEnum):
@@ -48,8 +48,8 @@ class Verdict:
 
         It is correct if it is the original token, or a name in the message with the original token restored.
         """
-        matches = ((finding, SUGGESTION.search(finding.help)) for finding in self.findings)
-        first = next(((finding, match["name"]) for finding, match in matches if match is not None), None)
+        findings_and_matches = ((finding, SUGGESTION.search(finding.help)) for finding in self.findings)
+        first = next(((finding, match["name"]) for finding, match in findings_and_matches if match is not None), None)
         if first is None or self.mutant.slip is not Slip.RENAME:
             return None
         finding, name = first
@@ -99,7 +99,7 @@ def _fate(before: Original, mutant: Mutant, meaning: Mapping[str, str], new: tup
         return Fate.FAR
     if meaning == before.meaning:
         return Fate.HARMLESS
-    if FOR_PEOPLE.match(mutant.context):
+    if HUMAN_TEXT_LINE.match(mutant.context):
         return Fate.PROSE
     return Fate.NAME if _only_names(before.meaning, meaning, mutant) else Fate.MISSED
 
@@ -135,7 +135,7 @@ def compiled(files: Mapping[str, str]) -> tuple[dict[str, str], tuple[Diagnostic
     with tempfile.TemporaryDirectory() as name:
         root = Path(name)
         compilation = compile_paths([laid_out(files, root)], root)
-        code = {path: text for path, text in compilation.files.items() if Path(path).name not in LEFT_OUT}
+        code = {path: text for path, text in compilation.files.items() if Path(path).name not in IGNORED_FILES}
         return code, compilation.planned.diagnostics
 
 

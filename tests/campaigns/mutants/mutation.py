@@ -74,17 +74,17 @@ class Mutant:
 
 def projects() -> dict[str, dict[str, str]]:
     """Return the files of every valid spec of this repository, by the spec's path."""
-    by_path = {}
+    files_by_path = {}
     for spec in sorted((ROOT / "specs").glob("*.yaml")):
-        by_path[f"specs/{spec.name}"] = _with_parts(spec, ROOT / "specs")
+        files_by_path[f"specs/{spec.name}"] = _with_parts(spec, ROOT / "specs")
     valid = ROOT / "tests" / "cases" / "valid"
     for spec in sorted([*valid.glob("*.yaml"), *valid.glob("*/spec.yaml")]):
-        by_path[f"valid/{spec.relative_to(valid)}"] = _with_parts(spec, spec.parent)
+        files_by_path[f"valid/{spec.relative_to(valid)}"] = _with_parts(spec, spec.parent)
     for page in sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md")]):
         for index, block in enumerate(blocks(page)):
             if block.kind == "yaml" and block.body.startswith("codra: 1\nname:") and "include" not in block.body:
-                by_path[f"{page.name}#{index}"] = {"spec.yaml": block.body}
-    return by_path
+                files_by_path[f"{page.name}#{index}"] = {"spec.yaml": block.body}
+    return files_by_path
 
 
 def _with_parts(spec: Path, folder: Path) -> dict[str, str]:

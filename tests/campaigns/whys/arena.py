@@ -118,7 +118,9 @@ class Run:
             for member in vars(module).values()
             if isinstance(member, type) and issubclass(member, ContextManager)
         ]
-        self.manager: ContextManager[Any, Any] = next(class_ for class_ in classes if class_ is not ContextManager)(
+        self.manager: ContextManager[Any, Any] = next(
+            manager_class for manager_class in classes if manager_class is not ContextManager
+        )(
             self.model,
             clock=self.clock,
             resources={resource.name: object() for resource in self.model.resources if resource.slots is None},
@@ -142,19 +144,19 @@ class Run:
         return look
 
 
-def random_value(kind: ValueType, chance: Random) -> object:
+def random_value(value_type: ValueType, chance: Random) -> object:
     """Return a random value of a type, or sometimes None if the type is optional."""
-    if kind.optional and chance.random() < 0.1:
+    if value_type.optional and chance.random() < 0.1:
         return None
-    if kind.kind in ("int", "float"):
-        low, high = kind.range or (-float("inf"), float("inf"))
+    if value_type.kind in ("int", "float"):
+        low, high = value_type.range or (-float("inf"), float("inf"))
         fit = [
             number
             for number in _NUMBERS
-            if low <= number <= high and (kind.kind == "float" or float(number).is_integer())
+            if low <= number <= high and (value_type.kind == "float" or float(number).is_integer())
         ]
-        return int(chance.choice(fit)) if kind.kind == "int" else chance.choice(fit)
-    return chance.choice(kind.members or (True, False))
+        return int(chance.choice(fit)) if value_type.kind == "int" else chance.choice(fit)
+    return chance.choice(value_type.members or (True, False))
 
 
 def run_until(module: ModuleType, seed: int, end_s: float, journal: Path | None) -> Run:
@@ -180,8 +182,10 @@ def _do_something(run: Run, chance: Random) -> None:
         with run.manager.skill(skill.name) as begun, begun.acting():
             run.clock.sleep(0.0)
     else:
-        written = chance.choice([candidate for candidate in run.model.variables if "observer" not in candidate.sources])
-        write(run, written.name, random_value(written.type, chance))
+        written_variable = chance.choice(
+            [candidate for candidate in run.model.variables if "observer" not in candidate.sources]
+        )
+        write(run, written_variable.name, random_value(written_variable.type, chance))
 
 
 def write(run: Run, name: str, value: object) -> None:

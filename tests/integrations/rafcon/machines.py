@@ -75,21 +75,21 @@ def script(name: str, method: str = "", annotation: Mapping[str, object] | None 
 
 def sequence(name: str, *states: State, annotation: Mapping[str, object] | None = None) -> HierarchyState:
     """Return a sequence of states; the outcomes of the last state are those of the sequence."""
-    parent = HierarchyState(name, state_id=name.upper())
+    hierarchy_state = HierarchyState(name, state_id=name.upper())
     if annotation is not None:
-        parent.add_semantic_data([], dict(annotation), "codra")
+        hierarchy_state.add_semantic_data([], dict(annotation), "codra")
     for state in states:
-        parent.add_state(state)
-    parent.set_start_state(states[0])
+        hierarchy_state.add_state(state)
+    hierarchy_state.set_start_state(states[0])
     last = states[-1]
     for number in (number for number in last.outcomes if number > 0):
-        parent.add_outcome(last.outcomes[number].name, number)
+        hierarchy_state.add_outcome(last.outcomes[number].name, number)
     for state, after in pairwise(states):
         for number in (number for number in state.outcomes if number >= 0):
-            parent.add_transition(state.state_id, number, after.state_id, None)
+            hierarchy_state.add_transition(state.state_id, number, after.state_id, None)
     for number in (number for number in last.outcomes if number >= 0):
-        parent.add_transition(last.state_id, number, parent.state_id, number)
-    return parent
+        hierarchy_state.add_transition(last.state_id, number, hierarchy_state.state_id, number)
+    return hierarchy_state
 
 
 @contextmanager

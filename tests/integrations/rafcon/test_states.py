@@ -202,8 +202,8 @@ def test_in_simulated_time_the_same_run_writes_the_same_journal(tmp_path: Path) 
 
 def test_concurrent_states_are_refused_in_simulated_time() -> None:
     both = BarrierConcurrencyState("both", state_id="BOTH")
-    raises_error = pytest.raises(ValueError, match=r"ROOT/BOTH runs states concurrently.*use run_in_real_time")
-    with started(Door()) as (manager, clock), machine_of(both) as machine, raises_error:
+    expected_error = pytest.raises(ValueError, match=r"ROOT/BOTH runs states concurrently.*use run_in_real_time")
+    with started(Door()) as (manager, clock), machine_of(both) as machine, expected_error:
         run_in_simulated_time(machine, manager, clock)
 
 

@@ -10,20 +10,20 @@ from pathlib import Path
 import codra_dsl
 from codra_dsl.runtime import Reason
 
-FILE = Path(codra_dsl.__file__).parent / "schema.json"
+SCHEMA_FILE = Path(codra_dsl.__file__).parent / "schema.json"
 
 
 def test_the_schema_lists_the_reasons_of_the_runtime(renew_cases: bool) -> None:
-    schema = json.loads(FILE.read_text("utf-8"))
-    choice = schema["$defs"]["belief_object"]["properties"]["unknown"]
-    choice["enum"] = ["any", *Reason]
-    choice["markdownEnumDescriptions"] = ["any reason", *(reason.meaning for reason in Reason)]
-    text = json.dumps(schema, indent=2, ensure_ascii=False) + "\n"
+    schema = json.loads(SCHEMA_FILE.read_text("utf-8"))
+    reason_schema = schema["$defs"]["belief_object"]["properties"]["unknown"]
+    reason_schema["enum"] = ["any", *Reason]
+    reason_schema["markdownEnumDescriptions"] = ["any reason", *(reason.meaning for reason in Reason)]
+    schema_text = json.dumps(schema, indent=2, ensure_ascii=False) + "\n"
 
     if renew_cases:
-        FILE.write_text(text, "utf-8")
+        SCHEMA_FILE.write_text(schema_text, "utf-8")
 
-    assert FILE.read_text("utf-8") == text
+    assert SCHEMA_FILE.read_text("utf-8") == schema_text
 
 
 def test_a_reason_equals_its_word() -> None:

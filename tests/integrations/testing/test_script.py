@@ -26,7 +26,7 @@ class Counter:
         return {"count": self.count, "at_s": job.now_s()}
 
 
-def in_a_job(perceive: Callable[..., object]) -> object:
+def run_in_job(perceive: Callable[..., object]) -> object:
     results: list[object] = []
     clock = SimClock()
 
@@ -44,9 +44,9 @@ def test_a_class_of_the_user_keeps_its_state_when_one_of_its_jobs_fails() -> Non
     assert isinstance(function, type)
     counter = function()
 
-    assert in_a_job(counter.perceive) == {"count": 1, "at_s": 0.0}
+    assert run_in_job(counter.perceive) == {"count": 1, "at_s": 0.0}
     script.change(Behaviour(algorithm="count", place=PLACE, fault=Fault(raises="no frame", jobs=1)))
     with pytest.raises(RuntimeError, match="no frame"):
-        in_a_job(counter.perceive)
+        run_in_job(counter.perceive)
 
-    assert in_a_job(counter.perceive) == {"count": 2, "at_s": 0.0}
+    assert run_in_job(counter.perceive) == {"count": 2, "at_s": 0.0}

@@ -24,9 +24,9 @@ start:
 
 
 def failure_text(text: str) -> str:
-    with pytest.raises(StoryFailed) as caught:
+    with pytest.raises(StoryFailed) as error_info:
         kitchen_run(text).play()
-    return str(caught.value)
+    return str(error_info.value)
 
 
 # Messages of failures

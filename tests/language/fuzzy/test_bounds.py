@@ -19,7 +19,7 @@ from codra_dsl.runtime.loops.fuzzy.bounds import (
     End,
     clipped,
     image,
-    joined,
+    join,
     known,
     point,
     refined,
@@ -139,7 +139,7 @@ def test_a_missing_value_is_replaced_by_the_previous_one_or_the_default() -> Non
     assert known(UNKNOWN, point(0.9)) == point(0.9)
     assert known(UNKNOWN, UNKNOWN, point(0.1)) == point(0.1)
     assert known(partly, UNKNOWN) == partly
-    assert joined(point(0.1), UNKNOWN) == Bounds(0.1, 0.1, may_be_unknown=True)
+    assert join(point(0.1), UNKNOWN) == Bounds(0.1, 0.1, may_be_unknown=True)
     assert clipped(Bounds(-3.0, 0.5), 0.0, 1.0) == Bounds(0.0, 0.5)
     assert clipped(ANYTHING, 0.0, 1.0) == Bounds(0.0, 1.0, may_be_unknown=True)
 

@@ -77,7 +77,7 @@ def test_a_report_counts_from_the_instant_of_its_evidence() -> None:
         assert (reading.evidence_s, reading.start_s, reading.identified_s) == (96.0, 96.0, 100.0)
         house.set("light", 50, evidence_s=95.0)
         assert manager.get("light").value == 300.0
-        assert [entry.value for entry in manager.history("light")] == [50.0, 300.0]
+        assert [reading.value for reading in manager.history("light")] == [50.0, 300.0]
         clock.sleep(6.0)
         assert manager.get("light").reason is Reason.STALE
 

@@ -423,9 +423,9 @@ def test_shadow_mode_looks_in_any_case_and_records_whether_context_agrees() -> N
         clock.sleep(2)
         for result in (True, False, np.True_, None):
             assert manager.decide("open", lambda result=result: result, shadow=True) is result
-        outcomes = [(event.what, event.details.get("agrees")) for event in manager.record.of(Kind.DECISION)]
+        agreements = [(event.what, event.details.get("agrees")) for event in manager.record.of(Kind.DECISION)]
         assert manager.record.text().count("shadowed") == 4
-    assert outcomes == [("shadowed", True), ("shadowed", False), ("shadowed", True), ("shadowed", None)]
+    assert agreements == [("shadowed", True), ("shadowed", False), ("shadowed", True), ("shadowed", None)]
 
 
 def test_shadow_mode_does_not_write_to_the_context() -> None:
@@ -472,10 +472,10 @@ def test_the_main_execution_goes_first_when_slots_become_free() -> None:
 
 
 def test_a_resource_without_slots_is_refused() -> None:
-    message = r"'world' has no slots: use its handle"
+    message_pattern = r"'world' has no slots: use its handle"
     with (
         started_forest(forest([]), World()) as manager,
-        pytest.raises(UnknownNameError, match=message),
+        pytest.raises(UnknownNameError, match=message_pattern),
         manager.slot("world"),
     ):
         pass

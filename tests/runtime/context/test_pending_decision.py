@@ -16,18 +16,18 @@ from tests.runtime.door import MODEL, Door, Manager, started
 from tests.runtime.journal.journals import read
 
 
-def in_steps(manager: Manager, clock: SimClock, seen: bool | None, wait_s: float, shadow: bool) -> object:
-    pending = manager.ask("open", wait_up_to_s=wait_s, shadow=shadow)
-    while pending.poll() is DecisionState.WAITING:
-        pending.wait(0.3)
-    if pending.state is DecisionState.ANSWERED:
-        return pending.value
+def decide_in_steps(manager: Manager, clock: SimClock, seen: bool | None, wait_s: float, shadow: bool) -> object:
+    pending_decision = manager.ask("open", wait_up_to_s=wait_s, shadow=shadow)
+    while pending_decision.poll() is DecisionState.WAITING:
+        pending_decision.wait(0.3)
+    if pending_decision.state is DecisionState.ANSWERED:
+        return pending_decision.value
     clock.sleep(2.0)
-    pending.record_result(seen)
+    pending_decision.record_result(seen)
     return seen
 
 
-def at_once(manager: Manager, clock: SimClock, seen: bool | None, wait_s: float, shadow: bool) -> object:
+def decide_at_once(manager: Manager, clock: SimClock, seen: bool | None, wait_s: float, shadow: bool) -> object:
     def look() -> bool | None:
         clock.sleep(2.0)
         return seen
@@ -47,7 +47,7 @@ def test_in_steps_or_at_once_a_decision_has_the_same_answer_and_the_same_events(
     *, markers: int, declared: bool, before_s: float, seen: bool | None, wait_s: float, shadow: bool
 ) -> None:
     results = []
-    for decide in (in_steps, at_once):
+    for decide in (decide_in_steps, decide_at_once):
         with started(Door(angle_rad=1.0, markers=markers)) as (manager, clock):
             if declared:
                 manager.declare("open")
@@ -60,9 +60,9 @@ def test_in_steps_or_at_once_a_decision_has_the_same_answer_and_the_same_events(
 
 def test_a_result_of_another_type_is_refused_and_recorded() -> None:
     with started(Door()) as (manager, _):
-        pending = manager.ask("open")
+        pending_decision = manager.ask("open")
         with pytest.raises(NotOfTypeError):
-            pending.record_result("wide")
+            pending_decision.record_result("wide")
 
         (event,) = manager.record.of(Kind.DECISION)
         assert (event.what, event.details["raised"]) == ("fell_back", "NotOfTypeError")
@@ -71,10 +71,10 @@ def test_a_result_of_another_type_is_refused_and_recorded() -> None:
 def test_a_result_is_refused_if_no_look_was_requested() -> None:
     with started(Door()) as (manager, _):
         manager.declare("open", value=True)
-        pending = manager.ask("open")
-        assert pending.value is True
+        pending_decision = manager.ask("open")
+        assert pending_decision.value is True
         with pytest.raises(RuntimeError, match="no look was requested"):
-            pending.record_result(False)
+            pending_decision.record_result(False)
         with pytest.raises(RuntimeError, match="has not answered"):
             _ = manager.ask("open", since_s=math.inf).value
 
@@ -84,9 +84,9 @@ def test_a_decision_that_was_abandoned_while_it_waited_is_no_longer_urgent() -> 
         manager.declare("open")
         urgency = manager.commands.urgency
         assert {urgency(name) for name in manager.running()} == {Urgency.DECLARED}
-        pending = manager.ask("open", since_s=math.inf, wait_up_to_s=5.0)
+        pending_decision = manager.ask("open", since_s=math.inf, wait_up_to_s=5.0)
         assert Urgency.WAITED_FOR in {urgency(name) for name in manager.running()}
-        pending.abandon("interrupted")
+        pending_decision.abandon("interrupted")
         assert {urgency(name) for name in manager.running()} == {Urgency.DECLARED}
 
 
@@ -94,12 +94,12 @@ def test_a_run_with_abandoned_decisions_replays(tmp_path: Path) -> None:
     clock, path = SimClock(), tmp_path / "run.mcap"
     with ContextManager[str, str](MODEL, clock=clock, resources={"door": Door()}, record=Journal(path)) as manager:
         manager.ask("open", wait_up_to_s=5.0).abandon("interrupted")
-        pending = manager.ask("open")
+        pending_decision = manager.ask("open")
         clock.sleep(1.0)
-        pending.abandon("interrupted")
-        pending.abandon("interrupted")
-        text = manager.record.text()
+        pending_decision.abandon("interrupted")
+        pending_decision.abandon("interrupted")
+        log_text = manager.record.text()
 
-    assert text.count("interrupted") == 2
-    head, events = read(path)
-    assert replay(head, events, MODEL, ContextManager[str, str], None).difference is None
+    assert log_text.count("interrupted") == 2
+    header, events = read(path)
+    assert replay(header, events, MODEL, ContextManager[str, str], None).difference is None

@@ -234,7 +234,7 @@ def hammer(manager: Manager, clock: WallClock, seed: int, skills: tuple[SkillMod
 
 def test_many_threads_leave_no_observer_running_or_missing(clock: WallClock) -> None:
     model = random_forest(11)
-    world = World({f"look_{observer_.name[2:]}": takes(0.002, YES) for observer_ in model.observers})
+    world = World({f"look_{observer_model.name[2:]}": takes(0.002, YES) for observer_model in model.observers})
     with started(model, world, clock) as manager:
         errors: list[BaseException] = []
 

@@ -110,9 +110,9 @@ def a_journal(path: Path) -> ContextManager[Any, Any]:
 def test_a_journal_gives_the_same_report(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     manager = a_journal(path)
-    head, events = read(path)
+    header, events = read(path)
     assert shadow_report(events) == manager.shadow_report()
-    assert replay(head, events, MODEL, ContextManager, None).difference is None
+    assert replay(header, events, MODEL, ContextManager, None).difference is None
 
     result = CliRunner().invoke(app, ["shadow", str(path)])
     assert (result.exit_code, result.stdout) == (0, f"{manager.shadow_report()}\n")

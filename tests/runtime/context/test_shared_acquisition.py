@@ -51,22 +51,22 @@ def door(tmp_path: Path) -> Any:
 
 
 def test_an_agent_is_woken_by_an_observed_variable_until_it_unsubscribes(door: Any, tmp_path: Path) -> None:
-    clock, wakes_s = SimClock(), list[float]()
+    clock, wake_times_s = SimClock(), list[float]()
     with door.start(clock=clock, resources={}, record=Journal(tmp_path / "run.mcap")) as codra:
         speaker = codra.agent("speaker")
         assert codra.declared() == frozenset()
-        subscription = speaker.on_wake(lambda _: wakes_s.append(clock.now_s()))
+        subscription = speaker.on_wake(lambda _: wake_times_s.append(clock.now_s()))
         again = speaker.on_wake(lambda _: None)
         clock.sleep(3.0)
-        assert (len(wakes_s), codra.declared()) == (1, {"door_open"})
+        assert (len(wake_times_s), codra.declared()) == (1, {"door_open"})
         assert codra.commands.declarations.of("agent speaker") == ("door_open",)
         subscription.unsubscribe()
         subscription.unsubscribe()
         assert codra.declared() == {"door_open"}
         again.unsubscribe()
         assert (codra.declared(), codra.running()) == (frozenset(), frozenset())
-    head, events = read(tmp_path / "run.mcap")
-    assert replay(head, events, door.MODEL, door.Door, None, knowledge=door.KNOWLEDGE).difference is None
+    header, events = read(tmp_path / "run.mcap")
+    assert replay(header, events, door.MODEL, door.Door, None, knowledge=door.KNOWLEDGE).difference is None
 
 
 def test_an_agent_with_a_closed_handle_declares_no_variable_even_after_the_context(door: Any) -> None:

@@ -25,7 +25,7 @@ def in_real_time() -> Iterator[Manager]:
         yield manager
 
 
-def state(reading: Reading[object]) -> object:
+def value_or_reason(reading: Reading[object]) -> object:
     return reading.value if reading.known else reading.reason
 
 
@@ -33,9 +33,9 @@ def state(reading: Reading[object]) -> object:
 
 
 def test_a_subscriber_gets_the_present_reading_and_then_each_change_at_its_instant() -> None:
-    clock, received = SimClock(), []
+    clock, notifications = SimClock(), []
     with started(MODEL, World(), clock) as manager:
-        manager.subscribe("a", lambda reading: received.append((clock.now_s(), state(reading))))
+        manager.subscribe("a", lambda reading: notifications.append((clock.now_s(), value_or_reason(reading))))
         clock.sleep(1.0)
         manager.set("a", True)
         clock.sleep(1.0)
@@ -43,29 +43,29 @@ def test_a_subscriber_gets_the_present_reading_and_then_each_change_at_its_insta
         clock.sleep(1.0)
         manager.set("a", False)
         clock.sleep(50.0)
-    assert received == [(0.0, Reason.NEVER_OBSERVED), (1.0, True), (3.0, False), (13.0, Reason.STALE)]
+    assert notifications == [(0.0, Reason.NEVER_OBSERVED), (1.0, True), (3.0, False), (13.0, Reason.STALE)]
 
 
 def test_changes_of_several_variables_arrive_in_their_order() -> None:
-    clock, received = SimClock(), []
+    clock, notifications = SimClock(), []
     with started(MODEL, World(), clock) as manager:
-        manager.subscribe(["n", "a"], lambda reading: received.append((reading.name, state(reading))))
+        manager.subscribe(["n", "a"], lambda reading: notifications.append((reading.name, value_or_reason(reading))))
         clock.sleep(1.0)
         for number in range(3):
             manager.set("n", number)
             manager.set("a", number % 2 == 0)
         clock.sleep(0.0)
-    assert received[2:] == [("n", 0), ("a", True), ("n", 1), ("a", False), ("n", 2), ("a", True)]
+    assert notifications[2:] == [("n", 0), ("a", True), ("n", 1), ("a", False), ("n", 2), ("a", True)]
 
 
 def test_changes_by_observers_are_reported() -> None:
-    clock, received = SimClock(), []
+    clock, notifications = SimClock(), []
     model = forest([variable("a")], observer("o", seen("look", "a")))
     with started(model, World({"look": takes(0.5, {"seen": True})}), clock) as manager:
-        manager.subscribe("a", lambda reading: received.append((clock.now_s(), state(reading))))
+        manager.subscribe("a", lambda reading: notifications.append((clock.now_s(), value_or_reason(reading))))
         manager.declare("a")
         clock.sleep(5.0)
-    assert received == [(0.0, Reason.NEVER_OBSERVED), (0.5, True)]
+    assert notifications == [(0.0, Reason.NEVER_OBSERVED), (0.5, True)]
 
 
 def test_subscribing_does_not_declare_the_variable() -> None:
@@ -76,51 +76,51 @@ def test_subscribing_does_not_declare_the_variable() -> None:
 
 
 def test_older_evidence_without_a_present_change_is_not_reported() -> None:
-    clock, received = SimClock(100.0), []
+    clock, notifications = SimClock(100.0), []
     with started(MODEL, World(), clock) as manager:
         manager.set("n", 1)
-        manager.subscribe("n", lambda reading: received.append(state(reading)))
+        manager.subscribe("n", lambda reading: notifications.append(value_or_reason(reading)))
         manager.set("n", 2, evidence_s=50.0)
         clock.sleep(1.0)
-    assert received == [1]
+    assert notifications == [1]
 
 
 def test_after_unsubscribing_no_change_is_reported_not_even_a_waiting_one() -> None:
-    clock, received = SimClock(), list[object]()
+    clock, notifications = SimClock(), list[object]()
     with started(MODEL, World(), clock) as manager:
-        subscription = manager.subscribe("n", lambda reading: received.append(state(reading)))
+        subscription = manager.subscribe("n", lambda reading: notifications.append(value_or_reason(reading)))
         clock.sleep(0.0)
         manager.set("n", 1)
         subscription.unsubscribe()
         subscription.unsubscribe()
         manager.set("n", 2)
         clock.sleep(1.0)
-        with manager.subscribe("n", lambda reading: received.append(state(reading))):
+        with manager.subscribe("n", lambda reading: notifications.append(value_or_reason(reading))):
             clock.sleep(0.0)
         manager.set("n", 3)
         clock.sleep(1.0)
-    assert received == [Reason.NEVER_OBSERVED, 2]
+    assert notifications == [Reason.NEVER_OBSERVED, 2]
 
 
 def test_a_callback_may_end_its_own_subscription_and_write() -> None:
-    clock, received = SimClock(), list[object]()
+    clock, notifications = SimClock(), list[object]()
     with started(MODEL, World(), clock) as manager:
 
         def once(reading: Reading[object]) -> None:
-            received.append(state(reading))
+            notifications.append(value_or_reason(reading))
             manager.set("n", 7)
             subscription.unsubscribe()
 
         subscription = manager.subscribe("n", once)
         clock.sleep(1.0)
-        assert (received, manager.get("n").value) == ([Reason.NEVER_OBSERVED], 7)
+        assert (notifications, manager.get("n").value) == ([Reason.NEVER_OBSERVED], 7)
 
 
 def test_a_callback_that_raises_is_logged_and_gets_the_next_change(caplog: pytest.LogCaptureFixture) -> None:
-    clock, received = SimClock(), list[object]()
+    clock, notifications = SimClock(), list[object]()
 
     def raises(reading: Reading[object]) -> None:
-        received.append(state(reading))
+        notifications.append(value_or_reason(reading))
         raise ValueError("no thanks")
 
     with started(MODEL, World(), clock) as manager, caplog.at_level(logging.ERROR):
@@ -129,7 +129,7 @@ def test_a_callback_that_raises_is_logged_and_gets_the_next_change(caplog: pytes
         clock.sleep(1.0)
         manager.set("n", 2)
         clock.sleep(1.0)
-    assert received == [Reason.NEVER_OBSERVED, 1, 2]
+    assert notifications == [Reason.NEVER_OBSERVED, 1, 2]
     assert [str(record.exc_info[1]) for record in caplog.records if record.exc_info] == ["no thanks"] * 3
 
 
@@ -150,7 +150,7 @@ def test_a_name_that_the_spec_lacks_cannot_be_subscribed_to() -> None:
 
 
 def test_a_callback_runs_in_a_thread_without_any_lock_and_in_order() -> None:
-    received, done = list[object](), threading.Event()
+    notifications, done = list[object](), threading.Event()
     with in_real_time() as manager:
 
         def slowly(reading: Reading[object]) -> None:
@@ -158,7 +158,7 @@ def test_a_callback_runs_in_a_thread_without_any_lock_and_in_order() -> None:
             other.start()
             other.join(PATIENCE_S)
             assert not other.is_alive()
-            received.append(state(reading))
+            notifications.append(value_or_reason(reading))
             if reading.content == 9:
                 done.set()
 
@@ -166,28 +166,28 @@ def test_a_callback_runs_in_a_thread_without_any_lock_and_in_order() -> None:
         for number in range(10):
             manager.set("n", number)
         assert done.wait(PATIENCE_S)
-    assert received == [Reason.NEVER_OBSERVED, *range(10)]
+    assert notifications == [Reason.NEVER_OBSERVED, *range(10)]
 
 
 def test_a_callback_that_hangs_delays_neither_writers_nor_other_callbacks() -> None:
-    release, received = threading.Event(), threading.Event()
+    release, notifications = threading.Event(), threading.Event()
     with in_real_time() as manager:
         slow = manager.subscribe("n", lambda _: release.wait(PATIENCE_S))
-        manager.subscribe("n", lambda reading: received.set() if reading.content == 2 * MOST_WAITING else None)
+        manager.subscribe("n", lambda reading: notifications.set() if reading.content == 2 * MOST_WAITING else None)
         for number in range(2 * MOST_WAITING + 1):
             manager.set("n", number)
-        assert received.wait(PATIENCE_S)
+        assert notifications.wait(PATIENCE_S)
         assert slow.dropped >= MOST_WAITING
         release.set()
 
 
 def test_with_too_many_changes_the_newest_are_reported() -> None:
-    release, done, received = threading.Event(), threading.Event(), list[object]()
+    release, done, notifications = threading.Event(), threading.Event(), list[object]()
     last = 2 * MOST_WAITING
 
     def slowly(reading: Reading[object]) -> None:
         release.wait(PATIENCE_S)
-        received.append(reading.content)
+        notifications.append(reading.content)
         if reading.content == last:
             done.set()
 
@@ -197,8 +197,8 @@ def test_with_too_many_changes_the_newest_are_reported() -> None:
             manager.set("n", number)
         release.set()
         assert done.wait(PATIENCE_S)
-    assert len(received) + subscription.dropped == last + 2
-    assert received[-MOST_WAITING:] == list(range(last + 1 - MOST_WAITING, last + 1))
+    assert len(notifications) + subscription.dropped == last + 2
+    assert notifications[-MOST_WAITING:] == list(range(last + 1 - MOST_WAITING, last + 1))
 
 
 def test_a_callback_that_exits_its_thread_gets_the_next_change() -> None:

@@ -142,9 +142,9 @@ def test_a_run_under_threads_is_replayed_byte_for_byte(tmp_path: Path, seed: int
         end_s = clock.now_s() + 1.5
         assert in_threads(4, lambda number: hammer(manager, clock, number, end_s)) == []
 
-    head, events = read(path)
-    replayed = replay(head, events, model, Manager, Journal(tmp_path / "again.mcap"))
-    assert replayed.difference is None
+    header, events = read(path)
+    replay_result = replay(header, events, model, Manager, Journal(tmp_path / "again.mcap"))
+    assert replay_result.difference is None
     assert (tmp_path / "again.mcap").read_bytes() == path.read_bytes()
     assert {"met", "violated", "not_seen"} <= {event.what for event in events if event.kind is Kind.EXPECTATION}
     reasons = {event.details["reason"] for event in events if event.kind is Kind.JOB and event.what == "rejected"}

@@ -302,7 +302,9 @@ def test_every_earlier_state_gives_the_same_answers(steps: list[tuple[Any, ...]]
         elif step[0] == "set" and step[1] != step[2]:
             with contextlib.suppress(FrameError):
                 frames = frames.with_pose(*step[1:], FREE)
-    assert [answer(state, *question) for state, question, _ in answers] == [answered for *_, answered in answers]
+    assert [answer(earlier_frames, *question) for earlier_frames, question, _ in answers] == [
+        earlier_answer for *_, earlier_answer in answers
+    ]
 
 
 def answer(frames: Frames, target: str, source: str, at_s: float) -> object:

@@ -160,7 +160,7 @@ def test_a_callback_that_deletes_its_matches_is_called_until_there_are_no_matche
     detection = knowledge.as_agent("container_detection")
 
     def delete(change: Change) -> None:
-        match_counts.append((len(change.new), len(change.over), len(change.matches)))
+        match_counts.append((len(change.new), len(change.ended), len(change.matches)))
         for match in change.matches:
             detection.delete_node(match.node("box"))
             with pytest.raises(AbsentError):
@@ -173,20 +173,20 @@ def test_a_callback_that_deletes_its_matches_is_called_until_there_are_no_matche
 
 
 def test_a_callback_may_end_its_own_subscription_and_begin_others() -> None:
-    clock, match_counts, other_counts = SimClock(), [], []
+    clock, match_counts, other_match_counts = SimClock(), [], []
     knowledge = store(clock)
 
     def once(change: Change) -> None:
         match_counts.append(len(change.matches))
         subscription.unsubscribe()
         subscription.unsubscribe()
-        knowledge.subscribe(lambda other: other_counts.append(len(other.matches)), BOXES)
+        knowledge.subscribe(lambda other: other_match_counts.append(len(other.matches)), BOXES)
 
     subscription = knowledge.subscribe(once, BOXES)
     for name in ("a", "b"):
         put(knowledge, name)
         clock.sleep(1.0)
-    assert (match_counts, other_counts) == ([1], [1, 2])
+    assert (match_counts, other_match_counts) == ([1], [1, 2])
 
 
 def test_callbacks_continue_after_one_has_ended_its_thread(caplog: pytest.LogCaptureFixture) -> None:

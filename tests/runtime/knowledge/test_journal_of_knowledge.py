@@ -81,9 +81,9 @@ def test_every_message_of_a_journal_fits_its_closed_schema(tmp_path: Path) -> No
 def test_a_replay_writes_the_same_journal_byte_for_byte(tmp_path: Path) -> None:
     run(tmp_path / "run.mcap")
     head, events = read(tmp_path / "run.mcap")
-    result = replay(head, events, MODEL, ContextManager[str, str], Journal(tmp_path / "again.mcap"), KNOWLEDGE)
-    assert result.difference is None
-    assert result.derived[Kind.KNOWLEDGE] > 30
+    replay_result = replay(head, events, MODEL, ContextManager[str, str], Journal(tmp_path / "again.mcap"), KNOWLEDGE)
+    assert replay_result.difference is None
+    assert replay_result.derived[Kind.KNOWLEDGE] > 30
     assert (tmp_path / "again.mcap").read_bytes() == (tmp_path / "run.mcap").read_bytes()
 
 

@@ -429,10 +429,12 @@ def test_snapshots_never_contain_a_part_of_a_transaction() -> None:
             seen = knowledge.snapshot()
             for number in range(4):
                 name = f"node_{number}"
-                counts = (seen.get(name, "count").content, seen.get(name, "copy").content)
-                where_m = seen.transform("root", name, 1e9).pose.translation_m[0] if counts[0] is not None else None
-                if not counts[0] == counts[1] == where_m:
-                    halves.append((*counts, where_m))
+                count_and_copy = (seen.get(name, "count").content, seen.get(name, "copy").content)
+                where_m = (
+                    seen.transform("root", name, 1e9).pose.translation_m[0] if count_and_copy[0] is not None else None
+                )
+                if not count_and_copy[0] == count_and_copy[1] == where_m:
+                    halves.append((*count_and_copy, where_m))
 
     readers = [threading.Thread(target=read) for _ in range(3)]
     for reader in readers:

@@ -115,7 +115,7 @@ class Trial:
         return seen
 
 
-def near(pose: Pose, expected: Pose) -> bool:
+def is_near(pose: Pose, expected: Pose) -> bool:
     """Return whether two poses are equal except for rounding."""
     return pose.distance_m(expected) < 1e-9 and pose.angle_rad(expected) < 1e-6
 
@@ -142,7 +142,7 @@ def test_section_3_2_is_replayed_step_by_step() -> None:
     navigating = trial.do(trial.decider, trial.navigation, "navigating", goal_x=2.6, goal_y=1.2)
     seen = trial.step("t+1")
     assert seen.holds(value("detecting.result") == "ok", path("world", "container_pose", "container_1"))
-    assert near(seen.transform("world", "container_1").pose, CONTAINER)
+    assert is_near(seen.transform("world", "container_1").pose, CONTAINER)
     assert (seen.get("navigating", "goal_x").value, seen.get("navigating", "goal_x").source) == (2.6, "decision_maker")
 
     # t+2: the detection checks once more that the container has not been moved
@@ -171,7 +171,7 @@ def pick_up(trial: Trial) -> None:
     detecting = trial.do(trial.picking, trial.detection, "detecting")
     seen = trial.step("t+4")
     assert seen.handover("detecting").requester == "picking"
-    assert near(seen.transform("world", "robot").pose, TURNED)
+    assert is_near(seen.transform("world", "robot").pose, TURNED)
     trial.detection.place("world", "container_pose", "container_1", WHEELS)
     trial.end(trial.detection, detecting)
 
@@ -180,7 +180,7 @@ def pick_up(trial: Trial) -> None:
     goal = trial.knowledge.transform("world", "container_1").pose.translation_m
     navigating = trial.do(trial.decider, trial.navigation, "navigating", goal_x=goal[0], goal_y=goal[1])
     seen = trial.step("t+5")
-    assert near(seen.transform("world", "container_1").pose, WHEELS)
+    assert is_near(seen.transform("world", "container_1").pose, WHEELS)
     assert [seen.get("navigating", name).value for name in ("goal_x", "goal_y")] == list(WHEELS.translation_m[:2])
     assert seen.handover("navigating").requester == "decision_maker"
     assert seen.transform("robot", "container_1").pose.translation_m[0] < 0.0  # it lies behind the robot, as the fork
@@ -199,6 +199,6 @@ def pick_up(trial: Trial) -> None:
     trial.end(trial.picking, picking_up)
     seen = trial.step("t+7")
     assert seen.holds(path("robot", "carried", "container_1"), absent("world", "container_pose", "container_1"))
-    assert near(seen.transform("robot", "container_1").pose, LIFTED)
+    assert is_near(seen.transform("robot", "container_1").pose, LIFTED)
     by_hand = np.array(TURNED.matrix()) @ np.array(LIFTED.matrix())
     np.testing.assert_allclose(np.array(seen.transform("world", "container_1").pose.matrix()), by_hand, atol=1e-12)

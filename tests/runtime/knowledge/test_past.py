@@ -20,7 +20,7 @@ from codra_dsl.runtime import SimClock
 from codra_dsl.runtime.knowledge import AgentHandle, Knowledge
 from codra_dsl.runtime.knowledge.agent_handle import Writer
 from codra_dsl.runtime.knowledge.declarations import AttributeModel, EdgeTypeModel, KnowledgeModel, NodeTypeModel, by
-from codra_dsl.runtime.knowledge.knowledge import MOST_PAST
+from codra_dsl.runtime.knowledge.knowledge import MAX_PAST_INSTANTS
 from codra_dsl.runtime.knowledge.snapshot import Snapshot
 from codra_dsl.runtime.values.model import integer
 from codra_dsl.runtime.values.persistent import PersistentMap
@@ -143,10 +143,10 @@ def test_many_changes_at_one_instant_do_not_shorten_the_past() -> None:
     agent = knowledge.as_agent("author")
     agent.insert_node("a", "thing", count=-1)
     clock.sleep(1.0)
-    for count in range(MOST_PAST + 1):
+    for count in range(MAX_PAST_INSTANTS + 1):
         agent.set("a", "count", count)
     assert knowledge.at(0.5).get("a", "count").value == -1
-    assert knowledge.at(1.0).get("a", "count").value == MOST_PAST
+    assert knowledge.at(1.0).get("a", "count").value == MAX_PAST_INSTANTS
 
 
 def test_evidence_may_be_taken_during_a_transaction() -> None:

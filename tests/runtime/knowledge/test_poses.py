@@ -46,7 +46,7 @@ PARTS = KnowledgeModel(
 
 
 @dataclass
-class ByHand:
+class PoseOracle:
     """All placements, and matrices computed from them for every transform."""
 
     placements: dict[str, dict[float, tuple[str, str, Any]]] = field(default_factory=dict)
@@ -108,26 +108,26 @@ class Tree:
         self.clock = SimClock(float(HORIZON_S))
         self.knowledge = Knowledge(PARTS, clock=self.clock)
         self.hand = self.knowledge.as_agent("hand")
-        self.by_hand = ByHand()
+        self.pose_oracle = PoseOracle()
         self.kinds = {number: "fixed" if self.chance.random() < 0.2 else "moves" for number in range(1, COUNT)}
         for number in range(1, COUNT):
             self.place_part(number, number - 1 if number <= 6 else int(self.chance.integers(number)), 0.0)
 
     def place_part(self, number: int, parent: int, stamp_s: float) -> None:
         pose = pose_of(self.chance)
-        self.by_hand.placements.setdefault(f"n{number}", {})[stamp_s] = (
+        self.pose_oracle.placements.setdefault(f"n{number}", {})[stamp_s] = (
             self.kinds[number],
             f"n{parent}",
             np.array(pose.matrix()),
         )
         self.hand.place(f"n{parent}", self.kinds[number], f"n{number}", pose, stamp_s=stamp_s)
 
-    def place_some_part(self) -> None:
+    def place_random_part(self) -> None:
         """Place a random part at a random instant, in its last parent or in another part with a lower number."""
         number = int(self.chance.integers(1, COUNT))
         stamp_s = float(self.chance.integers(0, 4 * HORIZON_S)) / 4
         is_moved = number > 6 and self.chance.random() < 0.4
-        last = self.by_hand.placements[f"n{number}"][max(self.by_hand.placements[f"n{number}"])][1]
+        last = self.pose_oracle.placements[f"n{number}"][max(self.pose_oracle.placements[f"n{number}"])][1]
         self.place_part(number, int(self.chance.integers(number)) if is_moved else int(last[1:]), stamp_s)
 
     def question(self) -> tuple[str, str, float]:
@@ -140,11 +140,11 @@ class Tree:
 def test_every_transform_agrees_with_matrices_by_hand_after_any_interleaving(seed: int) -> None:
     tree, asked = Tree(seed), []
     for _ in range(25):
-        tree.place_some_part()
+        tree.place_random_part()
         asked.append(tree.question())
         for target, source, at_s in asked[-8:]:  # earlier transforms again, after further placements
             transform = tree.knowledge.transform(target, source, at_s)
-            matrix, outcome = tree.by_hand.transform(target, source, at_s)
+            matrix, outcome = tree.pose_oracle.transform(target, source, at_s)
             np.testing.assert_allclose(np.array(transform.pose.matrix()), matrix, atol=1e-7)
             assert transform.outcome == outcome
 
@@ -154,7 +154,7 @@ def test_every_transform_agrees_with_matrices_by_hand_after_any_interleaving(see
 def test_transforms_invert_chain_and_keep_distances(seed: int) -> None:
     tree = Tree(seed)
     for _ in range(10):
-        tree.place_some_part()
+        tree.place_random_part()
     seen = tree.knowledge.snapshot()
     for _ in range(10):
         (a, b, at_s), (c, *_) = tree.question(), tree.question()
@@ -186,7 +186,7 @@ def test_interpolation_between_poses_turns_at_a_constant_rate(seed: int) -> None
 def test_the_transforms_of_a_snapshot_never_change(seed: int) -> None:
     tree, earlier_answers = Tree(seed), []
     for _ in range(20):
-        tree.place_some_part()
+        tree.place_random_part()
         seen, question = tree.knowledge.snapshot(), tree.question()
         earlier_answers.append((seen, question, seen.transform(*question)))
     assert [seen.transform(*question) for seen, question, _ in earlier_answers] == [

@@ -167,9 +167,9 @@ def test_a_replay_computes_comparisons_from_the_poses(tmp_path: Path) -> None:
     assert {NEAR, IN_VIEW, CUP_NEAR, ASKED, "lid_open"} == set(names)
     assert not [event for event in events if event.kind is Kind.INPUT and event.name == "the knowledge graph"]
     copy = Journal(tmp_path / "copy.mcap")
-    result = replay(head, events, MODEL, ContextManager, copy, knowledge(0.3))
-    assert result.difference is None
-    assert result.derived[Kind.VARIABLE] == len(names)
+    replay_result = replay(head, events, MODEL, ContextManager, copy, knowledge(0.3))
+    assert replay_result.difference is None
+    assert replay_result.derived[Kind.VARIABLE] == len(names)
     assert (tmp_path / "copy.mcap").read_bytes() == (tmp_path / "run.mcap").read_bytes()
 
 
@@ -214,10 +214,10 @@ def test_a_replay_with_another_threshold_differs_at_the_comparison(tmp_path: Pat
     model = replace(
         MODEL, variables=tuple(nearer if variable.name == NEAR else variable for variable in MODEL.variables)
     )
-    result = replay(head, events, model, ContextManager, None, knowledge(0.3))
-    assert result.difference is not None
-    assert result.difference.recorded is not None
-    assert (result.difference.recorded.name, result.difference.recorded.details["value"]) == (NEAR, False)
+    replay_result = replay(head, events, model, ContextManager, None, knowledge(0.3))
+    assert replay_result.difference is not None
+    assert replay_result.difference.recorded is not None
+    assert (replay_result.difference.recorded.name, replay_result.difference.recorded.details["value"]) == (NEAR, False)
 
 
 def test_why_explains_who_placed_a_node_and_why_a_comparison_is_unknown(tmp_path: Path) -> None:
@@ -244,7 +244,7 @@ def test_why_explains_who_placed_a_node_and_why_a_comparison_is_unknown(tmp_path
     assert explanation.endswith(f"missing: {NEAR} = true")
 
 
-class ByHand:
+class PoseOracle:
     """The poses of the robot and the cup, computed from all placements, in a world without rotations."""
 
     def __init__(self, extrapolate_s: float) -> None:
@@ -305,7 +305,7 @@ STEPS = some.lists(
 def test_comparisons_agree_with_the_poses_at_every_instant(
     extrapolate_s: float, steps: list[tuple[str, tuple[int, int, int], int]]
 ) -> None:
-    clock, hand = SimClock(), ByHand(extrapolate_s)
+    clock, hand = SimClock(), PoseOracle(extrapolate_s)
     with manager(clock, Lid(), extrapolate_s=extrapolate_s) as codra:
         robot, people = codra.agent("navigation").graph, codra.agent("people").graph
         for what, place, pause in steps:
@@ -328,7 +328,7 @@ def test_comparisons_agree_with_the_poses_at_every_instant(
             check(codra, hand)
 
 
-def check(codra: ContextManager[str, str], hand: ByHand) -> None:
+def check(codra: ContextManager[str, str], hand: PoseOracle) -> None:
     """Compare all readings with the ones computed by hand; extrapolated ones are read every 10 ms."""
     now_s = codra.clock.now_s()
     instants_s = [now_s] if hand.extrapolate_s == 0.0 else [now_s - 0.001 * step for step in range(12)]

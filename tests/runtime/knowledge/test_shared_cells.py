@@ -100,14 +100,16 @@ def test_a_snapshot_does_not_change_when_the_context_does() -> None:
 
 
 def test_a_change_of_the_context_notifies_subscribers_of_patterns() -> None:
-    clock, counts = SimClock(), []
+    clock, new_match_counts = SimClock(), []
     with manager(clock) as codra:
-        codra.knowledge.subscribe(lambda change: counts.append(len(change.new)), value("battery.charge") < 20.0)
+        codra.knowledge.subscribe(
+            lambda change: new_match_counts.append(len(change.new)), value("battery.charge") < 20.0
+        )
         navigation = codra.agent("navigation")
         for level in (50.0, 10.0, 5.0, 30.0, 15.0):
             navigation.set("charge", level)
             clock.sleep(1.0)
-    assert counts == [1, 0, 1]
+    assert new_match_counts == [1, 0, 1]
 
 
 def test_an_agents_write_to_the_graph_notifies_subscribers_of_the_variable() -> None:

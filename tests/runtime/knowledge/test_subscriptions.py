@@ -118,18 +118,18 @@ def test_conditions_can_read_poses(knowledge: Knowledge, clock: SimClock) -> Non
 # Subscriptions
 
 
-def notifications(knowledge: Knowledge, *patterns: Any) -> list[tuple[list[str], list[str]]]:
+def record_notifications(knowledge: Knowledge, *patterns: Any) -> list[tuple[list[str], list[str]]]:
     changes: list[tuple[list[str], list[str]]] = []
 
     def callback(change: Change) -> None:
-        changes.append(([match.node("who") for match in change.new], [match.node("who") for match in change.over]))
+        changes.append(([match.node("who") for match in change.new], [match.node("who") for match in change.ended]))
 
     knowledge.subscribe(callback, *patterns)
     return changes
 
 
 def test_a_subscriber_is_notified_of_present_matches_and_then_of_changes(knowledge: Knowledge, clock: SimClock) -> None:
-    changes = notifications(knowledge, path(some("person", called="who"), "close_to", "robot"))
+    changes = record_notifications(knowledge, path(some("person", called="who"), "close_to", "robot"))
     clock.sleep(1.0)
     people = knowledge.as_agent("person_detection")
     people.insert_edge("anna", "close_to", "robot")
@@ -143,7 +143,7 @@ def test_a_subscriber_is_notified_of_present_matches_and_then_of_changes(knowled
 
 
 def test_changes_at_one_instant_cause_one_notification(knowledge: Knowledge, clock: SimClock) -> None:
-    changes = notifications(knowledge, path(some("person", called="who"), "close_to", "robot"))
+    changes = record_notifications(knowledge, path(some("person", called="who"), "close_to", "robot"))
     clock.sleep(1.0)
     people = knowledge.as_agent("person_detection")
     for name in ("carl", "dora"):

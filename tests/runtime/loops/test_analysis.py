@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from codra_dsl.logic import Value
-from codra_dsl.runtime.loops.analysis import MOST_BOXES, assess, infer
+from codra_dsl.runtime.loops.analysis import MAX_BOXES, assess, infer
 from codra_dsl.runtime.loops.fuzzy.bounds import Bounds, End
 from codra_dsl.runtime.loops.observations import Observation
 from tests.runtime.loops.shop import ACTIONS_STAGE, LOADS, MAPE, METRICS, METRICS_STAGE, module_of, stage
@@ -157,4 +157,4 @@ def test_any_number_of_unknown_inputs_is_cut_into_few_boxes() -> None:
         calls.clear()
         values = [None if is_unknown else 1.0 for is_unknown in unknown]
         infer(replace(METRICS_STAGE, infer_bounds=counted), scene(*values, "empty"))  # type: ignore[arg-type]
-        assert len(calls) <= 2 * (MOST_BOXES + 1) + 1
+        assert len(calls) <= 2 * (MAX_BOXES + 1) + 1

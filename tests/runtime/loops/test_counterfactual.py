@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from codra_dsl.logic import Value
 from codra_dsl.runtime.loops.analysis import assess
-from codra_dsl.runtime.loops.counterfactual import ChangeKind, Counterfactual, smallest_changes, would_keep
+from codra_dsl.runtime.loops.counterfactual import ChangeKind, Counterfactual, smallest_changes, would_keep_course
 from codra_dsl.runtime.loops.course_filters import FilterState, TrackedAction
 from codra_dsl.runtime.loops.courses import CourseState, Decision, choose
 from codra_dsl.runtime.loops.declarations import InputModel
@@ -29,8 +29,8 @@ def scene(*values: Value | None) -> dict[str, Observation]:
 
 def decided(before: str, *values: Value | None) -> Decision | None:
     """Return the decision to leave an action, if these values lead to one."""
-    running = {action: TrackedAction(weight=0.0, smoothed=0.0) for action in UNFILTERED.choose}
-    course_state = CourseState(state=FilterState(instant_s=0.0, action=before, since_s=0.0, tracked=running))
+    running = {action: TrackedAction(weight=0.0, smoothed_weight=0.0) for action in UNFILTERED.choose}
+    course_state = CourseState(state=FilterState(instant_s=0.0, action=before, since_s=0.0, tracked_actions=running))
     _, decision, _ = choose(MAPE, UNFILTERED, course_state, assess(MAPE, scene(*values)), 10.0)
     return decision
 
@@ -113,8 +113,8 @@ def test_every_reported_change_would_have_kept_the_course(before: str, values: t
                 for output in stage.outputs
             )
             other = replace(decision.assessment, actions=replace(stage, outputs=outputs))
-        assert would_keep(UNFILTERED, other, before, decision.instant_s)
-        assert not would_keep(UNFILTERED, decision.assessment, before, decision.instant_s)
+        assert would_keep_course(UNFILTERED, other, before, decision.instant_s)
+        assert not would_keep_course(UNFILTERED, decision.assessment, before, decision.instant_s)
 
 
 @given(distances, levels)
@@ -138,4 +138,4 @@ def test_no_smaller_change_of_that_input_would_have_kept_it(distance: float, lev
     for part in (0.25, 0.5, 0.75, 0.99):
         nearer = change.value + (change.other - change.value) * part
         other = assess(MAPE, {**scene(*values), change.name: Observation(variable=change.name, value=nearer)})
-        assert not would_keep(UNFILTERED, other, "deliver", 10.0)
+        assert not would_keep_course(UNFILTERED, other, "deliver", 10.0)

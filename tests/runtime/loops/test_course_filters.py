@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from codra_dsl.runtime.loops.course_filters import FilterState, SwitchReason, leads, step, threshold
+from codra_dsl.runtime.loops.course_filters import FilterState, SwitchReason, lead_threshold, leads, step
 from codra_dsl.runtime.loops.declarations import CourseModel
 
 ACTIONS = ("pick", "start", "dock")
@@ -131,7 +131,7 @@ def test_a_lead_persists_for_the_hold_before_it_counts(model: CourseModel, momen
             one = smoothed(model, moments, after.action, instant_s)
             other = smoothed(model, moments, before.action, instant_s)
             assert one is not None
-            assert other is None or one - other >= threshold(model) - 1e-4
+            assert other is None or one - other >= lead_threshold(model) - 1e-4
 
 
 def smoothed(model: CourseModel, moments: list[Moment], action: str, instant_s: float) -> float | None:
@@ -247,4 +247,4 @@ def test_a_smoothed_weight_follows_its_time_constant_for_any_steps(old: float, n
     for instant_s in itertools.accumulate(gaps_s):
         state = step(model, state, instant_s, {"pick": new, "start": 0.0, "dock": 0.0}).state
     expected = new + (old - new) * math.exp(-sum(gaps_s) / 2.0)
-    assert state.tracked["pick"].smoothed == pytest.approx(expected, abs=1e-9)
+    assert state.tracked_actions["pick"].smoothed_weight == pytest.approx(expected, abs=1e-9)

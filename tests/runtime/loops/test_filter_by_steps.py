@@ -21,17 +21,17 @@ LEAD_CHANGE = 0.004
 Weights = Mapping[str, float | None]
 
 
-class Stepped:
+class SteppedFilter:
     """A course that is updated every STEP_S, and counts how long each lead has lasted."""
 
     def __init__(self, model: CourseModel) -> None:
         self._model = model
         self.action = ""
         self._smoothed: dict[str, float | None] = dict.fromkeys(model.choose)
-        self._led_s: dict[str, float] = {}
+        self._lead_durations_s: dict[str, float] = {}
         self._course_age_s = math.inf
-        self._since_left_s: dict[str, float] = {}
-        self._unknown_for_s = -STEP_S
+        self._times_since_left_s: dict[str, float] = {}
+        self._unknown_duration_s = -STEP_S
 
     def pass_step(self, then: Weights) -> None:
         """Let one step pass, in which the weights are constant."""
@@ -39,10 +39,10 @@ class Stepped:
             smoothed, weight = self._smoothed[action], then[action]
             if smoothed is not None and weight is not None and self._model.smooth_s:
                 self._smoothed[action] = smoothed + (weight - smoothed) * -math.expm1(-STEP_S / self._model.smooth_s)
-        self._led_s = {action: led_s + STEP_S for action, led_s in self._led_s.items()}
-        self._since_left_s = {action: gone_s + STEP_S for action, gone_s in self._since_left_s.items()}
+        self._lead_durations_s = {action: led_s + STEP_S for action, led_s in self._lead_durations_s.items()}
+        self._times_since_left_s = {action: gone_s + STEP_S for action, gone_s in self._times_since_left_s.items()}
         self._course_age_s += STEP_S
-        self._unknown_for_s += STEP_S
+        self._unknown_duration_s += STEP_S
 
     def take(self, moment: Moment) -> None:
         """Take the weights, and choose."""
@@ -51,9 +51,9 @@ class Stepped:
                 self._smoothed[action] = weight
         known = [action for action in self._model.choose if self._smoothed[action] is not None]
         if known:
-            self._unknown_for_s = -STEP_S / 2
+            self._unknown_duration_s = -STEP_S / 2
         leaders = {action for action in known if action != self.action and self._leads(action)}
-        self._led_s = {action: self._led_s.get(action, 0.0) for action in leaders}
+        self._lead_durations_s = {action: self._lead_durations_s.get(action, 0.0) for action in leaders}
         self._choose(moment, known)
 
     def _leads(self, action: str) -> bool:
@@ -68,21 +68,21 @@ class Stepped:
             new_action = self._heaviest(known) or self._model.otherwise
         elif not known:
             new_action = (
-                self._model.otherwise if self._unknown_for_s >= self._model.hold_s - STEP_S / 2 else self.action
+                self._model.otherwise if self._unknown_duration_s >= self._model.hold_s - STEP_S / 2 else self.action
             )
         else:
             new_action = self._heaviest([action for action in known if self._is_ready(action, moment)]) or self.action
         if new_action != self.action:
             is_makeshift = not self.action and not known and not moment.forced_action
-            self._since_left_s[self.action] = 0.0
+            self._times_since_left_s[self.action] = 0.0
             self.action, self._course_age_s = new_action, math.inf if is_makeshift else 0.0
-            self._led_s = {action: 0.0 for action in known if action != new_action and self._leads(action)}
+            self._lead_durations_s = {action: 0.0 for action in known if action != new_action and self._leads(action)}
 
     def _is_ready(self, action: str, moment: Moment) -> bool:
-        if action not in self._led_s or self._led_s[action] < self._model.hold_s - STEP_S / 2:
+        if action not in self._lead_durations_s or self._lead_durations_s[action] < self._model.hold_s - STEP_S / 2:
             return False
         is_free = self._course_age_s >= self._model.dwell_s - STEP_S / 2
-        is_cool = self._since_left_s.get(action, math.inf) >= self._model.cooldown_s - STEP_S / 2
+        is_cool = self._times_since_left_s.get(action, math.inf) >= self._model.cooldown_s - STEP_S / 2
         return action in moment.urgent_actions or (is_free and is_cool)
 
     def _heaviest(self, actions: list[str]) -> str:
@@ -92,7 +92,7 @@ class Stepped:
 
 def switches_by_steps(model: CourseModel, moments: list[Moment], end_s: float) -> list[tuple[float, str]]:
     """Return the instants at which the course changed, with the new actions."""
-    stepped_filter, moments_by_index, switches = Stepped(model), dict(enumerate(moments)), [(0.0, "")]
+    stepped_filter, moments_by_index, switches = SteppedFilter(model), dict(enumerate(moments)), [(0.0, "")]
     for number in range(round(moments[0].instant_s / STEP_S), round(end_s / STEP_S)):
         now_s = number * STEP_S
         latest_index = max(

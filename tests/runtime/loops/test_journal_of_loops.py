@@ -77,11 +77,11 @@ def test_every_decision_can_be_recomputed_from_its_chain(tmp_path: Path) -> None
     assert [event.details["action"] for event in chosen] == ["deliver", "start", "deliver", "start", "dock"]
     for event in chosen:
         scene = {
-            recorded_readings["variable"]: Observation(
-                variable=recorded_readings["variable"],
-                value=json.loads(recorded_readings["value"]) if "value" in recorded_readings else None,
+            recorded_reading["variable"]: Observation(
+                variable=recorded_reading["variable"],
+                value=json.loads(recorded_reading["value"]) if "value" in recorded_reading else None,
             )
-            for recorded_readings in event.details["readings"]
+            for recorded_reading in event.details["readings"]
         }
         assessment = assess(MAPE, scene)
         assert {weight["name"]: weight.get("value") for weight in event.details["weights"]} == assessment.weights()
@@ -182,8 +182,8 @@ def test_an_analysis_can_be_recomputed_from_its_event(tmp_path: Path) -> None:
         for stage, parts in ((MAPE.metrics, event.details["metrics"]), (MAPE.actions, event.details["weights"])):
             assert stage is not None
             read_from = {
-                recorded_readings["variable"]: json.loads(recorded_readings.get("value", "null"))
-                for recorded_readings in event.details["readings"]
+                recorded_reading["variable"]: json.loads(recorded_reading.get("value", "null"))
+                for recorded_reading in event.details["readings"]
             }
             scene = {
                 model_input.variable: Observation(

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from codra_dsl.runtime.journal.spec_summary import Place
 from codra_dsl.runtime.loops.declarations import MapeModel
-from codra_dsl.runtime.loops.places import placed
+from codra_dsl.runtime.loops.places import with_places
 from tests.runtime.loops.shop import COURSE, MAPE, METRICS_STAGE
 
 
@@ -24,7 +24,7 @@ def test_rules_are_counted_by_what_they_conclude() -> None:
         "adaptation/course": Place(file="a.yaml", line=20),
         "adaptation/course/always/1": Place(file="a.yaml", line=22),
     }
-    model = placed(bare(), places)
+    model = with_places(bare(), places)
     assert model.metrics is not None
     assert [rule.place for rule in model.metrics.rules] == ["", "a.yaml:7", "a.yaml:9 (used at b.yaml:2)", "", ""]
     assert (model.courses[0].place, [rule.place for rule in model.courses[0].always]) == (
@@ -34,6 +34,6 @@ def test_rules_are_counted_by_what_they_conclude() -> None:
 
 
 def test_a_place_that_is_declared_stays() -> None:
-    model = placed(MAPE, {"metric/safety/rules/0": Place(file="a.yaml", line=7)})
+    model = with_places(MAPE, {"metric/safety/rules/0": Place(file="a.yaml", line=7)})
     assert model.metrics is not None
     assert model.metrics.rules[0].place == "specs/shop.yaml:1"

@@ -46,13 +46,13 @@ def test_autonomy_never_falls_as_the_battery_fills(distance: float) -> None:
 @pytest.mark.parametrize("load", LOADS)
 @pytest.mark.parametrize("level", [3.0, 12.0, 18.0, 80.0])
 def test_every_switch_over_distance_is_explained_by_a_rule_about_the_distance(load: str, level: float) -> None:
-    result = swept("person_distance", [*DISTANCES], container_load=load, battery_level=level)
-    for switch in result.switches:
+    sweep_result = swept("person_distance", [*DISTANCES], container_load=load, battery_level=level)
+    for switch in sweep_result.switches:
         assert float(switch.high) - float(switch.low) < 1e-6
         *_, of_metrics = switch.rules
         assert "person_distance" in of_metrics.text
         assert all(rule.place.startswith("specs/shop.yaml:") for rule in switch.rules)
-        assert all(rule.text in str(result) for rule in switch.rules)
+        assert all(rule.text in str(sweep_result) for rule in switch.rules)
 
 
 def test_the_switch_over_distance_is_where_both_weights_are_equal() -> None:

@@ -76,8 +76,13 @@ def random_forest(seed: int) -> ContextModel:
 
 def papers_answer(model: ContextModel, manager: Manager) -> tuple[set[str], set[str]]:
     """Run Algorithm 1 on the present declarations, from an empty set of running observers."""
-    observer_of = {name: observer_.name for observer_ in model.observers for name in observer_.identifies}
-    needs = {observer_.name: manager._forest.observers[observer_.name].needs() for observer_ in model.observers}
+    observer_of = {
+        name: observer_model.name for observer_model in model.observers for name in observer_model.identifies
+    }
+    needs = {
+        observer_model.name: manager._forest.observers[observer_model.name].needs()
+        for observer_model in model.observers
+    }
     paper = PapersManager(observer_of, needs)
     paper.activate_observers(sorted(manager.declared()))
     return paper.running, paper.context
@@ -194,8 +199,13 @@ def test_the_random_forests_have_shared_observers_feedback_and_long_reach() -> N
     for seed in range(10):
         model = random_forest(seed)
         with started(model, World()) as manager:
-            needs = {observer_.name: manager._forest.observers[observer_.name].needs() for observer_ in model.observers}
-        observer_of = {name: observer_.name for observer_ in model.observers for name in observer_.identifies}
+            needs = {
+                observer_model.name: manager._forest.observers[observer_model.name].needs()
+                for observer_model in model.observers
+            }
+        observer_of = {
+            name: observer_model.name for observer_model in model.observers for name in observer_model.identifies
+        }
         successors = {name: [observer_of[need] for need in needs[name] if need in observer_of] for name in needs}
         components += [len(members) for members in strongly_connected(successors)]
         users = [name for others in successors.values() for name in set(others)]
@@ -279,7 +289,7 @@ def test_strongly_connected_components_are_the_sets_of_mutually_reachable_nodes(
     reached = {node: {node} for node in successors}
     for _ in successors:
         for node, others in successors.items():
-            reached[node] |= {reachable for other in others for reachable in reached[other]}
+            reached[node] |= {reachable_node for other in others for reachable_node in reached[other]}
     expected = {frozenset(other for other in reached[node] if node in reached[other]) for node in successors}
 
     components = strongly_connected(successors)

@@ -53,7 +53,7 @@ def test_perception_does_not_repeat_at_every_tick() -> None:
     with started(Door(duration_s=0.2), GIVEN_NEAR) as (manager, clock):
         manager.declare("open")
         for _ in range(100):
-            manager._forest.observers["door_lid"].touch()
+            manager._forest.observers["door_lid"].request_tick()
             clock.sleep(0.1)
         assert manager._forest.observers["door_lid"].tree.status is Status.RUNNING
     assert len(manager.record.of(Kind.JOB)) == 20

@@ -26,15 +26,15 @@ class EveryTree(Forest):
     def changed(self, variable: str, is_renewed: bool) -> None:  # noqa: ARG002 - any change ticks all
         self.tick_all()
 
-    def touch(self, observer: Observer) -> None:  # noqa: ARG002 - any observer ticks all
+    def request_tick(self, observer: Observer) -> None:  # noqa: ARG002 - any observer ticks all
         self.tick_all()
 
     def tick_all(self) -> None:
         for observer in self.observers.values():
-            super().touch(observer)
+            super().request_tick(observer)
 
 
-class CountingForest:
+class CountingForestFactory:
     """Creates a forest, and counts its ticks."""
 
     def __init__(self, kind: type[Forest]) -> None:
@@ -53,7 +53,7 @@ class CountingForest:
         return created_forest
 
 
-def story(seed: int, forest: CountingForest, monkeypatch: pytest.MonkeyPatch) -> dict[str, list[object]]:
+def story(seed: int, forest: CountingForestFactory, monkeypatch: pytest.MonkeyPatch) -> dict[str, list[object]]:
     """Return the readings of each variable, and the events of each observer and algorithm, in order.
 
     Instants are rounded to the nanosecond, because they are summed up in more or fewer steps.
@@ -70,10 +70,10 @@ def story(seed: int, forest: CountingForest, monkeypatch: pytest.MonkeyPatch) ->
             for _ in range(STEPS):
                 do_something(manager, chance)
                 clock.sleep(chance.choice([0.0, chance.uniform(0.0, 0.1), 0.3]))
-    events: dict[str, list[object]] = {}
+    events_by_element: dict[str, list[object]] = {}
     for event in manager.record:
-        events.setdefault(f"{event.kind} {event.name}", []).append(_rounded(json.loads(event.as_json())))
-    return events
+        events_by_element.setdefault(f"{event.kind} {event.name}", []).append(_rounded(json.loads(event.as_json())))
+    return events_by_element
 
 
 def _rounded(value: Any) -> Any:
@@ -91,19 +91,19 @@ def tick_often(manager: Manager, clock: SimClock) -> None:
 
 
 def do_something(manager: Manager, chance: random.Random) -> None:
-    choice, name = chance.random(), f"v{chance.randrange(OBSERVED)}"
+    draw, name = chance.random(), f"v{chance.randrange(OBSERVED)}"
     evidence_s = manager._clock.now_s() - chance.choice([0.0, 0.0, chance.uniform(0.0, 0.2)])
-    if choice < 0.3:
+    if draw < 0.3:
         manager.declare(name, chance.choice([None, None, True, False]))
-    elif choice < 0.4:
+    elif draw < 0.4:
         for declared in sorted(manager.declared())[: chance.randint(1, 4)]:
             manager.withdraw(declared)
-    elif choice < 0.6:
+    elif draw < 0.6:
         manager.set(chance.choice(["near", "lit"]), chance.random() < 0.7, evidence_s=evidence_s)
-    elif choice < 0.8:
+    elif draw < 0.8:
         sensor = f"s{chance.randrange(SENSORS)}"
         manager.agent("device").set(sensor, chance.random() < 0.8, evidence_s=evidence_s)
-    elif choice < 0.9:
+    elif draw < 0.9:
         manager.expect(f"k{chance.randrange(8)}")
     else:
         with manager.skill(f"k{chance.randrange(8)}") as skill, skill.acting():
@@ -114,13 +114,13 @@ def do_something(manager: Manager, chance: random.Random) -> None:
 def test_ticking_by_change_gives_the_same_events_and_readings_as_ticking_every_tree(
     seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    by_change, every_tree = (CountingForest(forest) for forest in (Forest, EveryTree))
+    by_change, every_tree = (CountingForestFactory(forest) for forest in (Forest, EveryTree))
 
     assert story(seed, by_change, monkeypatch) == story(seed, every_tree, monkeypatch)
     assert 5 * by_change.ticks < every_tree.ticks
 
 
-class OverlooksRenewals(Forest):
+class RenewalOverlookingForest(Forest):
     """A deliberate bug: newer evidence for the same value ticks no reader, not even a reader of its age."""
 
     def changed(self, variable: str, is_renewed: bool) -> None:
@@ -129,6 +129,6 @@ class OverlooksRenewals(Forest):
 
 
 def test_an_overlooked_change_is_detected(monkeypatch: pytest.MonkeyPatch) -> None:
-    stories = [story(4, CountingForest(forest), monkeypatch) for forest in (OverlooksRenewals, EveryTree)]
+    stories = [story(4, CountingForestFactory(forest), monkeypatch) for forest in (RenewalOverlookingForest, EveryTree)]
 
     assert stories[0] != stories[1]

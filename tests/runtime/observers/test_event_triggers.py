@@ -285,19 +285,19 @@ def test_after_any_steps_it_is_observed_after_the_last_acting_and_then_no_more(
 ) -> None:
     clock, world, acted_s = SimClock(), World({"look": takes(takes_s, SEEN)}), 0.0
     with started(a_model(when_unobservable=when_unobservable), world, clock) as manager:
-        for step, pause_s in steps:
-            if step in ("near", "far"):
-                manager.set("near", step == "near")
-            elif step == "declare":
+        for action, pause_s in steps:
+            if action in ("near", "far"):
+                manager.set("near", action == "near")
+            elif action == "declare":
                 manager.declare("a")
-            elif step == "withdraw":
+            elif action == "withdraw":
                 manager.withdraw("a")
-            elif step == "set" and "a" in manager.declared():
+            elif action == "set" and "a" in manager.declared():
                 manager.set("a", False)
-            elif step in ("blind", "see"):
-                world.finds["look"] = takes(takes_s, SEEN if step == "see" else {})
-            elif step in ("push", "watch", "speak"):
-                with manager.skill(step) as skill, skill.acting():
+            elif action in ("blind", "see"):
+                world.finds["look"] = takes(takes_s, SEEN if action == "see" else {})
+            elif action in ("push", "watch", "speak"):
+                with manager.skill(action) as skill, skill.acting():
                     clock.sleep(pause_s)
                 acted_s = clock.now_s()
             clock.sleep(pause_s)

@@ -178,10 +178,10 @@ def test_a_variable_that_is_unknown_at_the_end_of_acting_is_not_seen() -> None:
 
 
 def test_the_robot_itself_looks_for_variables_that_were_not_seen_and_the_values_are_stored_and_judged() -> None:
-    clock, calls = SimClock(), []
+    clock, looked_names = SimClock(), []
 
     def look(name: str) -> bool | None:
-        calls.append(name)
+        looked_names.append(name)
         clock.sleep(0.5)
         return name == "lit" or None
 
@@ -191,7 +191,7 @@ def test_the_robot_itself_looks_for_variables_that_were_not_seen_and_the_values_
             clock.sleep(2.0)
         verification = skill.verify(look)
         assert manager.get("lit").source == "main_execution"
-    assert calls == ["open", "lit"]
+    assert looked_names == ["open", "lit"]
     assert (
         [verdict.variable for verdict in verification.met],
         [verdict.variable for verdict in verification.not_seen],
@@ -329,10 +329,10 @@ def test_a_replay_derives_the_same_expectations_from_a_journal(tmp_path: Path) -
             with skill.acting():
                 clock.sleep(4.2)
             skill.verify(lambda _: True, wait_up_to_s=3.0)
-    head, events = read(path)
+    header, events = read(path)
     kinds = [event.what for event in events if event.kind is Kind.EXPECTATION]
     copy = Journal(tmp_path / "copy.mcap")
-    replayed = replay(head, events, model, ContextManager, copy)
+    replayed = replay(header, events, model, ContextManager, copy)
     assert (replayed.difference, replayed.derived[Kind.EXPECTATION]) == (None, len(kinds))
     assert {"met", "violated"} <= set(kinds)
     assert (tmp_path / "copy.mcap").read_bytes() == path.read_bytes()
@@ -345,26 +345,26 @@ def outcomes_by_hand(states: list[tuple[float, bool | None]], acting_s: float, a
     """Return the outcomes of "becomes true within 2.05 s" and of "stays true", from the states of a variable."""
 
     def expected_outcomes(deadline_s: float, by_deadline: dict[bool | None, str], at_once: bool) -> list[str]:
-        names: list[str] = []
+        outcome_names: list[str] = []
         moments = [(at_s, state) for at_s, state in states if at_s < end_s]
         before = [state for at_s, state in moments if at_s <= acting_s]
         timeline = [(acting_s, before[-1] if before else None), *(moment for moment in moments if moment[0] > acting_s)]
         last: bool | None = None
         is_over = False
         for at_s, state in [*timeline, (end_s, None)]:
-            if names[-1:] in (["met"], ["violated"]):
+            if outcome_names[-1:] in (["met"], ["violated"]):
                 break
             if not is_over and at_s > deadline_s:
                 is_over = True
-                names.append(by_deadline[last])
-            if at_s == end_s or names[-1:] in (["met"], ["violated"]):
+                outcome_names.append(by_deadline[last])
+            if at_s == end_s or outcome_names[-1:] in (["met"], ["violated"]):
                 break
             last = state
             if state is at_once:
-                names.append("met" if at_once else "violated")
+                outcome_names.append("met" if at_once else "violated")
             elif state is not None and is_over:
-                names.append("violated" if at_once else "met")
-        return names if names else ["not_seen"]
+                outcome_names.append("violated" if at_once else "met")
+        return outcome_names if outcome_names else ["not_seen"]
 
     becomes = expected_outcomes(acting_s + 2.05, {False: "violated", None: "not_seen", True: "met"}, at_once=True)
     stays = expected_outcomes(acted_s, {True: "met", None: "not_seen", False: "violated"}, at_once=False)

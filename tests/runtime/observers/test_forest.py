@@ -46,15 +46,15 @@ YES, NO = {"seen": True}, {"seen": False}
 def ticks(manager: ContextManager[str, str], name: str) -> list[float]:
     """Return a list that collects the ticks of an observer from now on, by the calls of its control flag."""
     tick_times_s: list[float] = []
-    observer_ = manager._forest.observers[name]
-    flag = observer_.tree.children[0]
+    ticked_observer = manager._forest.observers[name]
+    flag = ticked_observer.tree.children[0]
     update = flag.update
 
-    def count_tick() -> Status:
-        tick_times_s.append(observer_.now_s)
+    def record_tick() -> Status:
+        tick_times_s.append(ticked_observer.now_s)
         return update()
 
-    flag.update = count_tick  # type: ignore[method-assign]
+    flag.update = record_tick  # type: ignore[method-assign]
     return tick_times_s
 
 
@@ -152,9 +152,11 @@ def asleep(manager: ContextManager[str, str]) -> list[str]:
     """Return the observers that can look now or later, and that no timer will tick."""
     names = []
     for name in sorted(manager.running()):
-        running, timer = manager._forest.observers[name], manager._forest._timers.get(name)
-        next_s = running.next_tick_s()
-        overdue = [branch for branch in running.branches if running.next_in_turn(branch) is branch]
+        running_observer, timer = manager._forest.observers[name], manager._forest._timers.get(name)
+        next_s = running_observer.next_tick_s()
+        overdue = [
+            branch for branch in running_observer.branches if running_observer.next_branch_in_turn(branch) is branch
+        ]
         if overdue or (next_s is not None and (timer is None or timer.instant_s > next_s)):
             names.append(name)
     return names
@@ -234,7 +236,7 @@ def test_a_broken_tree_gives_its_slot_back() -> None:
         manager._store.cells["x"].reading = manager._store.cells["x"].reading.at(0)
         broken = manager._forest.observers["broken"]
         broken.tree.children[0].update = lambda: 1 / 0  # type: ignore[method-assign,assign,return-value]
-        broken.touch()
+        broken.request_tick()
         manager.declare("b")
         clock.sleep(1)
         assert manager.get("a").reason is Reason.FAILED
@@ -312,9 +314,13 @@ def test_the_same_seed_gives_the_same_event_log() -> None:
 def test_an_added_observer_does_not_affect_the_others(need: str) -> None:
     """Its name sorts before all others, it reads the variables that they read, and it shares no slot."""
     added_observer = observer("a_first", seen("see_d", "d", when=[value(need)]))
-    without, with_it = (list(story(lively(*extra_models), 5)) for extra_models in ((), (added_observer,)))
-    assert [event for event in with_it if event.name not in ("a_first", "see_d", "d")] == without
-    assert len(with_it) > len(without) + 50
+    events_without_observer, events_with_observer = (
+        list(story(lively(*extra_models), 5)) for extra_models in ((), (added_observer,))
+    )
+    assert [
+        event for event in events_with_observer if event.name not in ("a_first", "see_d", "d")
+    ] == events_without_observer
+    assert len(events_with_observer) > len(events_without_observer) + 50
 
 
 def test_the_event_logs_of_two_processes_are_the_same() -> None:

@@ -268,15 +268,15 @@ def test_alternatives_switch_with_the_situation() -> None:
     clock = SimClock()
     with started(alternatives(camera, sonar), world, clock) as manager:
         manager.declare("a")
-        observed = []
+        sources_and_algorithms = []
         for bright, near in [(True, True), (False, True), (True, True), (True, False), (False, False)]:
             manager.set("bright", bright)
             manager.set("near", near)
             clock.sleep(3.5)
-            observed.append((manager.get("a").source, {name for name, _ in world.calls}))
+            sources_and_algorithms.append((manager.get("a").source, {name for name, _ in world.calls}))
             world.calls.clear()
-    by_camera, by_sonar, by_no_sensor = ("camera", {"camera"}), ("sonar", {"sonar"}), ("camera", set())
-    assert observed == [by_camera, by_sonar, by_camera, by_camera, by_no_sensor]
+    camera_looks, sonar_looks, no_looks = ("camera", {"camera"}), ("sonar", {"sonar"}), ("camera", set())
+    assert sources_and_algorithms == [camera_looks, sonar_looks, camera_looks, camera_looks, no_looks]
 
 
 def test_alternatives_switch_during_a_job_in_both_directions() -> None:
@@ -304,19 +304,21 @@ def test_only_the_better_rank_looks_while_it_delivers() -> None:
     assert {name for name, _ in world.calls} == {"camera"}
 
 
-def return_rejected(_: object) -> object:
+def return_no_value(_: object) -> object:
     return {"seen": None}
 
 
 @pytest.mark.parametrize(
-    "failing",
-    [raises, return_rejected, takes(2.0, {"seen": None}), takes(9.0, YES)],
+    "failing_function",
+    [raises, return_no_value, takes(2.0, {"seen": None}), takes(9.0, YES)],
     ids=["raises", "rejected", "rejected late", "timed out"],
 )
 @pytest.mark.parametrize("accepts", [[], [known("seen")]], ids=["plain", "refined"])
-def test_an_alternative_looks_when_the_better_one_does_not_deliver(failing: object, accepts: list[Any]) -> None:
+def test_an_alternative_looks_when_the_better_one_does_not_deliver(
+    failing_function: object, accepts: list[Any]
+) -> None:
     """The better one keeps looking too, even if it takes long."""
-    world = World({"camera": failing, "sonar": takes(0.3, NO)})
+    world = World({"camera": failing_function, "sonar": takes(0.3, NO)})
     clock = SimClock()
     with started(alternatives(seen("camera", "a", accept=accepts), seen("sonar", "a")), world, clock) as manager:
         manager.declare("a")
@@ -355,7 +357,7 @@ def test_a_failure_removes_no_value_while_an_alternative_delivers(unobservable: 
 
 
 def test_when_no_alternative_delivers_the_failure_removes_the_value_of_its_algorithm() -> None:
-    world = World({"camera": takes(0.3, YES), "sonar": return_rejected})
+    world = World({"camera": takes(0.3, YES), "sonar": return_no_value})
     clock = SimClock()
     with started(alternatives(seen("camera", "a"), seen("sonar", "a")), world, clock) as manager:
         manager.declare("a")
@@ -368,13 +370,13 @@ def test_when_no_alternative_delivers_the_failure_removes_the_value_of_its_algor
 
 def test_a_variable_without_a_value_from_the_better_one_is_left_to_the_other() -> None:
     """The camera returns only `a`, the lever switch only `b`: both stay fresh."""
-    look_for_both = Look(algorithm("camera"), {"a": value("seen"), "b": value("absent")})
-    look_for_both = Look(
-        algorithm("camera", {"seen": boolean(), "absent": boolean(optional=True)}), look_for_both.identifies
+    camera_look = Look(algorithm("camera"), {"a": value("seen"), "b": value("absent")})
+    camera_look = Look(
+        algorithm("camera", {"seen": boolean(), "absent": boolean(optional=True)}), camera_look.identifies
     )
     world = World({"camera": takes(1.5, YES), "switch": takes(0.2, NO)})
     clock = SimClock()
-    with started(alternatives(look_for_both, seen("switch", "b"), variables=("a", "b")), world, clock) as manager:
+    with started(alternatives(camera_look, seen("switch", "b"), variables=("a", "b")), world, clock) as manager:
         manager.declare("a")
         clock.sleep(20)
         assert (manager.get("a").source, manager.get("b").source) == ("camera", "switch")

@@ -50,11 +50,11 @@ class Leaf(Behaviour):
         self._calls.append(f"{self.name} ends {self.status} with {new_status}")
 
 
-def built(shape: Shape, name: str, calls: list[str]) -> Behaviour:
+def build_tree(shape: Shape, name: str, calls: list[str]) -> Behaviour:
     if isinstance(shape, list):
         return Leaf(name, shape, calls)
     kind, shapes = shape
-    children = [built(child, f"{name}.{index}", calls) for index, child in enumerate(shapes)]
+    children = [build_tree(child, f"{name}.{index}", calls) for index, child in enumerate(shapes)]
     if kind == "selector":
         return Selector(name, memory=False, children=children)
     return Sequence(name, memory=kind == "remembering", children=children)
@@ -62,18 +62,18 @@ def built(shape: Shape, name: str, calls: list[str]) -> Behaviour:
 
 def state(tree: Behaviour) -> list[tuple[str, Status, str | None]]:
     """Return the status of each node and, for a composite, its current child."""
-    states = []
+    node_states = []
     for node in tree.iterate():
         current = node.current_child if isinstance(node, Composite) else None
-        states.append((node.name, node.status, None if current is None else current.name))
-    return states
+        node_states.append((node.name, node.status, None if current is None else current.name))
+    return node_states
 
 
 @given(SHAPES, st.lists(st.sampled_from(("tick", "interrupt")), min_size=1, max_size=8))
 def test_a_tick_calls_the_same_methods_of_the_same_nodes_as_py_trees(shape: Shape, steps: list[str]) -> None:
     calls: list[str] = []
     calls_by_py_trees: list[str] = []
-    ours, theirs = built(shape, "root", calls), built(shape, "root", calls_by_py_trees)
+    ours, theirs = build_tree(shape, "root", calls), build_tree(shape, "root", calls_by_py_trees)
 
     for step in steps:
         if step == "tick":

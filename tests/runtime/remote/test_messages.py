@@ -21,7 +21,7 @@ from codra_dsl.runtime.observers.urgency import Urgency
 from codra_dsl.runtime.remote import VERSION, Session, open_session
 from codra_dsl.runtime.remote.json_lines import line_of, message_of
 from codra_dsl.runtime.remote.protocol import ERRORS, REQUESTS, Field
-from codra_dsl.runtime.remote.session import MOST_LOOKING_DECISIONS
+from codra_dsl.runtime.remote.session import MAX_LOOKING_DECISIONS
 from codra_dsl.runtime.replay import replay
 from tests.runtime.door import MODEL, Door, Manager, started
 from tests.runtime.journal.journals import read
@@ -323,13 +323,13 @@ def test_a_session_that_ends_abandons_its_decisions_and_their_urgency() -> None:
         clock.sleep(6.0)
         assert program.notices("lease_over")
         assert codra.commands.urgency("door_lid") is Urgency.DECLARED
-        raised_errors = [event.details["raised"] for event in codra.record.of(Kind.DECISION)]
-        assert raised_errors == ["LeaseError", "LeaseError"]
+        raised_error_names = [event.details["raised"] for event in codra.record.of(Kind.DECISION)]
+        assert raised_error_names == ["LeaseError", "LeaseError"]
 
 
 def test_the_oldest_of_too_many_unreported_decisions_is_abandoned() -> None:
     with running_program() as (program, _codra, _clock):
-        numbers = [program.ask("decide", variable="open")["decision"] for _ in range(MOST_LOOKING_DECISIONS + 1)]
+        numbers = [program.ask("decide", variable="open")["decision"] for _ in range(MAX_LOOKING_DECISIONS + 1)]
         assert program.ask("found", decision=numbers[0])["kind"] == "malformed"
         assert program.ask("found", decision=numbers[1]) == {}
 

@@ -127,11 +127,11 @@ def test_an_error_of_looking_reaches_the_program_and_the_event_log(server: Serve
 def test_a_subscriber_elsewhere_is_called_with_each_reading(server: Server, codra: Manager) -> None:
     values: list[Any] = []
     with RemoteContext(server.address) as remote:
-        stop = remote.subscribe("near", lambda reading: values.append(reading.content))
+        unsubscribe = remote.subscribe("near", lambda reading: values.append(reading.content))
         for value in (False, True, False):
             codra.set("near", value)
         eventually(lambda: values[-1:] == [False] and len(values) >= 1)
-        stop()
+        unsubscribe()
         codra.set("near", True)
         remote.get("near")
     assert values[-1] is False
@@ -201,10 +201,10 @@ def test_invalid_lines_are_answered_with_errors_and_the_session_continues(server
 
 
 def test_a_request_of_a_web_page_ends_the_session(server: Server, codra: Manager) -> None:
-    with raw(server) as peer, peer.makefile("rb") as answers:
+    with raw(server) as peer, peer.makefile("rb") as answer_stream:
         peer.sendall(b'POST / HTTP/1.1\r\n{"codra": 1, "id": 1, "ask": "declare", "variable": "open"}\n')
-        assert json.loads(answers.readline())["error"]["kind"] == "malformed"
-        assert answers.readline() == b""
+        assert json.loads(answer_stream.readline())["error"]["kind"] == "malformed"
+        assert answer_stream.readline() == b""
     assert "open" not in codra.declared()
 
 

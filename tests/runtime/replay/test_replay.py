@@ -42,7 +42,7 @@ def journalled(model: ContextModel, world: World, path: Path, clock: Clock, seed
         yield manager
 
 
-def replayed(path: Path, model: ContextModel, keep: Callable[[Event], bool] = lambda _: True) -> Replayed:
+def replay_journal(path: Path, model: ContextModel, keep: Callable[[Event], bool] = lambda _: True) -> Replayed:
     """Replay a journal, or some of its events; the copy is beside it."""
     header, events = read(path)
     return replay(
@@ -51,12 +51,12 @@ def replayed(path: Path, model: ContextModel, keep: Callable[[Event], bool] = la
 
 
 def assert_same(path: Path, model: ContextModel) -> Replayed:
-    result = replayed(path, model)
+    replay_result = replay_journal(path, model)
 
-    assert result.difference is None
-    assert result.compared == sum(event.kind is not Kind.INPUT for event in read(path)[1])
+    assert replay_result.difference is None
+    assert replay_result.compared == sum(event.kind is not Kind.INPUT for event in read(path)[1])
     assert path.with_suffix(".again").read_bytes() == path.read_bytes()
-    return result
+    return replay_result
 
 
 def test_a_run_in_simulated_time_is_derived_again_byte_for_byte(tmp_path: Path) -> None:
@@ -72,7 +72,7 @@ def test_a_run_in_simulated_time_is_derived_again_byte_for_byte(tmp_path: Path) 
 def test_events_that_a_journal_lacks_are_derived_from_inputs_and_evidence(tmp_path: Path, absent: set[Kind]) -> None:
     run_door(tmp_path / "run.mcap", loops=9)
 
-    result = replayed(tmp_path / "run.mcap", MODEL, lambda event: event.kind not in absent)
+    result = replay_journal(tmp_path / "run.mcap", MODEL, lambda event: event.kind not in absent)
     assert (result.difference, set(result.absent)) == (None, absent)
     assert (tmp_path / "run.again").read_bytes() == (tmp_path / "run.mcap").read_bytes()
 
@@ -82,7 +82,7 @@ def test_a_changed_precondition_differs_at_its_first_consequence(tmp_path: Path)
     look = Look(LOOK, {"open": value("angle") > 0.6}, when=[~value("near")], accept=[value("markers") >= 3])
     model = replace(MODEL, observers=(OBSERVERS[0], replace(OBSERVERS[1], build=tree(look))))
 
-    result = replayed(tmp_path / "run.mcap", model)
+    result = replay_journal(tmp_path / "run.mcap", model)
     assert result.difference is not None
     recorded = result.difference.recorded
     assert recorded is not None
@@ -231,7 +231,7 @@ def test_a_name_that_the_package_lacks_is_reported(tmp_path: Path) -> None:
     run_door(tmp_path / "run.mcap")
     without = replace(MODEL, variables=MODEL.variables[1:], observers=MODEL.observers[1:])
 
-    difference = replayed(tmp_path / "run.mcap", without).difference
+    difference = replay_journal(tmp_path / "run.mcap", without).difference
     assert difference is not None
     assert difference.because == "the package has no variable 'localized', which the run used"
 
@@ -245,14 +245,14 @@ def test_changes_are_reported_from_near_to_far_and_equal_parts_are_not(tmp_path:
         for old_observer, new_look in zip(OBSERVERS, (far, look), strict=True)
     )
 
-    difference = replayed(tmp_path / "run.mcap", replace(MODEL, observers=observers)).difference
+    difference = replay_journal(tmp_path / "run.mcap", replace(MODEL, observers=observers)).difference
     assert difference is not None
     assert [(change.owner, change.what) for change in difference.changes][:2] == [
         ("look", "accept_when"),
         ("measure_distance", "identifies near"),
     ]
     same = replace(MODEL, observers=tuple(replace(observer_model) for observer_model in OBSERVERS))
-    assert replayed(tmp_path / "run.mcap", same).difference is None
+    assert replay_journal(tmp_path / "run.mcap", same).difference is None
 
 
 # Real time
@@ -432,6 +432,6 @@ def test_infinite_values_are_derived_again(tmp_path: Path) -> None:
 def test_a_door_with_another_source_of_near_differs_at_the_first_event(tmp_path: Path) -> None:
     run_door(tmp_path / "run.mcap")
 
-    result = replayed(tmp_path / "run.mcap", GIVEN_NEAR)
+    result = replay_journal(tmp_path / "run.mcap", GIVEN_NEAR)
     assert result.difference is not None
     assert result.difference.position <= 3

@@ -312,7 +312,7 @@ def test_instants_dropped_from_a_short_event_log_are_refused_and_the_present_is_
 def test_a_journal_gives_the_same_explanations_as_the_running_manager(tmp_path: Path) -> None:
     clock, journal = SimClock(), Journal(tmp_path / "run.mcap")
     seen_door = Door(angle_rad=1.0)
-    texts: dict[tuple[str, float], str] = {}
+    explanation_texts: dict[tuple[str, float], str] = {}
     with ContextManager[str, str](MODEL, clock=clock, resources={"door": seen_door}, record=journal) as manager:
         for step in range(30):
             seen_door.markers, seen_door.distance_m = (4, 1, 4)[step % 3], (1.0, 1.0, 1.0, 9.0)[step % 4]
@@ -324,19 +324,19 @@ def test_a_journal_gives_the_same_explanations_as_the_running_manager(tmp_path: 
                 with manager.skill("open_door") as skill, skill.acting():
                     clock.sleep(0.3)
             clock.sleep(0.37)
-            texts |= {(name, clock.now_s()): str(manager.why(name)) for name in manager.modelled()}
+            explanation_texts |= {(name, clock.now_s()): str(manager.why(name)) for name in manager.modelled()}
             clock.sleep(0.01)
-    head, events = read(journal.path)
+    header, events = read(journal.path)
 
-    for (name, at_s), text in texts.items():
-        assert str(explain(head.summary, lambda until_s: LatestEvents.of(events, until_s), name, at_s)) == text
-    assert len(set(texts.values())) > 60
+    for (name, at_s), text in explanation_texts.items():
+        assert str(explain(header.summary, lambda until_s: LatestEvents.of(events, until_s), name, at_s)) == text
+    assert len(set(explanation_texts.values())) > 60
 
 
 def test_instants_since_1970_are_printed_as_dates(tmp_path: Path) -> None:
     run_door(tmp_path / "run.mcap", loops=1, start_s=1_795_245_633.25)
-    head, events = read(tmp_path / "run.mcap")
-    why = explain(head.summary, lambda until_s: LatestEvents.of(events, until_s), "localized", events[-1].instant_s)
+    header, events = read(tmp_path / "run.mcap")
+    why = explain(header.summary, lambda until_s: LatestEvents.of(events, until_s), "localized", events[-1].instant_s)
 
     assert why.story[0] == "written by main_execution at 2026-11-21 07:20:33.250 UTC"
 
@@ -379,7 +379,10 @@ def unlike(seed: int) -> ContextModel:
             Look(
                 algorithm(f"look_{name}_{rank}", {"seen": returned}),
                 {name: value("seen")},
-                [condition(*chance.sample(part, 2)) for part in (names[: number // 2], names[number // 2 : number])],
+                [
+                    condition(*chance.sample(name_group, 2))
+                    for name_group in (names[: number // 2], names[number // 2 : number])
+                ],
             )
             for rank in range(chance.choice([1, 1, 2]))
         ]
@@ -388,14 +391,14 @@ def unlike(seed: int) -> ContextModel:
 
 
 def some_value(name: str, model: ContextModel, chance: random.Random) -> object:
-    kind = next(variable_model.type for variable_model in model.variables if variable_model.name == name)
+    value_type = next(variable_model.type for variable_model in model.variables if variable_model.name == name)
     options: dict[str, list[object]] = {
         "bool": [True, False],
         "int": [0, 2, 3, 7],
         "float": [-0.2, 0.2, 40.0],
-        "enum": list(kind.members),
+        "enum": list(value_type.members),
     }
-    return chance.choice(options[kind.kind])
+    return chance.choice(options[value_type.kind])
 
 
 def run_until(model: ContextModel, seed: int, end_s: float) -> ContextManager[str, str]:

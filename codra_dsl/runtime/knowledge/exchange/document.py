@@ -1,7 +1,8 @@
 """A graph in the model of RoboComp's DSR: numbered nodes, labelled edges, attributes with a type code.
 
-A graph holds the complete content of a file, whether or not the spec declares it. Values are plain Python; `json_value`
-returns them as in RoboComp's JSON: integers of 64 bits as text, since other JSON readers parse numbers as doubles.
+A graph holds the complete content of a file, whether or not the spec declares it. Values are plain Python;
+`to_json_value` returns them as in RoboComp's JSON: integers of 64 bits as text, since other JSON readers parse numbers
+as doubles.
 """
 
 from __future__ import annotations
@@ -13,10 +14,10 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from functools import partial
 
-MOST_NUMBER = 2**64 - 2
+MAX_NODE_NUMBER = 2**64 - 2
 """The largest number of a node; the next number means "no node" to RoboComp."""
 
-_INTEGER = re.compile(r"[+-]?[0-9]{1,20}")
+_INTEGER_PATTERN = re.compile(r"[+-]?[0-9]{1,20}")
 
 
 class ExchangeError(ValueError):
@@ -134,7 +135,7 @@ def parse_value(code: int, json_data: object) -> object:
     return json_data if reader is None else reader(json_data)
 
 
-def json_value(value: DsrValue) -> object:
+def to_json_value(value: DsrValue) -> object:
     """Return a value as in RoboComp's JSON."""
     content = value.value
     match value.code:
@@ -145,9 +146,9 @@ def json_value(value: DsrValue) -> object:
         case ValueCode.UINT64S if isinstance(content, tuple):
             return [str(number) for number in content]
         case _ if isinstance(content, (tuple, bytes)):
-            return [_finite(number) for number in content]
+            return [_finite_or_text(number) for number in content]
         case _:
-            return _finite(content)
+            return _finite_or_text(content)
 
 
 def encode_value(content: object, code: int | None = None, extra: Mapping[str, object] | None = None) -> DsrValue:
@@ -197,20 +198,20 @@ def _preferred_codes(plain_value: object) -> Sequence[int]:
     return {str: (ValueCode.TEXT,), bytes: (ValueCode.BYTES,), float: (ValueCode.DOUBLE,)}.get(type(plain_value), ())
 
 
-def _text(json_data: object) -> object:
+def _read_text(json_data: object) -> object:
     if isinstance(json_data, str):
         return json_data
     raise ValueError(f"{_value_text(json_data)} is not a text")
 
 
-def _bool(json_data: object) -> object:
+def _read_bool(json_data: object) -> object:
     if isinstance(json_data, bool):
         return json_data
     raise ValueError(f"{_value_text(json_data)} is neither true nor false")
 
 
-def _integer(json_data: object, low: int, high: int) -> int:
-    if (isinstance(json_data, str) and _INTEGER.fullmatch(json_data)) or (
+def _read_integer(json_data: object, low: int, high: int) -> int:
+    if (isinstance(json_data, str) and _INTEGER_PATTERN.fullmatch(json_data)) or (
         isinstance(json_data, float) and json_data.is_integer()
     ):
         json_data = int(json_data)
@@ -221,12 +222,12 @@ def _integer(json_data: object, low: int, high: int) -> int:
     return json_data
 
 
-def _uint32(json_data: object) -> object:
+def _read_uint32(json_data: object) -> object:
     """Return an unsigned number; RoboComp writes large ones as the negative number with the same bits."""
-    return _integer(json_data, -(2**31), 2**32 - 1) % 2**32
+    return _read_integer(json_data, -(2**31), 2**32 - 1) % 2**32
 
 
-def _real(json_data: object) -> object:
+def _read_real(json_data: object) -> object:
     if json_data is None:
         return None
     if isinstance(json_data, str):
@@ -242,7 +243,7 @@ def _real(json_data: object) -> object:
         raise ValueError(f"{_value_text(json_data)} is too large") from None
 
 
-def _list(json_data: object, read: Callable[[object], object], count: int | None = None) -> tuple[object, ...]:
+def _read_list(json_data: object, read: Callable[[object], object], count: int | None = None) -> tuple[object, ...]:
     if not isinstance(json_data, list):
         raise ValueError(f"{_value_text(json_data)} is not a list")
     if count is not None and len(json_data) != count:
@@ -250,32 +251,32 @@ def _list(json_data: object, read: Callable[[object], object], count: int | None
     return tuple(read(number) for number in json_data)
 
 
-def _bytes(json_data: object) -> object:
-    return bytes(_integer(byte, 0, 255) for byte in _list(json_data, lambda number: number))
+def _read_bytes(json_data: object) -> object:
+    return bytes(_read_integer(byte, 0, 255) for byte in _read_list(json_data, lambda number: number))
 
 
-def _finite(content: object) -> object:
+def _finite_or_text(content: object) -> object:
     """Return a value for JSON; a number that is not finite becomes a text, which RoboComp parses as this number."""
     return repr(content) if isinstance(content, float) and not math.isfinite(content) else content
 
 
-_uint64 = partial(_integer, low=0, high=2**64 - 1)
+_read_uint64 = partial(_read_integer, low=0, high=2**64 - 1)
 
 _READERS: Mapping[int, Callable[[object], object]] = {
-    ValueCode.TEXT: _text,
-    ValueCode.INT32: partial(_integer, low=-(2**31), high=2**31 - 1),
-    ValueCode.FLOAT: _real,
-    ValueCode.FLOATS: partial(_list, read=_real),
-    ValueCode.BOOL: _bool,
-    ValueCode.BYTES: _bytes,
-    ValueCode.UINT32: _uint32,
-    ValueCode.UINT64: _uint64,
-    ValueCode.DOUBLE: _real,
-    ValueCode.UINT64S: partial(_list, read=_uint64),
-    ValueCode.FLOATS_2: partial(_list, read=_real, count=2),
-    ValueCode.FLOATS_3: partial(_list, read=_real, count=3),
-    ValueCode.FLOATS_4: partial(_list, read=_real, count=4),
-    ValueCode.FLOATS_6: partial(_list, read=_real, count=6),
+    ValueCode.TEXT: _read_text,
+    ValueCode.INT32: partial(_read_integer, low=-(2**31), high=2**31 - 1),
+    ValueCode.FLOAT: _read_real,
+    ValueCode.FLOATS: partial(_read_list, read=_read_real),
+    ValueCode.BOOL: _read_bool,
+    ValueCode.BYTES: _read_bytes,
+    ValueCode.UINT32: _read_uint32,
+    ValueCode.UINT64: _read_uint64,
+    ValueCode.DOUBLE: _read_real,
+    ValueCode.UINT64S: partial(_read_list, read=_read_uint64),
+    ValueCode.FLOATS_2: partial(_read_list, read=_read_real, count=2),
+    ValueCode.FLOATS_3: partial(_read_list, read=_read_real, count=3),
+    ValueCode.FLOATS_4: partial(_read_list, read=_read_real, count=4),
+    ValueCode.FLOATS_6: partial(_read_list, read=_read_real, count=6),
 }
 
 

@@ -12,15 +12,15 @@ from pathlib import Path
 from typing import NoReturn, cast
 
 from codra_dsl.runtime.knowledge.exchange.document import (
-    MOST_NUMBER,
+    MAX_NODE_NUMBER,
     DsrEdge,
     DsrGraph,
     DsrNode,
     DsrValue,
     ExchangeError,
     ValueCode,
-    json_value,
     parse_value,
+    to_json_value,
 )
 
 MAX_BYTES = 64 * 2**20
@@ -29,10 +29,10 @@ MAX_BYTES = 64 * 2**20
 MAX_DEPTH = 40
 """The maximum nesting depth of objects and lists."""
 
-_Json = Mapping[str, object]
+_JsonObject = Mapping[str, object]
 
 
-class _DuplicateKeys(dict[str, object]):
+class _ObjectWithDuplicateKey(dict[str, object]):
     """An object with a duplicate key.
 
     Attributes:
@@ -83,22 +83,22 @@ def parse_dsr(text: str, source: str = "<text>") -> DsrGraph:
     Raises:
         ExchangeError: if the text is not a DSR file.
     """
-    top = _object(_parse_json(text, source), _Place(source, "$"))
+    top_object = _require_object(_parse_json(text, source), _Place(source, "$"))
     place = _Place(source, "$").key("DSRModel")
-    if "DSRModel" not in top:
-        place.complain('the key is missing: a DSR file is {"DSRModel": {"symbols": {...}}}')
-    model = _object(top["DSRModel"], place)
-    symbols = place.key("symbols")
-    nodes, links = [], []
-    for key, symbol in _object(model.get("symbols", {}), symbols).items():
-        node, node_links = _node(key, symbol, symbols.key(key))
+    if "DSRModel" not in top_object:
+        place.raise_error('the key is missing: a DSR file is {"DSRModel": {"symbols": {...}}}')
+    model = _require_object(top_object["DSRModel"], place)
+    symbols_place = place.key("symbols")
+    nodes, edges_and_places = [], []
+    for key, symbol in _require_object(model.get("symbols", {}), symbols_place).items():
+        node, node_edges_and_places = _parse_node(key, symbol, symbols_place.key(key))
         nodes.append(node)
-        links.extend(node_links)
-    _check_nodes(nodes, symbols)
+        edges_and_places.extend(node_edges_and_places)
+    _check_nodes(nodes, symbols_place)
     return DsrGraph(
         nodes=tuple(nodes),
-        edges=tuple(_edges(links, {node.number for node in nodes})),
-        extra=_without_keys(top, "DSRModel"),
+        edges=tuple(_checked_edges(edges_and_places, {node.number for node in nodes})),
+        extra=_without_keys(top_object, "DSRModel"),
         model_extra=_without_keys(model, "symbols"),
     )
 
@@ -165,22 +165,22 @@ def check_json(tree: object, source: str) -> None:
     Raises:
         ExchangeError: if an object has a duplicate key, a text has a lone surrogate, or the nesting is too deep.
     """
-    pending: list[tuple[object, _Place, int]] = [(tree, _Place(source, "$"), 1)]
-    while pending:
-        part, place, depth = pending.pop()
-        if isinstance(part, _DuplicateKeys):
-            place.key(part.key).complain("this key occurs twice in one object: remove one of the two entries")
-        if isinstance(part, str) and any("\ud800" <= character <= "\udfff" for character in part):
-            place.complain("a text with a lone surrogate (half a character) cannot be written: remove it")
+    pending_values: list[tuple[object, _Place, int]] = [(tree, _Place(source, "$"), 1)]
+    while pending_values:
+        json_data, place, depth = pending_values.pop()
+        if isinstance(json_data, _ObjectWithDuplicateKey):
+            place.key(json_data.key).raise_error("this key occurs twice in one object: remove one of the two entries")
+        if isinstance(json_data, str) and any("\ud800" <= character <= "\udfff" for character in json_data):
+            place.raise_error("a text with a lone surrogate (half a character) cannot be written: remove it")
         if depth > MAX_DEPTH:
-            place.complain(f"objects and lists are nested more than {MAX_DEPTH} levels deep")
-        if isinstance(part, dict):
-            pending += [(key, place, 0) for key in part]
-            pending += [(value, place.key(str(key)), depth + 1) for key, value in part.items()]
-        elif isinstance(part, (list, tuple)):
-            pending += [(value, place.item(index), depth + 1) for index, value in enumerate(part)]
-        elif not isinstance(part, (str, int, float, bool, type(None))):
-            place.complain(f"JSON has no {type(part).__name__}")
+            place.raise_error(f"objects and lists are nested more than {MAX_DEPTH} levels deep")
+        if isinstance(json_data, dict):
+            pending_values += [(key, place, 0) for key in json_data]
+            pending_values += [(value, place.key(str(key)), depth + 1) for key, value in json_data.items()]
+        elif isinstance(json_data, (list, tuple)):
+            pending_values += [(value, place.item(index), depth + 1) for index, value in enumerate(json_data)]
+        elif not isinstance(json_data, (str, int, float, bool, type(None))):
+            place.raise_error(f"JSON has no {type(json_data).__name__}")
 
 
 # Reading
@@ -204,7 +204,7 @@ class _Place:
         """Return the place of an item of a list."""
         return _Place(self._source, f"[{index}]", self)
 
-    def complain(self, message: str) -> NoReturn:
+    def raise_error(self, message: str) -> NoReturn:
         """Raise an error about this place."""
         steps: list[str] = []
         place: _Place | None = self
@@ -236,115 +236,118 @@ def _object_of_pairs(pairs: list[tuple[str, object]]) -> dict[str, object]:
     plain_object = dict(pairs)
     if len(plain_object) == len(pairs):
         return plain_object
-    marked_object = _DuplicateKeys(plain_object)
+    object_with_duplicate = _ObjectWithDuplicateKey(plain_object)
     keys = [key for key, _ in pairs]
-    marked_object.key = next(key for index, key in enumerate(keys) if key in keys[:index])
-    return marked_object
+    object_with_duplicate.key = next(key for index, key in enumerate(keys) if key in keys[:index])
+    return object_with_duplicate
 
 
 def _refuse_constant(name: str) -> NoReturn:
     raise ValueError(f"{name} is not a JSON number: write null, or the text {name!r}")
 
 
-def _object(json_data: object, place: _Place) -> _Json:
+def _require_object(json_data: object, place: _Place) -> _JsonObject:
     if not isinstance(json_data, dict):
-        place.complain("there must be an object: {...}")
-    return cast("_Json", json_data)
+        place.raise_error("there must be an object: {...}")
+    return cast("_JsonObject", json_data)
 
 
-def _node(key: str, json_data: object, place: _Place) -> tuple[DsrNode, list[tuple[DsrEdge, _Place]]]:
-    symbol = _object(json_data, place)
-    number = _number(symbol, "id", place)
+def _parse_node(key: str, json_data: object, place: _Place) -> tuple[DsrNode, list[tuple[DsrEdge, _Place]]]:
+    symbol = _require_object(json_data, place)
+    number = _parse_node_number(symbol, "id", place)
     if key != str(number):
-        place.complain(f"the symbol under this key has the id {number}: the key and the id must be the same")
+        place.raise_error(f"the symbol under this key has the id {number}: the key and the id must be the same")
     links = symbol.get("links", [])
     if not isinstance(links, list):
-        place.key("links").complain("there must be a list: [...]")
+        place.key("links").raise_error("there must be a list: [...]")
     places = [place.key("links").item(index) for index in range(len(links))]
-    edges = [
-        (_edge(_object(link, link_place), link_place), link_place)
+    edges_and_places = [
+        (_parse_edge(_require_object(link, link_place), link_place), link_place)
         for link, link_place in zip(links, places, strict=True)
     ]
     node = DsrNode(
         number=number,
-        name=_required_text(symbol, "name", place),
-        type=_required_text(symbol, "type", place),
-        attributes=_values(symbol, "attribute", place),
+        name=_require_text(symbol, "name", place),
+        type=_require_text(symbol, "type", place),
+        attributes=_parse_attributes(symbol, "attribute", place),
         extra=_without_keys(symbol, "id", "name", "type", "attribute", "links"),
     )
-    return node, edges
+    return node, edges_and_places
 
 
-def _edge(link: _Json, place: _Place) -> DsrEdge:
+def _parse_edge(link: _JsonObject, place: _Place) -> DsrEdge:
     return DsrEdge(
-        origin=_number(link, "src", place),
-        label=_required_text(link, "label", place),
-        target=_number(link, "dst", place),
-        attributes=_values(link, "linkAttribute", place),
+        origin=_parse_node_number(link, "src", place),
+        label=_require_text(link, "label", place),
+        target=_parse_node_number(link, "dst", place),
+        attributes=_parse_attributes(link, "linkAttribute", place),
         extra=_without_keys(link, "src", "dst", "label", "linkAttribute"),
     )
 
 
-def _values(owner: _Json, key: str, place: _Place) -> dict[str, DsrValue]:
+def _parse_attributes(owner: _JsonObject, key: str, place: _Place) -> dict[str, DsrValue]:
     values_place = place.key(key)
     return {
-        name: _value(value, values_place.key(name)) for name, value in _object(owner.get(key, {}), values_place).items()
+        name: _parse_attribute(value, values_place.key(name))
+        for name, value in _require_object(owner.get(key, {}), values_place).items()
     }
 
 
-def _value(json_data: object, place: _Place) -> DsrValue:
-    attribute_object = _object(json_data, place)
+def _parse_attribute(json_data: object, place: _Place) -> DsrValue:
+    attribute_object = _require_object(json_data, place)
     if "type" not in attribute_object or "value" not in attribute_object:
-        place.complain('an attribute is {"type": NUMBER, "value": VALUE}')
+        place.raise_error('an attribute is {"type": NUMBER, "value": VALUE}')
     code = attribute_object["type"]
     if isinstance(code, bool) or not isinstance(code, int):
-        place.key("type").complain("the type of a value is an integer, such as 0 for text or 2 for a float")
+        place.key("type").raise_error("the type of a value is an integer, such as 0 for text or 2 for a float")
     try:
         value = parse_value(code, attribute_object["value"])
     except ValueError as error:
         name = ValueCode(code).name.lower()
-        place.key("value").complain(f"{error}, but type {code} is {name}: change the value or the type")
+        place.key("value").raise_error(f"{error}, but type {code} is {name}: change the value or the type")
     return DsrValue(code=code, value=value, extra=_without_keys(attribute_object, "type", "value"))
 
 
-def _number(owner: _Json, key: str, place: _Place) -> int:
+def _parse_node_number(owner: _JsonObject, key: str, place: _Place) -> int:
     try:
         number = cast("int", parse_value(ValueCode.UINT64, owner.get(key)))
     except ValueError:
-        number = MOST_NUMBER + 1
-    if number > MOST_NUMBER:
-        place.key(key).complain(f"expected the number of a node, from 0 to {MOST_NUMBER}")
+        number = MAX_NODE_NUMBER + 1
+    if number > MAX_NODE_NUMBER:
+        place.key(key).raise_error(f"expected the number of a node, from 0 to {MAX_NODE_NUMBER}")
     return number
 
 
-def _required_text(owner: _Json, key: str, place: _Place) -> str:
+def _require_text(owner: _JsonObject, key: str, place: _Place) -> str:
     text = owner.get(key)
     if not isinstance(text, str) or not text:
-        place.key(key).complain("expected a text that is not empty")
+        place.key(key).raise_error("expected a text that is not empty")
     return text
 
 
-def _without_keys(owner: _Json, *keys: str) -> dict[str, object]:
+def _without_keys(owner: _JsonObject, *keys: str) -> dict[str, object]:
     return {key: value for key, value in owner.items() if key not in keys}
 
 
 def _check_nodes(nodes: list[DsrNode], place: _Place) -> None:
-    numbers: dict[str, int] = {}
+    numbers_by_name: dict[str, int] = {}
     for node in nodes:
-        if node.name in numbers:
+        if node.name in numbers_by_name:
             name_place = place.key(str(node.number)).key("name")
-            name_place.complain(f"{node.name!r} is also the name of node {numbers[node.name]}: names must be unique")
-        numbers[node.name] = node.number
+            name_place.raise_error(
+                f"{node.name!r} is also the name of node {numbers_by_name[node.name]}: names must be unique"
+            )
+        numbers_by_name[node.name] = node.number
 
 
-def _edges(links: list[tuple[DsrEdge, _Place]], numbers: set[int]) -> Iterator[DsrEdge]:
+def _checked_edges(edges_and_places: list[tuple[DsrEdge, _Place]], node_numbers: set[int]) -> Iterator[DsrEdge]:
     seen_keys: set[tuple[int, str, int]] = set()
-    for edge, place in links:
+    for edge, place in edges_and_places:
         for key, number in (("src", edge.origin), ("dst", edge.target)):
-            if number not in numbers:
-                place.key(key).complain(f"there is no symbol {number}: add it, or remove the link")
+            if number not in node_numbers:
+                place.key(key).raise_error(f"there is no symbol {number}: add it, or remove the link")
         if edge.key in seen_keys:
-            place.complain(f"there is already a link {edge.label!r} from {edge.origin} to {edge.target}")
+            place.raise_error(f"there is already a link {edge.label!r} from {edge.origin} to {edge.target}")
         seen_keys.add(edge.key)
         yield edge
 
@@ -354,7 +357,8 @@ def _edges(links: list[tuple[DsrEdge, _Place]], numbers: set[int]) -> Iterator[D
 
 def _json_attributes(attributes: Mapping[str, DsrValue]) -> dict[str, object]:
     return {
-        name: {**value.extra, "type": int(value.code), "value": json_value(value)} for name, value in attributes.items()
+        name: {**value.extra, "type": int(value.code), "value": to_json_value(value)}
+        for name, value in attributes.items()
     }
 
 
@@ -364,12 +368,12 @@ def _pieces(tree: object, indent: str) -> Iterator[str]:
     if isinstance(tree, dict):
         sorted_items = sorted(tree.items(), key=lambda entry: str(entry[0]).encode("utf-16-be"))
         yield from _enclosed_pieces(
-            "{}", [(f"{_scalar(key)}: ", value) for key, value in sorted_items], inner_indent, indent
+            "{}", [(f"{_scalar_text(key)}: ", value) for key, value in sorted_items], inner_indent, indent
         )
     elif isinstance(tree, (list, tuple)):
         yield from _enclosed_pieces("[]", [("", value) for value in tree], inner_indent, indent)
     else:
-        yield _scalar(tree)
+        yield _scalar_text(tree)
 
 
 def _enclosed_pieces(brackets: str, items: list[tuple[str, object]], inner_indent: str, indent: str) -> Iterator[str]:
@@ -381,7 +385,7 @@ def _enclosed_pieces(brackets: str, items: list[tuple[str, object]], inner_inden
     yield f"{indent}{brackets[1]}"
 
 
-def _scalar(content: object) -> str:
+def _scalar_text(content: object) -> str:
     if isinstance(content, float) and content.is_integer() and abs(content) < 2**53 and str(content) != "-0.0":
         content = int(content)
     try:

@@ -14,43 +14,43 @@ _ROUNDING = 1e-12
 """The margin that is added to the bounds of a share."""
 
 
-def _or_inactive(degree: Bounds) -> Bounds:
+def _include_inactive(degree: Bounds) -> Bounds:
     return Bounds(min(0.0, degree.low), max(0.0, degree.high), degree.may_be_unknown)
 
 
 class Gate:
     """Admits rules that are strong enough, in the order of the calls and up to a limit."""
 
-    __slots__ = ("_certain_before", "_limit", "_possible_before", "_threshold")
+    __slots__ = ("_certain_count", "_limit", "_possible_count", "_threshold")
 
     def __init__(self, rules: int, threshold: float) -> None:
         self._limit = rules
         self._threshold = threshold
-        self._certain_before = 0
-        self._possible_before = 0
+        self._certain_count = 0
+        self._possible_count = 0
 
     def admit(self, degree: Bounds) -> Bounds | None:
         """Return the degree with which the next rule acts; None if it cannot act."""
         is_certain = degree.low > 0.0 and degree.low >= self._threshold and not degree.may_be_unknown
         is_possible = degree.high > 0.0 and degree.high >= self._threshold
-        may_act = is_possible and self._certain_before < self._limit
-        must_act = is_certain and self._possible_before < self._limit
-        self._certain_before += is_certain
-        self._possible_before += is_possible
+        may_act = is_possible and self._certain_count < self._limit
+        must_act = is_certain and self._possible_count < self._limit
+        self._certain_count += is_certain
+        self._possible_count += is_possible
         if not may_act:
             return None
-        return degree if must_act else _or_inactive(degree)
+        return degree if must_act else _include_inactive(degree)
 
 
 def threshold(degree: Bounds, comparator: str, limit: float) -> Bounds | None:
     """Return the degree if the comparison can hold; None if it cannot."""
-    may_hold, must_hold = _compares(degree, comparator, limit)
+    may_hold, must_hold = _comparison_possibilities(degree, comparator, limit)
     if not may_hold:
         return None
-    return degree if must_hold and not degree.may_be_unknown else _or_inactive(degree)
+    return degree if must_hold and not degree.may_be_unknown else _include_inactive(degree)
 
 
-def _compares(degree: Bounds, comparator: str, limit: float) -> tuple[bool, bool]:
+def _comparison_possibilities(degree: Bounds, comparator: str, limit: float) -> tuple[bool, bool]:
     """Return whether a comparison can hold, and whether it certainly holds."""
     low, high = degree.low, degree.high
     if comparator == "==":
@@ -66,30 +66,30 @@ def _compares(degree: Bounds, comparator: str, limit: float) -> tuple[bool, bool
 
 def highest(degrees: Sequence[Bounds], rules: int) -> tuple[Bounds | None, ...]:
     """Return the degrees of the strongest rules; among equally strong rules, the first ones are chosen."""
-    return _foremost(degrees, rules, [Bounds(-degree.high, -degree.low) for degree in degrees])
+    return _select_first_by_key(degrees, rules, [Bounds(-degree.high, -degree.low) for degree in degrees])
 
 
 def lowest(degrees: Sequence[Bounds], rules: int) -> tuple[Bounds | None, ...]:
     """Return the degrees of the weakest rules above 0; among equally strong rules, the first ones are chosen."""
-    return _foremost(degrees, rules, degrees)
+    return _select_first_by_key(degrees, rules, degrees)
 
 
-def _foremost(degrees: Sequence[Bounds], rules: int, keys: Sequence[Bounds]) -> tuple[Bounds | None, ...]:
-    acting: list[Bounds | None] = []
+def _select_first_by_key(degrees: Sequence[Bounds], rules: int, keys: Sequence[Bounds]) -> tuple[Bounds | None, ...]:
+    acting_degrees: list[Bounds | None] = []
     for index, (degree, key) in enumerate(zip(degrees, keys, strict=True)):
-        certain_rivals = possible_rivals = 0
-        for other, (other_degree, other_key) in enumerate(zip(degrees, keys, strict=True)):
-            if other == index or other_degree.high <= 0.0:
+        certain_rival_count = possible_rival_count = 0
+        for other_index, (other_degree, other_key) in enumerate(zip(degrees, keys, strict=True)):
+            if other_index == index or other_degree.high <= 0.0:
                 continue
             is_certain = other_degree.low > 0.0 and not other_degree.may_be_unknown
-            certain_rivals += is_certain and (other_key.high, other) < (key.low, index)
-            possible_rivals += (other_key.low, other) < (key.high, index)
-        if degree.high <= 0.0 or certain_rivals >= rules:
-            acting.append(None)
+            certain_rival_count += is_certain and (other_key.high, other_index) < (key.low, index)
+            possible_rival_count += (other_key.low, other_index) < (key.high, index)
+        if degree.high <= 0.0 or certain_rival_count >= rules:
+            acting_degrees.append(None)
         else:
-            must_act = degree.low > 0.0 and possible_rivals < rules and not degree.may_be_unknown
-            acting.append(degree if must_act else _or_inactive(degree))
-    return tuple(acting)
+            must_act = degree.low > 0.0 and possible_rival_count < rules and not degree.may_be_unknown
+            acting_degrees.append(degree if must_act else _include_inactive(degree))
+    return tuple(acting_degrees)
 
 
 def proportional(degrees: Sequence[Bounds]) -> tuple[Bounds | None, ...]:
@@ -97,15 +97,15 @@ def proportional(degrees: Sequence[Bounds]) -> tuple[Bounds | None, ...]:
     if not all(map(is_finite, degrees)):
         return tuple(Bounds(0.0, 1.0) for _ in degrees)
     lows, highs = ([max(0.0, degree[end]) for degree in degrees] for end in (0, 1))
-    acting: list[Bounds | None] = []
+    acting_degrees: list[Bounds | None] = []
     for index, (low, high) in enumerate(zip(lows, highs, strict=True)):
         if high == 0.0:
-            acting.append(None)
+            acting_degrees.append(None)
             continue
-        least = low / (low + sum(highs[:index]) + sum(highs[index + 1 :])) if low > 0.0 else 0.0
-        most = high / (high + sum(lows[:index]) + sum(lows[index + 1 :]))
-        acting.append(Bounds(max(0.0, least - _ROUNDING), min(1.0, most + _ROUNDING)))
-    return tuple(acting)
+        least_share = low / (low + sum(highs[:index]) + sum(highs[index + 1 :])) if low > 0.0 else 0.0
+        most_share = high / (high + sum(lows[:index]) + sum(lows[index + 1 :]))
+        acting_degrees.append(Bounds(max(0.0, least_share - _ROUNDING), min(1.0, most_share + _ROUNDING)))
+    return tuple(acting_degrees)
 
 
 def hedged(degree: Bounds | None, function: Callable[[float], float]) -> Bounds | None:
@@ -116,4 +116,4 @@ def hedged(degree: Bounds | None, function: Callable[[float], float]) -> Bounds 
     if degree is None:
         return None
     bounds = hedge(function, degree)
-    return bounds if degree.low > 0.0 else _or_inactive(bounds)
+    return bounds if degree.low > 0.0 else _include_inactive(bounds)

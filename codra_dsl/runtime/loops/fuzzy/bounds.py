@@ -21,7 +21,7 @@ from typing import NamedTuple, Protocol
 from codra_dsl.runtime.loops.fuzzy import hedges, norms
 from codra_dsl.runtime.loops.fuzzy.breakpoints import BREAKPOINTS, COMPOSITES
 
-MOST_BOXES = 4096
+MAX_BOXES = 4096
 """The largest number of boxes into which `refined` cuts the inputs."""
 
 
@@ -68,7 +68,9 @@ class BoundedInference(NamedTuple):
 ANYTHING = Bounds(-math.inf, math.inf, may_be_unknown=True)
 UNKNOWN = Bounds(math.nan, math.nan, may_be_unknown=True)
 
-_EXACT = frozenset({norms.minimum, norms.maximum, norms.bounded_sum, norms.unbounded_sum, norms.bounded_difference})
+_EXACT_NORMS = frozenset(
+    {norms.minimum, norms.maximum, norms.bounded_sum, norms.unbounded_sum, norms.bounded_difference}
+)
 """The norms that never fall while an operand rises, also after rounding."""
 
 _ROUNDING = 1e-15
@@ -98,7 +100,7 @@ def hull(values: Iterable[float]) -> Bounds:
     return Bounds(min(numbers), max(numbers))
 
 
-def joined(one: Bounds, other: Bounds) -> Bounds:
+def join(one: Bounds, other: Bounds) -> Bounds:
     """Return bounds that contain the values of both bounds."""
     may_be_unknown = one.may_be_unknown or other.may_be_unknown
     if one.low != one.low:
@@ -115,7 +117,7 @@ def image(term: Callable[..., float], x: Bounds, *parameters: object) -> Bounds:
     if x.low == x.high:
         return hull([term(x.low, *parameters)])
     if term in COMPOSITES:
-        return _composite(term, x, *parameters)
+        return _composite_image(term, x, *parameters)
     places_near_breakpoints = (
         place
         for turning_point in BREAKPOINTS[term](*parameters)
@@ -125,12 +127,12 @@ def image(term: Callable[..., float], x: Bounds, *parameters: object) -> Bounds:
     return hull(term(place, *parameters) for place in places)
 
 
-def _composite(term: Callable[..., float], x: Bounds, *parameters: object) -> Bounds:
-    parts, joins = COMPOSITES[term]
-    first, second = (image(part, x, *chosen) for part, chosen in parts(*parameters))
+def _composite_image(term: Callable[..., float], x: Bounds, *parameters: object) -> Bounds:
+    parts_of, height_of = COMPOSITES[term]
+    first, second = (image(part, x, *chosen) for part, chosen in parts_of(*parameters))
     if not (is_finite(first) and is_finite(second)):
         return ANYTHING
-    height = joins(*parameters)
+    height = height_of(*parameters)
     if term.__name__ == "sigmoid_difference":
         return times(height, absolute(Bounds(first.low - second.high, first.high - second.low)))
     return times(height, Bounds(first.low * second.low, first.high * second.high))
@@ -169,7 +171,7 @@ def norm(function: Callable[[float, float], float], a: Bounds, b: Bounds) -> Bou
     """Return the bounds of a norm of two degrees."""
     if a.low == a.high and b.low == b.high:
         return point(function(a.low, b.low))
-    if function in _EXACT and is_finite(a) and is_finite(b):
+    if function in _EXACT_NORMS and is_finite(a) and is_finite(b):
         return Bounds(function(a.low, b.low), function(a.high, b.high))
     if is_degree(a) and is_degree(b):
         return Bounds(max(0.0, function(a.low, b.low) - _ROUNDING), min(1.0, function(a.high, b.high) + _ROUNDING))
@@ -198,8 +200,8 @@ def known(bounds: Bounds, *substitutes: Bounds) -> Bounds:
     for substitute in substitutes:
         if not bounds.may_be_unknown:
             break
-        known_part = Bounds(bounds.low, bounds.high)
-        bounds = joined(known_part, substitute)
+        known_bounds = Bounds(bounds.low, bounds.high)
+        bounds = join(known_bounds, substitute)
     return bounds
 
 
@@ -215,27 +217,29 @@ def refined(infer: InferBounds, inputs: Sequence[Bounds], *, pieces: int) -> Bou
     """Return narrower bounds: every unknown input is cut into pieces, and the bounds of all boxes are joined.
 
     Like the result of one call, the union contains every result that the inputs allow. Infinite inputs are not cut.
-    There are at most MOST_BOXES boxes; the number of pieces is reduced if necessary.
+    There are at most MAX_BOXES boxes; the number of pieces is reduced if necessary.
     """
-    open_count = sum(1 for bounds in inputs if bounds.low < bounds.high and is_finite(bounds))
-    while pieces > 1 and pieces**open_count > MOST_BOXES:
+    open_input_count = sum(1 for bounds in inputs if bounds.low < bounds.high and is_finite(bounds))
+    while pieces > 1 and pieces**open_input_count > MAX_BOXES:
         pieces -= 1
     union: BoundedInference | None = None
-    for box in itertools.product(*(_pieces_of(bounds, pieces) for bounds in inputs)):
-        part = infer(*box)
-        union = part if union is None else _joined_inferences(union, part)
+    for box in itertools.product(*(_split(bounds, pieces) for bounds in inputs)):
+        box_inference = infer(*box)
+        union = box_inference if union is None else _join_inferences(union, box_inference)
     return infer(*inputs) if union is None else union
 
 
-def _pieces_of(bounds: Bounds, pieces: int) -> list[Bounds]:
+def _split(bounds: Bounds, piece_count: int) -> list[Bounds]:
     if not (bounds.low < bounds.high and is_finite(bounds)):
         return [bounds]
-    ends = [bounds.low + (bounds.high - bounds.low) * index / pieces for index in range(pieces)] + [bounds.high]
+    ends = [bounds.low + (bounds.high - bounds.low) * index / piece_count for index in range(piece_count)] + [
+        bounds.high
+    ]
     return [Bounds(low, max(low, high)) for low, high in itertools.pairwise(ends)]
 
 
-def _joined_inferences(one: BoundedInference, other: BoundedInference) -> BoundedInference:
+def _join_inferences(one: BoundedInference, other: BoundedInference) -> BoundedInference:
     return BoundedInference(
-        values=tuple(map(joined, one.values, other.values)),
-        strengths=tuple(map(joined, one.strengths, other.strengths)),
+        values=tuple(map(join, one.values, other.values)),
+        strengths=tuple(map(join, one.strengths, other.strengths)),
     )

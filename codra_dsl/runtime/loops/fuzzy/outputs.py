@@ -90,25 +90,25 @@ class Integral:
     @cached_property
     def is_clipped(self) -> bool:
         """Whether only the strongest conclusion of each term counts."""
-        plain_norms = all(conclusion.implication is norms.minimum for conclusion in self.conclusions)
-        return self.is_plain and self.aggregation is norms.maximum and plain_norms
+        are_implications_minimum = all(conclusion.implication is norms.minimum for conclusion in self.conclusions)
+        return self.is_plain and self.aggregation is norms.maximum and are_implications_minimum
 
     def value(self, degrees: Degrees) -> float:
         """Return the output; NaN if no conclusion holds at any point."""
         if self.is_clipped:
-            samples = self._clipped(degrees)
+            samples = self._clipped_samples(degrees)
         else:
             with np.errstate(all="ignore"):
                 samples = self.aggregated(degrees)
         return math.nan if samples is None else self.defuzzify(self.points, samples)
 
-    def _clipped(self, degrees: Degrees) -> Samples | None:
-        strongest: dict[int, float] = {}
+    def _clipped_samples(self, degrees: Degrees) -> Samples | None:
+        strongest_degrees: dict[int, float] = {}
         for conclusion, degree in zip(self.conclusions, degrees, strict=True):
-            if degree is not None and degree > strongest.get(conclusion.term, 0.0):
-                strongest[conclusion.term] = settled(degree)
+            if degree is not None and degree > strongest_degrees.get(conclusion.term, 0.0):
+                strongest_degrees[conclusion.term] = settled(degree)
         samples = None
-        for term, degree in strongest.items():
+        for term, degree in strongest_degrees.items():
             clipped_samples = np.minimum(self.terms[term], degree)
             samples = clipped_samples if samples is None else np.maximum(samples, clipped_samples, out=clipped_samples)
         return samples
@@ -160,12 +160,16 @@ class Weighted:
 
 def grouped(aggregation: Norm, conclusions: Sequence[int], degrees: Degrees) -> dict[int, float]:
     """Return the aggregated degree of each term with a conclusion, in the order of the first conclusions."""
-    groups: dict[int, float] = {}
+    degrees_by_term: dict[int, float] = {}
     for term, degree in zip(conclusions, degrees, strict=True):
         if degree is not None:
             counted_degree = settled(degree)
-            groups[term] = settled(aggregation(groups[term], counted_degree)) if term in groups else counted_degree
-    return groups
+            degrees_by_term[term] = (
+                settled(aggregation(degrees_by_term[term], counted_degree))
+                if term in degrees_by_term
+                else counted_degree
+            )
+    return degrees_by_term
 
 
 def degree_so_far(aggregation: Norm, degrees: Degrees) -> float:

@@ -143,7 +143,7 @@ def test_chance_depends_on_the_seed() -> None:
 
 def test_replaced_decisions_keep_the_analysis_that_is_drawn() -> None:
     for manager in (NominalManager(), RandomManager()):
-        written_names = [written_value.variable for written_value in plans(manager, cycles=1)[0][1].analysed]
+        written_names = [written_value.variable for written_value in plans(manager, cycles=1)[0][1].values_to_write]
         assert "safety" in written_names
 
 

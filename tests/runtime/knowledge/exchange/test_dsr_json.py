@@ -38,8 +38,8 @@ def graph() -> DsrGraph:
 
 
 def float32(number: float) -> float:
-    single_precision: float = struct.unpack("f", struct.pack("f", number))[0]
-    return single_precision
+    rounded_number: float = struct.unpack("f", struct.pack("f", number))[0]
+    return rounded_number
 
 
 def by_number(graph: DsrGraph, number: int) -> DsrNode:

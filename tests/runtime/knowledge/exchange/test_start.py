@@ -119,7 +119,7 @@ def test_declared_parts_are_imported_and_the_others_are_reported() -> None:
     assert (seen.get("battery", "battery_load").value, seen.get("battery", "battery_load").source) == (80.0, "")
     assert seen.get_of_edge("robot", "close_to", "box", "distance_to_robot").value == 0.5
     np.testing.assert_allclose(seen.transform("robot", "box").pose.translation_m, (0.0, -1.0, 0.0), atol=1e-12)
-    assert [str(part) for part in start.skipped] == [
+    assert [str(part) for part in start.skipped_parts] == [
         "battery.colour: no such attribute is declared",
         "box.mass: 30.0 is not of type int",
         "node 'drone': the spec has no type of nodes 'drone'",
@@ -153,7 +153,7 @@ def test_the_newest_pose_of_a_ring_counts_regardless_of_its_head() -> None:
 def test_any_graph_is_imported_and_exported_without_declarations(graph: DsrGraph) -> None:
     start, knowledge = import_graph(graph, KnowledgeModel(name="empty"))
     assert parts(export_dsr(knowledge, start)) == parts(graph)
-    assert len({part.subject for part in start.skipped}) >= len(graph.nodes)
+    assert len({part.subject for part in start.skipped_parts}) >= len(graph.nodes)
 
 
 def test_values_of_agents_are_exported_with_the_imported_types() -> None:
@@ -209,7 +209,7 @@ def test_a_graph_without_an_import_is_exported_with_new_numbers() -> None:
     mount = next(edge for edge in exported_graph.edges if edge.label == "RT")
     np.testing.assert_allclose(numbers(mount.attributes["rt_translation"]), (0.2, 0.0, 1.0))
     start = import_dsr(replace(STORE, nodes=(), edges=()), exported_graph, unit_m=1.0)
-    subjects = {part.subject for part in start.skipped}
+    subjects = {part.subject for part in start.skipped_parts}
     assert subjects == {*(f"node {task.name!r}" for task in STORE.tasks), "edge robot -wants-> navigating"}
     assert parts(export_dsr(Knowledge(start.model, clock=SimClock()), start)) == parts(exported_graph)
 
@@ -238,7 +238,7 @@ TWO_WAYS = replace(
 def test_an_edge_whose_label_leaves_a_choice_states_its_type() -> None:
     document = DsrGraph(nodes=(ROBOT, CONTAINER), edges=(rt(2, 7),))
     start, knowledge = import_graph(document, TWO_WAYS)
-    assert str(start.skipped[-1]) == (
+    assert str(start.skipped_parts[-1]) == (
         "edge robot -RT-> box: its type may be 'held' or 'pushed': state the type in the attribute 'codra_type'"
     )
     knowledge.as_agent("base").place("robot", "pushed", "box", Pose())
@@ -269,7 +269,7 @@ def test_an_edge_whose_label_leaves_a_choice_states_its_type() -> None:
 def test_rt_edges_that_do_not_form_a_tree_are_kept_and_exported(edges: tuple[DsrEdge, ...], why: str) -> None:
     document = DsrGraph(nodes=(WORLD, ROBOT, CONTAINER), edges=edges)
     start, knowledge = import_graph(document)
-    assert str(start.skipped[-1]) == why
+    assert str(start.skipped_parts[-1]) == why
     assert export_dsr(knowledge, start) == document
 
 
@@ -279,7 +279,7 @@ def test_frames_in_a_cycle_are_kept_and_exported() -> None:
     nodes = tuple(DsrNode(number=at, name=f"r{at}", type="robot") for at in range(3))
     document = DsrGraph(nodes=nodes, edges=(rt(0, 1), rt(1, 2), rt(2, 0), rt(1, 1)))
     start, knowledge = import_graph(document, model)
-    assert [str(part) for part in start.skipped] == [
+    assert [str(part) for part in start.skipped_parts] == [
         "edge r2 -RT-> r0: 'r0' would be its own ancestor",
         "edge r1 -RT-> r1: 'r1' would be its own ancestor",
     ]
