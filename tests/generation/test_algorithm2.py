@@ -381,7 +381,7 @@ def with_functions_of_one_name(made: BuildPlan) -> BuildPlan:
 
 def with_local_of_one_name(made: BuildPlan) -> BuildPlan:
     (group,) = tree_named(made, "lid").groups
-    return changed(made, "lid", groups=(tuple(replace(branch, local="same") for branch in group),))
+    return changed(made, "lid", groups=(tuple(replace(branch, local_name="same") for branch in group),))
 
 
 def with_class_that_hides(made: BuildPlan) -> BuildPlan:
