@@ -16,7 +16,7 @@ from codra_dsl.generation.algorithm2 import plan
 from codra_dsl.generation.build_plan import BuildPlan
 from codra_dsl.generation.emit import emit, package_text
 from codra_dsl.generation.output import RULES, digests
-from codra_dsl.language.behavior_trees.named import files_read, read_trees
+from codra_dsl.language.behavior_trees.named import named_tree_files, read_trees
 from codra_dsl.language.check import CheckedSpec, check
 from codra_dsl.language.diagnostics import Diagnostic, Related, has_errors
 from codra_dsl.language.load import Files, Loaded, find_files, load_spec, load_text
@@ -219,7 +219,7 @@ def _check_spec(spec: Spec | None, load_findings: tuple[Diagnostic, ...], root: 
     return _SpecAfterCheck(
         spec=spec,
         checked=None if has_errors(load_findings) else checked,
-        tree_files=tuple(files_read(spec, forests_by_tree_name)),
+        tree_files=tuple(named_tree_files(spec, forests_by_tree_name)),
         diagnostics=(*load_findings, *check_findings),
     )
 

@@ -65,14 +65,14 @@ class HasSpans(Protocol):
 class _LazyPlace:
     """Computes the span of a place on first access, because the spans of most places are never used."""
 
-    __slots__ = ("_range",)
-    _range: tuple[HasSpans, int, int]
+    __slots__ = ("_text_range",)
+    _text_range: tuple[HasSpans, int, int]
 
     def __getattr__(self, name: str) -> object:
         """Fill the slot `span`. Python calls this method only while the slot is empty."""
         if name != "span":
             raise AttributeError(name)
-        text, start, end = self._range
+        text, start, end = self._text_range
         span = text.span(start, end)
         object.__setattr__(self, "span", span)
         return span
@@ -230,22 +230,22 @@ def once_per_template(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ..
 
     The merged finding lists the other uses.
     """
-    same: dict[object, list[Diagnostic]] = {}
+    groups: dict[object, list[Diagnostic]] = {}
     counts_in_use: Counter[object] = Counter()
     for diagnostic in diagnostics:
         key: object = diagnostic
         if diagnostic.place.use is not None:  # several findings of the same use at the same place stay separate
             counts_in_use[diagnostic.code, diagnostic.place] += 1
             key = diagnostic.code, diagnostic.place.span, counts_in_use[diagnostic.code, diagnostic.place]
-        same.setdefault(key, []).append(diagnostic)
-    return tuple(_with_uses(*sorted(group, key=lambda diagnostic: diagnostic.place)) for group in same.values())
+        groups.setdefault(key, []).append(diagnostic)
+    return tuple(_merge_uses(*sorted(group, key=lambda diagnostic: diagnostic.place)) for group in groups.values())
 
 
-def _with_uses(first: Diagnostic, *others: Diagnostic) -> Diagnostic:
-    finding_of_use = {
+def _merge_uses(first: Diagnostic, *others: Diagnostic) -> Diagnostic:
+    finding_by_use = {
         diagnostic.place.use: diagnostic for diagnostic in others if diagnostic.place.use != first.place.use
     }
-    listed_findings = list(finding_of_use.values())[:MAX_LISTED_USES]
+    listed_findings = list(finding_by_use.values())[:MAX_LISTED_USES]
     related = tuple(Related(f"in another use: {finding.message}", finding.place) for finding in listed_findings)
     return replace(first, related=first.related + related, use_findings=(first, *others)) if related else first
 

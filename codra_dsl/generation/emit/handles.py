@@ -207,11 +207,11 @@ def _handle_classes(agent: str, name: str, names: _Names) -> Iterator[Class]:
     )
 
 
-def _head(name: str, write_methods_class: str, base: str) -> str:
+def _head(name: str, mixin: str, base: str) -> str:
     """Return the head of a class that accepts fewer names than its base, as `ruff format` writes it."""
-    flat, step = f"{name}({write_methods_class}, {base}):", _STEP * " "
-    is_within_width = len("    class ") + len(flat) <= WIDTH
-    return f"{flat if is_within_width else f'{name}({chr(10)}{2 * step}{write_methods_class}, {base}{chr(10)}{step}):'}{_IGNORE_SUBCLASS}"
+    flat, step = f"{name}({mixin}, {base}):", _STEP * " "
+    is_short = len("    class ") + len(flat) <= WIDTH
+    return f"{flat if is_short else f'{name}({chr(10)}{2 * step}{mixin}, {base}{chr(10)}{step}):'}{_IGNORE_SUBCLASS}"
 
 
 _VALUE = ("value: object", "*", "evidence_s: float | None = None")
