@@ -212,9 +212,11 @@ def suggest_unit(text: str) -> str | None:
     if len(text) > MAX_UNIT_LENGTH:
         return None
     pieces = re.split(r"([*/])", _POWER.sub(r"\1\2\1\2", "".join(text.split())))
-    nearest = [piece if piece in ("*", "/", "1") else _nearest(piece) for piece in pieces]
-    suggestion = "".join(piece for piece in nearest if piece is not None)
-    return suggestion if None not in nearest and suggestion != text and parse_unit(suggestion) is not None else None
+    nearest_pieces = [piece if piece in ("*", "/", "1") else _nearest_unit(piece) for piece in pieces]
+    suggestion = "".join(piece for piece in nearest_pieces if piece is not None)
+    return (
+        suggestion if None not in nearest_pieces and suggestion != text and parse_unit(suggestion) is not None else None
+    )
 
 
 def units_help(text: str) -> str:
@@ -276,8 +278,8 @@ def duration_help(text: str, most: str = "finite") -> str:
 
 
 def _durations_help(most: str) -> str:
-    known = "a duration is a number with ms, s, min or h, such as '500 ms'"
-    return f"{known}, or 'forever'" if most == "forever" else known
+    help_text = "a duration is a number with ms, s, min or h, such as '500 ms'"
+    return f"{help_text}, or 'forever'" if most == "forever" else help_text
 
 
 @lru_cache(maxsize=1024)
@@ -300,7 +302,7 @@ def ratio(source: Unit, target: Unit) -> float:
     return convert(1, source, target)
 
 
-def _nearest(piece: str) -> str | None:
+def _nearest_unit(piece: str) -> str | None:
     if piece in UNITS:
         return piece
     small = piece.casefold()
@@ -317,5 +319,5 @@ def _nearest(piece: str) -> str | None:
 
 def _unit_with_name(dimension: Dimension, factor: Fraction, degrees: int) -> Unit:
     """Return a unit; if it equals a unit in `UNITS`, the result has the name of that unit."""
-    plain = Unit(dimension, factor, degrees, str(dimension) if factor == 1 and degrees == 0 else "")
-    return next((unit for unit in UNITS.values() if unit == plain), plain)
+    unnamed_unit = Unit(dimension, factor, degrees, str(dimension) if factor == 1 and degrees == 0 else "")
+    return next((unit for unit in UNITS.values() if unit == unnamed_unit), unnamed_unit)

@@ -120,10 +120,10 @@ class _FileBuilder:
             return None
         main = root.get("main_tree_to_execute")
         children = [(child.tag, child) for child in root.children]
-        known = ("BehaviorTree", _MODELS, "include")
+        known_tags = ("BehaviorTree", _MODELS, "include")
         for tag, child in children:
-            if tag not in known:
-                self._report_misplaced_element(child, "<root>", known)
+            if tag not in known_tags:
+                self._report_misplaced_element(child, "<root>", known_tags)
         trees = (self._tree(child) for tag, child in children if tag == "BehaviorTree")
         models = (model for tag, child in children if tag == _MODELS for model in self._models(child))
         includes = (self._include(child) for tag, child in children if tag == "include")
@@ -286,5 +286,5 @@ def _all_comments(element: Element) -> Iterable[str]:
     yield from element.last_comments
 
 
-def _other_attributes(element: Element, *known: str) -> tuple[Attribute, ...]:
-    return tuple(attribute for attribute in element.attributes if attribute.name not in known)
+def _other_attributes(element: Element, *known_tags: str) -> tuple[Attribute, ...]:
+    return tuple(attribute for attribute in element.attributes if attribute.name not in known_tags)

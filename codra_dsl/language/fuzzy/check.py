@@ -68,8 +68,8 @@ def _output_problems(output: OutputVariable, engine: Engine) -> Iterator[EngineP
             yield EngineProblem(location, "fll-missing", "an integral needs a finite range", "write its 'range'")
         return
     terms = concluded_terms(output, engine)
-    kinds = {natural_weighting(term) for term in terms}
-    if output.defuzzifier.weighting is Weighting.AUTOMATIC and len(kinds) > 1:
+    weightings = {natural_weighting(term) for term in terms}
+    if output.defuzzifier.weighting is Weighting.AUTOMATIC and len(weightings) > 1:
         help = "write TakagiSugeno or Tsukamoto after the defuzzifier"
         yield EngineProblem(location, "fll-unfit-term", "terms of several kinds are concluded", help)
     if output.defuzzifier.weighting is Weighting.TSUKAMOTO:
@@ -104,12 +104,12 @@ def _block_problems(index: int, block: RuleBlock, engine: Engine) -> Iterator[En
     location = ("block", index)
     if block.activation is None:
         yield EngineProblem(location, "fll-missing", "the block has no activation", "write 'activation: General'")
-    kinds = {kind for rule in block.rules for kind in _connectives(rule.antecedent)}
-    if And in kinds and block.conjunction is None:
+    connectives = {kind for rule in block.rules for kind in _connectives(rule.antecedent)}
+    if And in connectives and block.conjunction is None:
         yield EngineProblem(
             location, "fll-missing", "'and' needs a conjunction", "write a 'conjunction', such as Minimum"
         )
-    if Or in kinds and block.disjunction is None:
+    if Or in connectives and block.disjunction is None:
         yield EngineProblem(
             location, "fll-missing", "'or' needs a disjunction", "write a 'disjunction', such as Maximum"
         )
@@ -134,8 +134,8 @@ def _connectives(antecedent: Antecedent) -> Iterator[type]:
 
 def _term_problems(location: tuple[object, ...], term: AnyTerm, engine: Engine) -> Iterator[EngineProblem]:
     if isinstance(term, FormulaTerm):
-        known = {"x"} | {variable.name for variable in engine.variables}
-        for name in sorted(names_in(term.formula) - known):
+        known_names = {"x"} | {variable.name for variable in engine.variables}
+        for name in sorted(names_in(term.formula) - known_names):
             help = "a formula may use x and the variables of the engine"
             yield EngineProblem(location, "fll-unknown-name", f"unknown variable '{name}' in the formula", help)
     elif term.shape is Shape.Linear and len(term.parameters) - len(engine.inputs) not in (0, 1):

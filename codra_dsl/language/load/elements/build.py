@@ -226,13 +226,13 @@ def _read_confirm(reader: Reader, node: YamlNode | None, *steps: str) -> tuple[i
     if not isinstance(node, ScalarNode) or node.reported:
         return None
     match = _CONFIRM.fullmatch(node.text)
-    wanted, of = (int(match[1]), int(match[2])) if match else (0, 0)
-    if not 1 <= wanted <= of <= MAX_CONFIRMED:
+    required_count, result_count = (int(match[1]), int(match[2])) if match else (0, 0)
+    if not 1 <= required_count <= result_count <= MAX_CONFIRMED:
         message = f"{shown(node.text)} is not a valid 'confirm'"
         help_text = f"write for example 2 of 3; at most {MAX_CONFIRMED} results are allowed"
         reader.fail("confirm", message, node, help_text, *steps)
         return None
-    return wanted, of
+    return required_count, result_count
 
 
 def _read_monitor(reader: Reader) -> Iterable[Expectation]:

@@ -248,11 +248,11 @@ def _read_rules(reader: Reader) -> Iterator[AgentRule]:
         if first != key.text:
             message = f"the rules {shown(first)} and {shown(key.text)} differ only in case"
             reader.fail("duplicate-name", message, key, "rename one of them", "rules", key.text)
-        inner = reader.inner(node, "rules", key.text)
-        before, during, after = (read_patterns(inner, moment) for moment in ("before", "during", "after"))
-        nodes = [node.value(moment) for moment in ("before", "during", "after")]
+        rule_reader = reader.inner(node, "rules", key.text)
+        before, during, after = (read_patterns(rule_reader, moment) for moment in ("before", "during", "after"))
+        pattern_nodes = [node.value(moment) for moment in ("before", "during", "after")]
         is_readable = not node.unread and not any(
-            isinstance(patterns_node, SequenceNode) and patterns_node.reported for patterns_node in nodes
+            isinstance(patterns_node, SequenceNode) and patterns_node.reported for patterns_node in pattern_nodes
         )
         is_readable = is_readable and all(pattern.tree is not None for pattern in (*before, *during, *after))
         place = reader.origin.of(key)
