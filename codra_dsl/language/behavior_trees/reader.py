@@ -286,5 +286,5 @@ def _all_comments(element: Element) -> Iterable[str]:
     yield from element.last_comments
 
 
-def _other_attributes(element: Element, *known_tags: str) -> tuple[Attribute, ...]:
-    return tuple(attribute for attribute in element.attributes if attribute.name not in known_tags)
+def _other_attributes(element: Element, *known_names: str) -> tuple[Attribute, ...]:
+    return tuple(attribute for attribute in element.attributes if attribute.name not in known_names)

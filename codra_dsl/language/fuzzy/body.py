@@ -63,9 +63,9 @@ class Body:
         for output in self._engine.outputs:
             self._write_output(output)
         dialect, count = self._dialect, len(self._engine.outputs)
-        report_unknown = "math.nan" if dialect.has_numbers else "bounds.UNKNOWN"
+        unknown_value = "math.nan" if dialect.has_numbers else "bounds.UNKNOWN"
         inputs = "".join(f"    {argument}: {dialect.value_type},\n" for argument in self._inputs)
-        previous = f"    *,\n    previous: tuple[{dialect.value_type}, ...] = ({report_unknown},) * {count},\n"
+        previous = f"    *,\n    previous: tuple[{dialect.value_type}, ...] = ({unknown_value},) * {count},\n"
         values = tuple_of([self._result_names[output.name] for output in self._engine.outputs])
         strengths = tuple_of(self._strength_names) if self._strength_names else "()"
         lines = [*self._lines, f"return {dialect.inference_type}({values}, {strengths})"]

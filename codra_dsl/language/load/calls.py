@@ -3,7 +3,7 @@
 Modules of the project are read, never imported.
 
 The runtime calls a perception function with keyword arguments only: the arguments under `with`, the handle of each
-resource that it reads, the values of `given_arguments` variables, and `job`.
+resource that it reads, the values of `given` variables, and `job`.
 """
 
 from __future__ import annotations
@@ -107,14 +107,14 @@ class _Checker:
 
     def _report_function(self, call: str, callers: list[Algorithm], module: Module) -> None:
         name, _, function = call.partition(":")
-        module_names = self._findings.nearest(function, module.names)
+        suggestion = self._findings.nearest(function, module.names)
         functions_text = (
             f"the module has {list_names(module.functions)}" if module.functions else "the module has no functions"
         )
-        help_text = f"did you mean '{module_names}'?" if module_names else functions_text
+        help_text = f"did you mean '{suggestion}'?" if suggestion else functions_text
         first, *others = callers
         message = f"module {shown(name)} has no function {shown(function)}, but algorithm '{first.name}' calls it"
-        self._report(first, message, help_text, module_names and f"{name}:{module_names}", others)
+        self._report(first, message, help_text, suggestion and f"{name}:{suggestion}", others)
 
     def _report_class(self, call: str, callers: list[Algorithm]) -> None:
         name, _, function = call.partition(":")
@@ -171,12 +171,14 @@ class _Checker:
         )
         others: list[str] = []
         for name in unaccepted_arguments:
-            module_names = None if name == JOB else self._findings.nearest(name, missing_arguments)
+            similar_argument = None if name == JOB else self._findings.nearest(name, missing_arguments)
             missing_arguments = [
-                argument for argument in missing_arguments if argument not in (module_names, only_missing_argument)
+                argument for argument in missing_arguments if argument not in (similar_argument, only_missing_argument)
             ]
-            if module_names is not None:
-                self._report_unaccepted_arguments(algorithm, [name], f"did you mean '{module_names}'?", module_names)
+            if similar_argument is not None:
+                self._report_unaccepted_arguments(
+                    algorithm, [name], f"did you mean '{similar_argument}'?", similar_argument
+                )
             elif only_missing_argument is not None:
                 self._report_unaccepted_arguments(
                     algorithm, [name], f"did you mean '{only_missing_argument}', which is missing?"
@@ -194,13 +196,13 @@ class _Checker:
             self._report_missing(algorithm, name)
 
     def _report_unaccepted_arguments(
-        self, algorithm: Algorithm, names: list[str], help_text: str, module_names: str | None = None
+        self, algorithm: Algorithm, names: list[str], help_text: str, replacement: str | None = None
     ) -> None:
         call, place = shown(algorithm.call), _place_of_argument(algorithm, names[0])
         noun, pronoun = ("argument", "it") if len(names) == 1 else ("arguments", "them")
         fault_text = f"function {call} does not take the {noun} {list_names(names)}"
         message = f"{fault_text}, but algorithm '{algorithm.name}' gives {pronoun}"
-        fix = replacing(place, names[0], module_names, safe=False) if module_names is not None else None
+        fix = replacing(place, names[0], replacement, safe=False) if replacement is not None else None
         path = f"perception.{algorithm.name}.call"
         self._findings.add("call-arguments", message, place, help=help_text, path=path, fix=fix)
 

@@ -90,12 +90,12 @@ def _read_range(
         return None
     if len(ends) == 2 and ends[0] <= ends[1]:
         return ends[0], ends[1]
-    place, type_node = reader.origin.of_value(*entry), reader.origin.written(entry[1])
+    place, range_text = reader.origin.of_value(*entry), reader.origin.written(entry[1])
     if len(ends) < 2:
         wanted = "two numbers, since the value has no unit" if unit is None else f"two numbers in {unit[0]}"
-        reader.fail("range", f"the range {shown(type_node)} must be {wanted}", place, _RANGE_HELP, *steps, "range")
+        reader.fail("range", f"the range {shown(range_text)} must be {wanted}", place, _RANGE_HELP, *steps, "range")
         return None
-    message = f"the range {shown(type_node)} ends before it begins"
+    message = f"the range {shown(range_text)} ends before it begins"
     reader.fail("range", message, place, "write the smaller number first", *steps, "range")
     return ends[0], ends[1]
 

@@ -202,17 +202,15 @@ class _Explanation:
         for key, (key_node, _) in mapping.entries.items():
             if key in known or key in torn_keys:
                 continue
-            suggestion = corrections[key] = self._findings.nearest(key, free_keys) or _long_form(key, free_keys)
+            known_key = corrections[key] = self._findings.nearest(key, free_keys) or _long_form(key, free_keys)
             allowed = f"allowed: {', '.join(known)}" if known else "no keys are allowed: write {}"
             fix = (
-                self._rename_fix(key_node, suggestion, mapping.entries.keys() - known, free_keys)
-                if suggestion
-                else None
+                self._rename_fix(key_node, known_key, mapping.entries.keys() - known, free_keys) if known_key else None
             )
-            free_keys.pop(suggestion or "", None)
-            self._reported_paths.add((*error.path, suggestion or key))
-            if suggestion:
-                self._report_key(error.path, key_node, f"did you mean '{suggestion}'?", fix)
+            free_keys.pop(known_key or "", None)
+            self._reported_paths.add((*error.path, known_key or key))
+            if known_key:
+                self._report_key(error.path, key_node, f"did you mean '{known_key}'?", fix)
             else:
                 self._unmatched_keys.setdefault(error.path, []).append((key_node, allowed))
         if torn_keys or None in corrections.values():

@@ -25,14 +25,14 @@ class Vocabulary:
 
         If both names have the same words, return whether the used name is shorter.
         """
-        remaining_names, right = _words(used), _words(declared)
-        if remaining_names == right:
+        used_words, declared_words = _words(used), _words(declared)
+        if used_words == declared_words:
             return len(used) < len(declared)
-        of_used = sum(self._counts[word] for word in remaining_names - right)
-        of_declared = sum(
-            max(0, self._counts[word] - 1) for word in right - remaining_names
+        used_count = sum(self._counts[word] for word in used_words - declared_words)
+        declared_count = sum(
+            max(0, self._counts[word] - 1) for word in declared_words - used_words
         )  # without the declaration itself
-        return of_used > of_declared
+        return used_count > declared_count
 
 
 NO_WORDS = Vocabulary(())

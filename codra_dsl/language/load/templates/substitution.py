@@ -103,7 +103,7 @@ class Filler:
 
     def _scalar(self, node: ScalarNode) -> ScalarNode:
         pattern = self._template.patterns[id(node)]
-        if pattern.is_single and pattern.position in (Position.VALUE, Position.ARGUMENT):
+        if pattern.is_single_parameter and pattern.position in (Position.VALUE, Position.ARGUMENT):
             return self._literal(node, pattern.pieces[0])
         pieces = tuple((self._text(piece, pattern.position), piece.letters) for piece in pattern.pieces)
         text = "".join([text for text, _ in pieces])

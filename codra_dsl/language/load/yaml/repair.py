@@ -77,8 +77,8 @@ def _colon_before_bracket(error: ParserError) -> Problem | None:
         before = error.before()
         key = _NAME_BEFORE.search(before)
         if key is not None and before[: key.start()].rstrip()[-1:] in ("{", ","):
-            first = error.offset - len(before)
-            return missing_colon(text, first + key.start("key"), first + key.end("key"))
+            before_offset = error.offset - len(before)
+            return missing_colon(text, before_offset + key.start("key"), before_offset + key.end("key"))
     return None
 
 
@@ -142,21 +142,21 @@ def _comma_between_entries(error: ParserError) -> Problem | None:
     if not error.in_brackets or "expected ','" not in error.problem:
         return None
     before = error.before()[-_MAX_ENTRIES_LENGTH:]
-    first = error.offset - len(before)
+    before_offset = error.offset - len(before)
     if error.letter == ":":
         entries_match = _TWO_ENTRIES.search(before)
         if entries_match is None or not _are_entries(
             before[: entries_match.start("key")], entries_match["value"], entries_match["key"]
         ):
             return None
-        return _missing_comma(error, first + entries_match.end("value"), entries_match["key"])
+        return _missing_comma(error, before_offset + entries_match.end("value"), entries_match["key"])
     stripped_text = before.rstrip()
     if stripped_text[-1:] in ("'", '"', "}", "]") and error.letter not in ("", "}", "]"):
         key = _NEXT_ENTRY.match(error.text, error.offset)
         is_value_next = error.letter in ("{", "[", stripped_text[-1]) and stripped_text[-1] not in "}]"
         if key is not None or is_value_next or (error.letter in "{[" and stripped_text[-1] in "}]"):
             word = key[0].rstrip(": \t") if key is not None else error.letter
-            return _missing_comma(error, first + len(stripped_text), word)
+            return _missing_comma(error, before_offset + len(stripped_text), word)
     return None
 
 

@@ -40,8 +40,8 @@ class RepairedText:
 
     def line_end(self, offset: int) -> int:
         """Return the offset of the line break after an offset, or of the text's end."""
-        at = self._offset_in_file(offset)
-        return offset + self._source.line_end(at) - at
+        offset_in_file = self._offset_in_file(offset)
+        return offset + self._source.line_end(offset_in_file) - offset_in_file
 
     def fix(self, problem: Problem) -> Fix | None:
         """Return the fix of a problem, if there is one."""
@@ -50,8 +50,8 @@ class RepairedText:
             return trap_fix(problem.trap, place)
         if problem.insertion is None or problem.insertion[1] == NO_KEY:
             return None
-        at = self._offset_in_file(problem.insertion[0])
-        edit = Edit(self._source.span(at, at), problem.insertion[1])
+        offset_in_file = self._offset_in_file(problem.insertion[0])
+        edit = Edit(self._source.span(offset_in_file, offset_in_file), problem.insertion[1])
         return Fix(message=f"Insert '{edit.text}'", edits=(edit,), applicability=Applicability.SUGGESTED)
 
     def has_caused(self, problem: Problem) -> bool:
@@ -64,8 +64,8 @@ class RepairedText:
     def repair(self, problem: Problem) -> bool:
         """Mask an unreadable range, or insert missing text; return whether either is possible."""
         if problem.insertion is not None:
-            at, missing_text = problem.insertion
-            insort(self._insertions, (self._offset_in_file(at), missing_text))
+            offset, missing_text = problem.insertion
+            insort(self._insertions, (self._offset_in_file(offset), missing_text))
             self._repaired_lines.append(self._line_number(problem.insertion[0]))
         elif problem.mask is not None:
             start, end = map(self._offset_in_file, problem.mask)
@@ -94,25 +94,29 @@ class RepairedText:
         text = self._source.text
         for start, end in self._masked_ranges.items():
             text = text[:start] + "x" * (end - start) + text[end:]
-        pieces, at = [], 0
+        pieces, position = [], 0
         for offset, missing_text in self._insertions:
-            pieces += [text[at:offset], missing_text]
-            at = offset
-        self.text = "".join((*pieces, text[at:]))
+            pieces += [text[position:offset], missing_text]
+            position = offset
+        self.text = "".join((*pieces, text[position:]))
         self.reported_offsets = {self._offset_in_repaired_text(start) for start in self._masked_ranges}
         self.reported_offsets |= {
-            self._offset_in_repaired_text(at) - len(letter) for at, letter in self._insertions if letter == NO_KEY
+            self._offset_in_repaired_text(position) - len(letter)
+            for position, letter in self._insertions
+            if letter == NO_KEY
         }
 
     def _offset_in_file(self, offset: int) -> int:
         """Return the offset in the file of an offset in the repaired text."""
         inserted_length = 0
-        for at, missing_text in self._insertions:
-            if offset <= at + inserted_length:
+        for insertion_offset, missing_text in self._insertions:
+            if offset <= insertion_offset + inserted_length:
                 break
-            inserted_length += min(len(missing_text), offset - at - inserted_length)
+            inserted_length += min(len(missing_text), offset - insertion_offset - inserted_length)
         return offset - inserted_length
 
     def _offset_in_repaired_text(self, offset: int) -> int:
         """Return the offset in the repaired text of an offset in the file; it is after any text inserted there."""
-        return offset + sum(len(missing_text) for at, missing_text in self._insertions if at <= offset)
+        return offset + sum(
+            len(missing_text) for insertion_offset, missing_text in self._insertions if insertion_offset <= offset
+        )
