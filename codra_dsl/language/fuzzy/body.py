@@ -244,8 +244,8 @@ class Body:
         self._locals[output.name] = result_name
 
     def _degrees(self, output: OutputVariable) -> str:
-        acting_names = [degree for _, degree in self._acting[output.name]]
-        return tuple_of(acting_names) if acting_names else "()"
+        degree_names = [degree for _, degree in self._acting[output.name]]
+        return tuple_of(degree_names) if degree_names else "()"
 
     def _integral(self, output: OutputVariable) -> str:
         constant, degrees = self._constants[output.name], self._degrees(output)

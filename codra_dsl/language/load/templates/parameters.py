@@ -21,13 +21,13 @@ MAX_PARAMETER_REPAIRS = 20
 
 PARAMETER = re.compile(r"\$\((?P<name>[A-Za-z][A-Za-z0-9_]*)\)")
 
-_SPACED = re.compile(r"\$\((?:\s+(?P<name>[A-Za-z][A-Za-z0-9_]*)\s*|(?P<other>[A-Za-z][A-Za-z0-9_]*)\s+)\)")
-_UNCLOSED = re.compile(r"\$\((?P<name>[A-Za-z][A-Za-z0-9_]*)(?![A-Za-z0-9_)])")
-_UNOPENED = re.compile(r"(?<![\w(])\$?(?P<name>[A-Za-z][A-Za-z0-9_]*)\)")
+_SPACED_PARAMETER = re.compile(r"\$\((?:\s+(?P<name>[A-Za-z][A-Za-z0-9_]*)\s*|(?P<other>[A-Za-z][A-Za-z0-9_]*)\s+)\)")
+_UNCLOSED_PARAMETER = re.compile(r"\$\((?P<name>[A-Za-z][A-Za-z0-9_]*)(?![A-Za-z0-9_)])")
+_UNOPENED_PARAMETER = re.compile(r"(?<![\w(])\$?(?P<name>[A-Za-z][A-Za-z0-9_]*)\)")
 _FOREIGN_SYNTAX = re.compile(
     r"\$\{\s*(?P<braced>\w+)\s*\}|\{\{\s*(?P<twice>\w+)\s*\}\}|\$(?P<bare>[A-Za-z]\w*)(?!\w*\))"
 )
-_WITHOUT_SIGN = re.compile(r"^\((?P<name>[A-Za-z][A-Za-z0-9_]*)\)")
+_PARAMETER_WITHOUT_SIGN = re.compile(r"^\((?P<name>[A-Za-z][A-Za-z0-9_]*)\)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +66,7 @@ def repair_parameter(text: str, names: Collection[str]) -> RepairedParameter | N
             foreign_name,
             f"{shown(text[foreign_match.start() : end])} is not a parameter",
         )
-    spaced_match = _SPACED.search(text)
+    spaced_match = _SPACED_PARAMETER.search(text)
     if spaced_match is not None:
         return _repaired_parameter(
             text,
@@ -74,18 +74,18 @@ def repair_parameter(text: str, names: Collection[str]) -> RepairedParameter | N
             spaced_match["name"] or spaced_match["other"],
             f"blanks are not allowed in {shown(spaced_match[0])}",
         )
-    unclosed_match = _UNCLOSED.search(text)
+    unclosed_match = _UNCLOSED_PARAMETER.search(text)
     if unclosed_match is not None:
         name = _leading_name(unclosed_match["name"], names)
         if not name:
             return None
         end = unclosed_match.start("name") + len(name)
         return _repaired_parameter(text, unclosed_match.start(), end, name, f"')' is missing after '$({name}'")
-    unopened_match = _UNOPENED.search(text)
+    unopened_match = _UNOPENED_PARAMETER.search(text)
     if unopened_match is not None and unopened_match["name"] in names and text.count("(") < text.count(")"):
         message = f"'$(' is missing before {shown(unopened_match['name'] + ')')}"
         return _repaired_parameter(text, *unopened_match.span(), unopened_match["name"], message)
-    bare_match = _WITHOUT_SIGN.match(text)
+    bare_match = _PARAMETER_WITHOUT_SIGN.match(text)
     if bare_match is not None and bare_match["name"] in names:
         return _repaired_parameter(
             text, *bare_match.span(), bare_match["name"], f"'$' is missing before {shown(bare_match[0])}"

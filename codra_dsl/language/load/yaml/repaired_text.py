@@ -101,9 +101,9 @@ class RepairedText:
         self.text = "".join((*pieces, text[position:]))
         self.reported_offsets = {self._offset_in_repaired_text(start) for start in self._masked_ranges}
         self.reported_offsets |= {
-            self._offset_in_repaired_text(position) - len(letter)
-            for position, letter in self._insertions
-            if letter == NO_KEY
+            self._offset_in_repaired_text(position) - len(missing_text)
+            for position, missing_text in self._insertions
+            if missing_text == NO_KEY
         }
 
     def _offset_in_file(self, offset: int) -> int:
