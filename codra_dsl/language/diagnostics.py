@@ -89,7 +89,7 @@ class Place(_LazyPlace):
 def lazy_place(text: HasSpans, start: int, end: int, use: Span | None) -> Place:
     """Return the place of a range of a text; its span is computed on first access."""
     place = object.__new__(Place)
-    object.__setattr__(place, "_range", (text, start, end))
+    object.__setattr__(place, "_text_range", (text, start, end))
     object.__setattr__(place, "use", use)
     return place
 
