@@ -271,39 +271,43 @@ def suggest(name: str, candidates: Iterable[str]) -> str | None:
     limit = max(1, len(name) // 3)
     similar = [other for other in set(candidates) if abs(len(other) - len(name)) <= limit and other != name]
     similar.sort(key=lambda other: (other[:1] != name[:1], other))
-    wanted, best = name.casefold(), None
+    folded_name, best_candidate = name.casefold(), None
     for other in similar[:MAX_CANDIDATES]:
-        distance = _distance(wanted, other.casefold(), limit)
+        distance = _distance(folded_name, other.casefold(), limit)
         if distance <= limit:
-            best, limit = other, distance - 1  # only a nearer candidate can still replace this one
+            best_candidate, limit = other, distance - 1  # only a nearer candidate can still replace this one
         if limit < 0:
             break
-    return best
+    return best_candidate
 
 
-def surely_means(name: str, near: str, candidates: Iterable[str]) -> bool:
-    """Return whether a misspelt name almost certainly means `near`, so that a tool may correct it.
+def surely_means(name: str, suggestion: str, candidates: Iterable[str]) -> bool:
+    """Return whether a misspelt name almost certainly means `suggestion`, so that a tool may correct it.
 
     Either the two names differ only in case or underscores. Or they differ in one word of at least four letters, by one
     typing error (by up to two if the word has at least eight letters), and not in a digit. In both cases, no other
     candidate may be about as similar.
     """
-    if not is_slip(name, near):
+    if not is_slip(name, suggestion):
         return False
-    wanted, limit = name.casefold(), _distance(name.casefold(), near.casefold(), len(near)) + 1
-    others = [other for other in set(candidates) if other not in (name, near) and abs(len(other) - len(name)) <= limit]
-    return len(others) <= MAX_CANDIDATES and all(_distance(wanted, other.casefold(), limit) > limit for other in others)
+    folded_name, limit = name.casefold(), _distance(name.casefold(), suggestion.casefold(), len(suggestion)) + 1
+    others = [
+        other for other in set(candidates) if other not in (name, suggestion) and abs(len(other) - len(name)) <= limit
+    ]
+    return len(others) <= MAX_CANDIDATES and all(
+        _distance(folded_name, other.casefold(), limit) > limit for other in others
+    )
 
 
-def is_slip(name: str, near: str) -> bool:
+def is_slip(name: str, suggestion: str) -> bool:
     """Return whether two names differ so little that one is probably a misspelling of the other."""
-    if max(len(name), len(near)) > MAX_SUGGESTED_LENGTH:
+    if max(len(name), len(suggestion)) > MAX_SUGGESTED_LENGTH:
         return False
-    left, right = (_APART.split(text.casefold()) for text in (name, near))
+    left, right = (_APART.split(text.casefold()) for text in (name, suggestion))
     if "".join(left) == "".join(right):
         return True
     different = [(one, other) for one, other in zip(left, right, strict=False) if one != other]
-    if len(left) != len(right) or len(different) != 1 or _DIGIT.findall(name) != _DIGIT.findall(near):
+    if len(left) != len(right) or len(different) != 1 or _DIGIT.findall(name) != _DIGIT.findall(suggestion):
         return False
     one, other = different[0]
     slips = 1 if len(other) < _LONG_WORD else 2

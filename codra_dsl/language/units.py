@@ -221,9 +221,9 @@ def suggest_unit(text: str) -> str | None:
 
 def units_help(text: str) -> str:
     """Return the help for a text that is not a unit."""
-    near = suggest_unit(text)
+    suggestion = suggest_unit(text)
     known = f"units are {', '.join(UNITS)}, and their products and quotients; for anything else omit the unit"
-    return f"did you mean '{near}'?" if near else known
+    return f"did you mean '{suggestion}'?" if suggestion else known
 
 
 @lru_cache(maxsize=1024)
@@ -264,10 +264,10 @@ def duration_help(text: str, most: str = "finite") -> str:
     if parse_quantity(text) is not None:
         return f"did you mean '{text}'?" if parse_duration(text) is not None else _durations_help(most)
     number = re.match(rf"\s*({NUMBER_TEXT})\s*(.*)", text, re.DOTALL)
-    near = suggest_unit(number[2].rstrip()) if number else None
-    unit = parse_unit(near) if near else None
+    suggestion = suggest_unit(number[2].rstrip()) if number else None
+    unit = parse_unit(suggestion) if suggestion else None
     if number and unit and unit.dimension == _SECOND:
-        return f"did you mean '{number[1]} {near}'?"
+        return f"did you mean '{number[1]} {suggestion}'?"
     if number and unit and (unit.dimension * _SECOND) == ONE.dimension and float(number[1]) > 0:
         return f"a duration is a time: did you mean '{1 / (float(number[1]) * float(unit.factor)):g} s'?"
     if number and not number[2]:

@@ -104,8 +104,8 @@ def _trees_joined_only_on_request(plan: BuildPlan, checked: CheckedSpec) -> Iter
 
 def _guards(branch: Branch) -> frozenset[str]:
     """Return the conditions under which an algorithm runs, as a set."""
-    given = (f"known({reference.name})" for reference in branch.algorithm.algorithm.given)
-    return frozenset(chain((condition.python for condition in branch.algorithm.observable_when), given))
+    known_conditions = (f"known({reference.name})" for reference in branch.algorithm.algorithm.given)
+    return frozenset(chain((condition.python for condition in branch.algorithm.observable_when), known_conditions))
 
 
 def _needed_trees_come_first(plan: BuildPlan, _: CheckedSpec) -> Iterator[str]:
@@ -132,9 +132,9 @@ def _names_are_python(plan: BuildPlan, checked: CheckedSpec) -> Iterator[str]:
 
     Module names are unique even on disks that ignore case.
     """
-    taken = entry_names(checked.spec)
+    taken_names = entry_names(checked.spec)
     trees = {tree.name: tree for tree in plan.forest}
-    yield from _python_names("the package", [plan.class_name, *(module.name for module in plan.modules)], taken)
+    yield from _python_names("the package", [plan.class_name, *(module.name for module in plan.modules)], taken_names)
     yield from _duplicate_problems("module", (module.name.casefold() for module in plan.modules))
     for module in plan.modules:
         module_trees = [trees[name] for name in module.trees if name in trees]
@@ -146,10 +146,12 @@ def _names_are_python(plan: BuildPlan, checked: CheckedSpec) -> Iterator[str]:
         yield from _python_names(tree.name, [branch.local_name for branch in tree.branches], MODULE_NAMES)
 
 
-def _python_names(where: str, names: list[str], taken: frozenset[str]) -> Iterator[str]:
+def _python_names(where: str, names: list[str], taken_names: frozenset[str]) -> Iterator[str]:
     yield from _duplicate_problems(f"name in {where}", names)
     for name in names:
-        if not (name.isidentifier() and name.isascii() and (name.endswith("_") or python_name(name, taken) == name)):
+        if not (
+            name.isidentifier() and name.isascii() and (name.endswith("_") or python_name(name, taken_names) == name)
+        ):
             yield f"{name!r} is not a valid name for {where}"
 
 

@@ -26,11 +26,11 @@ def modules(checked: CheckedSpec, forest: tuple[Tree, ...]) -> tuple[Module, ...
     A tree, with all its algorithms, is in the module in which its first algorithm is declared.
     """
     spec, contents = checked.spec, dict[str, _Contents]()
-    taken = entry_names(spec)
+    taken_names = entry_names(spec)
 
     def declaring_module(section: str, name: str, place: Place) -> _Contents:
         """Return the module in which an element is declared."""
-        module = contents.setdefault(module_name(spec.origins[section, name], taken), _Contents())
+        module = contents.setdefault(module_name(spec.origins[section, name], taken_names), _Contents())
         module.files |= {place.span.file} if place.use is None else set()
         return module
 
@@ -41,7 +41,7 @@ def modules(checked: CheckedSpec, forest: tuple[Tree, ...]) -> tuple[Module, ...
         declaring_module("perception", algorithm.name, algorithm.place).trees.append(tree.name)
     for skill in spec.skills:
         declaring_module("skills", skill.name, skill.place).skills.append(skill.name)
-    use_by_module = {module_name(use.instance, taken): use for use in spec.uses}
+    use_by_module = {module_name(use.instance, taken_names): use for use in spec.uses}
     return tuple(
         Module(
             name=name,

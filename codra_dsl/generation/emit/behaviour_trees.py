@@ -265,9 +265,11 @@ def _function_names(ids: Iterable[str]) -> dict[str, str]:
         words = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", id_)
         name = re.sub(r"[^a-z0-9]+", "_", words.lower()).strip("_").removesuffix("_tree") or "unnamed"
         name = f"{name}_tree" if name[0].isalpha() else f"tree_{name}_tree"
-        taken = set(names.values())
-        numbered_names = (f"{name}_{number}" for number in range(2, len(taken) + 3))
+        taken_names = set(names.values())
+        numbered_names = (f"{name}_{number}" for number in range(2, len(taken_names) + 3))
         names[id_] = (
-            name if name not in taken else next(candidate for candidate in numbered_names if candidate not in taken)
+            name
+            if name not in taken_names
+            else next(candidate for candidate in numbered_names if candidate not in taken_names)
         )
     return names

@@ -49,20 +49,23 @@ _TYPES: Mapping[Kind, str] = {
 
 def algorithm(branch: Branch, imports: Imports) -> Expression:
     """Return the declaration of a perception algorithm."""
-    declared = branch.algorithm.algorithm
+    declared_algorithm = branch.algorithm.algorithm
     fields = _fields(
         "Algorithm",
         imports,
-        name=literal(declared.name),
-        call=literal(declared.call),
-        parameters=dictionary({text_literal(name): literal(value) for name, value in declared.parameters}),
-        handles=tuple_of_names(usage.resource.name for usage in declared.uses if usage.access is Access.READ),
-        slots=tuple_of_names(usage.resource.name for usage in declared.uses if usage.access is Access.SLOT),
-        given=tuple_of_names(reference.name for reference in declared.given),
+        name=literal(declared_algorithm.name),
+        call=literal(declared_algorithm.call),
+        parameters=dictionary({text_literal(name): literal(value) for name, value in declared_algorithm.parameters}),
+        handles=tuple_of_names(usage.resource.name for usage in declared_algorithm.uses if usage.access is Access.READ),
+        slots=tuple_of_names(usage.resource.name for usage in declared_algorithm.uses if usage.access is Access.SLOT),
+        given=tuple_of_names(reference.name for reference in declared_algorithm.given),
         returns=dictionary(
-            {text_literal(returned.name): _result_type(returned, imports) for returned in declared.returns}
+            {text_literal(returned.name): _result_type(returned, imports) for returned in declared_algorithm.returns}
         ),
-        **{setting.field_name: literal(getattr(declared, setting.field_name)) for setting in ALGORITHM_SETTINGS},
+        **{
+            setting.field_name: literal(getattr(declared_algorithm, setting.field_name))
+            for setting in ALGORITHM_SETTINGS
+        },
     )
     return spread_call("Algorithm", **fields)
 

@@ -67,8 +67,8 @@ def _values(plan: BuildPlan) -> list[Values]:
         elif kind is Kind.ENUM:
             kind, members = Kind.STR, ()
         variables_by_type.setdefault((kind, members), []).append(variable.name)
-    taken = {plan.class_name, "Agent", "AgentHandle", *entry_names(plan.checked.spec), *_handle_names(plan)}
-    return [_values_of_type(kind, members, names, taken) for (kind, members), names in variables_by_type.items()]
+    taken_names = {plan.class_name, "Agent", "AgentHandle", *entry_names(plan.checked.spec), *_handle_names(plan)}
+    return [_values_of_type(kind, members, names, taken_names) for (kind, members), names in variables_by_type.items()]
 
 
 def _handle_names(plan: BuildPlan) -> list[str]:
@@ -97,7 +97,7 @@ def _agent_signatures(knowledge: CheckedKnowledge, imports: Imports) -> Iterator
             )
 
 
-def _values_of_type(kind: Kind, members: tuple[str, ...], variables: list[str], taken: set[str]) -> Values:
+def _values_of_type(kind: Kind, members: tuple[str, ...], variables: list[str], taken_names: set[str]) -> Values:
     """Return variables of one type, with names for that type. Those for an enum are derived from its first variable."""
     if kind in _PLAIN:
         python_type = _PLAIN[kind]
@@ -106,9 +106,9 @@ def _values_of_type(kind: Kind, members: tuple[str, ...], variables: list[str], 
             variables=tuple(variables), alias=f"{stem}Name", type=python_type, answer=f"{stem}Answer", members=()
         )
     stem = camel_case(variables[0])
-    while {stem, f"{stem}Name", f"{stem}Answer"} & taken:
+    while {stem, f"{stem}Name", f"{stem}Answer"} & taken_names:
         stem += "_"
-    taken |= {stem, f"{stem}Name", f"{stem}Answer"}
+    taken_names |= {stem, f"{stem}Name", f"{stem}Answer"}
     return Values(variables=tuple(variables), alias=f"{stem}Name", type=stem, answer=f"{stem}Answer", members=members)
 
 

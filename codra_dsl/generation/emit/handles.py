@@ -95,8 +95,8 @@ def aliases(knowledge: CheckedKnowledge) -> Iterator[str]:
 
 def agents_with_handles(knowledge: CheckedKnowledge) -> list[tuple[str, str]]:
     """Return the agents whose handles have their own type, each with the name of that type."""
-    taken = {"AgentHandle"}
-    return [(agent, _handle_name(agent, taken)) for agent in knowledge.writers[:MOST_HANDLES]]
+    taken_names = {"AgentHandle"}
+    return [(agent, _handle_name(agent, taken_names)) for agent in knowledge.writers[:MOST_HANDLES]]
 
 
 def handle_signatures(method: str, handle_types: Sequence[tuple[Expression, str]], definition: str) -> Iterator[str]:
@@ -129,11 +129,11 @@ def handles(plan: BuildPlan, knowledge: CheckedKnowledge, imports: Imports) -> l
     return classes
 
 
-def _handle_name(agent: str, taken: set[str]) -> str:
+def _handle_name(agent: str, taken_names: set[str]) -> str:
     name = f"{camel_case(agent)}Handle"
-    while name in taken:
+    while name in taken_names:
         name = f"{name.removesuffix('Handle')}_Handle"
-    taken.add(name)
+    taken_names.add(name)
     return name
 
 
@@ -332,12 +332,12 @@ def _typed_argument(argument: str, type_: Expression) -> Expression:
 def _method(name: str, returns: str, arguments: Iterable[Expression]) -> str:
     """Return a method as `ruff format` writes it: on one line, or with all arguments on one, or one argument a line."""
     before, after = f"def {name}(", f") -> {returns}: ..."
-    given: tuple[Expression, ...] = ("self", *arguments)
-    flat = ", ".join(lay_out(argument, before=-WIDEST) for argument in given)
+    all_arguments: tuple[Expression, ...] = ("self", *arguments)
+    flat = ", ".join(lay_out(argument, before=-WIDEST) for argument in all_arguments)
     if _INDENT + len(before) + len(flat) + len(after) <= WIDTH:
         return f"{before}{flat}{after}"
     inner = " " * (_INDENT + _STEP)
     if len(inner) + len(flat) <= WIDTH:
         return f"{before}\n{inner}{flat}\n{' ' * _INDENT}{after}"
-    lines = (lay_out(argument, indent=len(inner), before=len(inner), after=1) for argument in given)
+    lines = (lay_out(argument, indent=len(inner), before=len(inner), after=1) for argument in all_arguments)
     return f"{before}\n{inner}{f',{chr(10)}{inner}'.join(lines)},\n{' ' * _INDENT}{after}"

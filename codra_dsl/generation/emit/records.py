@@ -98,8 +98,13 @@ def manifest_text(plan: BuildPlan, outputs: Mapping[str, str]) -> str:
 
 def _type_entries(variable: Variable) -> dict[str, object]:
     """Return the type of a variable, for tools that read the manifest alone."""
-    declared = variable.type
-    entry = {"type": declared.kind.value, "unit": declared.unit, "range": declared.range, "values": declared.values}
+    declared_type = variable.type
+    entry = {
+        "type": declared_type.kind.value,
+        "unit": declared_type.unit,
+        "range": declared_type.range,
+        "values": declared_type.values,
+    }
     return {key: value for key, value in entry.items() if value}
 
 

@@ -197,10 +197,10 @@ class _Checker:
             if port.direction is not Direction.OUT and port.default is None and port.name not in attributes:
                 self._report_missing_port(node, port.name, path)
         for attribute in node.ports:
-            declared = model.port(attribute.name)
+            port_model = model.port(attribute.name)
             port_value = self._read_port(attribute, path)
-            if declared is not None and isinstance(port_value, str):
-                self._check_declared_port(attribute, declared.direction, declared.type, path)
+            if port_model is not None and isinstance(port_value, str):
+                self._check_declared_port(attribute, port_model.direction, port_model.type, path)
 
     def _check_declared_port(self, attribute: Attribute, direction: Direction, type_: str | None, path: str) -> None:
         """Check a text that is given to a port with a declared direction and type."""
@@ -223,11 +223,13 @@ class _Checker:
             help_text = "close it at once: <.../>"
         self._findings.add("wrong-children", message, node.place, help=help_text, path=path)
 
-    def _check_ports(self, node: TreeNode, known: Sequence[str], path: str) -> None:
+    def _check_ports(self, node: TreeNode, port_names: Sequence[str], path: str) -> None:
         for attribute in node.ports:
-            if attribute.name not in known:
-                port_list = f"its ports are {', '.join(known)}" if known else "it has none"
-                help_text = self._findings.name_help(attribute.name, [*known, *PRECONDITIONS, *POST_SCRIPTS], port_list)
+            if attribute.name not in port_names:
+                port_list = f"its ports are {', '.join(port_names)}" if port_names else "it has none"
+                help_text = self._findings.name_help(
+                    attribute.name, [*port_names, *PRECONDITIONS, *POST_SCRIPTS], port_list
+                )
                 message = f"'{node.id}' has no port '{attribute.name}'"
                 self._findings.add("unknown-port", message, attribute.place, help=help_text, path=path)
 
@@ -340,11 +342,13 @@ class _Checker:
                 self._findings.add("unused-remap", message, attribute.place, help=help_text, path=path)
 
     def _check_subtree_ports(self, node: TreeNode, model: NodeModel, remappings: list[Attribute], path: str) -> None:
-        known = [port.name for port in model.ports]
+        port_names = [port.name for port in model.ports]
         attributes = {attribute.name: attribute for attribute in remappings}
         for name, attribute in attributes.items():
-            if name not in known:
-                help_text = self._findings.name_help(name, known, f"its ports are {', '.join(known) or 'none'}")
+            if name not in port_names:
+                help_text = self._findings.name_help(
+                    name, port_names, f"its ports are {', '.join(port_names) or 'none'}"
+                )
                 message = f"the tree '{model.id}' has no port '{name}'"
                 self._findings.add("unknown-port", message, attribute.place, help=help_text, path=path)
         is_autoremap = any(attribute.name == AUTOREMAP and attribute.value in ("true", "1") for attribute in node.ports)

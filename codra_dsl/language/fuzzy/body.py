@@ -203,8 +203,8 @@ class Body:
             return self._memberships[part.variable, part.term]
         degrees = [degree for term, degree in self._acting[part.variable] if term == part.term]
         aggregation = f"norms.{snake_case(variable.aggregation or 'UnboundedSum')}"
-        listed = tuple_of(degrees) if degrees else "()"
-        return f"{self._dialect.outputs}.degree_so_far({aggregation}, {listed})"
+        degrees_tuple = tuple_of(degrees) if degrees else "()"
+        return f"{self._dialect.outputs}.degree_so_far({aggregation}, {degrees_tuple})"
 
     def _conclude(self, rule: Rule, degree: str, block: RuleBlock) -> None:
         """Record the conclusions of a rule; hedges of one conclusion also apply to the next ones, as in FuzzyLite."""

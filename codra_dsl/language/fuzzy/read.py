@@ -229,12 +229,12 @@ class _Builder:
         return word.text
 
     def _report_repeated_names(self, words: Iterable[Word], noun: str) -> None:
-        seen: set[str] = set()
+        seen_names: set[str] = set()
         for word in words:
-            if word.text in seen:
+            if word.text in seen_names:
                 message = f"a second {noun} {shown(word.text)}"
                 self._findings.add("fll-repeated", message, word.place, "rename one of them")
-            seen.add(word.text)
+            seen_names.add(word.text)
 
     def _text(self, section: _Section, key: str) -> str:
         word = section.single_values.get(key)
@@ -267,10 +267,10 @@ class _Builder:
     def _word(self, word: Word | None, noun: str, kind: Iterable[_T]) -> _T | None:
         if word is None or word.text in ("", "none"):
             return None
-        known = {str(member): member for member in kind}
-        if word.text not in known:
-            self._findings.report_unknown("fll-unknown-word", noun, word, known)
-        return known.get(word.text)
+        members_by_text = {str(member): member for member in kind}
+        if word.text not in members_by_text:
+            self._findings.report_unknown("fll-unknown-word", noun, word, members_by_text)
+        return members_by_text.get(word.text)
 
     def _defuzzifier(self, word: Word | None) -> Defuzzifier | None:
         words = [] if word is None else list(split(word, r"\S+"))

@@ -48,11 +48,11 @@ class Uses:
 
     def declare(self, documents: Iterable[Document]) -> None:
         """Add the templates that the documents declare."""
-        known = [entry for document in documents for entry in _entries(document, "templates")]
+        declarations = [entry for document in documents for entry in _entries(document, "templates")]
         uses = _UsedNames(use for document in documents for use in _entries(document, "use"))
-        self._corrections = self._report_misspelt_templates(known, uses)
+        self._corrections = self._report_misspelt_templates(declarations, uses)
         names = {declared: used for used, declared in self._corrections.items()}
-        for subject, node in known:
+        for subject, node in declarations:
             if not isinstance(node, MappingNode):
                 explain("template", node, subject, self._findings)
                 self.is_complete, self._may_lack_templates = False, True
@@ -62,19 +62,23 @@ class Uses:
                 self._templates[subject.name] = template
                 self.is_complete &= not template.is_lost
 
-    def _report_misspelt_templates(self, known: Iterable[tuple[Subject, YamlNode]], uses: _UsedNames) -> dict[str, str]:
+    def _report_misspelt_templates(
+        self, declarations: Iterable[tuple[Subject, YamlNode]], uses: _UsedNames
+    ) -> dict[str, str]:
         """Report templates whose declared names are misspelt.
 
         Return the declared name of each of these templates. The key is the name in the uses.
         """
-        declared = {subject.name: subject for subject, _ in known}
-        unknown = {name: len(places) for name, places in uses.places.items() if name not in declared}
-        if not unknown or self._may_lack_templates:
+        subjects_by_name = {subject.name: subject for subject, _ in declarations}
+        use_counts = {name: len(places) for name, places in uses.places.items() if name not in subjects_by_name}
+        if not use_counts or self._may_lack_templates:
             return {}
-        unused = [name for name in declared if name not in uses.places]
-        misspelt_templates = misspelt_declarations(unknown, unused, declared, NO_WORDS, self._findings.nearest)
+        unused_names = [name for name in subjects_by_name if name not in uses.places]
+        misspelt_templates = misspelt_declarations(
+            use_counts, unused_names, subjects_by_name, NO_WORDS, self._findings.nearest
+        )
         for name, misspelt_name in misspelt_templates.items():
-            subject = declared[misspelt_name]
+            subject = subjects_by_name[misspelt_name]
             place = subject.origin.of(subject.key)
             message = f"{subject} is never used, and template {shown(name)} is not declared"
             related = [Related(f"{shown(name)} is used here", use_place) for use_place in uses.places[name]]
@@ -87,7 +91,7 @@ class Uses:
 
     def make(self, documents: Iterable[Document], modules: Mapping[str, str], elements: Elements) -> None:
         """Add the elements that the uses in the documents create; `modules` has the module of each use, by its name."""
-        known: list[tuple[Subject, YamlNode, Template]] = []
+        valid_instances: list[tuple[Subject, YamlNode, Template]] = []
         size = 0
         for subject, node in (use for document in documents for use in _entries(document, "use")):
             template = self._template(subject, node)
@@ -95,7 +99,7 @@ class Uses:
                 self.is_complete = False
                 continue
             self._named.add(template.name)
-            known.append((subject, node, template))
+            valid_instances.append((subject, node, template))
             size += template.size
             if size > MAX_CREATED_VALUES:
                 self.is_complete = False
@@ -103,7 +107,7 @@ class Uses:
                 place, path = subject.origin.of(subject.key), subject.path
                 self._findings.add("too-many-values", message, place, help="use smaller templates", path=path)
                 return
-        for subject, node, template in known:
+        for subject, node, template in valid_instances:
             self._use(subject, node, template, modules.get(subject.name, subject.name), elements)
 
     def _use(self, subject: Subject, node: YamlNode, template: Template, module: str, elements: Elements) -> None:
@@ -148,8 +152,10 @@ class Uses:
         template = self._templates.get(self._corrections.get(name.text, name.text))
         if template is None and not self._may_lack_templates:
             suggestion = self._findings.nearest(name.text, self._templates)
-            known = f"templates are {list_names(self._templates)}" if self._templates else "no templates are declared"
-            help_text = f"did you mean '{suggestion}'?" if suggestion else known
+            templates_text = (
+                f"templates are {list_names(self._templates)}" if self._templates else "no templates are declared"
+            )
+            help_text = f"did you mean '{suggestion}'?" if suggestion else templates_text
             message = f"unknown template {shown(name.text)} in {subject}"
             path = subject.part("template")
             place = subject.origin.of(name)

@@ -169,12 +169,12 @@ def _read_uses(reader: Reader) -> Iterable[Usage]:
 
 
 def _read_returns(reader: Reader) -> Iterable[Returned]:
-    taken: dict[str, str] = {}
+    first_names: dict[str, str] = {}
     for key, node in entries(reader.node.value("returns")):
         if not check_name(key, "a returned value", reader.subject, reader.findings, "returns"):
             reader.damage("returns")
             continue
-        first = taken.setdefault(key.text.casefold(), key.text)
+        first = first_names.setdefault(key.text.casefold(), key.text)
         if first != key.text:
             message = f"the returned values {shown(first)} and {shown(key.text)} differ only in case"
             reader.fail("duplicate-name", message, key, "rename one of them", "returns", key.text)

@@ -115,8 +115,8 @@ def _check_version(root: MappingNode, source: Source, findings: Findings) -> boo
     """Report if `codra: 1` is missing, not first, or another version; return whether the rest can be read."""
     entry = root.entries.get("codra")
     if entry is None:
-        known = schema()["properties"]
-        unknown_keys = [key for key in root.entries if key not in known]
+        known_keys = schema()["properties"]
+        unknown_keys = [key for key in root.entries if key not in known_keys]
         suggestion = findings.nearest("codra", unknown_keys)
         misspelt_key = suggestion or next((key for key in unknown_keys if _is_version(root.entries[key][1])), None)
         if misspelt_key is not None:
@@ -171,11 +171,11 @@ def _rename_to_codra(root: MappingNode, misspelt_key: str, source: Source, findi
 
 def _lost_sections(root: MappingNode) -> frozenset[str]:
     """Return the sections whose elements are unknown because keys or values are wrong."""
-    known = schema()["properties"]
+    known_keys = schema()["properties"]
     lost_sections: set[str] = set(SECTIONS) if root.unread else set()
     for key, (_, value) in root.entries.items():
         is_readable = value.data is None or isinstance(value, SequenceNode if key == "include" else MappingNode)
-        is_unknown = key not in known and not isinstance(value, ScalarNode)
+        is_unknown = key not in known_keys and not isinstance(value, ScalarNode)
         if is_unknown or (key in ("templates", "use", "include") and (not is_readable or is_unread(value))):
             lost_sections.update(SECTIONS)
         elif key == "knowledge":
